@@ -21,5 +21,5 @@ def method(name: str) -> Method:
     """Return the method with a name. Raises ConfigurationError listing the known methods if there is none."""
     if name not in names():
         raise ConfigurationError("plan.no_such_stage", stage=name, known=names())
-    found: Method = import_module(f"{__name__}.{name}").METHOD
-    return found
+    registered: Method = import_module(f"{__name__}.{name}").METHOD
+    return registered

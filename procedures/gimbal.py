@@ -128,11 +128,8 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
         details={
             "axes": [_axis(course, schedule) for course in iteration.courses],
             "least_squares": {
-                name: {
-                    "value": float(fit.posterior.mean[INDEX[name]]),
-                    "sigma": float(fit.posterior.sigma[INDEX[name]]),
-                }
-                for name in ESTIMATED
+                name: {"value": float(fit.posterior.mean[i]), "sigma": float(fit.posterior.sigma[i])}
+                for name, i in ((name, INDEX[name]) for name in ESTIMATED)
             },
             "motions": [
                 {**data.seq_range(m.start, m.stop), "residual": r.tolist()}
@@ -322,12 +319,8 @@ def _messages(iteration: GimbalIteration, schedule: Schedule) -> tuple[tuple[str
         angle = float(np.mean(np.abs(course.angles)))
         most = largest_gain(schedule.order, course.axis, angle)
         if schedule.gain >= most:
-            messages.append(
-                (
-                    "gimbal_unstable",
-                    {"stage": "gimbal", "axis": AXES[course.axis], "gain": schedule.gain, "limit": most},
-                )
-            )
+            values = {"stage": "gimbal", "axis": AXES[course.axis], "gain": schedule.gain, "limit": most}
+            messages.append(("gimbal_unstable", values))
     missing = [a for k, a in enumerate(AXES) if k not in {c.axis for c in iteration.courses}]
     if missing:
         messages.append(("gimbal_axes_missing", {"stage": "gimbal", "axes": ", ".join(missing)}))

@@ -63,11 +63,9 @@ SEEN_BY_GRAVITY = 0.5
 #: Largest deviation from a whole number of turns for which this number is certain.
 CERTAIN_WITHIN = 0.25
 #: Largest deviation of a turn from a whole turn, in standard deviations.
-PROOF = 3.0
+VERIFIED_WITHIN = 3.0
 #: Sigma of the table axes relative to the profile, rad: non-orthogonality and wobble.
 AXIS_SIGMA = np.deg2rad(0.1)
-
-
 #: Interval over which rate and force are averaged to compute effects outside the model, s.
 EFFECT_INTERVAL = 0.1
 
@@ -193,13 +191,13 @@ def _require_whole(
     stops = 2.0 * context.table.encoder_sigma**2
     if seen > SEEN_BY_GRAVITY:
         away = float(np.linalg.norm(second - first)) / gravity / seen
-        tolerance = PROOF * float(np.sqrt(stops + 3.0 * noise / seen**2))
-        proven = away < tolerance and beyond < 2.0 * np.pi * CERTAIN_WITHIN
+        tolerance = VERIFIED_WITHIN * float(np.sqrt(stops + 3.0 * noise / seen**2))
+        verified = away < tolerance and beyond < 2.0 * np.pi * CERTAIN_WITHIN
     else:
         away = beyond
-        tolerance = PROOF * float(np.hypot(2.0 * np.pi * whole * prior.sigma[scale], np.sqrt(stops)))
-        proven = away < tolerance < np.pi
-    if proven:
+        tolerance = VERIFIED_WITHIN * float(np.hypot(2.0 * np.pi * whole * prior.sigma[scale], np.sqrt(stops)))
+        verified = away < tolerance < np.pi
+    if verified:
         return
     values = {"turns": turns, "away_deg": float(np.rad2deg(away)), "tolerance_deg": float(np.rad2deg(tolerance))}
     where = data.seq_range(before[1], after[0])

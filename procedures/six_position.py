@@ -164,17 +164,8 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
         return np.asarray(force @ M.T + K2 * force**2 + bias).ravel()
 
     mask = np.array([name in ESTIMATED for name in NAMES])
-    result = map_estimate(
-        "six_position",
-        model,
-        observed,
-        noise,
-        prior,
-        np.concatenate(nuisance),
-        np.concatenate(sigma),
-        mask,
-        groups=GROUPS,
-    )
+    tilts, widths = np.concatenate(nuisance), np.concatenate(sigma)
+    result = map_estimate("six_position", model, observed, noise, prior, tilts, widths, mask, groups=GROUPS)
     sensitivity = None
     if context.diagnostics:
         effects = StageEffects(float(data.time[0]), len(data) * data.dt)

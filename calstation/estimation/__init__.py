@@ -15,5 +15,4 @@ from calstation.estimation.method import (
     Solution,
     StageSolver,
     stage_residuals,
-    with_diagnosis,
 )

@@ -19,10 +19,4 @@ from calstation.judgement.limits import (
 )
 from calstation.judgement.model_tests import ModelTests
 from calstation.judgement.site import check_seen_latitude, latitude_agrees, unconfirmed_site
-from calstation.judgement.standards import (
-    FALSE_ALARM,
-    POWER,
-    StandardComparison,
-    judge_standard,
-    reference_variances,
-)
+from calstation.judgement.standards import FALSE_ALARM, POWER, StandardComparison, judge_standard, reference_variances

@@ -79,7 +79,7 @@ class _Acceptance:
         self, section: ChecksSection, context: SolveContext, prior: Posterior, solutions: Sequence[Solution]
     ) -> None:
         self._section, self._context, self._solutions = section, context, solutions
-        self._prior, self._found = prior, solutions[-1].posterior
+        self._prior, self._after = prior, solutions[-1].posterior
         self._gravity = context.site.local_gravity
         self._evidence = [s.evidence for s in solutions if s.evidence is not None]
 
@@ -112,7 +112,7 @@ class _Acceptance:
 
     def _gravity_at_rest(self, rule: GravityAtRest) -> Iterator[Check]:
         errors = [
-            (self._force_error(rest, self._found.mean), Where(stage=e.stage, rest=k))
+            (self._force_error(rest, self._after.mean), Where(stage=e.stage, rest=k))
             for e in self._evidence
             for k, rest in enumerate(e.rests)
             if rest.duration >= rule.shortest_rest_s
@@ -130,7 +130,7 @@ class _Acceptance:
         for k in range(len(evidence.rests)) if rule.positions is None else rule.positions:
             before = after = math.nan
             if k < len(evidence.rests):
-                before, after = (self._force_error(evidence.rests[k], p) for p in (evidence.before, self._found.mean))
+                before, after = (self._force_error(evidence.rests[k], p) for p in (evidence.before, self._after.mean))
             rows.append((before, after, Where(stage=evidence.stage, rest=k)))
         yield from self._improved("improvement_at_rest", rule.below, rule.or_within, "m/s²", rows)
 
@@ -154,7 +154,7 @@ class _Acceptance:
         evidence = next((e for e in chosen if len(e.rests) > rule.position), chosen[0])
         where, force = Where(stage=evidence.stage, rest=rule.position), np.full(3, math.nan)
         if rule.position < len(evidence.rests):
-            _, force = evidence.rests[rule.position].compensated(self._found.mean)
+            _, force = evidence.rests[rule.position].compensated(self._after.mean)
             force = np.array(self._context.table.orientation) @ force
         if rule.horizontal_within is not None:
             value = float(np.abs(force[:2]).max())
@@ -165,15 +165,15 @@ class _Acceptance:
 
     def _motions(self, rule: MotionAngle) -> Iterator[Check]:
         rows = []
-        found, axes = self._found.mean, None if rule.reference == "gravity" else self._context.table.geometry
+        parameters, axes = self._after.mean, None if rule.reference == "gravity" else self._context.table.geometry
         for evidence in self._evidence:
             if rule.stage not in (None, evidence.stage):
                 continue
             for first, second in _pairs(len(evidence.rests), rule.positions):
                 where = Where(stage=evidence.stage, rest=first, to=second)
-                turn = turn_between(evidence, first, second, found) if second < len(evidence.rests) else None
+                turn = turn_between(evidence, first, second, parameters) if second < len(evidence.rests) else None
                 if turn is not None and turn.path >= MIN_TURN:
-                    rows.append((*angle_errors(evidence, turn, found, axes), where))
+                    rows.append((*angle_errors(evidence, turn, parameters, axes), where))
                 elif turn is None and rule.positions is not None:
                     rows.append((math.nan, math.nan, where))
         if rows and rule.within is not None:
@@ -185,7 +185,7 @@ class _Acceptance:
     def _previous(self, rule: Previous, previous: Mapping[str, float]) -> Iterator[Check]:
         for limited, limit in rule.change_within.items():
             changes = {
-                name: abs(float(self._found.mean[INDEX[name]]) - previous[name])
+                name: abs(float(self._after.mean[INDEX[name]]) - previous[name])
                 for name in estimated_stage(self._solutions)
                 if name in previous and limited in (name, PARAMETERS[INDEX[name]].group)
             }
@@ -195,7 +195,7 @@ class _Acceptance:
                 yield self._check("previous", changes[worst], limit, unit, Where(worst), limited)
 
     def _excitation(self, rule: Excitation) -> Iterator[Check]:
-        before, after = self._prior.sigma, self._found.sigma
+        before, after = self._prior.sigma, self._after.sigma
         ratios = {
             name: float(after[INDEX[name]] / before[INDEX[name]])
             for name in estimated_stage(self._solutions)

@@ -104,18 +104,19 @@ class Check:
     @property
     def cause_text(self) -> Text | None:
         """Message about the cause of a failed test of the model; None for any other check."""
-        found = self.diagnosis
-        if found is None:
+        diagnosis = self.diagnosis
+        if diagnosis is None:
             return None
-        parameter = found.values.get("parameter", "")
+        parameter = diagnosis.values.get("parameter", "")
         (size, unit), (sigma, _) = (
-            display(parameter, value) if parameter else display_by_unit(found.unit, value)
-            for value in (found.size, found.sigma)
+            display(parameter, value) if parameter else display_by_unit(diagnosis.unit, value)
+            for value in (diagnosis.size, diagnosis.sigma)
         )
-        largest = sorted(found.parameter_shift, key=lambda name: -abs(found.parameter_shift[name]))[:_MAX_SHIFTS]
-        moves = [Text.of("cause.move", parameter=name, sigmas=found.parameter_shift[name]) for name in largest]
+        shifts = diagnosis.parameter_shift
+        largest = sorted(shifts, key=lambda name: -abs(shifts[name]))[:_MAX_SHIFTS]
+        moves = [Text.of("cause.move", parameter=name, sigmas=shifts[name]) for name in largest]
         shown = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": self.subject}
-        return Text(f"cause.{found.cause}", {**shown, **values_from_json(found.values)})
+        return Text(f"cause.{diagnosis.cause}", {**shown, **values_from_json(diagnosis.values)})
 
     def to_json(self) -> dict[str, Any]:
         """Return the check as a row of the result JSON."""

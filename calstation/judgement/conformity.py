@@ -128,13 +128,8 @@ def bivariate_normal(h: float, k: float, rho: float, root: float) -> float:
     if math.isinf(h) or math.isinf(k):
         return float(ndtr(h) if k == math.inf else ndtr(k) if h == math.inf else 0.0)
     h, k = h or _TINY, k or _TINY
-    found = 0.5 * (ndtr(h) + ndtr(k)) - owens_t(h, (k - rho * h) / (h * root)) - owens_t(k, (h - rho * k) / (k * root))
-    return float(found - (0.5 if (h > 0.0) != (k > 0.0) else 0.0))
-
-
-def decision_rule(meta: LogMeta) -> Rule:
-    """Return the decision rule in a log's configuration."""
-    return _section(meta).rule
+    p = 0.5 * (ndtr(h) + ndtr(k)) - owens_t(h, (k - rho * h) / (h * root)) - owens_t(k, (h - rho * k) / (k * root))
+    return float(p - (0.5 if (h > 0.0) != (k > 0.0) else 0.0))
 
 
 def conformity(
@@ -143,7 +138,7 @@ def conformity(
     """Return the decisions on values in `checks` with their probabilities; None if there are none."""
     if not solutions:
         return None
-    section, found = _section(meta), {}
+    section, decisions = conformity_section(meta), {}
     for check in checks:
         if check.kind == "within" and isinstance(check.limit, tuple):
             name = check.subject
@@ -155,7 +150,7 @@ def conformity(
             if spread is not None:
                 accept, reject = product_risks(measured, check.limit, spread, section.rule)
                 risks = {"spread": spread, "false_accept": accept, "false_reject": reject}
-            found[name] = ParameterConformity(
+            decisions[name] = ParameterConformity(
                 accepted=check.passed,
                 limits=check.limit,
                 acceptance=check.acceptance or check.limit,
@@ -163,10 +158,11 @@ def conformity(
                 probability=outside if check.passed else 1.0 - outside,
                 **risks,
             )
-    return Conformity(rule=section.rule, parameters=found) if found else None
+    return Conformity(rule=section.rule, parameters=decisions) if decisions else None
 
 
-def _section(meta: LogMeta) -> ConformitySection:
+def conformity_section(meta: LogMeta) -> ConformitySection:
+    """Return the decision rule and the spreads of the product in a log's configuration."""
     return (meta.product.conformity if meta.product is not None else None) or ConformitySection()
 
 

@@ -46,29 +46,29 @@ class DataTests:
         tests = [self._clipping(samples), *self._clock(clocks)]
         details: dict[str, Any] = {}
         if clocks:
-            details["sample_clock"] = {name: vars(found) for name, found in clocks.items()}
+            details["sample_clock"] = {name: vars(clock) for name, clock in clocks.items()}
         temperature = samples.temperature[~np.isnan(samples.temperature)]
         windows = _windows(temperature, self._context.imu.sample_rate)
         if len(windows):
             self._temperatures += [float(windows.min()), float(windows.max())]
             tests.append(self._temperature())
-            found = {"low": float(temperature.min()), "high": float(temperature.max())}
-            if found["high"] - found["low"] > _MIN_CHANGE:
+            span = {"low": float(temperature.min()), "high": float(temperature.max())}
+            if span["high"] - span["low"] > _MIN_CHANGE:
                 residuals = rest_residuals(data, self._context, solution.posterior)
-                found |= temperature_coefficients(residuals, samples, self._context.site.local_gravity)
-            details["temperature"] = found
+                span |= temperature_coefficients(residuals, samples, self._context.site.local_gravity)
+            details["temperature"] = span
         return replace(solution, tests=(*solution.tests, *tests), details={**solution.details, **details})
 
     def _clipping(self, samples: SampleBlock) -> ModelTest:
         """Return the worst test of the IMUs on the body; a secondary IMU's number follows the name of the sensor."""
         imus = [("", self._context.imu, samples.counts)]
         imus += [(str(s.number), s.imu, samples.others[:, k]) for k, s in enumerate(self._context.secondaries)]
-        found = []
+        tests = []
         for number, imu, counts in imus:
             known = _known(samples.valid, counts)
             chosen = slice(None) if known.all() else known  # a slice copies nothing
-            found.append(clipping_test(counts[chosen], samples.time[chosen], imu, number))
-        return max(found, key=lambda test: test.value)
+            tests.append(clipping_test(counts[chosen], samples.time[chosen], imu, number))
+        return max(tests, key=lambda test: test.value)
 
     def _clock(self, clocks: dict[str, "SampleClock"]) -> Iterator[ModelTest]:
         """Yield the test of the sample rate, unless the time is too short to decide it."""
@@ -76,18 +76,18 @@ class DataTests:
         if not clocks:
             return
         reference = max(clocks, key=lambda name: abs(clocks[name].offset) - _SIGMAS * clocks[name].sigma)
-        found = clocks[reference]
-        largest = limit + _SIGMAS * found.sigma
-        if largest > 2.0 * limit and abs(found.offset) <= largest:
+        clock = clocks[reference]
+        largest = limit + _SIGMAS * clock.sigma
+        if largest > 2.0 * limit and abs(clock.offset) <= largest:
             return
         values = {
             "reference": reference,
-            "ppm": 1e6 * found.offset,
-            "ppm_sigma": 1e6 * found.sigma,
-            "rate": self._context.imu.sample_rate * (1.0 + found.offset),
+            "ppm": 1e6 * clock.offset,
+            "ppm_sigma": 1e6 * clock.sigma,
+            "rate": self._context.imu.sample_rate * (1.0 + clock.offset),
         }
-        diagnosis = Diagnosis("sample_clock", found.offset, found.sigma, values=values)
-        yield ModelTest("sample_clock", abs(found.offset), largest, "1", diagnosis)
+        diagnosis = Diagnosis("sample_clock", clock.offset, clock.sigma, values=values)
+        yield ModelTest("sample_clock", abs(clock.offset), largest, "1", diagnosis)
 
     def _temperature(self) -> ModelTest:
         low, high = min(self._temperatures), max(self._temperatures)
@@ -150,8 +150,8 @@ def _missing_samples(counts: FloatArray, noise: FloatArray, step: FloatArray, wi
         if not inside.any():
             continue
         # Second differences exclude motion, standard deviations include slow noise; both are upper limits of the noise.
-        found = np.sqrt(min(np.quantile(fine[inside, i], 0.05), slow[inside, i].min()))
-        smallest, spacing = min(noise[i], found), max(step[i], finest[i])
+        measured = np.sqrt(min(np.quantile(fine[inside, i], 0.05), slow[inside, i].min()))
+        smallest, spacing = min(noise[i], measured), max(step[i], finest[i])
         if not smallest > 0.0:
             continue
         bin_width = spacing * max(1, round(smallest / spacing))
@@ -216,13 +216,13 @@ def _beyond(
 
     `low` and `high` are the limits of the windows of `width` samples, as in `_windows_of`.
     """
-    found = np.zeros(2)
+    counted = np.zeros(2)
     for w in range(len(low)):
         if high[w, channel] > edges[0] or -low[w, channel] > edges[1]:
             for k in range(w * width, min((w + 1) * width, len(counts))):
-                found[0] += counts[k, channel] > edges[0]
-                found[1] += -counts[k, channel] > edges[1]
-    return found
+                counted[0] += counts[k, channel] > edges[0]
+                counted[1] += -counts[k, channel] > edges[1]
+    return counted
 
 
 @dataclass(frozen=True)
@@ -237,10 +237,10 @@ class SampleClock:
 def sample_clocks(samples: SampleBlock, rate: float) -> dict[str, SampleClock]:
     """Compare the counter of the samples at `rate`, Hz, with their times and with station time, if known."""
     nominal = samples.seq / rate
-    found = {"time_s": _clock(nominal, samples.time, rate)}
+    clocks = {"time_s": _clock(nominal, samples.time, rate)}
     if samples.station.shape[1]:
-        found["station"] = _clock(nominal, samples.station[:, 0], rate)
-    return {name: clock for name, clock in found.items() if clock is not None}
+        clocks["station"] = _clock(nominal, samples.station[:, 0], rate)
+    return {name: clock for name, clock in clocks.items() if clock is not None}
 
 
 def _clock(nominal: FloatArray, time: FloatArray, rate: float) -> SampleClock | None:

@@ -10,7 +10,7 @@ from calstation.estimation import Diagnosis, Solution
 from calstation.estimation.common import Posterior
 from calstation.judgement.acceptance import acceptance
 from calstation.judgement.check import Check
-from calstation.judgement.conformity import Conformity, conformity, decision_rule
+from calstation.judgement.conformity import Conformity, conformity, conformity_section
 from calstation.judgement.limits import check_limits, not_compared
 from calstation.judgement.site import check_latitude, unconfirmed_latitude
 from calstation.judgement.standards import StandardComparison
@@ -68,17 +68,17 @@ def judge(
     """
     limits, near = _limits(meta)
     section = meta.product.checks if meta.product is not None else None
-    compared = check_limits(limits, prior, solutions, near, meta.calibrated, decision_rule(meta))
-    found = [_explained(meta, check) for check in compared]
+    compared = check_limits(limits, prior, solutions, near, meta.calibrated, conformity_section(meta).rule)
+    limit_checks = [_explained(meta, check) for check in compared]
     if section is not None:
         if meta.calibrated:  # the current calibration, not the run, determines most of the sigmas
             section = section.model_copy(update={"excitation": None})
-        found += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
-    checks = [*_with_explanation(found, solutions), *check_latitude(meta, solutions)]
+        limit_checks += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
+    checks = [*_with_explanation(limit_checks, solutions), *check_latitude(meta, solutions)]
     passed = None
     if limits or section is not None:
         checks += again.online if again is not None else ()
-        passed = bool(found) and all(check.passed for check in checks) and (standard is None or standard.passed)
+        passed = bool(limit_checks) and all(check.passed for check in checks) and (standard is None or standard.passed)
     if again is not None and not (again.complete and gravity_contradiction(meta.site) is None):
         passed = None if passed else passed  # it may fail, but not pass
     return Judgement(
@@ -95,10 +95,10 @@ def judge(
 def compare_only(meta: LogMeta, prior: Posterior, solutions: Sequence[Solution]) -> Judgement:
     """Compare values and sigmas of a log's untested solutions with the limits; the unit neither passes nor fails."""
     limits, near = _limits(meta)
-    checks = check_limits(limits, prior, solutions, near, meta.calibrated, decision_rule(meta))
-    found = tuple(_explained(meta, check) for check in checks if check.kind in ("within", "sigma_below"))
+    checks = check_limits(limits, prior, solutions, near, meta.calibrated, conformity_section(meta).rule)
+    limit_checks = tuple(_explained(meta, check) for check in checks if check.kind in ("within", "sigma_below"))
     partial = is_partial(meta, [s.stage for s in solutions])
-    return Judgement(found, None, partial, tuple(not_compared(limits, prior, solutions)), tested=False)
+    return Judgement(limit_checks, None, partial, tuple(not_compared(limits, prior, solutions)), tested=False)
 
 
 def _limits(meta: LogMeta) -> tuple[Mapping[str, Limit], float]:
@@ -122,11 +122,12 @@ def _explained(meta: LogMeta, check: Check) -> Check:
     """Return a check of a sigma with the cause if gravity alone exceeds its limit."""
     if check.kind != "sigma_below" or isinstance(check.limit, tuple):
         return check
-    found = gravity_beyond(meta, check.subject, check.limit)
-    if found is None:
+    gravity = gravity_beyond(meta, check.subject, check.limit)
+    if gravity is None:
         return check
-    size = found["sigma_ppm"] * 1e-6
-    return replace(check, diagnosis=Diagnosis("gravity_uncertain", size, values={"parameter": check.subject, **found}))
+    size = gravity["sigma_ppm"] * 1e-6
+    values = {"parameter": check.subject, **gravity}
+    return replace(check, diagnosis=Diagnosis("gravity_uncertain", size, values=values))
 
 
 def is_partial(meta: LogMeta, solved: Collection[str] | None = None) -> bool:

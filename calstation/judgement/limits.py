@@ -141,19 +141,19 @@ def check_limits(
     return checks
 
 
-def _changes(prior: Posterior, found: Posterior, names: Sequence[str]) -> dict[str, float]:
+def _changes(prior: Posterior, after_data: Posterior, names: Sequence[str]) -> dict[str, float]:
     """Return the change of each parameter by the data, in standard deviations of the change expected from the prior.
 
     The variance of the change is the decrease of the parameter's variance.
     """
-    before, after = np.diag(prior.covariance), np.diag(found.covariance)
-    found_changes = {}
+    before, after = np.diag(prior.covariance), np.diag(after_data.covariance)
+    changes = {}
     for name in names:
         i = INDEX[name]
         variance = before[i] - after[i]
         if variance > _RESOLVED * before[i]:
-            found_changes[name] = float(abs(found.mean[i] - prior.mean[i]) / np.sqrt(variance))
-    return found_changes
+            changes[name] = float(abs(after_data.mean[i] - prior.mean[i]) / np.sqrt(variance))
+    return changes
 
 
 def _check_estimate(

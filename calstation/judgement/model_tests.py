@@ -45,13 +45,13 @@ class ModelTests:
             return solution
         known, c = self._effects.estimated(), solution.consistency
         sizes = zip(known.names, known.size, known.covariance.diagonal() ** 0.5, known.units, strict=True)
-        found = {name: Estimate(float(size), float(sigma), unit) for name, size, sigma, unit in sizes}
+        estimates = {name: Estimate(float(size), float(sigma), unit) for name, size, sigma, unit in sizes}
         nis = c.nis_mean - known.explained / c.count if c.count else c.nis_mean
         return replace(
             solution,
             posterior=known.corrected(solution.posterior),
             consistency=replace(c, nis_mean=max(nis, 0.0)),
-            estimates={**solution.estimates, **found},
+            estimates={**solution.estimates, **estimates},
         )
 
 
@@ -64,9 +64,9 @@ def _convergence(solution: Solution) -> list[ModelTest]:
 def _agreement(solution: Solution, before: Sequence[Solution], posterior: Posterior) -> list[ModelTest]:
     """Test whether a stage agrees with the earlier ones."""
     last = {name: s.stage for s in before for name in s.estimated}
-    found = stage_agreement(posterior, solution.posterior, [name for name in solution.estimated if name in last])
-    if found is None:
+    worst = stage_agreement(posterior, solution.posterior, [name for name in solution.estimated if name in last])
+    if worst is None:
         return []
-    values = {"other": last[next(iter(found.parameter_shift))], "group": found.group, "probability": found.probability}
-    diagnosis = Diagnosis("stages_disagree", parameter_shift=found.parameter_shift, values=values)
-    return [ModelTest("agreement", found.probability, (MIN_PROBABILITY, 1.0), "1", diagnosis)]
+    values = {"other": last[next(iter(worst.parameter_shift))], "group": worst.group, "probability": worst.probability}
+    diagnosis = Diagnosis("stages_disagree", parameter_shift=worst.parameter_shift, values=values)
+    return [ModelTest("agreement", worst.probability, (MIN_PROBABILITY, 1.0), "1", diagnosis)]

@@ -50,9 +50,9 @@ def check_seen_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> None:
     """Raise ConfigurationError if the latitude measured by the gyros contradicts the file's latitude."""
     for check in check_latitude(meta, solutions):
         if check.diagnosis is not None:
-            found = check.diagnosis
-            values = {name: found.values[name] for name in ("latitude", "measured", "rate")}
-            raise ConfigurationError("site.latitude_contradicts", sigma=float(np.rad2deg(found.sigma)), **values)
+            diagnosis = check.diagnosis
+            values = {name: diagnosis.values[name] for name in ("latitude", "measured", "rate")}
+            raise ConfigurationError("site.latitude_contradicts", sigma=float(np.rad2deg(diagnosis.sigma)), **values)
 
 
 def unconfirmed_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> dict[str, str | float] | None:

@@ -50,11 +50,11 @@ class StandardComparison(ResultSection):
 
 
 def judge_standard(
-    standard: CheckStandardSection, imu: ImuProfile, started: datetime, found: Posterior, determined: Collection[str]
+    standard: CheckStandardSection, imu: ImuProfile, started: datetime, estimate: Posterior, determined: Collection[str]
 ) -> StandardComparison:
     """Compare a run of a check standard with its reference.
 
-    `found` is the estimate of the run that began at `started`. The parameters that are both `determined` by its data
+    `estimate` is the estimate of the run that began at `started`. The parameters that are both `determined` by its data
     and contained in the reference are compared; a run without any of these fails. A parameter that is not determined
     keeps the large sigma of the prior: it could not fail, but would widen both limits for the others.
     """
@@ -63,8 +63,8 @@ def judge_standard(
     reference = [standard.reference[name] for name in names]
     expected = reference_variances(standard, imu, np.array([started.timestamp()]))
     variance = np.array([float(expected[name][0]) for name in names])
-    difference = found.mean[at] - np.array([r.value for r in reference])
-    covariance = found.covariance[np.ix_(at, at)] + np.diag(variance)
+    difference = estimate.mean[at] - np.array([r.value for r in reference])
+    covariance = estimate.covariance[np.ix_(at, at)] + np.diag(variance)
     sigma = np.sqrt(np.diag(covariance))
     errors = difference / (COVERAGE_FACTOR * sigma)
     count, each = len(names), 0.5 * FALSE_ALARM

@@ -157,11 +157,7 @@ def _increments(
     third = _cross_product(omega, turned)
     first, second = _cross_product(last_omega, force), _cross_product(last_force, omega)
     square, cube, part = dt * dt, dt * dt * dt / 6.0, dt * dt / 12.0
-    rotvec = (
-        omega[0] * dt + coning[0] * part,
-        omega[1] * dt + coning[1] * part,
-        omega[2] * dt + coning[2] * part,
-    )
+    rotvec = (omega[0] * dt + coning[0] * part, omega[1] * dt + coning[1] * part, omega[2] * dt + coning[2] * part)
     dv = (
         force[0] * dt + 0.5 * turned[0] * square + (first[0] + second[0]) * part + third[0] * cube,
         force[1] * dt + 0.5 * turned[1] * square + (first[1] + second[1]) * part + third[1] * cube,
@@ -267,11 +263,7 @@ def propagate(
         )
         before, C = C, _turned(rotation, C, E, dt)
         cross, coriolis = _cross_product(rotation, f), _cross_product(rotation, v)
-        f = (
-            (f[0] - 0.5 * dt * cross[0]) / dt,
-            (f[1] - 0.5 * dt * cross[1]) / dt,
-            (f[2] - 0.5 * dt * cross[2]) / dt,
-        )
+        f = ((f[0] - 0.5 * dt * cross[0]) / dt, (f[1] - 0.5 * dt * cross[1]) / dt, (f[2] - 0.5 * dt * cross[2]) / dt)
         v = (
             v[0] + (f[0] - 2.0 * coriolis[0]) * dt,
             v[1] + (f[1] - 2.0 * coriolis[1]) * dt,

@@ -7,12 +7,11 @@ from calstation.results.corrected import CorrectedOutput, CorrectedStream, Corre
 from calstation.results.diagnostics import Diagnostics, StageDiagnostics, diagnose, stage_diagnostics
 from calstation.results.handover import Delivery, HandOver, deliver_pending, register_pending
 from calstation.results.history import History, ShiftCount, count_shift, load_results, refresh_history, shift_start
-from calstation.results.inspection import Inspection, inspect_recording
+from calstation.results.inspection import inspect_recording
 from calstation.results.offline import drop_partial, export_log, export_result, export_runs, offline_solve
 from calstation.results.override import override_required, override_result, recorded_release, run_files
 from calstation.results.pairs import (
     PairCheckResult,
-    PairConsumer,
     PairProgress,
     PairSession,
     PairWatchResult,
@@ -37,7 +36,6 @@ from calstation.results.resolving import (
 from calstation.results.result import (
     SCHEMA,
     CyclePhase,
-    Override,
     Parameter,
     Registers,
     Result,

@@ -51,7 +51,7 @@ def build_result(
         "stop_reason": ending.stop_reason,
         "finished_stages": ending.finished_stages,
         "cycle": ending.cycle,
-        "table": {name: asdict(found) for name, found in ending.table.items()} if ending.table else None,
+        "table": {name: asdict(value) for name, value in ending.table.items()} if ending.table else None,
         "latitude_untold": judgement.latitude,
         "check_standard": judgement.standard,
         "resumed_from": run.resumed_from if run else None,
@@ -136,6 +136,8 @@ def solved_parameters(solutions: Sequence[Solution]) -> dict[str, Parameter]:
         value, unit = float(posterior.mean[i]), PARAMETERS[i].unit
         parameters[name] = Parameter(value=value, sigma=float(sigma[i]), unit=unit, stage=stage)
     for solution in solutions:
-        for name, found in solution.estimates.items():
-            parameters[name] = Parameter(value=found.value, sigma=found.sigma, unit=found.unit, stage=solution.stage)
+        for name, estimate in solution.estimates.items():
+            parameters[name] = Parameter(
+                value=estimate.value, sigma=estimate.sigma, unit=estimate.unit, stage=solution.stage
+            )
     return parameters

@@ -58,11 +58,11 @@ class Calibration:
 
 
 def current_calibration(
-    history: History, setup: RunConfiguration, held: Mapping[str, float] | None
+    history: History, setup: RunConfiguration, registers_read: Mapping[str, float] | None
 ) -> tuple[Calibration | None, Message]:
     """Find the latest passed run of the unit that wrote and verified the registers that the unit currently holds.
 
-    `held` contains the registers read from the unit by parameter, SI; they must equal the stored values. With None, as
+    `registers_read`, read from the unit by parameter, SI, must equal the stored values. With None, as
     in a preview, the unit is assumed to hold the registers of its latest calibration. Return the calibration and the
     message that reports it; without a calibration, return None and the reason.
     """
@@ -78,12 +78,12 @@ def current_calibration(
             continue
         if not same_imu:
             continue
-        if held is not None and entries.differing(registers.new, held):
+        if registers_read is not None and entries.differing(registers.new, registers_read):
             none = Message("prior_other_registers", {"serial": serial})
             continue
         section = CalibrationSection(log=record.log.name, started_utc=record.started_utc)
-        found = Message("prior_calibration", {"log": record.log.name, "date": record.started_utc})
-        return Calibration(section, from_estimate(registers.estimate), registers.new), found
+        message = Message("prior_calibration", {"log": record.log.name, "date": record.started_utc})
+        return Calibration(section, from_estimate(registers.estimate), registers.new), message
     return None, none
 
 

@@ -33,8 +33,8 @@ class CorrectedStream:
 
     def __init__(self, meta: LogMeta) -> None:
         context = context_from_meta(meta)
-        self._imu, self._own = context.imu, compensation(prior_from_meta(meta).mean)
-        self._secondaries = {s.number: SecondaryCorrection(s, self._own) for s in context.secondaries}
+        self._imu, self._primary = context.imu, compensation(prior_from_meta(meta).mean)
+        self._secondaries = {s.number: SecondaryCorrection(s, self._primary) for s in context.secondaries}
         self.source: str | None = None  #: Name of the IMU whose output is valid; None if there is none.
         self.switch_overs = 0
         self.calibrations: dict[int, int] = {}  #: Number of the calibration in use, from 0, by IMU.
@@ -82,10 +82,10 @@ class CorrectedStream:
     def corrected(self, block: SampleBlock) -> dict[str, tuple[FloatArray, FloatArray]]:
         """Return rate, rad/s, and specific force, m/s², of every IMU by name, shape (n, 3), NaN where missing."""
         raw = np.where(block.valid[:, None], block.counts, np.nan) * self._imu.count_size
-        found = {PRIMARY: compensate(self._own, raw[:, :3], raw[:, 3:])}
-        for place, (number, secondary) in enumerate(self._secondaries.items()):
-            found[f"imu{number}"] = secondary.corrected(block.others[:, place])
-        return found
+        output = {PRIMARY: compensate(self._primary, raw[:, :3], raw[:, 3:])}
+        for index, (number, secondary) in enumerate(self._secondaries.items()):
+            output[f"imu{number}"] = secondary.corrected(block.others[:, index])
+        return output
 
     def clock_offset(self, number: int) -> float:
         """Return the time to add to the times of a secondary's samples, s."""
@@ -160,14 +160,14 @@ class CorrectedOutput:
 def _rows(rate: FloatArray, force: FloatArray) -> dict[str, list[list[float] | None]]:
     """Return one row per sample and sensor, None for missing values."""
     missing = np.flatnonzero(np.isnan(np.hstack([rate, force])).any(axis=1)).tolist()
-    found: dict[str, list[list[float] | None]] = {
+    columns: dict[str, list[list[float] | None]] = {
         "gyro": np.round(rate, _RATE_PLACES).tolist(),
         "accel": np.round(force, _FORCE_PLACES).tolist(),
     }
-    for rows in found.values():
+    for rows in columns.values():
         for k in missing:
             rows[k] = None
-    return found
+    return columns
 
 
 def _line(content: Mapping[str, Any]) -> str:

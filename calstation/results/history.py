@@ -88,25 +88,25 @@ class History:
             self._index.put(runs, no_runs)
             yield len(runs) + len(no_runs), (start + len(names)) / len(changed)
 
-    def runs(self, wanted: RunFilter = NO_FILTER, limit: int | None = 200) -> list[RunRecord]:
+    def runs(self, conditions: RunFilter = NO_FILTER, limit: int | None = 200) -> list[RunRecord]:
         """Return at most `limit` runs that meet all conditions, the latest first."""
-        return [run.record for run in self.indexed(wanted, limit)]
+        return [run.record for run in self.indexed(conditions, limit)]
 
-    def indexed(self, wanted: RunFilter, limit: int | None = None) -> list[IndexedRun]:
+    def indexed(self, conditions: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Return at most `limit` runs that meet all conditions with their values, the latest first."""
-        return self._ask(lambda: self._index.find(wanted, limit))
+        return self._ask(lambda: self._index.find(conditions, limit))
 
-    def columns(self, wanted: RunFilter = NO_FILTER) -> RunColumns:
+    def columns(self, conditions: RunFilter = NO_FILTER) -> RunColumns:
         """Return as columns the runs that meet all conditions and have a start time, the oldest first."""
-        return self._ask(lambda: self._index.columns(wanted))
+        return self._ask(lambda: self._index.columns(conditions))
 
     def mark(self) -> str | None:
         """Return a value that differs after any change of the indexed runs; None before the first."""
         return self._ask(lambda: self._index.mark)
 
-    def count(self, wanted: RunFilter) -> int:
+    def count(self, conditions: RunFilter) -> int:
         """Return the number of runs that meet all conditions."""
-        return self._ask(lambda: self._index.count(wanted))
+        return self._ask(lambda: self._index.count(conditions))
 
     def choices(self) -> RunChoices:
         """Return the products, stations and operators of the runs, and their earliest start."""

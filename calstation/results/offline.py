@@ -99,7 +99,7 @@ def export_result(report: ProgressCallback, result: Result, stored: Result | Non
     return target
 
 
-def export_runs(report: ProgressCallback, folder: Path, wanted: RunFilter, target: Path) -> Path:
+def export_runs(report: ProgressCallback, folder: Path, conditions: RunFilter, target: Path) -> Path:
     """Job: export the runs of a folder that meet all conditions, the latest first; a failure leaves no file.
 
     A ``.csv`` file has a row per run with its values and sigmas, SI, from the index; any other file has a list of their
@@ -107,7 +107,7 @@ def export_runs(report: ProgressCallback, folder: Path, wanted: RunFilter, targe
     if the file cannot be written.
     """
     history = History(folder)
-    runs = history.indexed(wanted)
+    runs = history.indexed(conditions)
     rows = _run_rows(runs) if target.suffix == ".csv" else _run_results(history, runs)
     partial = partial_path(target)
     try:
@@ -137,8 +137,8 @@ def _run_results(history: History, runs: Sequence[IndexedRun]) -> Iterator[str]:
 
 def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[str]:
     """Return the header row, then the row of each run."""
-    found = dict.fromkeys(name for run in runs for name in run.values)
-    names = [*(name for name in NAMES if name in found), *(name for name in found if name not in INDEX)]
+    solved = dict.fromkeys(name for run in runs for name in run.values)
+    names = [*(name for name in NAMES if name in solved), *(name for name in solved if name not in INDEX)]
     yield csv_line([*_RUN_COLUMNS, *(column for name in names for column in (name, f"{name}_sigma"))])
     for run in runs:
         record = run.record

@@ -111,5 +111,5 @@ def _file(kind: str, model: type[T], used: FileSection | None, path: Path, text:
         return validate(model, tomllib.loads(text), path, InputError)
     if used is None or used.name not in library.names(f"{kind}s"):
         raise InputError("override.no_files", file=path, kind=kind)
-    found = library.find(f"{kind}s", used.name)
-    return validate(model, tomllib.loads(found.read_text(encoding="utf-8")), found)
+    file = library.find(f"{kind}s", used.name)
+    return validate(model, tomllib.loads(file.read_text(encoding="utf-8")), file)

@@ -158,7 +158,7 @@ class _Previewer:
     def _check(self, plan: StagePlan, violations: list[Violation]) -> float:
         """Check every move of a plan against the table's limits; return the plan's duration, s, ignoring targets."""
         seconds, moves = 0.0, 0
-        found: dict[tuple[str, str], Violation] = {}
+        broken: dict[tuple[str, str], Violation] = {}
         try:
             for step, duration in planned(plan.steps(), plan.rule, self._joints, self._settle):
                 seconds += duration
@@ -167,10 +167,10 @@ class _Previewer:
                 moves += 1
                 for new in self._broken(plan.name, moves, step):
                     key = (new.kind, new.joint)
-                    found[key] = replace(found[key], more=found[key].more + 1) if key in found else new
+                    broken[key] = replace(broken[key], more=broken[key].more + 1) if key in broken else new
         except ConfigurationError as error:
-            found["plan", ""] = Violation(plan.name, moves + 1, (), "plan", error.as_text)
-        violations.extend(found.values())
+            broken["plan", ""] = Violation(plan.name, moves + 1, (), "plan", error.as_text)
+        violations.extend(broken.values())
         return seconds
 
     def _broken(self, stage: str, number: int, move: Move) -> Iterator[Violation]:
@@ -200,9 +200,9 @@ class _Previewer:
             for step in plan.steps():
                 if isinstance(step, RoundEnd):
                     rounds = step.rounds
-                    found = self._reason(plan, rounds, self._clock - begin, solve)
-                    if found is not None:
-                        reason = found
+                    ending = self._reason(plan, rounds, self._clock - begin, solve)
+                    if ending is not None:
+                        reason = ending
                         break
                 else:
                     if isinstance(step, ManualMove):
@@ -259,9 +259,9 @@ class _Previewer:
             self._course.append((self._clock, *self._joints))
 
     def _targets(self) -> dict[str, float]:
-        found: dict[str, float] = {}
+        targets: dict[str, float] = {}
         for plan in self._plans:
             for name, target in plan.rule.targets.items():
                 for i in named(name):
-                    found[NAMES[i]] = min(target, found.get(NAMES[i], np.inf))
-        return found
+                    targets[NAMES[i]] = min(target, targets.get(NAMES[i], np.inf))
+        return targets

@@ -199,9 +199,9 @@ def _record_of(path: Path, result: Result, stored: Result | None) -> ResolveReco
 
 def with_states(meta: LogMeta, states: tuple[EffectName, ...]) -> tuple[LogMeta, list[EffectName]]:
     """Return the configuration of a log with more states in its model, and the states that were added."""
-    held = meta.model.states if meta.model is not None else []
-    added = [state for state in dict.fromkeys(states) if state not in held]
-    return meta.model_copy(update={"model": ModelSection(states=[*held, *added])} if added else {}), added
+    present = meta.model.states if meta.model is not None else []
+    added = [state for state in dict.fromkeys(states) if state not in present]
+    return meta.model_copy(update={"model": ModelSection(states=[*present, *added])} if added else {}), added
 
 
 def _check_range(log: Log, first: int | None, last: int | None) -> None:
@@ -211,8 +211,8 @@ def _check_range(log: Log, first: int | None, last: int | None) -> None:
     facts = log.facts()
     before, beyond = first is not None and first < facts.first_seq, last is not None and last > facts.last_seq
     if facts.samples and (before or beyond):
-        held = {"first": facts.first_seq, "last": facts.last_seq}
-        raise InputError("solution.range_beyond", file=log.path, wanted=first if before else last, **held)
+        span = {"first": facts.first_seq, "last": facts.last_seq}
+        raise InputError("solution.range_beyond", file=log.path, wanted=first if before else last, **span)
 
 
 def stored_result(log: Log) -> Result | None:
@@ -292,6 +292,6 @@ def resolve_with_state(report: ProgressCallback, run: FinishedRun, state: Effect
         report(min((seq - log.first_seq) / count, 0.99), note=stage)
 
     states = (*run.result.states_added, state)
-    found = resolve(run.log, stages, log.first_seq, log.last_seq, watch, states=states).result
+    result = resolve(run.log, stages, log.first_seq, log.last_seq, watch, states=states).result
     before = {name: row.value for name, row in run.result.parameters.items()}
-    return FinishedRun(found, run.log, before, run.step_labels)
+    return FinishedRun(result, run.log, before, run.step_labels)

@@ -1,4 +1,7 @@
-"""Typed result of a run or of a log solved again, read from and written to the result JSON of the contract."""
+"""Typed result of a run or of a log solved again, read from and written to the result JSON of the contract.
+
+A new column of the result is a field here, which `build_result` in `building.py` fills; see docs/how-to/extend.md.
+"""
 
 import json
 import math
@@ -54,10 +57,10 @@ class StageConsistency(ResultSection):
     warning: bool
 
     @classmethod
-    def of(cls, found: Consistency) -> "StageConsistency":
+    def of(cls, consistency: Consistency) -> "StageConsistency":
         """Convert the consistency of a solution."""
-        nis = {"nis_mean": found.nis_mean, "nis_low": found.nis_low, "nis_high": found.nis_high}
-        return cls(**nis, passed=found.verdict, warning=bool(found.warning))
+        nis = {"nis_mean": consistency.nis_mean, "nis_low": consistency.nis_low, "nis_high": consistency.nis_high}
+        return cls(**nis, passed=consistency.verdict, warning=bool(consistency.warning))
 
 
 class Temperature(ResultSection):

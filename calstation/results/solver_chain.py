@@ -139,8 +139,8 @@ class StageChain:
         """Return a solution with the findings from its samples in addition to the parameters."""
         data = buffer.data()
         if self._gather:
-            found = gather(self._stage, data, self._context, self._uncalibrated, solution.posterior.mean)
-            solution = replace(solution, evidence=found)
+            evidence = gather(self._stage, data, self._context, self._uncalibrated, solution.posterior.mean)
+            solution = replace(solution, evidence=evidence)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.posterior))
         solution = self._model.tested(solution, self.solutions, self.posterior)

@@ -93,7 +93,7 @@ def test_multi_position_recording_is_solved_plotted_applied_and_exported(
     positions, applied = panel.answers.positions, panel.answers.applied
     assert positions is not None
     assert positions.isVisible()
-    assert len(panel.answer.picture.up) > 30  # type: ignore[union-attr]
+    assert len(panel.answer.plot_data.up) > 30  # type: ignore[union-attr]
     before, after = re.findall(r"[\d.]+", positions.angle_figure.number.text())
     assert float(after) < 0.2 * float(before)
     rows = cells(panel)

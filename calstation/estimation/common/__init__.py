@@ -1,16 +1,9 @@
 """Code that all solvers share: samples, rests, noise, alignment and least squares."""
 
-from calstation.estimation.common.alignment import (
-    AMBIGUOUS_AZIMUTH_SIGMA,
-    FREE_AZIMUTH_SIGMA,
-    Start,
-    levelled,
-    starts,
-)
+from calstation.estimation.common.alignment import AMBIGUOUS_AZIMUTH_SIGMA, FREE_AZIMUTH_SIGMA, Start, levelled, starts
 from calstation.estimation.common.by_position import (
     EXCESSIVE,
     NOTABLE,
-    Concentration,
     LocalScores,
     PositionResidual,
     ScoreFunction,
@@ -38,11 +31,10 @@ from calstation.estimation.common.least_squares import (
     nis_consistency,
     restricted,
 )
-from calstation.estimation.common.model_test import Agreement, Diagnosis, ModelTest, stage_agreement
+from calstation.estimation.common.model_test import Diagnosis, ModelTest, stage_agreement
 from calstation.estimation.common.noise import (
     BIAS_DRIFT_PER_INSTABILITY,
     BIAS_DRIFT_TIME,
-    FilterNoise,
     RestNoise,
     filter_noise,
     gyro_excess,

@@ -33,7 +33,7 @@ _MIN_LEAD = 1.5
 _WITHIN_SIGMAS = 1.0
 #: One rest or move, those with a common axis, all rests, all moves, or the whole stage.
 Location = Literal["rest", "move", "rests_up", "moves_about", "rests", "moves", "stage"]
-#: Place names for rests or moves with a common axis, and for all of them.
+#: Locations of rests or moves with a common axis, and for all of them.
 _LOCATIONS: dict[str, tuple[Location, Location]] = {"rest": ("rests_up", "rests"), "move": ("moves_about", "moves")}
 
 

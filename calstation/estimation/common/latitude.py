@@ -70,7 +70,7 @@ class RestOutput:
         """Estimate the latitude from all rests so far; return None if they do not distinguish latitudes 5° apart.
 
         The constant gyro biases are unknowns; rests with the unit upright and inverted separate them from earth rate.
-        `posterior` contains the parameters found so far; the sigmas of its gyro matrix enter the result's sigma.
+        `posterior` contains the parameters solved so far; the sigmas of its gyro matrix enter the result's sigma.
         """
         if not self._means:
             return None

@@ -31,11 +31,7 @@ class PlannedSamples:
     """
 
     def __init__(
-        self,
-        context: SolveContext,
-        parameters: FloatArray,
-        mount: FloatArray,
-        joints: tuple[float, float] = (0.0, 0.0),
+        self, context: SolveContext, parameters: FloatArray, mount: FloatArray, joints: tuple[float, float] = (0.0, 0.0)
     ) -> None:
         site, imu = context.site, context.imu
         self._geometry = context.table.geometry

@@ -104,7 +104,7 @@ class BeforeAfter:
     force_before: FloatArray  #: m/s², shape (n, 3)
     force_after: FloatArray  #: m/s², shape (n, 3)
     length_before: FloatArray  #: Magnitude of the force minus gravity, m/s², shape (n,); at rest this is the error.
-    length_after: FloatArray  #: The same with the parameters found, m/s², shape (n,).
+    length_after: FloatArray  #: The same with the solved parameters, m/s², shape (n,).
 
 
 def before_after(

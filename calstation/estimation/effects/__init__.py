@@ -1,13 +1,6 @@
 """Tests for effects outside the error model, one added effect at a time (score tests)."""
 
-from calstation.estimation.effects.score import (
-    MAX_EXCESS,
-    EffectEvidence,
-    EffectLimit,
-    EffectTests,
-    Estimated,
-    effect_tests,
-)
+from calstation.estimation.effects.score import MAX_EXCESS, EffectEvidence, EffectLimit, EffectTests, effect_tests
 from calstation.estimation.effects.sensitivity import (
     Sensitivity,
     StageEffects,

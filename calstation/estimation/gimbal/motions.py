@@ -24,16 +24,7 @@ from calstation.estimation.common import (
 )
 from calstation.estimation.gimbal.iteration import drift_matrix, gimbal_attitude, others, turned_joints
 from calstation.estimation.positions import GYRO_COLUMNS, gyro_derivative, integrate_rotation, square_root
-from calstation.physics import (
-    AXES,
-    COUNT,
-    GYRO_BIAS,
-    RATE,
-    FloatArray,
-    compensation,
-    rotation_matrix,
-    rotation_vector,
-)
+from calstation.physics import AXES, COUNT, GYRO_BIAS, RATE, FloatArray, compensation, rotation_matrix, rotation_vector
 
 #: Joints within this angle of zero count as at zero, rad.
 AT_ZERO = np.deg2rad(2.0)
@@ -187,14 +178,15 @@ def fit_gimbal(
     def step(at: tuple[FloatArray, FloatArray]) -> tuple[tuple[FloatArray, FloatArray], GimbalFit, float]:
         point, more = at
         H, r = _rows(data, motions, order, point, more)
-        left = (r + H[:, :COUNT] @ (point - prior.mean) + H[:, COUNT:] @ more) / sigma
+        innovation = (r + H[:, :COUNT] @ (point - prior.mean) + H[:, COUNT:] @ more) / sigma
         columns = np.hstack([H[:, :COUNT] @ root, H[:, COUNT:] * scale]) / sigma[:, None]
         covariance = np.linalg.inv(columns.T @ columns + np.eye(columns.shape[1]))
-        x = covariance @ (columns.T @ left)
+        x = covariance @ (columns.T @ innovation)
         mean, spread = prior.mean + root @ x[:COUNT], root @ covariance[:COUNT, :COUNT] @ root.T
         width = np.sqrt(np.diag(spread))
         change = float(np.max(np.abs(mean - point) / np.where(width > 0.0, width, 1.0)))
-        rest, spare = left - columns @ x, len(left) - float(np.einsum("ij,jk,ik->", columns, covariance, columns))
+        rest = innovation - columns @ x
+        spare = len(innovation) - float(np.einsum("ij,jk,ik->", columns, covariance, columns))
         posterior = Posterior(mean, 0.5 * (spread + spread.T))
         fit = GimbalFit(posterior, float(rest @ rest), spare, (rest * sigma).reshape(-1, 3))
         return (mean, scale * x[COUNT:]), fit, change

@@ -3,5 +3,6 @@
 from calstation.estimation.navigation.information import Segment, advanced, joined, segment_information, sigmas
 from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter, NavigationPass, ReferencePass
 from calstation.estimation.navigation.relinearise import solve_navigation
-from calstation.estimation.navigation.stage import NavigationStage, result_sensitivity, warm_up
+from calstation.estimation.navigation.response import result_sensitivity
+from calstation.estimation.navigation.stage import NavigationStage, warm_up
 from calstation.estimation.navigation.velocity_group import BIAS

@@ -176,7 +176,7 @@ class ObservabilityAnalysis:
 def observability_analysis(
     data: StageData, history: History, context: SolveContext, prior: Posterior, point: FloatArray
 ) -> dict[str, Any]:
-    """Analyse all observations of a stage, see `ObservabilityAnalysis.found`."""
+    """Analyse all observations of a stage, see `ObservabilityAnalysis.result`."""
     analysis = ObservabilityAnalysis(context, prior, point)
     analysis.take(data, history)
     return analysis.result()

@@ -11,6 +11,7 @@ from calstation.estimation.common import LocalScores, SolveContext, StageData, S
 from calstation.estimation.effects import Sensitivity, StageEffects, mean_regressors
 from calstation.estimation.navigation.group_update import Updates
 from calstation.estimation.navigation.navigation_pass import History
+from calstation.estimation.navigation.relinearise import NavigationResult
 from calstation.estimation.navigation.small_matrices import add_product, forward, subtract_transposed_product
 from calstation.estimation.navigation.velocity_group import BIAS, OBSERVED
 from calstation.physics import (
@@ -37,22 +38,17 @@ SMOOTHED = 5
 _TOGETHER = 100
 
 
-def filter_sensitivity(
-    updates: Sequence[Updates],
-    history: History,
-    data: StageData,
-    starts: Sequence[Start],
-    context: SolveContext,
-    point: FloatArray,
-    estimated: BoolArray,
+def result_sensitivity(
+    result: NavigationResult, data: StageData, context: SolveContext, estimated: BoolArray
 ) -> Sensitivity:
-    """Follow errors of the prior and effects through the updates of a pass.
+    """Return the response of a solution to errors of the prior and to effects, through the updates of its last pass.
 
     An effect is an additional sensor error, averaged over each group of observations. Jumps are followed from the
     update in which they begin.
     """
     effects = StageEffects(float(data.time[0]), len(data) * data.dt)
-    motion = motion_between_observations(history, data, starts, context, point)
+    motion = motion_between_observations(result.history, data, result.starts, context, result.point)
+    updates = result.updates
     counts = np.repeat([u.innovation.shape[1] // 3 for u in updates], [len(u.innovation) for u in updates])
     regressors, terms = mean_regressors(motion, effects.tested, counts[counts > 0])
     columns = COUNT + sum(len(c.components) for c in effects.tested)

@@ -32,7 +32,7 @@ from calstation.estimation.method import Innovations, Progress, Ranking, Solutio
 from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter
 from calstation.estimation.navigation.observability import ObservabilityAnalysis, observability_analysis
 from calstation.estimation.navigation.relinearise import NavigationResult, judged, solve_with_table_noise
-from calstation.estimation.navigation.response import filter_sensitivity, local_scores
+from calstation.estimation.navigation.response import local_scores, result_sensitivity
 from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, reached
 
 #: Duration of data after a start that the live filter needs for alignment, s.
@@ -170,13 +170,6 @@ class NavigationStage(StageSolver):
             return tested
         ratio = float(np.sum(result.history.nis) / np.sum(with_noise.history.nis))
         return replace(tested, error=result_sensitivity(result, data, context, mask).error, noise_ratio=ratio)
-
-
-def result_sensitivity(
-    result: NavigationResult, data: StageData, context: SolveContext, estimated: BoolArray
-) -> Sensitivity:
-    """Return the response of a solution to errors of the prior and to effects."""
-    return filter_sensitivity(result.updates, result.history, data, result.starts, context, result.point, estimated)
 
 
 def warm_up() -> None:

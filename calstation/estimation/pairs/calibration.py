@@ -11,14 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
-from calstation.estimation.common import (
-    Posterior,
-    Secondary,
-    SolveContext,
-    StageData,
-    StoredPair,
-    find_stillness,
-)
+from calstation.estimation.common import Posterior, Secondary, SolveContext, StageData, StoredPair, find_stillness
 from calstation.estimation.pairs.filtering import PairData, lever_matrix, pair_data
 from calstation.estimation.pairs.fit import (
     ACCEL_BIAS,

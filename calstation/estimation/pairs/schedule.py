@@ -76,5 +76,5 @@ class PairSchedule(BaseModel):
 
     def threshold(self, unit: Literal["primary", "secondary"], sensor: str) -> Threshold:
         """Return the largest permitted deviation of a sensor at rest."""
-        found: Threshold = getattr(self, f"{unit}_{sensor}")
-        return found
+        threshold: Threshold = getattr(self, f"{unit}_{sensor}")
+        return threshold

@@ -4,7 +4,6 @@ from calstation.estimation.positions.evidence import (
     Evidence,
     MotionEvidence,
     RestEvidence,
-    Turn,
     angle_errors,
     gather,
     gravity_misses,

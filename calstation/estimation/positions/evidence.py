@@ -68,10 +68,7 @@ def gather(stage: str, data: StageData, context: SolveContext, before: FloatArra
     still = find_stillness(data, context.imu)
     rests = tuple(
         RestEvidence(
-            (b - a) * data.dt,
-            rest_force(data, context, a, b)[0],
-            data.gyro[a:b].mean(axis=0),
-            mean_angles(data, a, b),
+            (b - a) * data.dt, rest_force(data, context, a, b)[0], data.gyro[a:b].mean(axis=0), mean_angles(data, a, b)
         )
         for a, b in still.rests
     )
@@ -106,7 +103,7 @@ class Turn:
     duration: float  #: s
     path: float  #: Integral of the magnitude of the rate over the motions, rad.
     uncalibrated: FloatArray  #: Body rotation with the parameters `Evidence.before`, shape (3, 3).
-    calibrated: FloatArray  #: Body rotation with the parameters found, shape (3, 3).
+    calibrated: FloatArray  #: Body rotation with the solved parameters, shape (3, 3).
 
 
 def turn_between(evidence: Evidence, first: int, second: int, parameters: FloatArray) -> Turn | None:

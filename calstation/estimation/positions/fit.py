@@ -88,11 +88,12 @@ def fit_positions(
         problem = PositionRows(data, rests, links, context, prior, scatter)
         point, (posterior, best), converged = gauss_newton(partial(_step, problem, estimated), point, MAX_ITERATIONS)
     seen, n, per_rest = slice(problem.observations), len(rests), problem.per_rest
-    force, turn = best.left[: per_rest * n].reshape(n, per_rest)[:, :3], best.left[per_rest * n : problem.observations]
+    force = best.residual[: per_rest * n].reshape(n, per_rest)[:, :3]
+    turn = best.residual[per_rest * n : problem.observations]
     return PositionFit(
         posterior=posterior,
         attitudes=point.attitudes,
-        chi2=float(best.left[seen] @ best.left[seen]),
+        chi2=float(best.residual[seen] @ best.residual[seen]),
         freedom=best.spare(best.H[seen]),
         scatter=scatter,
         force_residual=force * np.sqrt(problem.force_variance)[:, None],
@@ -170,7 +171,7 @@ def _scatter(problem: PositionRows, at: LinearSolution, attitudes: FloatArray) -
         (pick[per_rest * n :], np.repeat(problem.turn_variance, 3), np.repeat(problem.turn_noise, 3)),
     ):
         H = chosen @ at.H[:rows]
-        scatter.append(excess(chosen @ at.left[:rows] * np.sqrt(weighted), profile, at.spare(H)))
+        scatter.append(excess(chosen @ at.residual[:rows] * np.sqrt(weighted), profile, at.spare(H)))
     return Scatter(*scatter)
 
 
@@ -187,7 +188,7 @@ def position_sensitivity(
     effects = StageEffects(float(time[0]), float(time[-1] - time[0]))
     added = _added(profile, at, effects)
     with_profile, with_scatter = profile.solve(at), fitted.solve(at)
-    H, residual, covariance = with_profile.H[seen], with_profile.left[seen], with_profile.covariance
+    H, residual, covariance = with_profile.H[seen], with_profile.residual[seen], with_profile.covariance
     jacobian = np.linalg.lstsq(profile.root.T, H[:, :COUNT].T, rcond=None)[0].T
     response = np.hstack([jacobian, added / profile.sigma[:, None]])
     weighted = response - H @ (covariance @ (H.T @ response))
@@ -202,7 +203,7 @@ def position_sensitivity(
     variance = max(1.0, (total - explained) / spare if spare >= 1.0 else total / freedom)
     gain = fitted.root @ with_scatter.covariance[:COUNT] @ with_scatter.H[seen].T
     remaining = np.eye(COUNT, response.shape[1]) - gain @ ((profile.sigma / fitted.sigma)[:, None] * response)
-    ratio = float(with_scatter.left[seen] @ with_scatter.left[seen]) * variance / total
+    ratio = float(with_scatter.residual[seen] @ with_scatter.residual[seen]) * variance / total
     return effects.sensitivity(score / variance, information / variance, remaining, estimated, ratio)
 
 

@@ -5,7 +5,7 @@ since the last one, so that a knock does not count.
 """
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -49,14 +49,6 @@ class Guidance:
     suffices: bool  #: Whether the positions are well distributed and the unit has rotated about every axis.
 
 
-@dataclass
-class _Position:
-    """The current rest: number of windows and sum of their mean forces."""
-
-    windows: int = 0
-    force: FloatArray = field(default_factory=lambda: np.zeros(3))
-
-
 class PositionGuide:
     """Monitors the stream of one unit; `required` is the required rest at each position, s."""
 
@@ -68,7 +60,8 @@ class PositionGuide:
         self._waiting: list[SampleBlock] = []
         self._noise: deque[float] = deque(maxlen=REMEMBERED)
         self._rates: deque[FloatArray] = deque(maxlen=REMEMBERED)
-        self._current = _Position()
+        #: Number of windows of the current rest, and the sum of their mean forces.
+        self._windows, self._force = 0, np.zeros(3)
         self._done: list[FloatArray] = []
         self._state: State = "waiting"
         self._up = np.array([0.0, 0.0, 1.0])
@@ -87,7 +80,7 @@ class PositionGuide:
         """The current instruction."""
         return Guidance(
             self._state,
-            self._current.windows * self._window_duration,
+            self._windows * self._window_duration,
             self._required,
             self._up,
             np.array(self._done).reshape(-1, 3),
@@ -129,7 +122,7 @@ class PositionGuide:
             return
         at_rest = np.median(self._rates, axis=0) if self._rates else rate
         still = quiet and float(np.abs(rate - at_rest).max()) < RATE + 3.0 * noise / np.sqrt(self._width)
-        if still and not (self._current.windows and self._is_other_position(force)):
+        if still and not (self._windows and self._is_other_position(force)):
             self._add_rest_window(force)
         else:
             self._add_moving_window()
@@ -138,15 +131,15 @@ class PositionGuide:
 
     def _is_other_position(self, force: FloatArray) -> bool:
         """Return whether this force belongs to a different position than the current rest."""
-        mean = self._current.force / self._current.windows
+        mean = self._force / self._windows
         return bool(np.linalg.norm(force - mean) > 0.05 * np.linalg.norm(mean))
 
     def _add_rest_window(self, force: FloatArray) -> None:
-        self._current.windows += 1
-        self._current.force = self._current.force + force
+        self._windows += 1
+        self._force = self._force + force
         if self._state == "enough" or self._is_last_position():
             self._state = "enough"
-        elif self._current.windows * self._window_duration >= self._required:
+        elif self._windows * self._window_duration >= self._required:
             self._count_position()
         else:
             self._state = "still"
@@ -166,18 +159,18 @@ class PositionGuide:
             turn = rotation_vector(self._turn)
             self._turns += np.outer(turn, turn)
         self._turn = np.eye(3)
-        self._done.append(self._current.force / np.linalg.norm(self._current.force))
+        self._done.append(self._force / np.linalg.norm(self._force))
         self._suffices = bool(
             np.linalg.eigvalsh(self._turns)[0] >= TURNED**2 and spread(np.array(self._done)) >= SPREAD
         )
 
     def _add_moving_window(self) -> None:
-        too_soon = self._state == "still" and self._current.windows * self._window_duration > REST_WINDOW
-        if too_soon or (self._state == "repeat" and not self._current.windows):
+        too_soon = self._state == "still" and self._windows * self._window_duration > REST_WINDOW
+        if too_soon or (self._state == "repeat" and not self._windows):
             self._state = "repeat"
         elif self._state != "waiting":
             self._state = "moving"
-        self._current = _Position()
+        self._windows, self._force = 0, np.zeros(3)
 
 
 def spread(up: FloatArray) -> float:

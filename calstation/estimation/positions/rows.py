@@ -136,7 +136,7 @@ class LinearSolution(NamedTuple):
 
     H: FloatArray  #: Jacobian, shape (rows, columns).
     x: FloatArray  #: Solution, shape (columns,).
-    left: FloatArray  #: Remaining residuals, shape (rows,).
+    residual: FloatArray  #: Remaining residuals, shape (rows,).
     covariance: FloatArray  #: Covariance of the columns, shape (columns, columns).
 
     def spare(self, H: FloatArray) -> float:

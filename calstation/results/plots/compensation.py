@@ -42,8 +42,8 @@ class Applied:
 
 def before_and_found(before: Mapping[str, float], parameters: Mapping[str, Parameter]) -> tuple[FloatArray, FloatArray]:
     """Return all parameters before and after a solution, SI, shape (30,) each; unsolved ones keep their values."""
-    found = {name: row.value for name, row in parameters.items() if name in NAMES}
-    vectors = (np.array([values.get(name, 0.0) for name in NAMES]) for values in (before, {**before, **found}))
+    solved = {name: row.value for name, row in parameters.items() if name in NAMES}
+    vectors = (np.array([values.get(name, 0.0) for name in NAMES]) for values in (before, {**before, **solved}))
     return next(vectors), next(vectors)
 
 
@@ -57,14 +57,49 @@ class ImuOutput:
     path: Path | None = None  #: Recording; None for samples of the connected unit.
     named: bool = True  #: Whether the unit reported its serial number.
 
-    def applied(self, before: FloatArray, found: FloatArray) -> Applied:
+    def applied(self, before: FloatArray, after: FloatArray) -> Applied:
         """Apply parameters before and after a solution, SI, shape (30,) each; corrected output is left unchanged.
 
         Raises InsufficientDataError if the unit never rests.
         """
         if self.corrected:
-            before = found = np.zeros(len(NAMES))
-        return _applied(self, before, found)
+            before = after = np.zeros(len(NAMES))
+        context = context_from_meta(self.meta)
+        data = stage_data(self.blocks, context.imu)
+        whole = joined(self.blocks)
+        rests = find_stillness(data, context.imu).rests
+        if not rests:
+            error = InsufficientDataError("solution.never_at_rest", shortest=SHORTEST_REST, seconds=len(data) * data.dt)
+            if self.path is None:
+                raise error
+            raise InsufficientDataError("solution.in_log", file=self.path, what=error.as_text)
+        gravity = context.site.local_gravity
+        stride = max(1, round(_MEAN_OVER * context.imu.sample_rate), len(whole) // _COLUMNS)
+        shown = before_after(whole, context.imu, before, after, gravity, stride)
+        start = float(data.time[0])
+        lengths, rates = [], []
+        for a, b in rests:
+            first, last = int(whole.seq.searchsorted(data.seq[a])), int(whole.seq.searchsorted(data.seq[b - 1]))
+            rest = before_after(whole.part(first, last + 1), context.imu, before, after, gravity, last + 1 - first)
+            lengths.append([float(rest.length_before[0]), float(rest.length_after[0])])
+            rates.append([float(np.linalg.norm(r[0])) for r in (rest.rate_before, rest.rate_after)])
+        length_rms, rate_rms = (np.sqrt(np.mean(np.square(v), axis=0)) for v in (lengths, rates))
+        return Applied(
+            path=self.path,
+            serial=context.imu.serial,
+            time=shown.time - start,
+            length_before=shown.length_before,
+            length_after=shown.length_after,
+            rate_before=np.linalg.norm(shown.rate_before, axis=1),
+            rate_after=np.linalg.norm(shown.rate_after, axis=1),
+            rests=np.array([[data.time[a] - start, data.time[b - 1] - start] for a, b in rests]),
+            rest_length=np.array(lengths),
+            rest_rate=np.array(rates),
+            length_rms=(float(length_rms[0]), float(length_rms[1])),
+            rate_rms=(float(rate_rms[0]), float(rate_rms[1])),
+            corrected=self.corrected,
+            named=self.named,
+        )
 
 
 def read_recording(path: Path, registers: Mapping[str, float]) -> ImuOutput:
@@ -78,7 +113,7 @@ def read_recording(path: Path, registers: Mapping[str, float]) -> ImuOutput:
 
 
 def apply_to_recording(
-    report: ProgressCallback, path: Path, registers: Mapping[str, float], before: FloatArray, found: FloatArray
+    report: ProgressCallback, path: Path, registers: Mapping[str, float], before: FloatArray, after: FloatArray
 ) -> Applied:
     """Job: apply previous and new parameters (SI, shape (30,)) to all valid samples of a recording.
 
@@ -87,43 +122,4 @@ def apply_to_recording(
     report(0.0)
     output = read_recording(path, registers)
     report(0.5)
-    return output.applied(before, found)
-
-
-def _applied(output: ImuOutput, before: FloatArray, found: FloatArray) -> Applied:
-    blocks, path, context = output.blocks, output.path, context_from_meta(output.meta)
-    data = stage_data(blocks, context.imu)
-    whole = joined(blocks)
-    rests = find_stillness(data, context.imu).rests
-    if not rests:
-        error = InsufficientDataError("solution.never_at_rest", shortest=SHORTEST_REST, seconds=len(data) * data.dt)
-        if path is None:
-            raise error
-        raise InsufficientDataError("solution.in_log", file=path, what=error.as_text)
-    gravity = context.site.local_gravity
-    stride = max(1, round(_MEAN_OVER * context.imu.sample_rate), len(whole) // _COLUMNS)
-    shown = before_after(whole, context.imu, before, found, gravity, stride)
-    start = float(data.time[0])
-    lengths, rates = [], []
-    for a, b in rests:
-        first, last = int(whole.seq.searchsorted(data.seq[a])), int(whole.seq.searchsorted(data.seq[b - 1]))
-        rest = before_after(whole.part(first, last + 1), context.imu, before, found, gravity, last + 1 - first)
-        lengths.append([float(rest.length_before[0]), float(rest.length_after[0])])
-        rates.append([float(np.linalg.norm(r[0])) for r in (rest.rate_before, rest.rate_after)])
-    length_rms, rate_rms = (np.sqrt(np.mean(np.square(v), axis=0)) for v in (lengths, rates))
-    return Applied(
-        path=path,
-        serial=context.imu.serial,
-        time=shown.time - start,
-        length_before=shown.length_before,
-        length_after=shown.length_after,
-        rate_before=np.linalg.norm(shown.rate_before, axis=1),
-        rate_after=np.linalg.norm(shown.rate_after, axis=1),
-        rests=np.array([[data.time[a] - start, data.time[b - 1] - start] for a, b in rests]),
-        rest_length=np.array(lengths),
-        rest_rate=np.array(rates),
-        length_rms=(float(length_rms[0]), float(length_rms[1])),
-        rate_rms=(float(rate_rms[0]), float(rate_rms[1])),
-        corrected=output.corrected,
-        named=output.named,
-    )
+    return output.applied(before, after)

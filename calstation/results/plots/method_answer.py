@@ -95,7 +95,7 @@ class MethodAnswer:
     #: Previous value and sigma of each parameter, SI; no sigma for a stored value.
     before: Mapping[str, tuple[float, float | None]]
     schedule: Mapping[str, Any]  #: Schedule of the method, as in a product file.
-    picture: PositionPlotData | GimbalPlotData | PairPlotData  #: Plot data of the method.
+    plot_data: PositionPlotData | GimbalPlotData | PairPlotData  #: Plot data of the method.
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -127,8 +127,8 @@ def solve_method(report: ProgressCallback, path: Path, stage: str) -> MethodAnsw
     rate = meta.imu.sample_rate_hz
     duration = (samples.last_seq - samples.first_seq + 1) / rate
     recording = Recording(path, meta.imu.serial, rate, duration, read_truth(path), meta.registers)
-    picture = _plot_data(log, stage, resolved.result, schedule)
-    return MethodAnswer(recording, stage, resolved, _before(meta, stage), schedule, picture)
+    plot_data = _plot_data(log, stage, resolved.result, schedule)
+    return MethodAnswer(recording, stage, resolved, _before(meta, stage), schedule, plot_data)
 
 
 def _plot_data(
@@ -143,11 +143,11 @@ def _plot_data(
     data = stage_data(named or blocks, context.imu)  # the samples that `resolve` uses
     if stage == "cross_calibration":
         return pair_plot_data(data, context, prior, details)
-    found = prior.mean.copy()
+    after = prior.mean.copy()
     for name, row in result.parameters.items():
         if name in INDEX:
-            found[INDEX[name]] = row.value
-    return _position_plot_data(data, context, prior.mean, found, log.meta.product)
+            after[INDEX[name]] = row.value
+    return _position_plot_data(data, context, prior.mean, after, log.meta.product)
 
 
 def _before(meta: LogMeta, stage: str) -> dict[str, tuple[float, float | None]]:
@@ -158,15 +158,15 @@ def _before(meta: LogMeta, stage: str) -> dict[str, tuple[float, float | None]]:
 
 
 def _position_plot_data(
-    data: StageData, context: SolveContext, before: FloatArray, found: FloatArray, product: ProductSection | None
+    data: StageData, context: SolveContext, before: FloatArray, after: FloatArray, product: ProductSection | None
 ) -> PositionPlotData:
     gravity = context.site.local_gravity
-    evidence = gather("multi_position", data, context, before, found)
+    evidence = gather("multi_position", data, context, before, after)
     rests, motions = evidence.rests, evidence.motions
-    lengths = [[float(np.linalg.norm(rest.compensated(p)[1])) - gravity for rest in rests] for p in (before, found)]
-    turns = [turn_between(evidence, motion.before, motion.after, found) for motion in motions]
-    angles = np.array([gravity_misses(evidence, turn, found) for turn in turns if turn]).reshape(-1, 2)
-    force = np.array([rest.compensated(found)[1] for rest in rests]).reshape(-1, 3)
+    lengths = [[float(np.linalg.norm(rest.compensated(p)[1])) - gravity for rest in rests] for p in (before, after)]
+    turns = [turn_between(evidence, motion.before, motion.after, after) for motion in motions]
+    angles = np.array([gravity_misses(evidence, turn, after) for turn in turns if turn]).reshape(-1, 2)
+    force = np.array([rest.compensated(after)[1] for rest in rests]).reshape(-1, 3)
     checks = product.checks if product is not None else None
     force_check, angle_check = (checks.gravity_at_rest, checks.motion_angle) if checks is not None else (None, None)
     return PositionPlotData(
@@ -194,17 +194,17 @@ def gimbal_turns(turns: Sequence[GimbalTurned], order: str) -> GimbalPlotData:
     """Return the plot data of the turns of a run so far; `order` are the letters of the joints from base to body."""
     axes = []
     for axis in dict.fromkeys(turn.axis for turn in turns):
-        own = [turn for turn in turns if turn.axis == axis]
-        angle, gain = float(np.mean([abs(turn.angle) for turn in own])), own[-1].gain
+        about_axis = [turn for turn in turns if turn.axis == axis]
+        angle, gain = float(np.mean([abs(turn.angle) for turn in about_axis])), about_axis[-1].gain
         row = {
             "axis": AXES[axis],
-            "angles": [turn.angle for turn in own],
-            "drifts": [list(turn.drift) for turn in own],
+            "angles": [turn.angle for turn in about_axis],
+            "drifts": [list(turn.drift) for turn in about_axis],
             "gain": gain,
             "largest_gain": largest_gain(order, axis, angle),
             "contraction": contraction(order, axis, angle, gain),
         }
-        axes.append(_axis(row, order, own[-1].threshold))
+        axes.append(_axis(row, order, about_axis[-1].threshold))
     return GimbalPlotData(tuple(axes), turns[-1].threshold if turns else 0.0, {})
 
 

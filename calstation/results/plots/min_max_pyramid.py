@@ -162,12 +162,12 @@ class MinMaxPyramid:
 
     def _find(self, level: int, seq: int) -> int:
         """Return the last bin of a level that starts at or before `seq`, or 0, searching from the coarsest level."""
-        found = max(0, int(self._coarse.searchsorted(seq, side="right")) - 1)
+        at = max(0, int(self._coarse.searchsorted(seq, side="right")) - 1)
         for samples in reversed(BINS[level:-1]):
-            found *= FACTOR
-            below = self._seq(samples, found, min(found + FACTOR, self._bins[samples]))
-            found += max(0, int(below.searchsorted(seq, side="right")) - 1)
-        return found
+            at *= FACTOR
+            below = self._seq(samples, at, min(at + FACTOR, self._bins[samples]))
+            at += max(0, int(below.searchsorted(seq, side="right")) - 1)
+        return at
 
     def _seq(self, samples: int, start: int, stop: int) -> IntArray:
         return np.fromfile(self.folder / f"{samples}.seq", "<i8", stop - start, offset=8 * start)

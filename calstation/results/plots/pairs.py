@@ -86,8 +86,8 @@ def pair_plot_data(
     shown = []
     for i, (secondary, row) in enumerate(zip(context.secondaries, details["secondaries"], strict=True)):
         pair = pair_data(data, i, secondary.imu)
-        found = StoredPair(row["stored"]["values"])
-        residuals = _residuals(pair, c, pair_vector(secondary.stored), pair_vector(found)) if "fit" in row else {}
+        fitted = StoredPair(row["stored"]["values"])
+        residuals = _residuals(pair, c, pair_vector(secondary.stored), pair_vector(fitted)) if "fit" in row else {}
         static = {sensor: row["stored"][f"{sensor}_static"] for sensor in ("gyro", "accel")}
         shown.append(SecondaryPlotData(secondary.number, secondary.imu.serial, residuals, row["check"], static))
     begin = float(data.time[0])
@@ -136,13 +136,13 @@ def _residuals(data: PairData, c: Compensation, before: FloatArray, after: Float
         parts.append({"gyro": np.sum(gyro**2, axis=1), "accel": np.sum(accel**2, axis=1)})
     begin, end = float(data.time[0]), float(data.time[-1])
     edges = np.linspace(begin, end + data.dt, _COLUMNS + 1)
-    found = {}
+    residuals = {}
     for sensor in ("gyro", "accel"):
         columns = [_rms(data.time[row], part[sensor], edges) for row, part in zip(rows, parts, strict=True)]
         rms = [float(np.sqrt(part[sensor].mean())) if len(part[sensor]) else 0.0 for part in parts]
         middle = 0.5 * (edges[1:] + edges[:-1]) - begin
-        found[sensor] = PairResiduals(middle, columns[0], columns[1], (rms[0], rms[1]))
-    return found
+        residuals[sensor] = PairResiduals(middle, columns[0], columns[1], (rms[0], rms[1]))
+    return residuals
 
 
 def _rms(time: FloatArray, square: FloatArray, edges: FloatArray) -> FloatArray:

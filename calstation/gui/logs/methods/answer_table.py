@@ -38,7 +38,7 @@ class AnswerTable(CellTable, DataView[MethodAnswer]):
     def draw(self, answer: MethodAnswer) -> None:
         """Show the parameters of a solution."""
         result, truth = answer.resolved.result, answer.recording.truth
-        other = answer.picture.least_squares if isinstance(answer.picture, GimbalPlotData) else {}
+        other = answer.plot_data.least_squares if isinstance(answer.plot_data, GimbalPlotData) else {}
         outside = {check.subject for check in result.failed_checks}
         cells = {}
         for name in ordered(result.parameters):

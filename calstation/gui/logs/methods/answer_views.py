@@ -68,7 +68,7 @@ class AnswerViews(QWidget):
     def show_answer(self, answer: MethodAnswer) -> None:
         """Fill all views with a solution and show the first of them."""
         self._answered = True
-        data = answer.picture
+        data = answer.plot_data
         if self.positions is not None and isinstance(data, PositionPlotData):
             self.positions.show_data(data)
         if self.applied is not None:
