@@ -49,9 +49,9 @@ def load_command(name: str) -> TyperCommand | TyperGroup:
 
 def _with_help(command: Any, path: Sequence[str]) -> None:
     """Set the help of a command, of its options and of the commands of a group; `path` are the names that select it."""
-    command.help = command.short_help = say("command." + "_".join(path))
+    command.help = command.short_help = say(f"command.{'_'.join(path)}")
     for parameter in command.params:
-        codes = ["option." + "_".join((*path[:count], parameter.name)) for count in range(len(path), -1, -1)]
+        codes = [f"option.{'_'.join((*path[:count], parameter.name))}" for count in range(len(path), -1, -1)]
         parameter.help = say(next(filter(known, codes), codes[0]))
     for name, member in getattr(command, "commands", {}).items():
         _with_help(member, [*path, name])

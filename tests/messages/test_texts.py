@@ -48,7 +48,7 @@ def interfaces() -> Iterator[tuple[str, ast.Module]]:
 
 
 def literals(tree: ast.AST) -> Iterator[ast.Constant | ast.JoinedStr]:
-    """Yield all strings and f-strings except docstrings and the help of commands and options."""
+    """Yield all strings and f-strings except docstrings and placeholders of options."""
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node
@@ -58,8 +58,7 @@ def literals(tree: ast.AST) -> Iterator[ast.Constant | ast.JoinedStr]:
                 yield from () if isinstance(value, ast.Constant) else literals(value)
         elif not (
             (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))
-            or (isinstance(node, ast.keyword) and node.arg in ("help", "epilog", "metavar"))
-            or (isinstance(node, ast.Call) and call_name(node) == "_day")
+            or (isinstance(node, ast.keyword) and node.arg == "metavar")
         ):
             yield from literals(node)
 

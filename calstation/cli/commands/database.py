@@ -66,7 +66,6 @@ def exchange(
 
 def _watch(out: Path, url: str, name: str, archive: str | None) -> None:
     """Exchange a folder until a signal to end, and show each change of its state in a line."""
-
     stop, console, shown = threading.Event(), Console(stderr=True), list[str]()
 
     def wait(seconds: float) -> bool:
@@ -84,7 +83,6 @@ def _watch(out: Path, url: str, name: str, archive: str | None) -> None:
 
 def _lines(state: ExchangeState) -> list[str]:
     """Return the obstacles to the exchange of runs and the copying of logs, or that all runs are exchanged."""
-
     errors = (state.error_text, state.refusal_text, state.archive_error_text)
     lines = [sentence(error) for error in errors if error is not None]
     if not state.pending and state.error is None and state.refusal is None:
@@ -109,7 +107,6 @@ def adopt(
     copy: Annotated[bool, typer.Option("--copy")] = False,
 ) -> None:
     """Exchange a folder of runs that was moved, at its current location."""
-
     adopt_folder(out, copied=copy)
     show_line(Console(stderr=True), say("cli.copy_adopted" if copy else "cli.folder_adopted", folder=out))
 
@@ -117,7 +114,6 @@ def adopt(
 @app.command()
 def status(out: RunsOption = Path("runs"), json: JsonOption = None) -> None:
     """Show what is pending for the shared database and the last contact. Does not use the network."""
-
     state = read_state(out)
     contact = "-" if state.contact_utc is None else local_time(state.contact_utc.isoformat())
     errors = (state.error_text, state.refusal_text, state.archive_error_text)

@@ -93,7 +93,6 @@ def resolve(
 
 def _solve(console: Console, request: FleetRequest) -> FleetSummary:
     """Solve the logs of a request, show progress, failures and counts, and return the summary."""
-
     stop = threading.Event()
 
     def interrupt() -> None:
@@ -179,7 +178,6 @@ def export(
     out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE.parquet")],
 ) -> None:
     """Write the solutions of a version to a Parquet file, for DuckDB, pandas and others."""
-
     with job_progress(say("cli.reading_solutions")) as progress:
         count = export_version(progress, database, version, out)
     show_line(Console(stderr=True), say("cli.solutions_written", file=out, count=count))
@@ -187,7 +185,6 @@ def export(
 
 def _show(comparison: Comparison) -> None:
     """Show the changed verdicts, the changes of the parameters, and the groups."""
-
     console = Console(file=sys.stdout, width=_WIDTH)
 
     def section(title: str, *columns: str) -> Table:
