@@ -112,6 +112,11 @@ def table(title: str, *columns: str | Text, **style: Any) -> Table:
     return made
 
 
+def three_digits(value: float) -> str:
+    """Format a number with three significant digits."""
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
+
+
 def interval(low: str, high: str) -> str:
     """Return the text of an interval."""
     return say("cli.interval", low=low, high=high)

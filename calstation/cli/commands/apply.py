@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from calstation.cli.options import JsonOption, ProductOption, StationOption, command_group
-from calstation.cli.show import emit_json, ignore_progress, show_line, table
+from calstation.cli.show import emit_json, ignore_progress, show_line, table, three_digits
 from calstation.cli.text import say
 from calstation.connection import OtherUnit, read_unit
 from calstation.errors import ConfigurationError
@@ -110,7 +110,7 @@ def _show(out: Console, shown: Applied, errors: FloatArray) -> None:
 
     def cells(values: FloatArray) -> list[str]:
         sizes = np.array([[size] for _, size in _QUANTITIES])
-        return [_plain(value) for value in (values / sizes).ravel()]
+        return [three_digits(value) for value in (values / sizes).ravel()]
 
     for k, (start, end) in enumerate(shown.rests.tolist()):
         made.add_row(str(k), f"{start:.1f}", f"{end:.1f}", *cells(errors[:, k]))
@@ -118,8 +118,3 @@ def _show(out: Console, shown: Applied, errors: FloatArray) -> None:
     for name, values in _summary(errors).items():
         made.add_row(say(f"cli.{name}_at_rest"), "", "", *cells(values))
     out.print(made)
-
-
-def _plain(value: float) -> str:
-    """Format a number with three significant digits."""
-    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"

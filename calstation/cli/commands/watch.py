@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from calstation.cli.options import JsonOption, ProductOption, by_name, command_group
-from calstation.cli.show import emit_json, on_interrupt, on_line, show_line
+from calstation.cli.show import emit_json, on_interrupt, on_line, show_line, three_digits
 from calstation.cli.text import say, sentence
 from calstation.config import RunRequest, load_pair_configuration, load_station, pair_folder
 from calstation.connection import LineServer, open_pair
@@ -220,7 +220,7 @@ def _show_checks(out: Console, watched: PairWatchResult) -> None:
 
 def _show_check(out: Console, imu: str, sensor: str, shown: RestDeviation, verdict: str) -> None:
     size, unit = _unit(sensor, shown.limit)
-    value, limit = (f"{_plain(x / size)} {unit}" for x in (shown.value, shown.limit))
+    value, limit = (f"{three_digits(x / size)} {unit}" for x in (shown.value, shown.limit))
     values = {"name": f"{imu} {sensor}", "value": value, "limit": limit, "verdict": say(f"cli.pair_{verdict}")}
     show_line(out, say("cli.pair_check", **values))
 
@@ -237,8 +237,3 @@ def _imus(value: Any) -> Any:
     if not isinstance(value, list | tuple):
         return value
     return [f"imu{item}" if isinstance(item, int) else str(item) for item in value]
-
-
-def _plain(value: float) -> str:
-    """Format a number with three significant digits."""
-    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
