@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FRAGMENTS = sorted((ROOT / "changes").iterdir())
+FRAGMENTS = sorted((ROOT / "docs" / "changes").iterdir())
 NAME = re.compile(r"[a-z0-9-]+\.(added|changed|fixed)\.md")
 
 
