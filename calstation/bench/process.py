@@ -39,23 +39,21 @@ class BenchProcess:
     """Runs a bench on an event loop until `stop`; announces its ports at the start and whenever a port name changes."""
 
     def __init__(self, config: BenchConfig) -> None:
-        config = _with_own_orders(config)
         self._config = config
-        self._bench = bench = LiveBench(config, time.monotonic)
-        self._others = [LiveBench(other, time.monotonic, bench) for other in config.secondaries]
-        self._line, *self._other_lines = (
-            (SocketLine if settings.imu_transport == "socket" else TerminalLine)(unit.talk)
-            for settings, unit in zip((config, *config.secondaries), (bench, *self._others), strict=True)
-        )
+        self._bench = bench = LiveBench(_with_orders(config, config), time.monotonic)
+        others = [LiveBench(_with_orders(config, other), time.monotonic, bench) for other in config.secondaries]
+        self._units = [bench, *others]
+        self._lines: list[Line] = []
+        for settings, unit in zip((config, *config.secondaries), self._units, strict=True):
+            line = (SocketLine if settings.imu_transport == "socket" else TerminalLine)(unit.talk)
+            unit.on_link = partial(self._execute, line=line)
+            self._lines.append(line)
         self._controller = _controller(config, bench)
         self._table_line: Line | None = None
         if self._controller is not None:
             line_kind = TerminalLine if config.table_transport == "rtu" else SocketLine
             self._table_line = line_kind(self._controller.talk)
-        self._clock = ClockService([bench, *self._others], self._advance, self._report, self.stop)
-        bench.on_link = lambda order: self._execute(order, self._line)
-        for other, line in zip(self._others, self._other_lines, strict=True):
-            other.on_link = partial(self._execute, line=line)
+        self._clock = ClockService(self._units, self._advance, self._report, self.stop)
         self._moving = asyncio.Lock()
         self._moved = asyncio.Condition()
         self._stopped = asyncio.Event()
@@ -66,7 +64,7 @@ class BenchProcess:
 
     async def run(self) -> None:
         """Open all links, announce them on standard output, and serve until stopped."""
-        lines = [line for line in (self._table_line, self._line, *self._other_lines) if line is not None]
+        lines = [line for line in (self._table_line, *self._lines) if line is not None]
         for line in lines:
             await line.open()
         await self._clock.open()
@@ -84,14 +82,15 @@ class BenchProcess:
 
     def _announce(self) -> None:
         """Print the links as JSON: `table` and `clock` ("host:port", or a path), `imu`, `imu2`, ... (as URLs)."""
-        table = self._table_line or self._line
+        first, *others = self._lines
+        table = self._table_line or first
         endpoints = {
-            "table": table.endpoint if table is self._line else table.endpoint.removeprefix("socket://"),
+            "table": table.endpoint if table is first else table.endpoint.removeprefix("socket://"),
             "table_transport": self._config.table_transport,
-            "imu": self._line.endpoint,
+            "imu": first.endpoint,
             "clock": self._clock.endpoint,
             "serial": self._config.serial,
-            **{f"imu{number}": line.endpoint for number, line in enumerate(self._other_lines, 2)},
+            **{f"imu{number}": line.endpoint for number, line in enumerate(others, 2)},
         }
         print(json.dumps(endpoints), flush=True)
 
@@ -125,13 +124,13 @@ class BenchProcess:
             while self._bench.now < until:
                 now = min(until, self._bench.now + SLICE)
                 frames = self._bench.advance(now)
-                for other, line in zip(self._others, self._other_lines, strict=True):
+                for other, line in zip(self._units[1:], self._lines[1:], strict=True):
                     sent, other.outbox = b"".join(other.outbox), []
                     await line.send(sent)
-                await self._line.send(frames)
+                await self._lines[0].send(frames)
 
     def _report(self) -> dict[str, Any]:
-        sent = [line.sent for line in (self._line, *self._other_lines)]
+        sent = [line.sent for line in self._lines]
         return {"now": self._bench.now, "samples": self._bench.sampled, "bytes": sent}
 
     def _execute(self, order: Order, line: Line) -> None:
@@ -168,7 +167,7 @@ class BenchProcess:
                 enabled=machine.power is Power.ENABLED,
                 moving=time < machine.drive.end,
                 fault=machine.fault.name,
-                executed=tuple(name for unit in (self._bench, *self._others) for name in unit.executed),
+                executed=tuple(name for unit in self._units for name in unit.executed),
                 samples=self._bench.sampled,
                 time=time,
                 flash_cycles=self._bench.unit.flash.cycles,
@@ -176,20 +175,14 @@ class BenchProcess:
             self._config.report_file.write_text(report.model_dump_json(), encoding="utf-8")
 
 
-def _with_own_orders(config: BenchConfig) -> BenchConfig:
-    """Return the configuration with each order assigned to the affected unit."""
+def _with_orders(config: BenchConfig, unit: BenchConfig) -> BenchConfig:
+    """Return the configuration of a unit with the orders for it; the first unit executes the orders for the table."""
     if not config.secondaries:
-        return config
-
-    def of(unit: BenchConfig) -> tuple[Order, ...]:
-        return tuple(o for o in config.orders if not o.of_table and o.unit == unit.unit)
-
-    table = tuple(o for o in config.orders if o.of_table)
-    others = tuple(
-        unit if unit.unit == config.unit else unit.model_copy(update={"orders": (*unit.orders, *of(unit))})
-        for unit in config.secondaries
-    )
-    return config.model_copy(update={"orders": (*table, *of(config)), "secondaries": others})
+        return unit
+    if unit is config:
+        return unit.model_copy(update={"orders": tuple(o for o in config.orders if o.of_table or o.unit == unit.unit)})
+    added = [o for o in config.orders if not o.of_table and o.unit == unit.unit != config.unit]
+    return unit.model_copy(update={"orders": (*unit.orders, *added)})
 
 
 def _controller(config: BenchConfig, bench: LiveBench) -> ModbusServer | TextController | None:

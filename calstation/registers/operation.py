@@ -214,8 +214,8 @@ class _ActiveOperation:
             finish_verification(self.setup, imu, done, data, run_in_background)
         proof = _PROOFS.get(verification_step(data), "read_back")
         message = "registers_read_back" if proof == "read_back" else "registers_proved"
-        self.emit(Message(message, {"count": len(done.found), "proof": proof}))
-        return self._settled(done.found, Closing.RESTORED if self.restoring else Closing.DONE, proof)
+        self.emit(Message(message, {"count": len(done.registers_read), "proof": proof}))
+        return self._settled(done.registers_read, Closing.RESTORED if self.restoring else Closing.DONE, proof)
 
     def _settled(self, values: Mapping[str, float], closing: Closing, proof: str) -> Settled:
         request = self.operation.request

@@ -113,7 +113,7 @@ class Finalization:
         self._done = done = run_in_background(
             lambda: transfer(self.imu, self._entries, run.serial, self._wanted, self._begin, self._old)
         )
-        run.registers["new"] = dict(done.found)
+        run.registers["new"] = dict(done.registers_read)
         try:
             check_cancelled()
         except StopRequested:
@@ -166,7 +166,7 @@ class Finalization:
         run.registers |= {"verified": True, "proved_on": verified_on(data), "written_utc": written}
         run.registers["estimate"] = estimate
         message = "registers_written" if data.corrected else "registers_read_back"
-        run.emit(Message(message, {"count": len(self._done.found)}))
+        run.emit(Message(message, {"count": len(self._done.registers_read)}))
 
     def ended(self, ended: Ended) -> None:
         """Write the result of the unit and emit its verdict."""

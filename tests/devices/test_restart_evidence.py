@@ -83,7 +83,7 @@ def driver(unit: FlashUnit, **section: float) -> Iterator[ModbusImu]:
 
 def moved(imu: ModbusImu, noted: Noted, value: float = 0.5) -> Mapping[str, float]:
     registers = RegisterMap(tuple(pageless().registers))
-    return transfer(imu, registers, UNIT, {"gyro_bias_x": value}, noted.begin).found
+    return transfer(imu, registers, UNIT, {"gyro_bias_x": value}, noted.begin).registers_read
 
 
 @pytest.mark.long

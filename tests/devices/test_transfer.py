@@ -90,10 +90,10 @@ def test_transfer_follows_its_steps_and_stays_open_until_verified() -> None:
     assert unit.calls == ["reset", "read", "write", "read", "commit", "reset", "read"]
     assert noted.steps == ["written", "committing", "committed", "restarted"]
     assert noted.closing is None
-    assert done.found == noted.new
-    assert done.found["gyro_bias_x"] == float(np.float32(1.23456789e-6))
-    assert done.found["gyro_bias_y"] == noted.old["gyro_bias_y"] == OLD
-    assert "outer_lever_x" not in done.found
+    assert done.registers_read == noted.new
+    assert done.registers_read["gyro_bias_x"] == float(np.float32(1.23456789e-6))
+    assert done.registers_read["gyro_bias_y"] == noted.old["gyro_bias_y"] == OLD
+    assert "outer_lever_x" not in done.registers_read
 
 
 def test_different_unit_is_not_accessed() -> None:
@@ -165,7 +165,7 @@ def test_transfer_stays_open_if_the_link_is_lost_during_the_commit() -> None:
     assert noted.closing is None
     unit.cut = False
     unit.calls.clear()
-    assert finish(unit, MAP, noted).found == noted.new
+    assert finish(unit, MAP, noted).registers_read == noted.new
     assert "commit" not in unit.calls, "its flash held the new values already: no second cycle"
 
 

@@ -78,7 +78,7 @@ class Transferred:
     """A transfer whose values are in the unit's flash and were read back; its entry is open until they are verified."""
 
     entry: Entry
-    found: Mapping[str, float]
+    registers_read: Mapping[str, float]
 
 
 def flash_registers(imu: Imu) -> dict[str, float]:
@@ -124,7 +124,7 @@ def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, floa
     if recognise(imu, entry, registers) is Holds.OLD:
         entry.close(Closing.KEPT)
         return dict(entry.old)
-    registers_read = put_back(imu, registers, entry).found
+    registers_read = put_back(imu, registers, entry).registers_read
     entry.close(Closing.RESTORED)
     return registers_read
 

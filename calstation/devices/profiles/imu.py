@@ -180,7 +180,7 @@ class ImuProfile(_ProtocolSections):
 
     @property
     def frames(self) -> dict[tuple[str, ...], FrameSection]:
-        """The frames of all streams that the unit can send, by their place in the profile."""
+        """The frames of all streams that the unit can send, by key path in the profile."""
         corrected = self.corrected.frame if self.corrected is not None else None
         return {("frame",): self.frame} | ({} if corrected is None else {("corrected", "frame"): corrected})
 
