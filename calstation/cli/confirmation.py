@@ -1,20 +1,19 @@
 """Confirmation of an action by one or two engineers, who enter their PINs."""
 
-from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import typer
 
 from calstation.cli.text import say
 from calstation.config import (
     Person,
-    RunRequest,
     computer_user,
-    confirm,
-    confirmation_required,
-    load_product,
     load_station,
     pin_known,
 )
+
+if TYPE_CHECKING:
+    from calstation.runs import RunStart
 
 
 def ask_person(badge: str, *, pin: bool = True) -> Person:
@@ -33,17 +32,15 @@ def ask_people(
     return first, None if confirmed_by is None else ask_person(confirmed_by)
 
 
-def confirm_override(request: RunRequest, confirmed_by: str | None) -> RunRequest:
-    """Return a request with the confirmation of its check standard override that product and site require.
+def confirm_override(start: "RunStart", reason: str, confirmed_by: str | None) -> None:
+    """Permit a run despite a check standard, with the confirmation that product and site require.
 
     At a site without PINs the reason suffices. Raises ConfigurationError.
     """
-    station, product = load_station(request.station)[1], load_product(request.product)[1]
-    second_required = confirmation_required("override", product, station).second
-    if not (pin_known(station) or second_required or confirmed_by is not None):
-        return request
-    first, second = ask_people(request.operator, confirmed_by, computer_user() or "", pin=True)
-    return replace(request, overridden_by=confirm("override", product, station, first, second))
+    request, first, second = start.request, None, None
+    if pin_known(load_station(request.station)[1]) or start.override_required.second or confirmed_by is not None:
+        first, second = ask_people(request.operator, confirmed_by, computer_user() or "", pin=True)
+    start.override(reason, first, second)
 
 
 def ask(question: str) -> str:

@@ -4,7 +4,6 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from math import degrees
 from pathlib import Path
 
@@ -14,23 +13,17 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
 from rich.table import Table
 
+from calstation.cli.confirmation import confirm_override
 from calstation.cli.errors import command_options, complain, complete_commands, station_options
 from calstation.cli.show import emit_json, on_interrupt, on_line, result_table, show_line
 from calstation.cli.text import say, sentence, term
-from calstation.config import (
-    RegisterOperation,
-    RunRequest,
-    library,
-    load_station,
-    new_batch_id,
-    prepare_batch,
-)
+from calstation.config import RegisterOperation, RunRequest, load_station
 from calstation.database import Claim, start_exchange
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.messages import Text, event_text, step_text
-from calstation.records import RunSection, Verdict, open_log
-from calstation.results import Result
-from calstation.runs import INTERNAL, Engine, filled, serial_of, station_hooks
+from calstation.records import Verdict
+from calstation.results import History, Result
+from calstation.runs import INTERNAL, Engine, Question, RunStart
 from calstation.sequencer import (
     Command,
     Event,
@@ -58,14 +51,17 @@ _EXIT_CODES = {Verdict.PASSED: 0, Verdict.PARTIAL: 0, Verdict.FAILED: 1, Verdict
 _CONSISTENCY = {True: "cli.consistent", False: "cli.not_consistent", None: "cli.consistency_untested"}
 
 
-def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
-    """Run a calibration and return the exit code. Raises ConfigurationError for an invalid request."""
-    _, station = load_station(request.station)
-    setup = prepare_batch(filled(request), station_hooks(station).adjust)[0]
-    question = say("cli.confirm_run", station=station.name)
-    ask = station.bench is None and not setup.by_hand and not yes
-    if ask and not typer.confirm(question, err=True):
-        raise StoppedError("cli.not_confirmed")
+def run_command(
+    request: RunRequest, json: str | None, answers: Mapping[str, str | None], *, confirmed_by: str | None, debug: bool
+) -> int:
+    """Run a calibration and return the exit code.
+
+    `answers` are those given by options, by the subject of the question, None without the option; the answer about a
+    check standard is the reason of the override. Raises ConfigurationError for an invalid request.
+    """
+    if request.resume is not None and (request.stages is not None or request.seed is not None):
+        raise ConfigurationError("cli.resume_options")
+    request = _answered(request, answers, confirmed_by)
     finalized: list[Finalized] = []
     fault = None
     with shared_records(request) as new_claims:
@@ -75,7 +71,7 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
             elif isinstance(event, Fault) and not event.slot:
                 fault = event
         if finalized and request.serials:
-            names = station.slot_names
+            names = load_station(request.station)[1].slot_names
             _show_batch(sorted(finalized, key=lambda run: names.index(run.slot)), json, request)
         elif finalized:
             _show_run(finalized[0], json, request)
@@ -84,37 +80,35 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
     return max((_EXIT_CODES.get(run.verdict, 3) for run in finalized), default=3)
 
 
-def complete_request(request: RunRequest) -> RunRequest:
-    """Complete the request from the command line with missing serial numbers, and with an id for a batch.
+def _answered(request: RunRequest, answers: Mapping[str, str | None], confirmed_by: str | None) -> RunRequest:
+    """Return the request that the engine runs, after the questions before its start.
 
-    Raises ConfigurationError if the serial numbers are missing, or if an option contradicts the resumed run.
+    A question without an answer is asked on a terminal, otherwise it refuses the run. Raises ConfigurationError,
+    StoppedError.
     """
-    path, station = load_station(request.station)
-    serials = request.serials
-    if request.resume is not None:
-        if request.stages is not None or request.seed is not None:
-            raise ConfigurationError("cli.resume_options")
-        serials = serials or (serial_of(request.resume),)
-        run = open_log(request.resume).meta.run
-        product = request.product or _product_of(request.resume, run)
-        request = replace(request, product=product, slot=None if run is None else run.slot)
-    if not serials:
-        if station.bench is None:
-            raise ConfigurationError("cli.serial_missing", path=path)
-        serials = station.virtual_serials
-    if not any(serials):
-        raise ConfigurationError("batch.no_unit", station=path)
-    if request.resume is None and (station.slot_names or len(serials) > 1):
-        return replace(request, serial=next(filter(None, serials)), serials=serials, batch=new_batch_id())
-    return replace(request, serial=serials[0], serials=())
+    if request.out.is_dir():
+        History(request.out).refresh()
+    start = RunStart(request, "engineer")
+    while (question := start.next_question()) is not None:
+        answer = answers[question.subject]
+        if answer is None and not sys.stdin.isatty():
+            raise question.refusal
+        answer = _ask(question) if answer is None else answer
+        if question.subject == "standard":
+            confirm_override(start, answer, confirmed_by)
+        else:
+            start.answer(question, answer)
+    return start.request
 
 
-def _product_of(log: Path, run: RunSection | None) -> Path | None:
-    """Return the product file of the run of a log, None if the log does not contain it. Raises ConfigurationError."""
-    name = run.files["product"].name if run is not None and run.files else None
-    if name is not None and name not in library.names("products"):
-        raise ConfigurationError("cli.resume_product", path=log, name=name)
-    return None if name is None else library.find("products", name)
+def _ask(question: Question) -> str:
+    """Ask a question on the terminal and return the answer, the reason for an override. Raises StoppedError."""
+    sys.stderr.write(f"{sentence(question.text)}\n")
+    for answer in question.answers:
+        if typer.confirm(sentence(Text(f"answer.{answer}", question.text.values)), err=True):
+            reason = question.subject == "standard"
+            return str(typer.prompt(say("cli.ask_reason"), err=True)) if reason else answer
+    raise StoppedError("cli.not_confirmed")
 
 
 @contextmanager

@@ -1,8 +1,9 @@
 """Model of a station file: a location with its table and units, checked before anything moves."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from itertools import count, islice
 from pathlib import Path
 from typing import Annotated
 
@@ -90,14 +91,17 @@ class StationConfig(StrictModel):
         """Serial number of the unit on the virtual bench; empty on hardware."""
         return "" if self.bench is None else str(self.bench.get("serial", VIRTUAL_UNIT))
 
-    @property
-    def virtual_serials(self) -> tuple[str, ...]:
-        """Serial numbers of the units on the virtual bench, one per slot."""
+    def virtual_serials(self, unsuitable: Callable[[str], bool]) -> tuple[str, ...]:
+        """Serial numbers of the next units on the virtual bench, one per slot, without those that are unsuitable.
+
+        The serial number in the file of a station without slots is used in any case.
+        """
         first = self.virtual_serial
+        if self.bench is not None and "serial" in self.bench and not self.slot_names:
+            return (first,)
         stem, digits = first.rstrip("0123456789"), len(first) - len(first.rstrip("0123456789"))
-        count = max(1, len(self.slot_names))
-        number = int(first[len(stem) :] or 0)
-        return (first, *(f"{stem}{number + k:0{digits}d}" for k in range(1, count)))
+        serials = (f"{stem}{number:0{digits}d}" for number in count(int(first[len(stem) :] or 0)))
+        return tuple(islice((s for s in serials if not unsuitable(s)), max(1, len(self.slot_names))))
 
     @property
     def secondaries(self) -> dict[int, FurtherImuLinkSection]:

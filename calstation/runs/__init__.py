@@ -7,6 +7,7 @@ from calstation.runs.engine import INTERNAL, Engine
 from calstation.runs.hooks import RunHooks, station_hooks
 from calstation.runs.incomplete import close_incomplete_job, finish_incomplete, recover_startup
 from calstation.runs.preparation import prepare
-from calstation.runs.resume import Resumable, filled, find_resumable, resumable_run, serial_of
+from calstation.runs.resume import Resumable, find_resumable, resumable_run
 from calstation.runs.run import execute
+from calstation.runs.start import Question, Role, RunStart, resume_question
 from calstation.runs.summary import RunSummary, run_summary

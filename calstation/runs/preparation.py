@@ -33,6 +33,7 @@ from calstation.runs.cycle import Cycle
 from calstation.runs.hooks import RunHooks, station_hooks
 from calstation.runs.incomplete import finish_incomplete
 from calstation.runs.resume import Continuation
+from calstation.runs.start import attempts_used
 from calstation.sequencer import Control, Emit, Event, Message, to_json
 
 logger = logging.getLogger(__name__)
@@ -203,21 +204,13 @@ def _allowed(setup: RunConfiguration, history: History) -> RunConfiguration:
 
     Raises ConfigurationError.
     """
-    request = setup.request
-    failures, allowed = history.failures(request.serial), setup.product.attempts_allowed
-    used_up = allowed is not None and failures >= allowed and setup.check_standard is None
-    attempts: dict[str, Any] = {
-        "serial": request.serial,
-        "failures": failures,
-        "allowed": allowed,
-        "product": setup.product.name,
-    }
-    if used_up and not request.beyond_attempts:  # only an engineer may allow more
-        raise ConfigurationError("run.attempts_used", **attempts)
+    refusal, request = attempts_used(setup, history), setup.request
+    if refusal is not None and not request.beyond_attempts:
+        raise refusal
     setup = _with_standards(setup, history)
-    if used_up:
+    if refusal is not None:
         station = setup.station.name
-        append_audit(site_folder(), "attempt_allowed", request.operator or "", station=station, **attempts)
+        append_audit(site_folder(), "attempt_allowed", request.operator or "", station=station, **refusal.values)
     return setup
 
 

@@ -144,19 +144,6 @@ def _finished(log: Log) -> tuple[str, ...]:
     return finished
 
 
-def filled(request: RunRequest) -> RunRequest:
-    """Return the request, completed with the values of the run that it resumes, if any.
-
-    Raises ConfigurationError or InputError if that run cannot be resumed.
-    """
-    return request if request.resume is None else Continuation.of(request, request.resume).request
-
-
-def serial_of(path: Path) -> str:
-    """Return the serial number of the unit of a log. Raises InputError."""
-    return open_log(path).meta.imu.serial
-
-
 @dataclass(frozen=True)
 class Continuation:
     """Start of a resumed run: its request, the log that it continues, and the stages finished in that log."""

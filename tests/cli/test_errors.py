@@ -340,8 +340,11 @@ def test_declining_the_motion_prompt_ends_the_command(
     calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     station = edited(tmp_path, "stations", "example_hardware", SURVEYED)
+    run = ("run", "--station", station, "--serial", "SN-1")
+    check(calstation(*run), 2, "nobody has confirmed that everyone is clear", "--yes")
     monkeypatch.setattr("typer.confirm", lambda *a, **k: False)
-    check(calstation("run", "--station", station, "--serial", "SN-1"), 4, "nothing has moved")
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    check(calstation(*run), 4, "nothing has moved")
 
 
 def test_wrong_baud_rate_is_reported(calstation: Run, tmp_path: Path, home: Path) -> None:

@@ -20,7 +20,7 @@ def test_without_a_screen_a_run_starts_after_a_message(
         monkeypatch.delenv(name, raising=False)
     ran = []
 
-    def run(request: RunRequest, json: str | None, **options: object) -> int:
+    def run(request: RunRequest, *arguments: object, **options: object) -> int:
         ran.append(request)
         return 1
 

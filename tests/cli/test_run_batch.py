@@ -3,16 +3,18 @@
 import json
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import tomli_w
 
-from calstation.cli.run import _show_batch, complete_request
+from calstation.cli.run import _show_batch
 from calstation.config import RunRequest, library
 from calstation.errors import ConfigurationError
 from calstation.records import Verdict
+from calstation.runs import RunStart
 from calstation.sequencer import Finalized
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
@@ -30,7 +32,8 @@ def test_units_are_calibrated_together(tmp_path: Path, calstation: Callable[...,
     (batch,) = {result["batch"] for result in done.json}
     assert batch in done.err
     last = tmp_path / "runs" / done.json[1]["log"]["file"]
-    assert complete_request(RunRequest("", site.station, site.product, resume=last)).slot == "3"
+    with raises_code(ConfigurationError, "run.ended"):
+        RunStart(RunRequest("", site.station, site.product, resume=last), "engineer")
     assert "slot 3: six_position: " in done.err
 
 
@@ -145,11 +148,12 @@ def test_resumed_run_keeps_its_product(tmp_path: Path) -> None:
     site.write({"stages": ["six_position"]})
     log = Path(site.run().log)
     request = RunRequest("", site.station, resume=log)
-    with raises_code(ConfigurationError, "cli.resume_product"):
-        complete_request(request)
-    assert complete_request(RunRequest("", site.station, site.product, resume=log)).product == site.product
+    for product in (None, site.product):
+        with raises_code(ConfigurationError, "run.ended" if product else "run.resume_product"):
+            RunStart(replace(request, product=product), "engineer")
     folder = library.site_folder() / "products"
     folder.mkdir(parents=True, exist_ok=True)
     kept = folder / site.product.name
     kept.write_text(site.product.read_text(encoding="utf-8"), encoding="utf-8")
-    assert complete_request(request).product == kept
+    with raises_code(ConfigurationError, "run.ended"):
+        RunStart(request, "engineer")

@@ -24,13 +24,16 @@ from calstation.physics import DEGREE_PER_HOUR
 from calstation.records import LogMeta, RawLogWriter, Verdict
 from calstation.results import SCHEMA
 from calstation.sequencer import Finalized
+from procedures import method
 from tests.check_rows import check_row
 from tests.gui.conftest import RESULT
+from tests.site_folder import PRODUCT
 
 pytestmark = pytest.mark.timeout(120)
 WAIT = 60_000
 FAULT = DeviceFaultError("stream.repeated_no_data")
 NOW = datetime.now(UTC).replace(microsecond=0)
+STAGES = ("rate", "six_position")
 META: dict[str, Any] = {
     "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400, "azimuth_deg": 0.0},
     "imu": {
@@ -42,7 +45,7 @@ META: dict[str, Any] = {
         "gyro_arw": 1e-7,
         "accel_vrw": 5e-5,
     },
-    "run": {"stages": ["rate", "six_position"], "operator": "Li Wei", "software": "0.1"},
+    "run": {"stages": list(STAGES), "operator": "Li Wei", "software": "0.1"},
 }
 
 
@@ -84,9 +87,10 @@ def write_dead_log(folder: Path) -> Path:
     """Write the log of a run that was killed in its second stage one hour ago."""
     started = NOW - timedelta(hours=1)
     path = folder / f"SN-000003_{started:%Y%m%dT%H%M%S%f}.h5"
-    meta = {**META, "run": {**META["run"], "started_utc": started.isoformat()}}
+    schedule = {name: method(name).schedule(**PRODUCT["schedule"][name]).model_dump(mode="json") for name in STAGES}
+    meta = {**META, "run": {**META["run"], "started_utc": started.isoformat()}, "schedule": schedule}
     writer = RawLogWriter(path, LogMeta.model_validate(meta))
-    for k, stage in enumerate(("rate", "six_position")):
+    for k, stage in enumerate(STAGES):
         seq = np.arange(100 * k, 100 * k + 100, dtype=np.int64)
         ones = np.ones(100)
         writer.append(

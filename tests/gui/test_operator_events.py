@@ -206,13 +206,13 @@ def test_start_waits_while_another_page_uses_a_device(operator: Operator, monkey
 
     started: list[object] = []
     monkeypatch.setattr(EngineLink, "start", lambda _, order: started.append(order))
-    request = RunRequest(SERIAL, operator.site_folder.station, operator.site_folder.product, resume=Path("log.h5"))
-    operator.window.operator_page._starting.run(request)
+    request = RunRequest(SERIAL, operator.site_folder.station, operator.site_folder.product)
+    operator.window.operator_page._starting.dialog.begin(request)
     operator.press("clear_choice")
     assert started == []
     monkeypatch.setattr(JobQueue, "at_device", False)
     operator.press("clear_choice")
-    assert started == [replace(request, operator=operator.window.operator_page.header.badge_field.operator)]
+    assert started == [request]
 
 
 def test_failures_in_closing_earlier_runs_are_reported(operator: Operator) -> None:
@@ -343,14 +343,12 @@ def test_interrupted_unit_scanned_again_is_resumed_or_restarted(
     operator.window.show_page("engineer_page")
     operator.widget("engineer_serial_edit", QLineEdit).setText("SN-000003")
     operator.press("engineer_start_button")
-    assert "The run of SN-000003 was interrupted" in operator.says()
+    assert "SN-000003 was interrupted in stage 2" in operator.says()
     operator.press("anew_choice")
     assert len(started) == 3
     operator.press("engineer_start_button")
     operator.press("resume_choice")
-    assert len(started) == 3
-    assert operator.window.operator_page.isVisible()
-    operator.until(lambda: "SN-000003 was interrupted in stage 2" in operator.says())
+    assert [request.resume and request.resume.name for request in started[2:]] == [None, log.name]
 
 
 def test_ready_is_not_shown_while_station_and_product_are_incompatible(operator: Operator) -> None:

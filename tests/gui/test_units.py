@@ -405,7 +405,7 @@ def end_mixed_run(operator: Operator) -> None:
     for slot, outcome, more in (("3", "fault", {}), ("1", "passed", {}), ("2", "failed", FAILED)):
         end_unit(operator, slot, outcome, **more)
     link._end()
-    operator.until(lambda: operator.run.judged and tile(operator, "unit_1_verdict"))
+    operator.until(lambda: operator.run.ended and tile(operator, "unit_1_verdict"))
 
 
 @pytest.mark.long
@@ -614,7 +614,7 @@ def test_sixteen_units_fit_on_a_small_screen(operator: Operator) -> None:
     for number in range(1, 17):
         end_unit(operator, str(number), "failed" if number % 5 == 0 else "passed", **FAILED)
     operator.window.app.engine_link._end()
-    operator.until(lambda: operator.run.judged)
+    operator.until(lambda: operator.run.ended)
     for language in (0, 1):
         operator.widget("language_combo", QComboBox).setCurrentIndex(language)
         assert whole(operator, [f"unit_{number}_verdict" for number in range(1, 17)])
@@ -656,7 +656,7 @@ def test_long_slot_names_leave_notes_and_serial_numbers_readable(operator: Opera
     for name in names:
         end_unit(operator, name, "passed")
     operator.window.app.engine_link._end()
-    operator.until(lambda: operator.run.judged)
+    operator.until(lambda: operator.run.ended)
     assert whole(operator, [f"unit_{name}_verdict" for name in names])
     assert uncut(operator, [f"unit_{name}_verdict" for name in names])
 

@@ -13,13 +13,14 @@ from calstation.cli.confirmation import confirm_override
 from calstation.config import Confirmation, RunRequest, access
 from calstation.errors import ConfigurationError
 from calstation.records import AuditEvent, audit_path, read_audit
-from calstation.runs import prepare
+from calstation.runs import RunStart, prepare
 from calstation.sequencer import Control
 from tests.helpers import raises_code
 from tests.results.test_history import write
 from tests.site_folder import SiteFolder
 
 OVERDUE = {"name": "rate table", "kind": "table", "due": date(2020, 1, 2)}
+REASON = "table is at the laboratory"
 ENGINEERS = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
 
 
@@ -43,10 +44,21 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def overdue(site: SiteFolder, **station: Any) -> RunRequest:
-    """Request a run at a station with an overdue table certificate, with a reason for an override."""
+    """Request a run at a station with an overdue table certificate."""
     text = site.station.read_text(encoding="utf-8")
     site.station.write_text(tomli_w.dumps({"instruments": [OVERDUE]}) + text + tomli_w.dumps(station), encoding="utf-8")
-    return replace(site.request(), override_standard="table is at the laboratory")
+    return site.request()
+
+
+def confirmed(request: RunRequest) -> RunRequest:
+    """Return the request of a run that is permitted despite the certificate."""
+    start = RunStart(request, "operator")
+    question = start.next_question()
+    assert question is not None
+    assert (question.subject, question.refusal.code) == ("standard", "quality.standard_certificate")
+    confirm_override(start, REASON, None)
+    assert start.next_question() is None
+    return start.request
 
 
 def prepared(site: SiteFolder, request: RunRequest) -> None:
@@ -61,35 +73,35 @@ def test_override_requires_a_pin_at_a_site_with_a_pin(site_folder: SiteFolder, h
     access.set_pin("", "000000")
     request = overdue(site_folder)
     with raises_code(ConfigurationError, "confirmation.standard_required"):
-        prepared(site_folder, request)
+        prepared(site_folder, replace(request, override_standard=REASON))
     assert not events(home, "standard_overridden")
-    confirmed = confirm_override(request, None)
+    permitted = confirmed(request)
     assert asked == ["PIN of tester"]
-    assert confirmed.overridden_by == Confirmation("tester", pin="site")
-    prepared(site_folder, confirmed)
+    assert permitted.overridden_by == Confirmation("tester", pin="site")
+    prepared(site_folder, permitted)
     (event,) = events(home, "standard_overridden")
-    assert (event.by, event.why) == ("tester", "table is at the laboratory")
+    assert (event.by, event.why) == ("tester", REASON)
     access.set_pin("000000", "111111")
     with raises_code(ConfigurationError, "confirmation.wrong_pin"):
-        confirm_override(request, None)
+        confirmed(request)
 
 
 def test_station_with_engineers_asks_for_an_engineers_pin(site_folder: SiteFolder, asked: list[str]) -> None:
     request = overdue(site_folder, sign_in=ENGINEERS)
     with raises_code(ConfigurationError, "confirmation.not_engineer"):
-        confirm_override(request, None)
+        confirmed(replace(request, operator="B0003"))
     request = replace(request, operator="B0001")
     with raises_code(ConfigurationError, "confirmation.standard_required"):
-        prepared(site_folder, request)
+        prepared(site_folder, replace(request, override_standard=REASON))
     access.set_pin("", "999999")
     access.set_pin("999999", "000000", "B0001")
-    prepared(site_folder, confirm_override(request, None))
+    prepared(site_folder, confirmed(request))
 
 
 def test_override_requires_only_a_reason_at_a_site_without_a_pin(
     site_folder: SiteFolder, home: Path, asked: list[str]
 ) -> None:
-    prepared(site_folder, confirm_override(overdue(site_folder), None))
+    prepared(site_folder, confirmed(overdue(site_folder)))
     assert not asked
     (event,) = events(home, "standard_overridden")
     assert event.by == "tester"

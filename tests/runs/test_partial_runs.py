@@ -137,7 +137,19 @@ def command(folder: Path, product: str, seed: int, stages: str | None = None) ->
     """Run the command line for a unit; return exit code and result."""
     into = folder / "result.json"
     chosen = ("--stages", stages) if stages else ()
-    words = ("run", "--product", product, "--serial", "S-1", "--seed", seed, "--out", folder / "runs", *chosen)
+    words = (
+        "run",
+        "--again",
+        "--product",
+        product,
+        "--serial",
+        "S-1",
+        "--seed",
+        seed,
+        "--out",
+        folder / "runs",
+        *chosen,
+    )
     code = run_app([str(word) for word in (*words, "--json", into)])
     return code, json.loads(into.read_text(encoding="utf-8"))
 

@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from calstation.cli import run as run_display
-from calstation.cli.confirmation import confirm_override
 from calstation.cli.options import (
     ConfirmedByOption,
     JsonOption,
@@ -35,6 +34,8 @@ def run(
     json: JsonOption = None,
     yes: YesOption = False,
     resume: Annotated[Path | None, typer.Option(metavar="LOG")] = None,
+    restart: Annotated[bool, typer.Option("--restart")] = False,
+    again: Annotated[bool, typer.Option("--again")] = False,
     beyond_attempts: Annotated[bool, typer.Option("--beyond-attempts")] = False,
     override_standard: Annotated[str | None, typer.Option(metavar="REASON")] = None,
     faults: Annotated[Path | None, typer.Option(metavar="FILE.toml")] = None,
@@ -53,11 +54,13 @@ def run(
         speed=speed,
         seed=seed,
         resume=resume,
-        beyond_attempts=beyond_attempts,
-        override_standard=override_standard,
         faults=faults,
     )
-    request = run_display.complete_request(request)
-    if override_standard is not None:
-        request = confirm_override(request, confirmed_by)
-    return run_display.run_command(request, json, yes=yes, debug=bool(context.obj))
+    answers = {
+        "resume": "anew" if restart else None,
+        "attempts": "beyond" if beyond_attempts else None,
+        "passed": "repeat" if again else None,
+        "standard": override_standard,
+        "table_moves": "clear" if yes else None,
+    }
+    return run_display.run_command(request, json, answers, confirmed_by=confirmed_by, debug=bool(context.obj))

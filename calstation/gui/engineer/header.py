@@ -9,20 +9,26 @@ from calstation.gui.widgets import button, column, label, line_edit, row, theme
 
 
 class EngineerHeader(QWidget):
-    """The fields, START and the run status; emits `start_pressed`, and `edited` on every text change."""
+    """The fields, START and the run status.
+
+    `start_pressed()`; `edited()` : a text has changed; `serial_entered()` : Enter in the serial field, also sent by
+    scanners.
+    """
 
     start_pressed = Signal()
     edited = Signal()
+    serial_entered = Signal()
 
     def __init__(self, run: RunStatus) -> None:
         super().__init__()
-        self._next = self._partial = False
+        self._next, self._partial, self._slot = False, False, ""
         self.serial_edit = line_edit(
             "engineer_serial_edit", width=24 * theme.GRID, longest=80, hint="engineer.scan_or_type"
         )
         self.engineer_edit = line_edit(
             "engineer_name_edit", width=25 * theme.GRID, longest=40, hint="engineer.name_tip"
         )
+        self.serial_edit.returnPressed.connect(self.serial_entered)
         for edit in (self.serial_edit, self.engineer_edit):
             edit.setFixedHeight(theme.BUTTON)
             edit.textChanged.connect(lambda _: self.edited.emit())
@@ -58,11 +64,15 @@ class EngineerHeader(QWidget):
     def _show_start(self) -> None:
         self.start_button.setText(say("common.start_partial" if self._partial else "engineer.start"))
 
-    def show_next(self, following: bool) -> None:
-        """Show whether the serial number belongs to the next unit instead of the one whose verdict is shown."""
-        if following != self._next:
-            self._next = following
+    def show_next(self, following: bool, slot: str) -> None:
+        """Show whether the serial number belongs to the next unit instead of the one whose verdict is shown.
+
+        `slot` is the name of the slot of the next scan, "" if there is none.
+        """
+        if (following, slot) != (self._next, self._slot):
+            self._next, self._slot = following, slot
             self._serial_caption.setText(self._serial_text())
 
     def _serial_text(self) -> str:
-        return say("engineer.next_serial" if self._next else "common.serial_number")
+        caption = say("engineer.next_serial" if self._next else "common.serial_number")
+        return f"{caption}: {say('operator.slot', slot=self._slot)}" if self._slot and not self._next else caption

@@ -18,6 +18,7 @@ from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.registers_view import UNNAMED, RegistersView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
+from calstation.gui.operator import SlotsPanel, StartDialog
 from calstation.gui.state import AppContext, Page
 from calstation.gui.text import on_language_change, product_text, say
 from calstation.gui.widgets import (
@@ -32,8 +33,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import Text, event_text
-from calstation.results import FinishedRun
-from calstation.runs import resumable_run
+from calstation.results import FinishedRun, History
 from calstation.sequencer import Event, Finalized
 
 _LEFT = 46 * theme.GRID
@@ -53,6 +53,8 @@ class EngineerPage(Page):
         self.header = self._header = EngineerHeader(app.run)
         self._header.engineer_edit.setText(str(app.settings.value("engineer_name", "")))
         self.choice = ChoicePanel()
+        self._start_dialog = StartDialog(app, self.notice, "engineer_override", self._header.serial_edit.setFocus)
+        self._slots = SlotsPanel(app.slots, "engineer_")
         self.preview = PreviewView(app, self._request)
         self.registers = RegistersView(app, self._register_request)
         self.analysis = ResultAnalysis(app, self)
@@ -67,14 +69,16 @@ class EngineerPage(Page):
         self._tabs = ViewTabs(
             "engineer_views",
             *("engineer.preview", "common.parameters", "engineer.innovations", "common.residuals"),
-            *("engineer.observability", "engineer.register_view", "common.cycle", "engineer.design"),
+            *("engineer.observability", "engineer.register_view", "common.cycle", "engineer.design", "engineer.units"),
         )
-        self._views = stack(self.preview, *self.analysis.views, self.registers, self.analysis.cycle, self.design)
+        analysis = self.analysis
+        self._views = stack(self.preview, *analysis.views, self.registers, analysis.cycle, self.design, self._slots)
         self._source = ElidedLabel("muted")
         self._source.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         open_button = button("open_result_button", "common.open", self._ask_file, tip="engineer.open_tip")
         self.choice.setFixedWidth(_LEFT)
-        right = column(row(self._tabs, (self._source, 1), open_button), self.notice, (self._views, 1))
+        tabs = row(self._tabs, (self._source, 1), open_button)
+        right = column(tabs, self.notice, self._start_dialog.people, (self._views, 1))
         wide = 2 * theme.GRID
         row(self.choice, (right, 1), on=self, spacing=wide, margins=(wide, 0, wide, theme.GRID))
 
@@ -84,6 +88,8 @@ class EngineerPage(Page):
         self.choice.unlock_wanted.connect(app.role.ask)
         self.choice.save_wanted.connect(self._ask_to_save)
         self._header.start_pressed.connect(self._start)
+        self._header.serial_entered.connect(self._scan)
+        app.slots.changed.connect(self._update)
         self._header.edited.connect(self._update)
         self.preview.watch.done.connect(self.analysis.show_preview)
         self.analysis.changed.connect(lambda: self._source.setText(self.analysis.source()))
@@ -119,6 +125,8 @@ class EngineerPage(Page):
         except CalstationError as error:
             self._problem = error
         options = self._options
+        self._slots.plan(virtual=options is not None and options.virtual)
+        self._tabs.setTabVisible(self._views.indexOf(self._slots), options is not None and bool(options.slots))
         self.design.offer(options)
         self.choice.setEnabled(options is not None and bool(options.offered))
         if self._header.serial in ("", self._suggested):
@@ -193,7 +201,6 @@ class EngineerPage(Page):
             app.runs_folder,
             header.engineer or None,
             schedule=self.choice.schedule,
-            beyond_attempts=app.role.engineer,
         )
 
     def _register_request(self) -> RunRequest:
@@ -241,50 +248,31 @@ class EngineerPage(Page):
 
     # ---- START
 
+    def _scan(self) -> None:
+        """Put the entered unit into the next slot at a station with several."""
+        slots, serial = self.app.slots, self._header.serial
+        if not slots or self.app.engine_link.running:
+            return
+        if slots.units and not serial:
+            self._header.start_button.setFocus()
+            return
+        refusal = self._why_no_serial() or slots.refusal(serial)
+        if refusal is None and slots.next is not None:
+            self.notice.dismiss()
+            self._header.serial_edit.clear()
+            slots.fill(slots.next, serial, History(self.app.runs_folder).attempts(serial))
+        else:
+            self.notice.ask("caution", refusal or "", "")
+
     def _start(self) -> None:
         self.notice.dismiss()
         self.app.settings.setValue("engineer_name", self._header.engineer)
-        folder = self.app.runs_folder
-        interrupted = resumable_run(folder, self._header.serial) if folder.is_dir() else None
-        if interrupted is None:
-            self._start_anew()
-            return
-        choices = (
-            Choice("resume_choice", "common.resume", partial(self.app.resume_run.emit, interrupted.log), primary=True),
-            Choice("anew_choice", "engineer.begin_again", self._start_anew),
-            Choice("cancel_choice", "common.cancel", lambda: None),
-        )
-        title = Text.of("engineer.interrupted", serial=interrupted.serial)
-        self.notice.ask("paused", title, "engineer.ask_resume", choices)
-
-    def _start_anew(self) -> None:
-        """Start a run from its first stage, after confirmation on hardware."""
-        options = self._options
-        if options is None:
-            return
-        if options.virtual:
-            self._run()
-            return
-        choices = (
-            Choice("clear_choice", "engineer.all_clear", self._run),
-            Choice("cancel_choice", "common.cancel", lambda: None, primary=True),
-        )
-        self.notice.ask(
-            "caution", Text.of("engineer.table_moves", station=options.station), "engineer.ask_clear", choices
-        )
-
-    def _run(self) -> None:
-        request, badge = self._request(), self.app.badge
-        if self.app.badge_required:
-            self._update()
-        elif self.app.job_queue.at_device:
-            self.notice.ask("caution", "engineer.communicating", "engineer.start_again")
-        else:
-            self.app.engine_link.start(request if badge is None else replace(request, operator=badge))
+        request, serials = self._request(), self.app.slots.serials
+        self._start_dialog.begin(replace(request, serials=serials) if serials else request)
 
     def _run_changed(self) -> None:
         """Update only when a fault occurs or is cleared, because this slot is called many times per second."""
-        self._header.show_next(self.app.run.ended or self.app.run.fault is not None)
+        self._show_next()
         faulty = self.app.run.fault is not None
         if faulty != self._faulty:
             self._faulty = faulty
@@ -325,6 +313,7 @@ class EngineerPage(Page):
 
     def _update(self) -> None:
         """Enable the actions that are currently possible; the tooltips of the others show the reason."""
+        self._show_next()
         options, role = self._options, self._why_not_role()
         busy = ""
         if self.app.engine_link.running:
@@ -364,15 +353,24 @@ class EngineerPage(Page):
             return say("engineer.wrong_schedule", stages=invalid)
         return ""
 
+    def _show_next(self) -> None:
+        run, slot = self.app.run, self.app.slots.marked
+        self._header.show_next(run.ended or run.fault is not None, "" if slot is None or run.going else slot.name)
+
     def _why_no_unit(self) -> str:
-        serial, options = self._header.serial, self._options
-        if options is not None and options.slots:
-            return say("engineer.several_slots")
-        if not serial:
-            return say("engineer.no_serial")
-        if options is not None and not re.fullmatch(options.serial_pattern, serial):
-            return say("engineer.wrong_serial", example=options.serial_example)
-        return say("engineer.fault_unread") if self.app.run.fault is not None else ""
+        slots, serial = self.app.slots, self._header.serial
+        missing = not slots.units if slots else not serial
+        if missing:
+            return say("operator.no_unit" if slots else "engineer.no_serial")
+        refusal = None if slots else self._why_no_serial()
+        return say(refusal or ("engineer.fault_unread" if self.app.run.fault is not None else ""))
+
+    def _why_no_serial(self) -> Text | None:
+        """Return why the entered serial number does not belong to a unit of the product, or None."""
+        found = self._options
+        if found is None or re.fullmatch(found.serial_pattern, self._header.serial):
+            return None
+        return Text.of("engineer.wrong_serial", example=found.serial_example)
 
     def _why_not_save(self) -> str:
         if self._options is None or not self._options.offered or self._saving.busy:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject
 
-from calstation.config import computer_user, library, load_product
+from calstation.config import computer_user
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask
@@ -13,7 +13,14 @@ from calstation.gui.state import AppContext
 from calstation.gui.widgets import JobWatch, NoticeBar
 from calstation.messages import Text
 from calstation.results import Delivery
-from calstation.runs import Resumable, RunSummary, close_incomplete_job, find_resumable, recover_startup, resumable_run
+from calstation.runs import (
+    Resumable,
+    RunSummary,
+    close_incomplete_job,
+    find_resumable,
+    recover_startup,
+    resume_question,
+)
 
 
 class InterruptedRuns(QObject):
@@ -76,16 +83,6 @@ class InterruptedRuns(QObject):
     def _not_found(self, error: CalstationError) -> None:
         ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
 
-    def of(self, serial: str) -> Resumable | None:
-        """Return the run of a unit that can be resumed, or None."""
-        folder = self._app.runs_folder
-        return resumable_run(folder, serial) if folder.is_dir() else None
-
-    def ask(self, run: Resumable, anew: Callable[[], None]) -> None:
-        """Ask whether to resume the run of the entered unit, or to calibrate it `anew` from the first stage."""
-        answers = {"resume": lambda: self._resume(run), "anew": anew, "cancel": self._header.focus_scan}
-        ask(self._notice, "paused", _resume_question(run), answers, primary="resume")
-
     def _offer(self, runs: list[Resumable]) -> None:
         if not runs or self._notice.asking:
             return
@@ -95,7 +92,7 @@ class InterruptedRuns(QObject):
             "close_incomplete_job": lambda: self._close(run, others),
             "later": lambda: self._offer(others),
         }
-        ask(self._notice, "paused", _resume_question(run), answers, primary="resume")
+        ask(self._notice, "paused", resume_question(run), answers, primary="resume")
 
     def _close(self, run: Resumable, others: list[Resumable]) -> None:
         if self._app.badge_required:
@@ -104,22 +101,3 @@ class InterruptedRuns(QObject):
         operator = self._app.operator or computer_user()
         self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, operator))
         self._offer(others)
-
-
-def _resume_question(run: Resumable) -> Text:
-    """Return the question whether to resume a run after its finished stages."""
-    finished = len(run.finished)
-    stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
-    return Text.of("question.resume", serial=run.serial, number=finished + 1, stage=stage, when=run.started_utc)
-
-
-def product_file(name: str | None) -> Path | None:
-    """Return the file of a product, or None if there is none of this name."""
-    for stem in library.names("products"):
-        path = library.find("products", stem)
-        try:
-            if load_product(path)[1].name == name:
-                return path
-        except CalstationError:
-            continue
-    return None

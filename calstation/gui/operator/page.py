@@ -49,12 +49,6 @@ from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import Command
 
-#: Refusals of production that an engineer can override.
-_OVERRIDABLE = (
-    "quality.not_in_order",
-    *(f"quality.standard_{reason}" for reason in ("never", "overdue", "out", "certificate")),
-)
-
 #: What is wrong with a station whose rig does not suit the product, by the code of the error.
 _WRONG_RIGS = {
     "product.needs_manual_table": "window.driven_station",
@@ -90,7 +84,7 @@ class OperatorPage(Page):
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
         self._stages.setFixedWidth(38 * theme.GRID)
-        right = column(self.closing, self._claimed, self.notice, self._starting.people, (self._views, 1))
+        right = column(self.closing, self._claimed, self.notice, self._starting.dialog.people, (self._views, 1))
         counts = row(self._shift, None, ExchangeLabel(app), spacing=3 * theme.GRID)
         foot = panel(row((column(self._message, counts, spacing=0), 1), self._badge))
         page_margins = (2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
@@ -208,7 +202,7 @@ class OperatorPage(Page):
         self._starting.plan(planned)
         self._stages.plan(planned)
         self._loading.plan(planned)
-        self._slots.plan(planned)
+        self._slots.plan(virtual=planned is not None and planned.virtual)
         self._shift.plan(planned)
         if planned is not None:
             self.header.badge_field.set_section(planned.sign_in)
@@ -250,14 +244,12 @@ class OperatorPage(Page):
 
     def _acknowledge(self) -> None:
         run, request = self.app.run, self.app.engine_link.request
-        fault, interrupted = run.fault, next((unit for unit in run.units if unit.transfer is not None), None)
+        interrupted = next((unit for unit in run.units if unit.transfer is not None), None)
         run.acknowledge()
         self._starting.suggest()
         self.header.focus_scan()
         if interrupted is not None and request is not None:
             self._starting.ask_transfer(request, interrupted.serial)
-        elif fault is not None and fault.code in _OVERRIDABLE and request is not None:
-            self._starting.ask_override(request, CalstationError(fault.code, **fault.values).as_text)
         elif run.in_slots:
             self._starting.offer_same_units()
         else:

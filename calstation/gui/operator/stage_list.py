@@ -1,5 +1,7 @@
 """The stages of a run as a list: number, name, state, progress and time left."""
 
+from typing import cast
+
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListWidget, QListWidgetItem, QWidget
 
@@ -117,9 +119,7 @@ class StageList(QFrame):
         if kind == "active" and self._run.state in ("pausing", "paused"):
             kind = "paused"
         state, left = _state_text(stage), self._time_text(stage, planning)
-        shown = self.list.itemWidget(item)
-        assert isinstance(shown, _Row)
-        shown.show_stage(kind, name, state, left, stage.fraction)
+        cast("_Row", self.list.itemWidget(item)).show_stage(kind, name, state, left, stage.fraction)
         spoken = ", ".join(part for part in (name, state, left) if part)
         item.setData(Qt.ItemDataRole.AccessibleTextRole, spoken)
         item.setToolTip(spoken)

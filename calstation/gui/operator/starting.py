@@ -1,50 +1,47 @@
-"""Start of runs: checks the serial numbers, asks the necessary questions, starts the engine."""
+"""Start of runs on the operator page: serial numbers, slots and interrupted runs."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QObject
 
-from calstation.config import (
-    Person,
-    RunRequest,
-    computer_user,
-    confirm,
-    confirmation_required,
-    load_product,
-    load_station,
-    new_batch_id,
-)
+from calstation.config import RunRequest
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
-from calstation.gui.operator.interrupted import InterruptedRuns, product_file
-from calstation.gui.operator.questions import ask
-from calstation.gui.operator.units import Slots
-from calstation.gui.state import AppContext, PeoplePanel
+from calstation.gui.operator.interrupted import InterruptedRuns
+from calstation.gui.operator.questions import StartDialog, ask
+from calstation.gui.state import AppContext
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
-from calstation.records import RunRecord
 from calstation.results import History
-from calstation.runs import Resumable, RunSummary
+from calstation.runs import Resumable, RunSummary, resumable_run
 from calstation.sound import play
+
+#: Notes next to the field, by the reason why a scan was refused.
+_NOTES = {
+    "question.invalid_serial": "operator.not_valid",
+    "question.missing_serial": "operator.not_valid",
+    "question.serial_twice": "operator.twice",
+    "question.no_slot_left": "operator.no_slot_left",
+}
 
 
 class RunStarter(QObject):
-    """Performs all steps from a scan, or from the offer of an interrupted run, to the start of the engine."""
+    """Performs all steps from a scan, or from the offer of an interrupted run, to the questions before a start."""
 
     def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar) -> None:
         super().__init__(header)
         self._app, self._header, self._notice = app, header, notice
-        #: Panel that asks for the engineers who permit a run.
-        self.people = PeoplePanel("override")
+        #: Asks the questions before a start.
+        self.dialog = StartDialog(app, notice, "override", header.focus_scan)
         #: Summary of the next run; None if station and product are unusable.
         self.run_summary: RunSummary | None = None
         #: Units of the next run at a station with several slots.
-        self.slots = Slots(self)
+        self.slots = app.slots
         #: Serial number last suggested by the virtual bench.
         self._suggested = ""
         self.interrupted = InterruptedRuns(app, header, notice, self._resume)
@@ -75,11 +72,10 @@ class RunStarter(QObject):
         slots.remove_units(only_suggested=True)
         judged = [unit.serial for unit in run.units] if run.ended or run.fault is not None else []
         if self.run_summary is not None and self.run_summary.virtual and not header.serial:
-            history = self._history()
+            history = History(self._app.runs_folder)
 
             def unsuitable(serial: str) -> bool:
-                taken = serial in judged or serial in slots.serials
-                return taken or (history is not None and history.passed_before(serial) is not None)
+                return serial in (*judged, *slots.serials) or history.passed_before(serial) is not None
 
             for slot in [each for each in slots if each.open]:
                 slots.suggest(slot, suggested_serial(self.run_summary, unsuitable))
@@ -127,8 +123,9 @@ class RunStarter(QObject):
             return
         accepted = self.check()
         self._signal(accepted=accepted)
-        if accepted and not self.slots and (interrupted := self.interrupted.of(header.serial)) is not None:
-            self.interrupted.ask(interrupted, self._start_anew)
+        asks = accepted and not self.slots and not header.badge_field.required
+        if asks and resumable_run(self._app.runs_folder, header.serial) is not None:
+            self.start()
 
     def _signed_in(self) -> None:
         """Continue with the serial number, or with runs that can be resumed."""
@@ -169,21 +166,13 @@ class RunStarter(QObject):
         if slots.units and not header.serial:
             self._await_start()
             return True
-        if not self._valid(header.serial):
-            self._refuse(say("operator.not_valid"))
-            code = "question.invalid_serial" if header.serial else "question.missing_serial"
-            example = self.run_summary.serial_example
-            ask(self._notice, "caution", Text.of(code, serial=header.serial, example=example), {})
-            header.focus_scan()
-            return False
-        if slots and (where := slots.slot_of(header.serial)) is not None:
-            self._refuse(say("operator.twice"))
-            ask(self._notice, "caution", Text.of("question.serial_twice", serial=header.serial, slot=where.name), {})
-            header.focus_scan()
-            return False
-        if slots and slots.next is None:
-            self._refuse(say("operator.no_slot_left"))
-            ask(self._notice, "caution", Text.of("question.no_slot_left", serial=header.serial), {})
+        code = "question.invalid_serial" if header.serial else "question.missing_serial"
+        refusal: Text | None = Text.of(code, serial=header.serial, example=self.run_summary.serial_example)
+        if self._valid(header.serial):
+            refusal = slots.refusal(header.serial) if slots else None
+        if refusal is not None:
+            header.note_serial(say(_NOTES[refusal.code]), accepted=False)
+            ask(self._notice, "caution", refusal, {})
             header.focus_scan()
             return False
         before = self._attempts(header.serial)
@@ -210,132 +199,39 @@ class RunStarter(QObject):
         else:
             self._header.start_button.setFocus()
 
-    def _refuse(self, note: str) -> None:
-        """Show next to the field that a scan was refused."""
-        self._header.note_serial(note, accepted=False)
-
     def start(self) -> None:
         """Check the serial number, ask the necessary questions, then start the run."""
         if self._app.engine_link.running or not self.check():
             return
-        interrupted = None if self.slots else self.interrupted.of(self._header.serial)
-        if interrupted is None:
-            self._start_anew()
-        else:
-            self.interrupted.ask(interrupted, self._start_anew)
-
-    def _start_anew(self) -> None:
-        """Start a run from its first stage, after a question if a unit has passed before or failed too often."""
-        if self.run_summary is None:
-            return
-        app, history, slots = self._app, self._history(), self.slots
-        units = slots.units or (self._header.serial,)
-        batch = {"serials": slots.serials, "batch": new_batch_id()} if slots else {}
-        request = self._request(units[0], app.product_path, app.stages, schedule=app.schedule, **batch)
-        allowed = self.run_summary.attempts_allowed
-        failures = {serial: history.failures(serial) for serial in units} if history is not None else {}
-        too_often = [serial for serial, count in failures.items() if allowed is not None and count >= allowed]
-        others = [serial for serial in units if serial not in too_often]
-        passed = {serial: history.passed_before(serial) for serial in others} if history is not None else {}
-        before = {serial: run for serial, run in passed.items() if run is not None}
-        if too_often:
-            self._ask_attempt(too_often, max(failures.values()), before, request)
-        else:
-            self._ask_repeat(before, request)
-
-    def _ask_repeat(self, before: Mapping[str, RunRecord], request: RunRequest) -> None:
-        """Ask whether to calibrate units again that have passed before, if any, and start the run."""
-        if not before:
-            self.run(request)
-            return
-        question = Text.of("question.units_passed_before", serials=list(before))
-        if not self.slots:
-            ((serial, first),) = before.items()
-            where = "passed_elsewhere" if first.origin else "passed_before"
-            when, station = first.started_utc, first.station or "?"
-            question = Text.of(f"question.{where}", serial=serial, when=when, station=station)
-        self._ask(question, {"repeat": lambda: self.run(request)})
-
-    def run(self, request: RunRequest) -> None:
-        """Start a run; ask for confirmation before a real table moves."""
-        if self.run_summary is not None and self.run_summary.virtual:
-            self._launch(request)
-        else:
-            station = self.run_summary.station if self.run_summary is not None else ""
-            question = Text.of("question.table_moves", station=station)
-            self._ask(question, {"clear": lambda: self._launch(request)})
-
-    def _launch(self, request: RunRequest) -> None:
-        """Start the engine for the current operator, unless a badge is missing or a job uses a device."""
-        badge_field = self._header.badge_field
-        if badge_field.required:
-            ask(self._notice, "caution", Text("station.badge_missing"), {})
-            self._header.focus_scan()
-        elif self._app.job_queue.at_device:
-            self._ask(Text.of("question.device_busy"), {"clear": lambda: self._launch(request)})
-        else:
-            self._app.engine_link.start(replace(request, operator=badge_field.operator))
+        app, units = self._app, self.slots.units or (self._header.serial,)
+        self.dialog.begin(
+            self._request(units[0], app.product_path, app.stages, serials=self.slots.serials, schedule=app.schedule)
+        )
 
     def ask_transfer(self, request: RunRequest, serial: str) -> None:
         """Ask whether to restore old registers or to finish an interrupted transfer, then calibrate the unit alone."""
         slots = tuple(each if each == serial else "" for each in request.serials)
         request = replace(request, serial=serial, serials=slots, batch=None)
         manual = self.run_summary is None or self.run_summary.by_hand
-        question = Text.of(
-            "question.transfer_interrupted_manual" if manual else "question.transfer_interrupted", serial=request.serial
-        )
+        code = "question.transfer_interrupted_manual" if manual else "question.transfer_interrupted"
         answers = {
-            "restore": lambda: self.run(replace(request, unfinished="restore")),
-            "finish": lambda: self.run(replace(request, unfinished="finish")),
+            "restore": lambda: self.dialog.begin(replace(request, unfinished="restore")),
+            "finish": lambda: self.dialog.begin(replace(request, unfinished="finish")),
+            "cancel": self._header.focus_scan,
         }
-        self._ask(question, answers)
-
-    def ask_override(self, request: RunRequest, refusal: Text) -> None:
-        """Offer an engineer to calibrate despite an overdue or failed check standard or certificate."""
-        if not self.slots:
-            self._header.set_serial(request.serial)
-        self._ask(refusal, {"override": lambda: self._ask_engineer(request)})
-
-    def _ask_engineer(self, request: RunRequest) -> None:
-        try:
-            files = load_product(request.product)[1], load_station(request.station)[1]
-        except CalstationError as error:
-            ask(self._notice, "caution", Text.of("question.cannot_run", why=error.as_text), {})
-            return
-        required = confirmation_required("override", *files)
-
-        def confirmed(reason: str, first: Person, second: Person | None) -> None:
-            try:
-                people = confirm("override", *files, first, second)
-            except CalstationError as error:
-                ask(self._notice, "bad", error.as_text, {})
-                self.people.retry()
-                return
-            self.people.hide()
-            self._notice.dismiss()
-            self.run(replace(request, override_standard=reason, overridden_by=people))
-
-        by = (self._app.badge if required.badge else self._app.operator or computer_user()) or ""
-        self.people.ask(Text.of("operator.ask_calibrate", serial=request.serial), required, confirmed, by=by)
+        ask(self._notice, "caution", Text.of(code, serial=serial), answers, primary="cancel")
 
     def _resume(self, run: Resumable) -> None:
-        product = product_file(run.product) or self._app.product_path
         self._header.set_serial(run.serial)
-        self.run(self._request(run.serial, product, run.stages, resume=run.log))
+        self.dialog.begin(self._request(run.serial, None, None, resume=run.log))
 
     def _request(self, serial: str, product: Path | None, stages: tuple[str, ...] | None, **more: Any) -> RunRequest:
-        app = self._app
-        return RunRequest(serial, app.station_path, product, stages, app.runs_folder, **more)
-
-    def _history(self) -> History | None:
-        """Return the history of earlier runs, or None if there is no runs folder."""
-        folder = self._app.runs_folder
-        return History(folder) if folder.is_dir() else None
+        app, operator = self._app, self._header.badge_field.operator
+        return RunRequest(serial, app.station_path, product, stages, app.runs_folder, operator, **more)
 
     def _attempts(self, serial: str) -> int:
         """Return the number of earlier runs of a unit."""
-        history = self._history()
-        return 0 if history is None else history.attempts(serial)
+        return History(self._app.runs_folder).attempts(serial)
 
     def _note_next(self, *, accepted: bool | None = None) -> None:
         """Show the slot of the next scan and, while a verdict is shown, that the field is for the next unit."""
@@ -347,23 +243,6 @@ class RunStarter(QObject):
             if following is not None:
                 note = say("operator.slot", slot=following.name)
         self._header.note_serial(note, accepted=accepted)
-
-    def _ask_attempt(
-        self, serials: list[str], failures: int, before: Mapping[str, RunRecord], request: RunRequest
-    ) -> None:
-        """Ask for another attempt after too many failures, which only an engineer can permit, then about the others."""
-        kind = "units_" if self.slots else ""
-        values = {"serial": serials[0], "serials": serials, "count": failures}
-        if self._app.role.engineer:
-            question = Text.of(f"question.{kind}allow_attempt", **values)
-            beyond = replace(request, beyond_attempts=True)
-            self._ask(question, {"beyond": lambda: self._ask_repeat(before, beyond)}, "bad")
-        else:
-            self._ask(Text.of(f"question.{kind}set_aside", **values), {"unlock": self._app.role.ask}, "bad")
-
-    def _ask(self, question: Text, answers: Mapping[str, Callable[[], None]], kind: str = "caution") -> None:
-        """Ask a question that can also be cancelled."""
-        ask(self._notice, kind, question, {**answers, "cancel": self._header.focus_scan}, primary="cancel")
 
 
 def suggested_serial(run_summary: RunSummary, unsuitable: Callable[[str], bool]) -> str:

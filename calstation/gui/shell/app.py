@@ -3,6 +3,7 @@
 import signal
 import sys
 from pathlib import Path
+from typing import cast
 
 from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QGuiApplication
@@ -17,8 +18,7 @@ from calstation.gui.widgets import theme
 
 def create_window(station: Path | None = None) -> MainWindow:
     """Create the main window for a station file, by default the last one, and the QApplication if there is none."""
-    app = QApplication.instance() or QApplication(sys.argv[:1])
-    assert isinstance(app, QApplication)
+    app = cast("QApplication", QApplication.instance() or QApplication(sys.argv[:1]))
     app.setApplicationName("calstation")
     if not app.styleSheet():  # setting the style again would polish every widget, which is slow
         app.setStyle("Fusion")

@@ -155,10 +155,12 @@ class MainWindow(QMainWindow):
 
     @property
     def operator_page(self) -> OperatorPage:
+        """The operator page."""
         return cast("OperatorPage", self._tabs["operator_page"].page)
 
     @property
     def offline_page(self) -> "OfflinePage":
+        """The offline page, which is created when first used."""
         return cast("OfflinePage", self._tabs["offline_page"].page)
 
     def show_page(self, name: str) -> None:

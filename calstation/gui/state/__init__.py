@@ -10,4 +10,5 @@ from calstation.gui.state.reset_bar import ResetBar
 from calstation.gui.state.role import RolePanel
 from calstation.gui.state.run_status import RunStatus, planned
 from calstation.gui.state.run_strip import EndStageButton, ExchangeLabel, RunStrip, run_badge
+from calstation.gui.state.slots import Slot, Slots
 from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus, largest_sigmas

@@ -12,6 +12,7 @@ from calstation.database import ExchangeState
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.state.role import RoleLock
 from calstation.gui.state.run_status import RunStatus
+from calstation.gui.state.slots import Slots
 from calstation.gui.text import language
 from calstation.gui.widgets import JobWatch, Slot, theme
 from calstation.jobs import JobQueue
@@ -48,6 +49,8 @@ class AppContext(QObject):
         self.engine_link = EngineLink(self)
         self.run = RunStatus(self.engine_link, self)
         self.role = RoleLock(self)
+        #: Units of the next run at a station with several slots.
+        self.slots = Slots(self)
         #: Station file; None selects the default, the virtual bench.
         self.station_path = station or self._last_station()
         self.product_path: Path | None = None

@@ -1,5 +1,7 @@
 """Field for the operator: an optional name or, if the station requires it, a badge to sign in with."""
 
+from typing import cast
+
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, QTimer, Signal
 from PySide6.QtWidgets import QApplication, QLineEdit, QWidget
 
@@ -38,6 +40,7 @@ class BadgeField(QWidget):
         self._held = False
         self._idle = QTimer(self, singleShot=True)
         self._idle.timeout.connect(self._sign_out_idle)
+        self._application = cast("QCoreApplication", QApplication.instance())
         self.sign_out_button = button("sign_out_button", "operator.sign_out", self.sign_out)
         self.sign_out_button.hide()
         caption = label("common.operator", buddy=self.edit)
@@ -79,7 +82,8 @@ class BadgeField(QWidget):
 
     def sign_in(self, badge: str) -> None:
         """Sign in the operator with a badge, replacing the previous one."""
-        assert self._section is not None
+        if self._section is None:
+            return
         try:
             name = self._section.operator(badge)
         except ConfigurationError as error:
@@ -90,7 +94,7 @@ class BadgeField(QWidget):
         self.edit.setText(name)
         self._show()
         if self._section.idle_minutes is not None:
-            _application().installEventFilter(self)
+            self._application.installEventFilter(self)
             self._idle.start(round(60_000 * self._section.idle_minutes))
         self.signed_in.emit()
 
@@ -100,7 +104,7 @@ class BadgeField(QWidget):
             self._badge = ""
             self.edit.clear()
             self._idle.stop()
-            _application().removeEventFilter(self)
+            self._application.removeEventFilter(self)
         self._show()
         self.signed_out.emit()
 
@@ -134,9 +138,3 @@ class BadgeField(QWidget):
     def _show(self) -> None:
         self.edit.setReadOnly(bool(self._badge))
         self.sign_out_button.setVisible(bool(self._badge))
-
-
-def _application() -> QCoreApplication:
-    app = QApplication.instance()
-    assert app is not None
-    return app

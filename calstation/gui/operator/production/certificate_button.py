@@ -13,6 +13,7 @@ from calstation.gui.state import AppContext, PeoplePanel
 from calstation.gui.text import Words, bind, language, say
 from calstation.gui.widgets import Choice, JobWatch, NoticeBar
 from calstation.messages import Text
+from calstation.records import IssuedReport
 from calstation.reports import IssueState, issue_certificate, issue_state
 from calstation.results import Result
 
@@ -68,28 +69,25 @@ class CertificateButton(QPushButton):
         elif state.last is None or (state.pdf is None and not state.changed):
             self._issue(state, Person(self._by(state) or computer_user() or "-"))
         else:
-            self._show_issued(state)
+            self._show_issued(state, state.last)
 
-    def _show_issued(self, state: IssueState) -> None:
-        last = state.last
-        assert last is not None
-        changed = state.changed
+    def _show_issued(self, state: IssueState, last: IssuedReport) -> None:
         if state.pdf is not None:
             self._open(state.pdf)
+        why = Text.of("operator.why_revised", number=last.identification)
         self._notice.ask(
-            "none" if state.pdf is not None and not changed else "caution",
+            "none" if state.pdf is not None and not state.changed else "caution",
             Text.of("operator.certificate_issued_on", number=last.identification, date=last.issued),
-            "operator.certificate_outdated" if changed else "",
+            "operator.certificate_outdated" if state.changed else "",
             (
                 Choice("certificate_close_button", "common.close", self._then),
-                Choice("certificate_revise_button", "operator.issue_revision", lambda: self._revise(state)),
+                Choice(
+                    "certificate_revise_button",
+                    "operator.issue_revision",
+                    lambda: self._ask_people(why, state, reason=True),
+                ),
             ),
         )
-
-    def _revise(self, state: IssueState) -> None:
-        last = state.last
-        assert last is not None
-        self._ask_people(Text.of("operator.why_revised", number=last.identification), state, reason=True)
 
     def _ask_people(self, title: Words, state: IssueState, *, reason: bool = False) -> None:
         def confirmed(why: str, first: Person, second: Person | None) -> None:

@@ -1,26 +1,25 @@
 """The slots of the table before a run: a tile for each, with the scanned serial number."""
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFrame, QLabel, QWidget
+from PySide6.QtWidgets import QFrame, QLabel
 
-from calstation.gui.operator.units.slots import Slot, Slots
 from calstation.gui.operator.units.tile import Tile, arrange, pass_clicks
+from calstation.gui.state import Slot, Slots
 from calstation.gui.text import on_language_change, rendered, say
 from calstation.gui.widgets import PANEL, ElidedLabel, StateIcon, button, column, grid, label, row, show_text, theme
 from calstation.messages import Text
-from calstation.runs import RunSummary
 
 
 class _SlotTile(Tile):
     """A slot: its name above its unit with a note, and a button to clear or to skip it."""
 
-    def __init__(self, slot: Slot, slots: Slots) -> None:
-        super().__init__(f"slot_{slot.name}_tile")
-        self._slot, self._slots = slot, slots
+    def __init__(self, slot: Slot, slots: Slots, prefix: str) -> None:
+        super().__init__(f"{prefix}slot_{slot.name}_tile")
+        self.slot, self._slots = slot, slots
         self._icon, self._name = StateIcon(18), ElidedLabel("muted")
         self._serial, self._note = ElidedLabel(), ElidedLabel("muted")
         self._serial.setFont(theme.font(theme.SECTION, bold=True))
-        self.action = button(f"slot_{slot.name}_button", pressed=self._act)
+        self.action = button(f"{prefix}slot_{slot.name}_button", pressed=self._act)
         # the keys of a scan after a click must not trigger it again
         self.action.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         shown_or_not = self.action.sizePolicy()
@@ -37,7 +36,7 @@ class _SlotTile(Tile):
 
     def refresh(self) -> None:
         """Show the state of the slot."""
-        slot, following = self._slot, self._slots.marked is self._slot
+        slot, following = self.slot, self._slots.marked is self.slot
         self.show_chosen(following)
         self._icon.set_kind("good" if slot.serial else "active" if following else "none")
         if slot.serial:
@@ -56,26 +55,29 @@ class _SlotTile(Tile):
         self.setToolTip(self.accessibleName())
 
     def _act(self) -> None:
-        if self._slot.serial:
-            self._slots.clear(self._slot)
+        if self.slot.serial:
+            self._slots.clear(self.slot)
         else:
-            self._slots.leave_empty(self._slot, left_empty=not self._slot.left_empty)
+            self._slots.leave_empty(self.slot, left_empty=not self.slot.left_empty)
 
 
 class SlotsPanel(QFrame):
-    """All slots in order with a line of instructions; emits `acted` when an operator has clicked in it."""
+    """All slots in order with a line of instructions; emits `acted` when an operator has clicked in it.
+
+    The names of its widgets begin with `prefix`.
+    """
 
     acted = Signal()
 
-    def __init__(self, slots: Slots, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, slots: Slots, prefix: str = "") -> None:
+        super().__init__()
         self.setProperty("kind", "panel")
-        self._slots = slots
+        self._slots, self._prefix = slots, prefix
         self._situation = "driven"
         self._tiles: list[_SlotTile] = []
         self._title, self._text = label(kind="section"), label(kind="muted", wrap=True)
         self._count = QLabel()
-        self._count.setObjectName("slots_count_label")
+        self._count.setObjectName(f"{prefix}slots_count_label")
         self._grid = grid()
         column(
             row((self._title, 1), self._count),
@@ -87,17 +89,18 @@ class SlotsPanel(QFrame):
         slots.changed.connect(self._refresh)
         on_language_change(self, self._refresh)
 
-    def plan(self, run_summary: RunSummary | None) -> None:
-        """Show the slots of the next run."""
-        self._situation = "virtual" if run_summary is not None and run_summary.virtual else "driven"
-        self._tiles = [_SlotTile(slot, self._slots) for slot in self._slots]
-        for tile in self._tiles:
-            tile.clicked.connect(self.acted)
-            tile.action.clicked.connect(self.acted)
-        arrange(self._grid, self._tiles)
+    def plan(self, *, virtual: bool) -> None:
+        """Show the instructions for a virtual bench or for hardware."""
+        self._situation = "virtual" if virtual else "driven"
         self._refresh()
 
     def _refresh(self) -> None:
+        if [tile.slot for tile in self._tiles] != list(self._slots):
+            self._tiles = [_SlotTile(slot, self._slots, self._prefix) for slot in self._slots]
+            for tile in self._tiles:
+                tile.clicked.connect(self.acted)
+                tile.action.clicked.connect(self.acted)
+            arrange(self._grid, self._tiles)
         words = rendered(Text(f"loading.slots_{self._situation}"))
         self._title.setText(words.text)
         self._text.setText(words.remedy)

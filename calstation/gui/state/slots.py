@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import QObject, Signal
 
+from calstation.messages import Text
+
 
 @dataclass(eq=False)
 class Slot:
@@ -70,9 +72,12 @@ class Slots(QObject):
             self._chosen = None
             self.changed.emit()
 
-    def slot_of(self, serial: str) -> Slot | None:
-        """Return the slot of a scanned unit, or None; suggestions do not count."""
-        return next((slot for slot in self._slots if slot.serial == serial and not slot.suggested), None)
+    def refusal(self, serial: str) -> Text | None:
+        """Return why no slot takes a scanned unit, or None."""
+        slot = next((slot for slot in self._slots if slot.serial == serial and not slot.suggested), None)
+        if slot is not None:
+            return Text.of("question.serial_twice", serial=serial, slot=slot.name)
+        return Text.of("question.no_slot_left", serial=serial) if self.next is None else None
 
     def suggest(self, slot: Slot, serial: str) -> None:
         """Fill an open slot with the serial number of a simulated unit; "" for none."""

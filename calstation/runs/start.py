@@ -1,0 +1,233 @@
+"""The one way to start a run: what is asked or refused before it, and the request that the engine runs."""
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+from calstation.config import (
+    ConfirmationRequired,
+    Person,
+    RunConfiguration,
+    RunRequest,
+    confirm,
+    confirmation_required,
+    library,
+    load_station,
+    new_batch_id,
+    prepare_batch,
+)
+from calstation.errors import ConfigurationError
+from calstation.messages import Text, Value
+from calstation.quality import require_standards
+from calstation.records import open_log
+from calstation.results import History
+from calstation.runs.hooks import station_hooks
+from calstation.runs.resume import Continuation, Resumable, resumable_run
+
+#: Role of the person who starts a run.
+Role = Literal["operator", "engineer"]
+
+#: Subject of a question: an interrupted run of the unit, attempts used up, a unit that has passed, a check standard or
+#: certificate that is overdue or failed, or the motion of a real table.
+Subject = Literal["resume", "attempts", "passed", "standard", "table_moves"]
+
+#: Refusals of production that an engineer can override.
+_OVERRIDABLE = (
+    "quality.not_in_order",
+    *(f"quality.standard_{reason}" for reason in ("never", "overdue", "out", "certificate")),
+)
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question that a person answers before a run may start."""
+
+    subject: Subject
+    text: Text  #: The question, an entry of the catalogue.
+    #: Answers with which the run starts, entries of the catalogue family ``answer``; () if only an engineer may answer.
+    answers: tuple[str, ...]
+    refusal: ConfigurationError  #: Error of a run that starts without an answer; its remedy names the option.
+
+
+class RunStart:
+    """A run before its start.
+
+    `next_question` returns what must be asked, `answer` and `override` take the answers, and `request` is the request
+    that the engine runs, of one unit or of a batch.
+    """
+
+    def __init__(self, request: RunRequest, role: Role) -> None:
+        """Check a request that a person of this role has made; its serial numbers are in the order of the slots.
+
+        Raises ConfigurationError or InputError if the run is not possible as requested.
+        """
+        self._role, self._history = role, History(request.out)
+        self._answered: set[Subject] = set()
+        self._use(_completed(request, self._history))
+
+    def _use(self, request: RunRequest) -> None:
+        resumed = None if request.resume is None else Continuation.of(request, request.resume).request
+        adjust = station_hooks(load_station(request.station)[1]).adjust
+        self.request, self._setups = request, prepare_batch(resumed or request, adjust)
+        if resumed is not None or request.unfinished is not None:  # asked before the interruption
+            self._answered |= {"resume", "passed"}
+
+    def next_question(self) -> Question | None:
+        """Return the first open question, or None if the run may start. Raises ConfigurationError."""
+        for subject, ask in (
+            ("resume", self._ask_resume),
+            ("attempts", self._ask_attempts),
+            ("passed", self._ask_passed),
+            ("standard", self._ask_standard),
+            ("table_moves", self._ask_motion),
+        ):
+            question = None if subject in self._answered else ask()
+            if question is not None:
+                return question
+        return None
+
+    def answer(self, question: Question, answer: str) -> None:
+        """Take one of the answers to a question; see `override` for a check standard.
+
+        Raises ConfigurationError or InputError if an interrupted run cannot be resumed.
+        """
+        if answer == "resume":
+            log = Path(str(question.refusal.values["log"]))
+            self._use(replace(self.request, resume=log, product=_product_of(log) or self.request.product))
+        elif answer == "beyond":
+            self.request = replace(self.request, beyond_attempts=True)
+        self._answered.add(question.subject)
+
+    @property
+    def override_required(self) -> ConfirmationRequired:
+        """Who must confirm an `override`."""
+        return confirmation_required("override", self._strictest.product, self._strictest.station)
+
+    def override(self, reason: str, first: Person | None, second: Person | None = None) -> None:
+        """Permit the run despite a check standard or a certificate that is overdue or has failed.
+
+        `first` is None at a site without PINs, where a reason suffices. Raises ConfigurationError if the reason is
+        missing or a person may not permit it.
+        """
+        if not reason.strip():
+            raise ConfigurationError("quality.no_reason")
+        setup = self._strictest
+        people = None if first is None else confirm("override", setup.product, setup.station, first, second)
+        self.request = replace(self.request, override_standard=reason, overridden_by=people)
+        self._answered.add("standard")
+
+    @property
+    def _strictest(self) -> RunConfiguration:
+        """Configuration of a unit whose product requires two people for an override, or of the first unit."""
+        two = (s for s in self._setups if confirmation_required("override", s.product, s.station).second)
+        return next(two, self._setups[0])
+
+    def _ask_resume(self) -> Question | None:
+        request = self.request
+        run = None if request.serials else resumable_run(request.out, request.serial)
+        if run is None:
+            return None
+        question = resume_question(run)
+        refusal = ConfigurationError("run.interrupted_before", log=str(run.log), **question.values)
+        return Question("resume", question, ("resume", "anew"), refusal)
+
+    def _ask_attempts(self) -> Question | None:
+        used_up = self._attempts_used()
+        if not used_up or self.request.beyond_attempts:
+            return None
+        serials = [refusal.values["serial"] for refusal in used_up]
+        values = {"serial": serials[0], "serials": serials, "count": max(r.values["failures"] for r in used_up)}
+        engineer = self._role == "engineer"
+        text = self._text("allow_attempt" if engineer else "set_aside", values)
+        return Question("attempts", text, ("beyond",) if engineer else (), used_up[0])
+
+    def _attempts_used(self) -> list[ConfigurationError]:
+        """Return the refusals of the units whose attempts are used up."""
+        return [refusal for s in self._setups if (refusal := attempts_used(s, self._history)) is not None]
+
+    def _ask_passed(self) -> Question | None:
+        failed = {refusal.values["serial"] for refusal in self._attempts_used()}
+        units = [s.request.serial for s in self._setups if s.check_standard is None]
+        passed = [run for serial in units if serial not in failed and (run := self._history.passed_before(serial))]
+        if not passed:
+            return None
+        first, serials = passed[0], [run.serial for run in passed]
+        about = {"serial": first.serial, "when": first.started_utc, "station": first.station or "?", "serials": serials}
+        elsewhere = "passed_elsewhere" if first.origin and not self.request.serials else "passed_before"
+        refusal = ConfigurationError("run.passed_before", serials=serials)
+        return Question("passed", self._text(elsewhere, about), ("repeat",), refusal)
+
+    def _ask_standard(self) -> Question | None:
+        for setup in self._setups:
+            try:
+                require_standards(setup, self._history, datetime.now(UTC))
+            except ConfigurationError as error:
+                if error.code not in _OVERRIDABLE:
+                    raise
+                return Question("standard", error.as_text, ("override",), error)
+        return None
+
+    def _ask_motion(self) -> Question | None:
+        setup = self._setups[0]
+        if setup.station.bench is not None or setup.by_hand:
+            return None
+        station = setup.station.name
+        refusal = ConfigurationError("run.table_moves", station=station)
+        return Question("table_moves", Text.of("question.table_moves", station=station), ("clear",), refusal)
+
+    def _text(self, name: str, values: dict[str, Value]) -> Text:
+        """Return a question about the only unit, or about units of a batch."""
+        return Text(f"question.{'units_' if self.request.serials else ''}{name}", values)
+
+
+def resume_question(run: Resumable) -> Text:
+    """Return the question whether to resume a run after its finished stages."""
+    finished = len(run.finished)
+    stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
+    return Text.of("question.resume", serial=run.serial, number=finished + 1, stage=stage, when=run.started_utc)
+
+
+def attempts_used(setup: RunConfiguration, history: History) -> ConfigurationError | None:
+    """Return the refusal of a unit whose attempts are used up, or None; check standards have no limit."""
+    serial, product = setup.request.serial, setup.product
+    failures, allowed = history.failures(serial), product.attempts_allowed
+    if allowed is None or failures < allowed or setup.check_standard is not None:
+        return None
+    return ConfigurationError(
+        "run.attempts_used", serial=serial, failures=failures, allowed=allowed, product=product.name
+    )
+
+
+def _completed(request: RunRequest, history: History) -> RunRequest:
+    """Complete a request with the unit of the log that it resumes, the bench's units, and the id of a batch.
+
+    Raises ConfigurationError if it names no unit, InputError if the log cannot be read.
+    """
+    path, station = load_station(request.station)
+    if request.resume is not None:
+        meta, product = open_log(request.resume).meta, request.product or _product_of(request.resume)
+        serial = next(filter(None, (request.serial, *request.serials)), meta.imu.serial)
+        slot = None if meta.run is None else meta.run.slot
+        return replace(request, serial=serial, serials=(), product=product, slot=slot)
+    serials = request.serials or (request.serial,)
+    if not any(serials) and request.serials:
+        raise ConfigurationError("batch.no_unit", station=path)
+    if not any(serials) and station.bench is None:
+        raise ConfigurationError("run.serial_missing", path=path)
+    if not any(serials):
+        serials = station.virtual_serials(lambda serial: history.passed_before(serial) is not None)
+    if not station.slot_names and len(serials) == 1:
+        return replace(request, serial=serials[0], serials=())
+    return replace(request, serial=next(filter(None, serials)), serials=serials, batch=new_batch_id())
+
+
+def _product_of(log: Path) -> Path | None:
+    """Return the product file of the run of a log, None if the log does not name it. Raises ConfigurationError."""
+    run = open_log(log).meta.run
+    name = run.files["product"].name if run is not None and run.files else None
+    if name is None:
+        return None
+    if name not in library.names("products"):
+        raise ConfigurationError("run.resume_product", path=log, name=name)
+    return library.find("products", name)

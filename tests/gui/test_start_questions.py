@@ -1,0 +1,256 @@
+"""Operator page, engineer page and command line ask the same questions before a run and start the same run."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QLineEdit, QPushButton
+
+from calstation.cli import run as run_module
+from calstation.cli.app import run_app
+from calstation.config import RunRequest, access
+from calstation.gui.state.engine_link import EngineLink
+from calstation.results import History
+from calstation.runs import finish_incomplete
+from tests.database.result_files import write_result
+from tests.gui.conftest import SERIAL, Operator
+from tests.gui.test_history_page import write_dead_log
+from tests.site_folder import STATION, SiteFolder
+
+PIN = "246813"
+OVERDUE = [{"name": "Rate table A", "kind": "table", "due": date(2021, 3, 2)}]
+SLOTS = [{"name": name, "port": f"socket://127.0.0.1:{port}"} for name, port in (("A", 7), ("B", 8))]
+PORTS = {"table": {"profile": "bench", "port": "tcp://127.0.0.1:9"}}
+
+
+class Page:
+    """Starts runs on a page of the window, in the role of an engineer."""
+
+    def __init__(self, operator: Operator, page: str) -> None:
+        self.operator, self.prefix = operator, "engineer_" if page == "engineer_page" else ""
+        access.set_pin("", PIN)
+        operator.window.app.role.unlock(PIN)
+        operator.window.app.set_station(operator.site_folder.station)
+        operator.window.show_page(page)
+
+    def start(self, *serials: str) -> None:
+        """Enter the units and press START."""
+        edit = self.operator.widget(f"{self.prefix}serial_edit", QLineEdit)
+        for serial in serials:
+            edit.clear()
+            self.operator.qtbot.keyClicks(edit, serial)
+            if len(serials) > 1:
+                self.operator.qtbot.keyClick(edit, Qt.Key.Key_Return)
+        self.operator.press(f"{self.prefix}start_button")
+
+    def asked(self) -> str:
+        """Return what the page shows."""
+        return self.operator.says()
+
+    def answer(self, name: str) -> None:
+        """Press the button of an answer, and permit an override."""
+        choices = self.operator.window.findChildren(QPushButton, f"{name}_choice")
+        self.operator.qtbot.mouseClick(next(b for b in choices if b.isVisible()), Qt.MouseButton.LeftButton)
+        if name == "override":
+            for key, text in (("reason", "at the laboratory"), ("badge", "Li Na"), ("pin", PIN)):
+                edit = self.operator.widget(f"{self.prefix}override_{key}_edit", QLineEdit)
+                edit.clear()
+                self.operator.qtbot.keyClicks(edit, text)
+            self.operator.press(f"{self.prefix}override_confirm_button")
+
+
+class Terminal:
+    """Starts runs with the command line, whose questions it answers on a terminal."""
+
+    def __init__(self, site: SiteFolder, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        access.set_pin("", PIN)
+        self._site, self._capsys, self._shown = site, capsys, ""
+        self._units: tuple[str, ...] = ()
+        self._answers: Iterator[bool] = iter(())
+        monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+        monkeypatch.setattr("typer.confirm", lambda question, err: next(self._answers, False))
+        monkeypatch.setattr("typer.prompt", lambda text, **options: PIN if "PIN" in text else "at the laboratory")
+
+    def start(self, *serials: str) -> None:
+        """Run the command for the units, and answer no."""
+        self._units = serials
+        self._run(())
+
+    def _run(self, answers: tuple[bool, ...]) -> None:
+        units = [word for serial in self._units for word in ("--serial", serial)]
+        self._answers = iter(answers)
+        where = ("--station", self._site.station, "--product", self._site.product, "--out", self._site.runs)
+        run_app([str(word) for word in ("run", *where, *units, "--operator", "Li Na")])
+        self._shown = self._capsys.readouterr().err
+
+    def asked(self) -> str:
+        """Return what the command has written."""
+        return self._shown
+
+    def answer(self, name: str) -> None:
+        """Run the command again, and answer yes to the question named by the answer."""
+        self._run((False, True) if name == "anew" else (True,))
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[RunRequest]:
+    """The requests of runs, recorded instead of starting an engine."""
+    requests: list[RunRequest] = []
+
+    def record(request: RunRequest, **options: object) -> Iterator[Any]:
+        requests.append(request)
+        yield from ()
+
+    monkeypatch.setattr(EngineLink, "start", lambda _, order: requests.append(order))
+    monkeypatch.setattr(run_module, "engine_events", record)
+    return requests
+
+
+@pytest.fixture(params=["operator_page", "engineer_page", "terminal"])
+def front_end(request: pytest.FixtureRequest, site_folder: SiteFolder) -> Callable[[], Page | Terminal]:
+    """A function that opens one of the front ends, for the files of the site as they then are."""
+    if request.param == "terminal":
+        monkeypatch, capsys = (request.getfixturevalue(name) for name in ("monkeypatch", "capsys"))
+        return lambda: Terminal(site_folder, monkeypatch, capsys)
+    operator = request.getfixturevalue("operator")
+    return lambda: Page(operator, request.param)
+
+
+def passed(site: SiteFolder) -> None:
+    """Let the unit pass."""
+    write_result(site.runs, f"{SERIAL}_1", 1, serial=SERIAL)
+
+
+def failed(site: SiteFolder) -> None:
+    """Use up the unit's only attempt."""
+    site.write({"attempts_allowed": 1})
+    write_result(site.runs, f"{SERIAL}_1", 1, serial=SERIAL, outcome="failed")
+
+
+def overdue(site: SiteFolder) -> None:
+    """Let the certificate of the table expire."""
+    site.write(station={"instruments": OVERDUE})
+
+
+def hardware(site: SiteFolder) -> None:
+    """Use a station with a real table."""
+    station = {**STATION, **PORTS, "name": "line 3", "imu": {"port": "socket://127.0.0.1:9"}}
+    site.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+
+
+def interrupted(site: SiteFolder) -> None:
+    """Let the run of another unit end in its second stage."""
+    write_dead_log(site.runs)
+    finish_incomplete(site.runs)
+
+
+CASES: dict[str, tuple[Callable[[SiteFolder], None], str, str, dict[str, object]]] = {
+    "passed": (passed, f"{SERIAL} has already passed", "repeat", {}),
+    "attempts": (
+        failed,
+        "It was outside its limits 1 times in a row. Allow one more attempt?",
+        "beyond",
+        {"beyond_attempts": True},
+    ),
+    "standard": (
+        overdue,
+        "the calibration of 'Rate table A' of station 'test bench' was due on 2021-03-02",
+        "override",
+        {"override_standard": "at the laboratory"},
+    ),
+    "table_moves": (hardware, "The table of 'line 3' is going to move", "clear", {}),
+    "resume": (
+        interrupted,
+        "SN-000003 was interrupted in stage 2, ",
+        "anew",
+        {"serial": "SN-000003", "resume": None},
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_question_is_asked_and_its_answer_starts_the_run(
+    case: str,
+    front_end: Callable[[], Page | Terminal],
+    site_folder: SiteFolder,
+    started: list[RunRequest],
+) -> None:
+    prepare, question, answer, expected = CASES[case]
+    site_folder.runs.mkdir()
+    prepare(site_folder)
+    History(site_folder.runs).refresh()
+    opened = front_end()
+    opened.start(str(expected.get("serial", SERIAL)))
+    assert question in opened.asked()
+    assert started == []
+    opened.answer(answer)
+    (request,) = started
+    assert replace(request, **expected) == request  # type: ignore[arg-type]
+    assert (request.serial, request.serials) == (expected.get("serial", SERIAL), ())
+
+
+def test_units_in_slots_are_asked_about_together_and_run_as_a_batch(
+    front_end: Callable[[], Page | Terminal], site_folder: SiteFolder, started: list[RunRequest]
+) -> None:
+    site_folder.runs.mkdir()
+    station = {**STATION, **PORTS, "name": "line 3", "slots": SLOTS}
+    site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+    opened = front_end()
+    opened.start("SN-000001", "SN-000002")
+    assert "The table of 'line 3' is going to move" in opened.asked()
+    assert started == []
+    opened.answer("clear")
+    (request,) = started
+    assert request.serials == ("SN-000001", "SN-000002")
+    assert request.batch
+
+
+@pytest.mark.parametrize("page", ["operator_page", "engineer_page"])
+def test_operator_cannot_allow_another_attempt(page: str, operator: Operator, started: list[RunRequest]) -> None:
+    operator.site_folder.runs.mkdir()
+    failed(operator.site_folder)
+    History(operator.site_folder.runs).refresh()
+    opened = Page(operator, page)
+    operator.window.app.role.lock()
+    opened.start(SERIAL)
+    assert "An engineer can allow one more attempt" in opened.asked()
+    assert operator.window.findChild(QPushButton, "beyond_choice") is None
+    opened.answer("unlock")
+    assert started == []
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_command_without_a_terminal_refuses_and_names_the_option(
+    case: str, site_folder: SiteFolder, capsys: pytest.CaptureFixture[str], started: list[RunRequest]
+) -> None:
+    prepare, _, _, expected = CASES[case]
+    site_folder.runs.mkdir()
+    prepare(site_folder)
+    where = ("--station", site_folder.station, "--product", site_folder.product, "--out", site_folder.runs)
+    run = [str(word) for word in ("run", *where, "--serial", expected.get("serial", SERIAL))]
+    assert run_app(run) == 2
+    option = {
+        "passed": ["--again"],
+        "attempts": ["--beyond-attempts"],
+        "standard": ["--override-standard", "at the laboratory"],
+        "table_moves": ["--yes"],
+        "resume": ["--restart"],
+    }[case]
+    assert option[0] in capsys.readouterr().err
+    assert started == []
+    run_app([*run, *option])
+    (request,) = started
+    assert replace(request, **expected) == request  # type: ignore[arg-type]
+
+
+def test_next_unit_of_the_virtual_bench_has_not_passed(site_folder: SiteFolder, started: list[RunRequest]) -> None:
+    site_folder.runs.mkdir()
+    write_result(site_folder.runs, "SN-000001_1", 1, serial="SN-000001")
+    where = ("--station", site_folder.station, "--product", site_folder.product, "--out", site_folder.runs)
+    run_app([str(word) for word in ("run", *where)])
+    assert [Path(request.serial).name for request in started] == ["SN-000002"]
