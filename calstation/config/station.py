@@ -92,7 +92,7 @@ class StationConfig(StrictModel):
         return "" if self.bench is None else str(self.bench.get("serial", VIRTUAL_UNIT))
 
     def virtual_serials(self, unsuitable: Callable[[str], bool]) -> tuple[str, ...]:
-        """Serial numbers of the next units on the virtual bench, one per slot, without those that are unsuitable.
+        """Return the serial numbers of the next virtual units, one per slot, without those that are unsuitable.
 
         The serial number in the file of a station without slots is used in any case.
         """

@@ -7,8 +7,6 @@ import pytest
 
 from calstation.bench import BenchConfig
 from calstation.bench.imu.units.framed import MODEL
-from calstation.bench.links import UNIT
-from calstation.bench.links.table_modbus import BAUD
 from calstation.bench.live import TABLE_MODEL
 from calstation.bench.truth import GRADES
 
@@ -47,4 +45,4 @@ def test_table_profile_has_the_limits_and_errors_of_the_bench():
     assert accuracy["velocity_sigma"] == config.velocity_sigma
     assert accuracy["poll_latency_s"] == config.latency_s
     assert accuracy["poll_jitter_s"] == config.jitter_s
-    assert (profile["modbus"]["unit"], profile["modbus"]["serial"]["baud"]) == (UNIT, BAUD)
+    assert (profile["modbus"]["unit"], profile["modbus"]["serial"]["baud"]) == (1, 115200)
