@@ -1,6 +1,6 @@
 """Files that a person writes: stations, products and profiles, their editing, and the configuration of a run.
 
-This package knows no device, no task and no bench.
+This package knows no device, no task and no bench. More than 15 modules: one a kind or section of files.
 """
 
 from calstation.config import access, editing, library, versions

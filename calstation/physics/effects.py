@@ -1,7 +1,7 @@
 """Effects outside the 30-parameter model: one entry of `EFFECTS` each, from which everything else finds them.
 
-A new effect needs an entry here, its texts in `group.toml` and `cause.toml` of the message catalogue, its row in the
-reference of the profiles, and an independent truth in `bench/truth/effects.py`; tests over `EFFECTS` check them.
+A new effect needs an entry here, texts, documentation and an independent truth of the bench: see "An effect of the
+error model" in docs/how-to/extend.md. Tests over `EFFECTS` check them.
 
 Sources: IEEE Std 952-2020 and 1293-2018 (error models of gyros and accelerometers); Cai, Yang, Song, Wang, *Measurement
 Science and Technology* 27 (2016) 095005 (g-sensitivity and cross-coupling on a two-axis table).

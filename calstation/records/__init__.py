@@ -1,6 +1,6 @@
 """Records of runs: raw logs, CSV, their configuration, and the index of runs.
 
-This package contains no solvers and no devices.
+This package contains no solvers and no devices. More than 15 modules: one a format of records.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -1,6 +1,7 @@
 """Executes steps, guards motion and emits events for one table and its units.
 
 The package is independent of user interfaces; it writes the raw log only through `Slot.journal`.
+More than 15 modules: one a part of the control loop or a kind of task.
 """
 
 from calstation.sequencer.acquisition import SLOWEST_POLL

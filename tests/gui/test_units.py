@@ -675,16 +675,6 @@ def whole(operator: Operator, names: list[str]) -> bool:
     return all(each.height() >= each.minimumSizeHint().height() for each in tiles)
 
 
-def test_start_on_the_engineer_page_is_disabled_for_a_batch(operator: Operator) -> None:
-    use_slots(operator, 2)
-    operator.window.show_page("engineer_page")
-    start = operator.widget("engineer_start_button")
-    assert not start.isEnabled()
-    assert "START is on the Operator page" in start.toolTip()
-    use_slots(operator, 1)
-    assert start.isEnabled()
-
-
 @pytest.mark.long
 def test_batch_continues_on_the_virtual_bench_after_one_unit_stops_sending(operator: Operator) -> None:
     folder = operator.site_folder

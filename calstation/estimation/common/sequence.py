@@ -56,8 +56,8 @@ class SequenceUnwrapper:
         offsets = np.full(len(seq), self._offset, dtype=np.int64)
         shifts = np.full(len(seq), self._time_offset)
         restarts = []
-        for rowow in odd:
-            k = int(rowow)
+        for row in odd:
+            k = int(row)
             jump, shift = self._step(k, int(previous_seq[k]), int(seq[k]), float(previous_time[k]), float(time[k]))
             offsets[k:] += jump
             shifts[k:] += shift

@@ -51,6 +51,7 @@ class StartDialog:
     def begin(self, request: RunRequest) -> None:
         """Ask what must be asked about a requested run, and start it; show why it is refused."""
         role: Role = "engineer" if self._app.role.engineer else "operator"
+        request = replace(request, operator=self._app.badge or request.operator)
         self._attempt(lambda: self._continue(RunStart(request, role)), resume=request.resume is not None)
 
     def _attempt(self, action: Callable[[], None], *, resume: bool = False) -> None:

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from PySide6.QtWidgets import QFrame
 
-from calstation import design
 from calstation.config import ScheduleOptions, editing, library
 from calstation.gui.text import Words, bind, say
 from calstation.gui.widgets import (
@@ -23,6 +23,9 @@ from calstation.gui.widgets import (
     show_text,
     theme,
 )
+
+if TYPE_CHECKING:
+    from calstation.design import DesignRequest
 
 #: Goals of a search.
 SHORTEST, GIVEN_TIME, AS_PRESENT = "shortest", "given_time", "as_present"
@@ -92,10 +95,12 @@ class DesignForm(QFrame):
         enable(self.button, why, say("engineer.design_tip"))
         show_text(self._reason, why if shown else "")
 
-    def request(self, station: Path | None, product: Path, stop: Path) -> design.DesignRequest:
+    def request(self, station: Path | None, product: Path, stop: Path) -> "DesignRequest":
         """Return the request for a product on a station; a file `stop` ends the search."""
+        from calstation.design import DesignRequest  # delays the first paint
+
         goal, values = self.goal, self._source.values
-        return design.DesignRequest(
+        return DesignRequest(
             station=station,
             product=product,
             margin=1.0 if goal == AS_PRESENT else values["margin"],

@@ -6,15 +6,13 @@ from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QWidget
 
-from calstation import design
 from calstation.config import RunRequest, ScheduleOptions, Version
-from calstation.design import Design
 from calstation.errors import CalstationError
-from calstation.gui.engineer.designer.answer import DesignAnswer
 from calstation.gui.engineer.designer.form import GIVEN_TIME, DesignForm, SaveBar
 from calstation.gui.state import AppContext
 from calstation.gui.text import duration_text, on_language_change, say
@@ -37,6 +35,12 @@ from calstation.gui.widgets import (
 from calstation.messages import Text
 from calstation.results import compute_preview
 
+if TYPE_CHECKING:
+    from calstation.design import Design
+    from calstation.gui.engineer.designer.answer import DesignAnswer
+
+# `calstation.design` is imported where it is used, because it delays the first paint by 0.1 s.
+
 
 class DesignView(QWidget):
     """Designs a schedule for the product on the station; `author` returns the engineer's name."""
@@ -58,7 +62,7 @@ class DesignView(QWidget):
         self._stopping = False
         self.watch = app.job(self, None, self._designed, failed=self._failed, cancelled=self._refresh)
         self.driving = app.job(self, compute_preview, lambda preview: self.answer.show_path(preview))
-        self._saving = app.job(self, design.save_design, self._saved, cancellable=False)
+        self._saving = app.job(self, None, self._saved, cancellable=False)
         self.form = DesignForm(self._begin)
         self._job = JobRow(self.watch, "cancel_design_button", self._progress_text)
         self._stop_button = button("stop_design_button", "engineer.stop_with_best", self._stop)
@@ -77,9 +81,11 @@ class DesignView(QWidget):
         on_language_change(self, self._refresh)
 
     @property
-    def answer(self) -> DesignAnswer:
+    def answer(self) -> "DesignAnswer":
         """The view of the result, created on first use."""
         if self._answer is None:
+            from calstation.gui.engineer.designer.answer import DesignAnswer
+
             self._answer = DesignAnswer(self.driving, self._ask_name, self._copy, self._ask_file)
             self._stack.addWidget(self._answer)
             for before, after in pairwise((self.save_bar.last, *self._answer.tab_order)):
@@ -103,6 +109,8 @@ class DesignView(QWidget):
     # ---- the search
 
     def _begin(self) -> None:
+        from calstation import design
+
         if self._options is None:
             return
         self._searched = self._options, self._app.station_path
@@ -137,7 +145,9 @@ class DesignView(QWidget):
             return say("engineer.design_best_ratio", ratio=float(note))
         return say("engineer.design_best_duration", duration=duration_text(float(note)))
 
-    def _designed(self, answer: Design) -> None:
+    def _designed(self, answer: "Design") -> None:
+        from calstation import design
+
         if self._searched is None:
             return
         options, station = self._searched
@@ -166,8 +176,10 @@ class DesignView(QWidget):
             self.save_bar.ask(self._result[1].product.stem)
 
     def _save(self, name: str) -> None:
+        from calstation import design
+
         if self._result is not None:
-            self._saving.start(self._result[1].product, name, self._result[0], self._author())
+            self._saving.start(design.save_design, self._result[1].product, name, self._result[0], self._author())
 
     def _saved(self, saved: tuple[Path, Version]) -> None:
         path, version = saved
@@ -212,8 +224,10 @@ class DesignView(QWidget):
             self._answer.lock(why_not_save)
 
 
-def _schedule_text(answer: Design) -> str:
+def _schedule_text(answer: "Design") -> str:
     """Return the schedule in the format of a product file, with a line for every move."""
+    from calstation import design
+
     values = answer.schedule()
     moves = values.pop("moves")
     targets = values.pop("targets", None)
