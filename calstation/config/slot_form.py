@@ -17,7 +17,7 @@ from calstation.schema import KeyPath
 #: Display unit of a lever arm.
 _LENGTH = unit_of("m")
 
-#: All orientations, grouped by the body axis that points up at home, starting with the platform's.
+#: All orientations, grouped by the body axis that points up at home, z first, as for the platform.
 _ORIENTATIONS = tuple(sorted(ORIENTATIONS, key=lambda name: ("zxy".index(name[3]), name[2], name)))
 
 
@@ -46,13 +46,16 @@ def _cells(get: Get, place: KeyPath) -> tuple[FormCell, ...]:
     }
     return (
         *(replace(cell_of("stations", (*place, key)), kind="text") for key in texts),
-        *(replace(cell_of("stations", (*place, key)), kind="choice", choices=of) for key, of in choices.items()),
+        *(
+            replace(cell_of("stations", (*place, key)), kind="choice", choices=allowed)
+            for key, allowed in choices.items()
+        ),
         *(FormCell((*place, "lever_m"), _LENGTH, component=number, default=0.0) for number in range(3)),
     )
 
 
 def _new_slot(get: Get, _: BaseModel | None) -> dict[str, Any]:
-    """Return a new slot, named by the first free number from its position on."""
+    """Return a new slot, named with the first unused number, starting from its position."""
     names = [get(("slots", number, "name")) for number in range(len(get(("slots",)) or ()))]
     number = len(names) + 1
     while str(number) in names:

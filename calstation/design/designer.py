@@ -34,9 +34,9 @@ from procedures import method
 
 #: A joint moves at most this far from home, °, even if its travel is longer, because of cables and the way back.
 _FARTHEST_DEG = 360.0
-#: Angles by which a joint turns in a move, in lattice units: for full turns, and for shorter travel.
+#: Angles by which a joint turns in a move, in lattice units: if the travel allows a full turn, and otherwise.
 _TURNS, _SHORT_TURNS = (-8, -4, -2, -1, 0, 1, 2, 4, 8), (-6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6)
-#: Beam widths: the first yields a result quickly, the last one is repeated; and number of beams without a time limit.
+#: Beam widths: the first yields a result quickly, the last one is repeated; number of beams if no time limit is set.
 _WIDTHS, _BEAMS = (6, 24, 48, 96, 192), 2
 #: Width of the beam that adds the reserve.
 _RESERVE_WIDTH = 8
@@ -44,18 +44,18 @@ _RESERVE_WIDTH = 8
 _EXCHANGES = 1500
 #: Largest number of corrections for the difference between segments and filter.
 _CORRECTIONS = 4
-#: Ratio of a detectable to a required effect size that is accepted, in view of the segments' own error.
-_SHOWN = 1.02
+#: Accepted ratio of detectable to required effect size, allowing for the error of the segment approximation.
+_MAX_DETECTION_RATIO = 1.02
 #: Number of rests used by the product's gravity check.
 _GRAVITY_RESTS = 3
 #: Fractions of the work up to the first beam, and up to the checks.
 _PROBED, _SEARCHED = 0.02, 0.9
 #: Search for the smallest sigmas in a given time: factor by which each step reduces the targets, and number of steps.
-_LESS, _STEPS = 0.95, 8
+_TARGET_REDUCTION, _STEPS = 0.95, 8
 #: The first beam of this search has unreachable targets and thus shows what is possible in the time.
 _OUT_OF_REACH = 0.05
-#: Factor of the margin that compensates the difference between segments and filter.
-_TIGHTER = 0.97
+#: Factor on the targets that compensates for the difference between segments and filter.
+_TARGET_TIGHTENING = 0.97
 #: The reserve takes at most this many times the duration of the schedule.
 _LONGEST_RESERVE = 4.0
 
@@ -73,7 +73,7 @@ def design_schedule(report: ProgressCallback, request: DesignRequest) -> Design:
 class _Designer:
     def __init__(self, report: ProgressCallback, request: DesignRequest) -> None:
         self._report, self._request = report, request
-        self._begun = time.monotonic()
+        self._start_time = time.monotonic()
         present = RunRequest(SERIAL, request.station, request.product)
         schedule = {STAGE: {"stop_at_limits": False}}
         setup = load_configuration(replace(present, stages=(STAGE,), schedule=schedule))
@@ -97,7 +97,7 @@ class _Designer:
         self._limits = self._present_sigmas(present) if request.as_present else self._sigma_limits(setup.sigma_limits())
         #: Fraction of their limits that the sigmas should not exceed.
         self._margin = request.margin if request.duration is None and not request.as_present else 1.0
-        self._goal = self._wanted()
+        self._goal = self._target_sigmas()
         self._front = Front()
         self._searched = request.duration is not None  #: Whether a beam has found a result.
         rest = gravity_rest(self._product, self._context)
@@ -120,8 +120,8 @@ class _Designer:
         estimated = method(STAGE).estimates(self._context)
         return np.where([name in estimated for name in NAMES], last.sigma, np.inf)
 
-    def _wanted(self) -> FloatArray:
-        """Return the target sigmas of the stage, shape (30,): the limits with their margin, without gravity."""
+    def _target_sigmas(self) -> FloatArray:
+        """Return the target sigmas of the stage, shape (30,): the limits times the margin, less gravity's part."""
         relative = self._context.site.relative_gravity_sigma
         wanted = without_gravity(self._margin * self._limits, relative)
         for i in np.flatnonzero(wanted <= 0.0):
@@ -194,13 +194,13 @@ class _Designer:
             rests=tuple(stop.rest * REST_UNIT for stop in stops[:planned]),
             latitude_sigma=None if latitude is None else latitude.sigma,
             noise_seen=float(np.sqrt(consistency.nis_high / 3.0) - 1.0),
-            seconds=time.monotonic() - self._begun,
+            seconds=time.monotonic() - self._start_time,
         )
 
     def _least(self, stops: Stops) -> int:
         """Return the number of moves that detect the diagnosed effects and contain enough rests for the check."""
         problem, ends = self._problem(), np.array(states(self._library, stops))
-        shown = np.all(problem.ratios(ends)[:, COUNT:] <= _SHOWN, axis=1)
+        shown = np.all(problem.ratios(ends)[:, COUNT:] <= _MAX_DETECTION_RATIO, axis=1)
         enough = np.array([problem.rests_enough(stops[:k]) for k in range(1, len(stops) + 1)])
         both = np.flatnonzero(shown & enough)
         return int(both[0]) + 1 if len(both) else len(stops)
@@ -237,14 +237,16 @@ class _Designer:
     def _beams(self) -> Iterator[int]:
         """Yield the number of the next beam while there is time."""
         number = 0
-        while not self._over() and (self._request.time_limit is not None or number < _BEAMS):
+        while not self._should_stop() and (self._request.time_limit is not None or number < _BEAMS):
             yield number
             number += 1
 
-    def _over(self) -> bool:
+    def _should_stop(self) -> bool:
         """Return whether the search should end."""
         stop, limit = self._request.stop, self._request.time_limit
-        return (stop is not None and stop.exists()) or (limit is not None and time.monotonic() - self._begun > limit)
+        return (stop is not None and stop.exists()) or (
+            limit is not None and time.monotonic() - self._start_time > limit
+        )
 
     def _attempt(self, problem: Problem, number: int, longest: float) -> Iterator[Stops]:
         """Yield the results of a beam, and of the exchanges after it."""
@@ -252,7 +254,7 @@ class _Designer:
         for seconds, stops in Beam(problem, _WIDTHS[min(number, len(_WIDTHS) - 1)], longest, self._front).run():
             self._progress(number, 0.6 * seconds / longest, longest)
             answer = stops
-            if self._over():
+            if self._should_stop():
                 break
         if answer is None:
             return
@@ -263,7 +265,7 @@ class _Designer:
         exchange = Exchange(problem, answer, self._request.seed + number)
         for share in exchange.run(_EXCHANGES):
             self._progress(number, 0.6 + 0.4 * share, exchange.time)
-            if self._over():
+            if self._should_stop():
                 break
         self._note(problem, exchange.best)
         yield exchange.best
@@ -276,7 +278,7 @@ class _Designer:
     def _progress(self, number: int, share: float, best: float) -> None:
         """Report the completed fraction of a beam, and the duration of the best schedule so far, s."""
         limit = self._request.time_limit
-        spent = time.monotonic() - self._begun
+        spent = time.monotonic() - self._start_time
         done = (number + share) / _BEAMS if limit is None else min(spent / limit, 1.0)
         self._report(_PROBED + (_SEARCHED - _PROBED) * done, note=f"{best:.1f}")
 
@@ -298,7 +300,7 @@ class _Designer:
         for condition in self._trial.conditions():
             if self._trial.under(condition, _moves(stops), self._goal).duration is None:
                 other = replace(self._conditions, context=condition.context, mount=condition.mount)
-                stops = self._continued(stops, _TIGHTER, SegmentLibrary(other))
+                stops = self._continued(stops, _TARGET_TIGHTENING, SegmentLibrary(other))
         return stops
 
     def _continued(self, stops: Stops, factor: float, library: SegmentLibrary | None = None) -> Stops:
@@ -322,27 +324,27 @@ class _Designer:
             beam = Beam(self._problem(factor), _WIDTHS[min(step, 1)], duration, self._front)
             for seconds, _ in beam.run():
                 self._report(_SEARCHED * (step + seconds / duration) / (2 * _STEPS), note=_ratio(worst))
-                if step and self._over():
+                if step and self._should_stop():
                     break
             points = [point for point in self._front.points() if point[0] <= duration]
             if not points:
                 raise ConfigurationError("design.too_short", seconds=duration)
             _, ratio, stops = min(points, key=lambda point: point[1])
-            better = ratio <= _LESS * worst
+            better = ratio <= _TARGET_REDUCTION * worst
             if ratio < worst:
                 worst, best = ratio, stops
-            if not better or self._over():
+            if not better or self._should_stop():
                 break
-            factor = _LESS * worst
+            factor = _TARGET_REDUCTION * worst
         for step in range(_STEPS):
-            exchange = Exchange(self._problem(_LESS * worst), best, self._request.seed)
+            exchange = Exchange(self._problem(_TARGET_REDUCTION * worst), best, self._request.seed)
             for share in exchange.run(_EXCHANGES // 3):
                 self._report(_SEARCHED * (0.5 + (step + share) / (2 * _STEPS)), note=_ratio(worst))
-                if self._over():
+                if self._should_stop():
                     break
             if not exchange.reached:
                 break
-            best, worst = exchange.best, _LESS * worst
+            best, worst = exchange.best, _TARGET_REDUCTION * worst
             self._front.add(exchange.time, worst, best)
         return best, worst
 

@@ -26,9 +26,9 @@ from calstation.fleet.store import (
 )
 from calstation.results import SCHEMA
 
-#: Label of solutions without diagnostics, or suffix of the label of the changes, unless a label is given.
+#: Default label of solutions without diagnostics; appended to the label of the changes, if any.
 PARAMETERS = "parameters"
-#: Name of the solutions by the same program with the logs' own configurations.
+#: Name of the baseline version: the same program with each log's own configuration.
 UNCHANGED = "unchanged"
 
 
@@ -54,7 +54,7 @@ class FleetRequest:
         return replace(self, patch=None, label=None, stages=None, first_seq=None, last_seq=None)
 
     def wanted(self) -> Wanted:
-        """Return the settings for solving every log. Raises ConfigurationError for the changes, range or label."""
+        """Return the settings for solving every log. Raises ConfigurationError if they are invalid."""
         changes = load_changes(self.patch, self.label)
         if self.first_seq is not None and self.last_seq is not None and self.first_seq > self.last_seq:
             raise ConfigurationError("solution.range_reversed", first=self.first_seq, last=self.last_seq)
@@ -67,7 +67,7 @@ class FleetRequest:
     def baseline(self, compare_with: str) -> str:
         """Return the version with which the solutions are compared; ``unchanged`` is the version of `unchanged`.
 
-        Raises ConfigurationError if it is the version of the solutions themselves, or is missing in the database.
+        Raises ConfigurationError if it is the version of the solutions themselves, or is missing from the database.
         """
         after = self.wanted().changes.version
         before = self.unchanged.wanted().changes.version if compare_with == UNCHANGED else compare_with
@@ -87,13 +87,13 @@ class FleetSummary:
     total: int = 0
     solved_now: int = 0
     already_there: int = 0
-    failed: int = 0  #: Failed, now or stored as failed before, including unreachable logs.
+    failed: int = 0  #: Logs that failed now or in an earlier call, or were unreachable.
     not_selected: int = 0
     unchanged: int = 0  #: Logs to which the requested changes do not apply.
     stopped: bool = False
     duration_s: float = 0.0
     solutions: dict[int, str] = field(default_factory=dict)  #: Location of the log by number in the database.
-    #: Further copies of logs, by location, with the location of the log in `solutions`.
+    #: For each duplicate log, by its location, the location listed in `solutions`.
     copies: dict[str, str] = field(default_factory=dict)
     failures: list[Status] = field(default_factory=list)  #: The logs that failed.
     #: Total duration of the logs processed by workers, s, by step: ``copy``, ``solve`` and ``write``.
@@ -136,10 +136,10 @@ def resolve_fleet(
     again by the next call. `report` is called after each log. Once `stop` is set, the call returns within seconds and
     keeps everything finished.
 
-    Raises InputError for a source without logs, ConfigurationError for the changes, the selection, the database or
-    the scheduler.
+    Raises InputError if a source contains no logs, and ConfigurationError if the changes or the selection are invalid
+    or the database or the scheduler cannot be used.
     """
-    from calstation.fleet.cluster import solved, started_cluster, worker_count  # distributed, of an extra
+    from calstation.fleet.cluster import solved, started_cluster, worker_count  # imports `distributed`, optional
 
     begin = time.monotonic()
     stop = stop or threading.Event()

@@ -118,7 +118,7 @@ def joined(text: str, remedy: str, language: Language) -> str:
 
 
 def term(family: str, name: str, language: Language = "en", **values: Value) -> str:
-    """Return a term of a family, such as the stage ``rate``; in an unknown name, blanks replace `_`."""
+    """Return a term of a family, such as the stage ``rate``; underscores in an unknown name become spaces."""
     code = f"{family}.{name}"
     return render(code, values, language).text if known(code) else str(name).replace("_", " ")
 

@@ -54,7 +54,7 @@ class StageChain:
         # additional states are estimated from the responses to them, which diagnostics compute
         self._context = replace(context_from_meta(meta), diagnostics=diagnostics or bool(states))
         self.prior = prior_from_meta(meta)
-        #: Posterior of the last completed stage without the error of gravity, which no stage can reduce.
+        #: Posterior of the last completed stage excluding the gravity error, which no stage can reduce.
         self.posterior = self.prior
         #: The same posterior without the effects in the unit's model, from which the next stage starts.
         self._solved = self.prior
@@ -150,7 +150,7 @@ class StageChain:
         return solution
 
     def table(self) -> dict[str, TableQuantity]:
-        """Return the table geometry determined from the rests of the solved stages; {} if they are too few."""
+        """Return the table geometry determined from the rests of the solved stages; {} if there are too few rests."""
         return table_axes(self._table_rests, self._context, self.posterior)
 
     @property

@@ -1,4 +1,4 @@
-"""Controller of the virtual gimbal: lines of text, drive states and watchdog of the table's machine, three joints.
+"""Controller of the virtual three-axis gimbal: a text protocol on top of the table's state machine and watchdog.
 
 Angles are in degrees, rates in °/s. Lines end with LF; every line is answered by one line, "?" if it is refused.
 """
@@ -80,16 +80,16 @@ class GimbalController(TextController):
         elif name == "STP":
             machine.stop(device)
         elif name in ("LCK", "STB"):
-            self._permit()
+            self._check_permitted()
             (self._stream.zero if name == "LCK" else self._stream.stabilise)()
         elif name == "TRN":
-            self._permit()
+            self._check_permitted()
             self._turn("XYZ".index(rest[0]), *(float(np.deg2rad(float(text))) for text in rest[1:3]))
         else:
             raise ValueError(name)
         return "OK"
 
-    def _permit(self) -> None:
+    def _check_permitted(self) -> None:
         machine = self._machine
         if machine.power is not Power.ENABLED or machine.fault is not Fault.NONE or not machine.homed:
             raise NotPermitted

@@ -181,7 +181,7 @@ class TableMachine:
 
     def home(self, time: float) -> None:
         """Start moving to home at the homing rate. Raises NotPermitted."""
-        self._permit(time)
+        self._check_permitted(time)
         rate = self.limits.homing_rate
         self.drive.move(time, (0.0, 0.0), (rate, rate), (self.limits.acceleration / 10.0,) * 2)
         self._homing = True
@@ -197,7 +197,7 @@ class TableMachine:
         going = time < self.drive.end and targets == tuple(p.target for p in self.drive.profiles)
         if going and self.power is Power.ENABLED:
             return
-        self._permit(time)
+        self._check_permitted(time)
         beyond, self.overshoot = self.overshoot, 0.0
         if not self.jammed:
             self.drive.move(time, (targets[0] + beyond, targets[1] + beyond), rates, accelerations)
@@ -217,7 +217,7 @@ class TableMachine:
         profile = self.drive.profiles[joint]
         if time < profile.end and profile.target == target and self.power is Power.ENABLED:
             return False
-        self._permit(time, profile.end)
+        self._check_permitted(time, profile.end)
         return True
 
     def turn(self, time: float, rates: tuple[float, float], accelerations: tuple[float, float]) -> None:
@@ -237,7 +237,7 @@ class TableMachine:
     def _end_of_turn(self, time: float, joint: int, rate: float, acceleration: float) -> float | None:
         """Return the end of travel to which a joint starts to turn; None if it does not. Raises a `Refusal`."""
         if rate == 0.0:
-            self._permit(time, self.drive.profiles[joint].end)
+            self._check_permitted(time, self.drive.profiles[joint].end)
             return None
         end = (self.limits.high if rate > 0.0 else self.limits.low)[joint]
         return end if self._may_start(time, joint, end, abs(rate), acceleration) else None
@@ -268,7 +268,7 @@ class TableMachine:
         if not (inside and 0.0 < rate <= limits.rate and 0.0 < acceleration <= limits.acceleration):
             raise OutOfRange
 
-    def _permit(self, time: float, end: float | None = None) -> None:
+    def _check_permitted(self, time: float, end: float | None = None) -> None:
         """Raise NotPermitted unless a motion may start after `end` of the previous one, by default of both joints."""
         halted = bool(self._controlword & 0x100)
         ready = self.power is Power.ENABLED and self.fault is Fault.NONE and self.interlock_closed

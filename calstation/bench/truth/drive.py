@@ -12,8 +12,8 @@ from calstation.physics import FloatArray
 class EncoderTruth:
     """Errors of the joints' encoders, rad.
 
-    `stop_sigma` is the repeatability, drawn for each move of a joint and reached at its end; `periodic` and `phase`
-    describe an error with one period per turn; `white_sigma` is the noise of each reading.
+    `stop_sigma` is the sigma of the stopping error, drawn for each move of a joint and fully reached at its
+    end; `periodic` and `phase` describe an error with one period per turn; `white_sigma` is the noise of each reading.
     """
 
     stop_sigma: float = np.deg2rad(0.05)

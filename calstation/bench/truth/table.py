@@ -2,10 +2,10 @@
 
     C_b^n = R_base · Rz(−azimuth) · W_o · R(outer axis, q_o) · R_orth · W_i · R(inner axis, q_i) · R_mount · A
 
-A has the axes of the unit along x, y and z of the platform as rows. W is the wobble of a bearing: a tilt of constant
-size ε whose direction turns with the joint, W = R(a, kq + ψ) · R(u, ε) · R(a, −kq − ψ), with u normal to the axis a.
-The attitude is therefore a chain of constant rotations P_j and of turns about constant axes by angles linear in the
-joint angles, and each link transforms rate and acceleration exactly. With R = R(a, θ),
+The rows of A are the axes of the unit that point along x, y and z of the platform. W is the wobble of a bearing: a
+tilt of constant size ε whose direction turns with the joint, W = R(a, kq + ψ) · R(u, ε) · R(a, −kq − ψ), with u normal
+to the axis a. The attitude is therefore a chain of constant rotations P_j and of turns about constant axes by angles
+linear in the joint angles, and each link transforms rate and acceleration exactly. With R = R(a, θ),
 
     ω' = Rᵀω + a θ',    ω'' = Rᵀω'' − θ' a × (Rᵀω) + a θ''        (rigid-body kinematics, rotating axes)
 

@@ -18,7 +18,7 @@ from calstation.records import export_corrected, open_log, prior_from_meta
 from calstation.results import find_log, load_result
 from calstation.results.plots import Applied, before_and_found, read_recording
 
-#: Quantities of the table at rest, before and after: JSON name and size of the display unit.
+#: Columns of the printed results at rest, before and after: JSON name and size of the display unit.
 _QUANTITIES = (("force", MICRO_G), ("rate", DEGREE_PER_HOUR))
 
 
@@ -36,17 +36,17 @@ def apply(
 ) -> int:
     """Apply a result to a recording or to the output of the connected unit, and show every rest before and after.
 
-    Raises ConfigurationError if both are given or the unit is a different one, and the errors of reading them.
+    Raises ConfigurationError if both are given or the unit is a different one, and any error from reading them.
     """
     if log is not None and station is not None:
         raise ConfigurationError("cli.apply_to_one")
     result = load_result(result_file)
     solved = find_log(result, result_file)
-    held = registers = result.registers.old if result.registers is not None else {}
+    values_before = registers = result.registers.old if result.registers is not None else {}
     if solved is not None:
         meta = open_log(solved).meta
-        held, registers = dict(zip(NAMES, prior_from_meta(meta).mean.tolist(), strict=True)), meta.registers
-    before, found = before_and_found(held, result.parameters)
+        values_before, registers = dict(zip(NAMES, prior_from_meta(meta).mean.tolist(), strict=True)), meta.registers
+    before, found = before_and_found(values_before, result.parameters)
     if np.array_equal(before, found):
         raise ConfigurationError("cli.apply_nothing", file=result_file)
     if log is not None:

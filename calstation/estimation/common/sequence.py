@@ -1,4 +1,4 @@
-"""Continuous sample counters that distinguish wraps, resets and gaps (docs/contract.md, "CSV import")."""
+"""Unwrapping of sample counters; wraps, resets and gaps are distinguished (docs/contract.md, "CSV import")."""
 
 from collections.abc import Sequence
 
@@ -39,9 +39,9 @@ class SequenceUnwrapper:
     def feed(self, seq: IntArray, time: FloatArray) -> tuple[IntArray, FloatArray, list[int]]:
         """Unwrap the next chunk of counter and clock (s).
 
-        Return the increasing counter and clock, shape (n,), and the indices of restarts, where counter and clock of
-        the unit were reset together. Raises SequenceError with the index of the first row that repeats, is out of order
-        or has decreasing time.
+        Return the increasing counter and clock, shape (n,), and the indices of restarts, at which the unit's counter
+        and clock were reset together. Raises SequenceError with the index of the first row that repeats, is out of
+        order or has decreasing time.
         """
         if len(seq) == 0:
             return seq.astype(np.int64), time.astype(np.float64), []
@@ -68,7 +68,7 @@ class SequenceUnwrapper:
         return seq + offsets, time + shifts, restarts
 
     def _step(self, row: int, last: int, now: int, last_time: float, now_time: float) -> tuple[int, float]:
-        """Return the offsets to add to counter and clock (s) from a row at which either does not increase."""
+        """Return the offsets to add to the counter and the clock (s) from a row at which one does not increase."""
         elapsed = (now_time - last_time) / self._period
         if now == last:
             raise SequenceError("recording.seq_repeated", row=row, seq=now)

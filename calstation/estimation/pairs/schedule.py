@@ -14,12 +14,11 @@ class Threshold(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     fixed: float = Field(gt=0.0)  #: Derived from the factory tolerance; also used if no deviation is stored.
-    #: The threshold is the deviation right after the last calibration plus this ...
-    offset: float | None = Field(None, gt=0.0)
-    ratio: float | None = Field(None, gt=1.0)  #: ... or times this; at most one of the two may be set.
+    offset: float | None = Field(None, gt=0.0)  #: Added to the deviation right after the last calibration.
+    ratio: float | None = Field(None, gt=1.0)  #: Factor on that deviation; excludes `offset`.
 
     @model_validator(mode="after")
-    def _one(self) -> "Threshold":
+    def _check_at_most_one(self) -> "Threshold":
         if self.offset is not None and self.ratio is not None:
             raise EntryError("plan.offset_and_ratio")
         return self
@@ -47,7 +46,7 @@ class PairSchedule(BaseModel):
     static_s: float = Field(2.0, ge=1.0, le=600.0)  #: Shortest rest for a check.
     motion_s: float = Field(20.0, ge=1.0, le=3600.0)  #: Duration of motion required for a fit.
     longest_s: float = Field(600.0, ge=10.0)  #: Longest time to wait for that motion.
-    #: Condition for calibrating a sensor of a secondary: the primary's same sensor is within tolerance, or both are.
+    #: A sensor of a secondary is calibrated if the primary's corresponding sensor is within tolerance, or both are.
     primary_valid: Literal["same_sensor", "both_sensors"] = "same_sensor"
     moving_dps: float = Field(10.0, gt=0.0)  #: Smallest rate above the rate at rest that counts as motion.
     primary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)  #: Permitted deviation at rest, rad/s.
@@ -56,7 +55,7 @@ class PairSchedule(BaseModel):
     secondary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)  #: Permitted deviation at rest, m/s².
 
     @model_validator(mode="after")
-    def _primary(self) -> "PairSchedule":
+    def _check_primary_thresholds(self) -> "PairSchedule":
         # a calibration of a pair does not change the primary: a threshold relative to the last one would follow drift
         for name in ("primary_gyro", "primary_accel"):
             threshold: Threshold = getattr(self, name)

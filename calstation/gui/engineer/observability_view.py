@@ -38,7 +38,7 @@ class StepAxis(pg.AxisItem):  # type: ignore[misc]
         self._names: list[str] = []
 
     def set_names(self, names: Sequence[str]) -> None:
-        """Name the steps, the first at 0.5."""
+        """Set the names of the steps; the first is centred at x = 0.5."""
         self._names = list(names)
         self.picture = None
         self.update()
@@ -96,7 +96,7 @@ class ObservabilityView(QWidget):
         super().__init__()
         self._stages: dict[str, Mapping[str, Any]] = {}
         self._labels: Mapping[int, StepLabel] = {}
-        #: Latest ranking of each stage of the monitored run; empty for a result or a preview.
+        #: Latest observability analysis of each stage of the monitored run; empty for a result or a preview.
         self._live: dict[str, StageRanked] = {}
         self._stage_combo = StageCombo("observability_stage_combo")
         self._stage_combo.currentIndexChanged.connect(self._show)

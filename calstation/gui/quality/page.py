@@ -1,4 +1,4 @@
-"""The Quality page: statistics of many runs about units, stations and the process."""
+"""The Quality page: statistics on units, stations and the process over many runs."""
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path

@@ -52,8 +52,8 @@ class RunStatus(QObject):
     """Status of the run and of its units after the events received so far."""
 
     changed = Signal()  #: Emitted shortly after a change, once for several events.
-    stop_pressed = Signal()  #: Emitted in every state.
-    unit_chosen = Signal()  #: `unit` is a different one.
+    stop_pressed = Signal()  #: Emitted whenever STOP is pressed, in any state.
+    unit_chosen = Signal()  #: Emitted when another unit is selected.
 
     def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -131,9 +131,9 @@ class RunStatus(QObject):
 
     @property
     def stages(self) -> list[StageState]:
-        """Stages of the run: of the first unit that still takes part, or after the run of the unit shown.
+        """Stages of the first unit that still takes part; after the run, those of the displayed unit.
 
-        For a unit that keeps its registers, the following stages are omitted.
+        A unit that keeps its registers skips the remaining stages, so other units take precedence.
         """
         going = [unit for unit in self.units if unit.verdict is None]
         writing = [unit for unit in going if not unit.kept]
