@@ -130,7 +130,6 @@ def result_table(console: Console, result: Result) -> None:
         *("cli.column_parameter", "cli.column_value", "cli.column_sigma", "cli.column_unit"),
         *("cli.column_accepted" if narrowed else "cli.column_limit", "cli.column_sigma_limit", "cli.column_verdict"),
     )
-    shown.columns[0].min_width = 19
     limits = {(c.kind, c.subject): c for c in result.checks if c.kind in ("within", "sigma_below")}
     for name, row in result.parameters.items():
         (value, unit), sigma = display(name, row.value), display(name, row.sigma)[0]
@@ -139,6 +138,8 @@ def result_table(console: Console, result: Result) -> None:
         largest = "" if below is None else f"{display(name, _bounds(below)[-1])[0]:.3g}"
         verdict = _verdict(name in result.undetermined, [c for c in (within, below) if c is not None])
         shown.add_row(name, number(value, sigma), f"{sigma:.2g}", unit, limits_text, largest, verdict)
+    for column in (*shown.columns[:3], shown.columns[-1]):  # a narrow terminal shortens the others
+        column.min_width = max((len(str(cell)) for cell in column.cells), default=0)
     if result.parameters:
         console.print(shown)
     for check in result.checks:

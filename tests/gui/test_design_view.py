@@ -93,8 +93,8 @@ def test_design_is_shown_with_path_parameters_and_robustness(designer: Designer)
 
     designer.show_answer(1)
     path = designer.view.answer._path
-    assert [label for label, _, _ in path.bands(path._data)] == ["planned", "reserve"]
-    assert path._data.duration == pytest.approx(sum(move[2] for move in design_jobs.MOVES) + 30.0, abs=20.0)
+    assert [label for label, _, _ in path.bands(path.data)] == ["planned", "reserve"]
+    assert path.data.duration == pytest.approx(sum(move[2] for move in design_jobs.MOVES) + 30.0, abs=20.0)
 
     designer.show_answer(2)
     rows = designer.cells("design_parameters")

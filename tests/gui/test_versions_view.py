@@ -120,7 +120,7 @@ def test_comparison_and_later_version_are_exported(
     for name in ("comparison.json", "solutions.parquet"):
         target = tmp_path / name
         monkeypatch.setattr(
-            "calstation.gui.widgets.exports.ask_file", lambda *arguments, target=target: arguments[-1](target)
+            "calstation.gui.state.page.ask_file", lambda *arguments, target=target: arguments[-1](target)
         )
         press(page, "versions_export_button")
         settle(page, qtbot)

@@ -23,6 +23,7 @@ COMPUTED = {
     "calstation/cli/errors.py",
     "calstation/config/site_check.py",
     "calstation/config/station.py",
+    "calstation/connection/compatibility.py",
     "calstation/connection/link_test.py",
     "calstation/database/connect.py",
     "calstation/gui/engineer/schedule_form.py",

@@ -104,7 +104,7 @@ def test_unit_that_stops_sending_does_not_affect_the_others(site_folder: SiteFol
     orders = [{"order": "silence_imu", "value": 1e6, "at": 60.0, "unit": 2}]
     site_folder.write(units=3, orders=orders)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position"))
-    assert {slot: ended.verdict for slot, ended in verdicts.items()} == {"1": "passed", "2": "fault", "3": "passed"}
+    assert {slot: ended.verdict for slot, ended in verdicts.items()} == {"1": "partial", "2": "fault", "3": "partial"}
     (fault,) = site_folder.events_of(Fault)
     assert fault.slot == "2"
     assert [message.slot for message in site_folder.events_of(Message) if message.id == "unit_left"] == ["2"]
@@ -131,7 +131,7 @@ def test_unresponsive_unit_is_removed_immediately(site_folder: SiteFolder, monke
     site_folder.write(units=3)
     refuse(monkeypatch, SERIALS[2])
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position"))
-    assert {slot: ended.verdict for slot, ended in verdicts.items()} == {"1": "passed", "2": "passed", "3": "fault"}
+    assert {slot: ended.verdict for slot, ended in verdicts.items()} == {"1": "partial", "2": "partial", "3": "fault"}
     kinds = [type(event) for event in site_folder.events]
     assert kinds.index(Finalized) < kinds.index(StateChanged)  # before anything is driven
     (fault,) = site_folder.events_of(Fault)
@@ -179,7 +179,7 @@ def test_configuration_error_affects_only_its_unit(site_folder: SiteFolder, monk
 
     monkeypatch.setattr(run_module, "_registers", registers)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]))
-    assert {slot: ended.verdict for slot, ended in verdicts.items()} == {"1": "passed", "2": "fault"}
+    assert {slot: ended.verdict for slot, ended in verdicts.items()} == {"1": "partial", "2": "fault"}
     assert verdicts["2"].result["error_code"] == "log.not_created"
 
 
@@ -209,7 +209,7 @@ def test_open_logs_are_closed_if_another_log_cannot_be_created(
 def test_similar_serial_numbers_have_separate_logs(site_folder: SiteFolder) -> None:
     site_folder.write({"serial_pattern": "SN[-_]1"}, units=2)
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=("SN-1", "SN_1")))
-    assert [ended.verdict for ended in verdicts.values()] == ["passed", "passed"]
+    assert [ended.verdict for ended in verdicts.values()] == ["partial", "partial"]
     assert {Path(ended.log).stem.rpartition("_")[0] for ended in verdicts.values()} == {"SN-1_1", "SN-1_2"}
 
 

@@ -219,7 +219,7 @@ def test_every_outcome_is_delivered_and_listed(site_folder: SiteFolder) -> None:
         handed = json.loads((site_folder.folder / "handover" / row["result"]).read_text("utf-8"))
         assert (handed["outcome"], handed["partial"]) == (outcome, True)
     history = History(site_folder.folder / "runs")
-    assert [run.verdict for run in history.runs()] == outcomes[::-1]
+    assert [run.verdict for run in history.runs()] == verdicts[::-1]
     assert [run.attempt for run in history.runs()] == [4, 3, 2, 1]
 
 

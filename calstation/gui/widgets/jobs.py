@@ -61,7 +61,7 @@ class JobWatch(QObject):
     def start(self, *args: Any, **kwargs: Any) -> None:
         """Submit a job with these arguments, and poll it instead of the previous one."""
         if self._submit is None:
-            raise TypeError("this watch has no work")
+            raise NotImplementedError
         self.watch(self._submit(*args, **kwargs))
 
     def watch(self, job: Job) -> None:
