@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Connection, create_engine, delete, event, select, update
 from sqlalchemy.exc import DataError
+from sqlalchemy.pool import NullPool
 
 from calstation.cli.app import run_app
 from calstation.database import (
@@ -157,7 +158,7 @@ def test_messages_are_not_stored_if_another_process_has_sent_some(url: str, stat
     made._deliver(engine, page)
     made.close()
     assert in_database(url) == [("a", "one")]
-    with create_engine(url).connect() as connection:
+    with create_engine(url, poolclass=NullPool).connect() as connection:
         assert connection.execute(select(runs.c.revision)).scalar_one() == made.outbox.revision
 
 
