@@ -1,21 +1,26 @@
-"""A Modbus server, TCP or RTU: requests in the received bytes of a line, and their replies."""
+"""A Modbus server, TCP or RTU: requests in the received bytes of a line, and their replies.
 
-import struct
+Frames and messages are pymodbus'. Its servers are not used, because they own their line: a unit also streams on it, and
+the bench delays, corrupts and drops replies.
+"""
+
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from fastcrc import crc16
+from pymodbus.constants import ExcCodes
+from pymodbus.exceptions import ModbusIOException
+from pymodbus.framer import FramerBase, FramerRTU, FramerSocket
+from pymodbus.pdu import DecodePDU, ExceptionResponse, ModbusPDU
+from pymodbus.pdu.register_message import (
+    ReadHoldingRegistersResponse,
+    WriteMultipleRegistersResponse,
+    WriteSingleRegisterResponse,
+)
 
 from calstation.bench.table import NoSuchRegister, OutOfRange, Refusal
 
-READ, WRITE, WRITE_MANY = 3, 6, 16
-
 #: Modbus exceptions by the refusal of a unit; DEVICE_FAILURE for any other.
-_EXCEPTIONS = {NoSuchRegister: 2, OutOfRange: 3}
-_ILLEGAL_FUNCTION, _ILLEGAL_VALUE, _DEVICE_FAILURE, _NO_SUCH_UNIT = 1, 3, 4, 11
-
-#: Sizes of transaction number, protocol and length, which precede a request over TCP.
-_HEADER = 6
+_EXCEPTIONS = {NoSuchRegister: ExcCodes.ILLEGAL_ADDRESS, OutOfRange: ExcCodes.ILLEGAL_VALUE}
 
 
 class NoReply(Exception):  # noqa: N818 - an event of the unit, not an error of the program
@@ -45,79 +50,62 @@ class ModbusServer:
 
     def talk(self) -> Callable[[bytes], list[bytes]]:
         """Return a parser for one connection, which converts received bytes to replies."""
+        framer: FramerBase = (FramerSocket if self._tcp else FramerRTU)(DecodePDU(is_server=True))
         pending = b""
 
         def answer(data: bytes) -> list[bytes]:
             nonlocal pending
             pending += data
-            replies = []
-            while (size := self._size(pending)) is not None and size <= len(pending):
-                request, pending = pending[: size or 1], pending[size or 1 :]
-                if self._tcp:
-                    replies.append(self._framed(request[:4], self._reply(request[_HEADER:])))
-                elif size and _checksum(request[:-2]) == request[-2:]:
-                    replies.append(self._framed(b"", self._reply(request[:-2])))
-                else:  # search for a request from the next byte on
-                    pending = request[1:] + pending
-            return replies
+            replies: list[bytes] = []
+            try:
+                while True:
+                    used, request = framer.handleFrame(pending, 0, 0)
+                    pending = pending[used:]
+                    if request is None:
+                        return replies
+                    reply = self._reply(request)
+                    if reply is not None:
+                        reply.dev_id, reply.transaction_id = request.dev_id, request.transaction_id
+                        replies.append(self._sent(framer.buildFrame(reply)))
+            except ModbusIOException:  # a frame without a valid request
+                pending = b""
+                return replies
 
         return answer
 
-    def _size(self, data: bytes) -> int | None:
-        """Return the size of the request at the start of `data`; None if not known yet, 0 if there is no request."""
-        if self._tcp:
-            return None if len(data) < _HEADER else _HEADER + int.from_bytes(data[4:_HEADER], "big")
-        if len(data) < 2:
-            return None
-        if data[0] not in self._units or data[1] not in (READ, WRITE, WRITE_MANY):
-            return 0
-        if data[1] != WRITE_MANY:
-            return 8
-        if len(data) < 7:
-            return None
-        return 9 + data[6] if data[6] == 2 * int.from_bytes(data[4:6], "big") else 0
-
-    def _reply(self, request: bytes) -> bytes:
-        """Return the reply to unit number, function code and data; empty without one."""
-        number, function = request[:2]
+    def _reply(self, request: ModbusPDU) -> ModbusPDU | None:
+        """Return the reply to a request; None without one, as for another unit on an RTU line."""
         self.mute, muted = max(0, self.mute - 1), self.mute > 0
-        if muted:
-            return b""
+        unit = self._units.get(request.dev_id)
+        if muted or (unit is None and not self._tcp):
+            return None
         code, self.refuse = self.refuse, 0
+        if code or unit is None:
+            return ExceptionResponse(request.function_code, code or ExcCodes.GATEWAY_NO_RESPONSE)
         try:
-            if not code and number in self._units:
-                return request[:2] + self._execute(self._units[number], function, request[2:])
+            return _execute(unit, request)
         except NoReply:
-            return b""
+            return None
         except Refusal as refusal:
-            code = _EXCEPTIONS.get(type(refusal), _DEVICE_FAILURE)
-        except (struct.error, KeyError):
-            code = _ILLEGAL_FUNCTION
-        return bytes([number, function | 0x80, code or _NO_SUCH_UNIT])
+            return ExceptionResponse(request.function_code, _EXCEPTIONS.get(type(refusal), ExcCodes.DEVICE_FAILURE))
 
-    @staticmethod
-    def _execute(unit: ModbusUnit, function: int, data: bytes) -> bytes:
-        address, second = struct.unpack(">HH", data[:4])
-        if function == READ:
-            if not 1 <= second <= 125:
-                raise OutOfRange
-            return struct.pack(f">B{second}H", 2 * second, *unit.read(address, second))
-        values = {WRITE: [second], WRITE_MANY: list(struct.unpack(f">{len(data[5:]) // 2}H", data[5:]))}
-        unit.write(address, values[function])
-        return data[:4]
-
-    def _framed(self, transaction: bytes, reply: bytes) -> bytes:
+    def _sent(self, frame: bytes) -> bytes:
         """Return a reply as it is sent; a fault changes its transaction number over TCP, or its checksum."""
-        if not reply:
-            return reply
-        sent = transaction + struct.pack(">H", len(reply)) + reply if self._tcp else reply + _checksum(reply)
-        if self.garble:
-            self.garble -= 1
-            at = 0 if self._tcp else len(sent) - 1
-            sent = sent[:at] + bytes([sent[at] ^ 0x10]) + sent[at + 1 :]
-        return sent
+        if not self.garble:
+            return frame
+        self.garble -= 1
+        at = 0 if self._tcp else len(frame) - 1
+        return frame[:at] + bytes([frame[at] ^ 0x10]) + frame[at + 1 :]
 
 
-def _checksum(data: bytes) -> bytes:
-    """Return the checksum of an RTU frame, low byte first."""
-    return int(crc16.modbus(data)).to_bytes(2, "little")
+def _execute(unit: ModbusUnit, request: ModbusPDU) -> ModbusPDU:
+    kind, address, values = request.function_code, request.address, list(request.registers)
+    if kind == ReadHoldingRegistersResponse.function_code:
+        return ReadHoldingRegistersResponse(registers=unit.read(address, request.count))
+    if kind == WriteSingleRegisterResponse.function_code:
+        unit.write(address, values)
+        return WriteSingleRegisterResponse(address=address, registers=values)
+    if kind == WriteMultipleRegistersResponse.function_code:
+        unit.write(address, values)
+        return WriteMultipleRegistersResponse(address=address, count=request.count)
+    return ExceptionResponse(kind, ExcCodes.ILLEGAL_FUNCTION)

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from calstation.bench.table.machine import Clocks, NoSuchRegister, OutOfRange, TableMachine
+from calstation.bench.table.machine import Clocks, NoSuchRegister, OutOfRange, Refusal, TableMachine
 
 MODEL_AT, SERIAL_AT, TEXT_WORDS = 0, 8, 8
 CONTROL, STATUS, FAULT, INTERLOCK, WATCHDOG, HEARTBEAT, COMMAND = 16, 17, 18, 19, 20, 21, 22
@@ -61,7 +61,7 @@ class RegisterBank(ABC):
         self.words[touched] = values
         try:
             self._execute(range(address, address + len(values)))
-        except Exception:
+        except Refusal:
             self.words[touched] = before
             raise
 
