@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import degrees
 from pathlib import Path
+from typing import Any
 
 import typer
 from rich.box import SIMPLE_HEAD
@@ -310,9 +311,9 @@ class _Display:
         elif isinstance(event, StateChanged) and event.state in ("pausing", "paused", "stopping"):
             self._console.print(f"{say(f'state.{event.state}')}.", highlight=False)
 
-    def _update(self, stage: str, **fields: object) -> None:
+    def _update(self, stage: str, **fields: Any) -> None:
         if stage in self._bars:
-            self.progress.update(self._bars[stage], **fields)  # type: ignore[arg-type]
+            self.progress.update(self._bars[stage], **fields)
 
     def _line(self, text: str) -> None:
         if not self._console.is_terminal:

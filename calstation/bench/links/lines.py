@@ -5,6 +5,7 @@ import os
 import select
 import socket
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 #: Kernel buffer of the line, bytes; the bench's time stops while a reader has a larger backlog.
@@ -32,7 +33,7 @@ def open_raw() -> tuple[int, int, str]:
     return master, slave, os.ttyname(slave)
 
 
-class _Line:
+class _Line(ABC):
     """A line to one client; it waits for a slow reader, so that no samples are lost.
 
     `endpoint` is the address that a client opens, `sent` the number of bytes sent to the current client, 0 once it has
@@ -45,9 +46,9 @@ class _Line:
         self.slow: list[float] = []
         self._talk = talk
 
+    @abstractmethod
     async def send(self, data: bytes) -> None:
         """Pass bytes to the operating system; they are lost if there is no client."""
-        raise NotImplementedError
 
     async def _reply(self, replies: list[bytes]) -> None:
         for reply in replies:

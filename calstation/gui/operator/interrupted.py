@@ -10,7 +10,7 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask
 from calstation.gui.state import AppContext
-from calstation.gui.widgets import JobWatch, NoticeBar
+from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from calstation.results import Delivery
 from calstation.runs import (
@@ -35,16 +35,18 @@ class InterruptedRuns(QObject):
         self.run_summary: RunSummary | None = None
         self._wanted: Path | None = None
         self._serial: str | None = None
-        self._search, self._closing = JobWatch(self, self._found, self._not_found), JobWatch(self)
-        self._recovery = JobWatch(self, lambda done: self._show_delivery(done.delivery), self._not_recovered)
+        self._search = app.job(self, find_resumable, self._found, failed=self._not_found)
+        self._closing = app.job(self, close_incomplete_job)
+        self._recovery = app.job(
+            self, recover_startup, lambda done: self._show_delivery(done.delivery), failed=self._not_recovered
+        )
         notice.report_failures(self._closing, "common.run_not_closed", header.focus_scan)
         app.resume_run.connect(lambda log: self.offer(log=log))
 
     def recover(self) -> None:
         """Close aborted runs, hand over pending results, then offer runs to resume; called when the window opens."""
         if self._app.runs_folder.is_dir():
-            recovery = self._app.job_queue.submit(recover_startup, self._app.runs_folder, self._app.station_path)
-            self._recovery.watch(recovery)
+            self._recovery.start(self._app.runs_folder, self._app.station_path)
         self.offer()
 
     def _not_recovered(self, error: CalstationError) -> None:
@@ -61,7 +63,7 @@ class InterruptedRuns(QObject):
         """Offer runs that can be resumed, or only runs of the unit `serial` or the run of `log` if given."""
         self._serial, self._wanted = serial, log
         if self._app.runs_folder.is_dir():
-            self._search.watch(self._app.job_queue.submit(find_resumable, self._app.runs_folder))
+            self._search.start(self._app.runs_folder)
 
     def _found(self, found: list[Resumable]) -> None:
         if self._app.engine_link.running or self.run_summary is None:
@@ -99,5 +101,5 @@ class InterruptedRuns(QObject):
             ask(self._notice, "caution", Text("station.badge_missing"), {})
             return
         operator = self._app.operator or computer_user()
-        self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, operator))
+        self._closing.start(run.log, operator)
         self._offer(others)

@@ -85,7 +85,7 @@ class AppContext(QObject):
         submit = partial(self.job_queue.submit, cancellable=cancellable)
         if work is not None:
             submit = partial(submit, work)
-        return JobWatch(owner, done, failed, cancelled, submit)
+        return JobWatch(owner, submit, done, failed, cancelled)
 
     def set_station(self, path: Path | None) -> None:
         """Use another station file."""

@@ -38,11 +38,11 @@ class JobWatch(QObject):
 
     def __init__(
         self,
-        parent: QObject | None = None,
+        parent: QObject,
+        submit: Callable[..., Job],
         done: Slot = None,
         failed: Slot = None,
         cancelled: Slot = None,
-        submit: Callable[..., Job] | None = None,
     ) -> None:
         super().__init__(parent)
         self._submit = submit
@@ -59,13 +59,8 @@ class JobWatch(QObject):
         return self.job is not None
 
     def start(self, *args: Any, **kwargs: Any) -> None:
-        """Submit a job with these arguments, and poll it instead of the previous one."""
-        if self._submit is None:
-            raise NotImplementedError
-        self.watch(self._submit(*args, **kwargs))
-
-    def watch(self, job: Job) -> None:
-        """Poll `job` instead of the previous one, which is dropped if it still waits and may be cancelled."""
+        """Submit a job with these arguments; a previous job is dropped if it still waits and may be cancelled."""
+        job = self._submit(*args, **kwargs)
         if self.job is not None and self.job.cancellable and self.job.state == "waiting":
             self.job.cancel()
         self.job = job

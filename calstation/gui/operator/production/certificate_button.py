@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QPushButton
 from calstation.config import Person, computer_user
 from calstation.gui.state import AppContext, PeoplePanel
 from calstation.gui.text import Words, bind, language, say
-from calstation.gui.widgets import Choice, JobWatch, NoticeBar
+from calstation.gui.widgets import Choice, NoticeBar
 from calstation.messages import Text
 from calstation.records import IssuedReport
 from calstation.reports import IssueState, issue_certificate, issue_state
@@ -32,8 +32,9 @@ class CertificateButton(QPushButton):
         self._app, self._notice, self._then = app, notice, then
         self._result_file: Path | None = None
         self.panel = PeoplePanel(name)
-        self._asking, self.watch = JobWatch(self, self._begin), JobWatch(self, self._issued)
-        for watch in (self._asking, self.watch):
+        self._state_watch = app.job(self, issue_state, self._begin)
+        self.watch = app.job(self, issue_certificate, self._issued)
+        for watch in (self._state_watch, self.watch):
             notice.report_failures(watch, "operator.no_certificate", then)
             watch.busy_changed.connect(self._show_busy)
         self.watch.progress.connect(lambda *_: self._show_busy())
@@ -55,13 +56,12 @@ class CertificateButton(QPushButton):
         return say("operator.certificate_progress", percent=100 * job.fraction)
 
     def _show_busy(self) -> None:
-        self.setEnabled(not (self._asking.busy or self.watch.busy))
+        self.setEnabled(not (self._state_watch.busy or self.watch.busy))
         self.setText(self._text())
 
     def _ask(self) -> None:
         self.panel.hide()
-        work = issue_state, self._result_file, self._app.station_path, language.current()
-        self._asking.watch(self._app.job_queue.submit(*work))
+        self._state_watch.start(self._result_file, self._app.station_path, language.current())
 
     def _begin(self, state: IssueState) -> None:
         if state.last is None and state.required.second:
@@ -100,8 +100,7 @@ class CertificateButton(QPushButton):
         return (self._app.badge if state.required.badge else self._app.operator or computer_user()) or ""
 
     def _issue(self, state: IssueState, first: Person, second: Person | None = None, revise: str | None = None) -> None:
-        request = replace(state.request, first=first, second=second, revise=revise)
-        self.watch.watch(self._app.job_queue.submit(issue_certificate, request))
+        self.watch.start(replace(state.request, first=first, second=second, revise=revise))
 
     def _issued(self, pdf: Path) -> None:
         self._notice.ask(

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QPushButton
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext
 from calstation.gui.text import bind
-from calstation.gui.widgets import JobWatch, NoticeBar
+from calstation.gui.widgets import NoticeBar
 from calstation.reports import label_template, print_label
 from calstation.results import Result
 
@@ -26,7 +26,7 @@ class LabelButton(QPushButton):
         self.setObjectName(name)
         self._app, self._notice, self._then = app, notice, then
         self._result_file: Path | None = None
-        self._watch = JobWatch(self, self._printed)
+        self._watch = app.job(self, print_label, self._printed)
         notice.report_failures(self._watch, "operator.label_not_printed", then)
         self._watch.busy_changed.connect(lambda: self.setEnabled(not self._watch.busy))
         self.clicked.connect(self._print)
@@ -43,8 +43,7 @@ class LabelButton(QPushButton):
         self.setVisible(template is not None)
 
     def _print(self) -> None:
-        app = self._app
-        self._watch.watch(app.job_queue.submit(print_label, self._result_file, app.station_path))
+        self._watch.start(self._result_file, self._app.station_path)
 
     def _printed(self, pdf: Path | None) -> None:
         if pdf is None:

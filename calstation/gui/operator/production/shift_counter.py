@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QLabel
 
 from calstation.gui.state import AppContext
 from calstation.gui.text import duration_text, on_language_change, say
-from calstation.gui.widgets import JobWatch, show_text
+from calstation.gui.widgets import show_text
 from calstation.results import ShiftCount, count_shift, shift_start
 from calstation.runs import RunSummary
 
@@ -26,7 +26,7 @@ class ShiftCounter(QLabel):
         self._summary: RunSummary | None = None
         self._since: datetime | None = None
         self._count: ShiftCount | None = None  # not known yet
-        self._watch = JobWatch(self, self._take)
+        self._watch = app.job(self, count_shift, self._take)
         self._timer = QTimer(self, interval=_CHECK_MS)
         self._timer.timeout.connect(self._check_shift)
         on_language_change(self, self._show_count)
@@ -45,7 +45,7 @@ class ShiftCounter(QLabel):
         if since != self._since:
             self._since, self._count = since, None
         if summary is not None and folder.is_dir():
-            self._watch.watch(self._app.job_queue.submit(count_shift, folder, summary.station, since))
+            self._watch.start(folder, summary.station, since)
         else:
             self._count = ShiftCount()
         self._show_count()
