@@ -84,6 +84,7 @@ from calstation.config.station import (
     at_slot,
     load_station,
     uses_manual_rig,
+    virtual_serials,
 )
 from calstation.config.station_sections import (
     InstrumentSection,

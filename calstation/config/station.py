@@ -1,7 +1,7 @@
 """Model of a station file: a location with its table and units, checked before anything moves."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from itertools import count, islice
 from pathlib import Path
@@ -37,6 +37,18 @@ VIRTUAL_UNIT = "SN-000001"
 
 #: host:port without a scheme.
 _WITHOUT_SCHEME = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
+
+
+def virtual_serials(
+    bench: Mapping[str, object], slots: Collection[str], unsuitable: Callable[[str], bool]
+) -> tuple[str, ...]:
+    """Return the serial numbers of the next units of a bench, see `StationConfig.virtual_serials`."""
+    first = str(bench.get("serial", VIRTUAL_UNIT))
+    if "serial" in bench and not slots:
+        return (first,)
+    stem, digits = first.rstrip("0123456789"), len(first) - len(first.rstrip("0123456789"))
+    serials = (f"{stem}{number:0{digits}d}" for number in count(int(first[len(stem) :] or 0)))
+    return tuple(islice((s for s in serials if not unsuitable(s)), max(1, len(slots))))
 
 
 class StationConfig(StrictModel):
@@ -96,12 +108,7 @@ class StationConfig(StrictModel):
 
         The serial number in the file of a station without slots is used in any case.
         """
-        first = self.virtual_serial
-        if self.bench is not None and "serial" in self.bench and not self.slot_names:
-            return (first,)
-        stem, digits = first.rstrip("0123456789"), len(first) - len(first.rstrip("0123456789"))
-        serials = (f"{stem}{number:0{digits}d}" for number in count(int(first[len(stem) :] or 0)))
-        return tuple(islice((s for s in serials if not unsuitable(s)), max(1, len(self.slot_names))))
+        return virtual_serials(self.bench or {}, self.slot_names, unsuitable)
 
     @property
     def secondaries(self) -> dict[int, FurtherImuLinkSection]:

@@ -34,7 +34,6 @@ class RunSummary:
     transfer: float | None
     #: Maximum sigma that the product permits after these stages, SI, by estimated group with a limit.
     targets: Mapping[str, float]
-    attempts_allowed: int | None  #: Consecutive failures after which a unit is set aside; None for no limit.
     load_angle: tuple[float, float]  #: Angles of the table while units are changed, degrees.
     operator_ends_stages: bool = False  #: Whether the operator page offers to end a repeated stage early.
     by_hand: bool = False
@@ -76,7 +75,6 @@ def run_summary(request: RunRequest) -> RunSummary:
         ),
         transfer=DURATION if setup.register_map.parameters else None,
         targets=_targets(setup),
-        attempts_allowed=setup.product.attempts_allowed,
         load_angle=(load.outer_deg, load.inner_deg),
         operator_ends_stages=setup.product.operator_ends_stages,
         by_hand=setup.by_hand,

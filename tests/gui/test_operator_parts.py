@@ -159,7 +159,7 @@ def test_line_labels_do_not_overlap_inside_the_plot() -> None:
 
 def bench(**settings: object) -> RunSummary:
     serials = r"SN-\d{6}", "SN-000123"
-    return RunSummary("s", "p", settings, "t", (1, 0, 0), (0, 0, 1), *serials, (), None, {}, None, (0.0, 0.0))
+    return RunSummary("s", "p", settings, "t", (1, 0, 0), (0, 0, 1), *serials, (), None, {}, (0.0, 0.0))
 
 
 def test_suggested_serial_number_is_the_first_that_has_not_passed() -> None:

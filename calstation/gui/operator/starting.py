@@ -8,7 +8,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject
 
-from calstation.config import RunRequest
+from calstation.config import RunRequest, virtual_serials
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.interrupted import InterruptedRuns
@@ -246,16 +246,12 @@ class RunStarter(QObject):
 
 
 def suggested_serial(run_summary: RunSummary, unsuitable: Callable[[str], bool]) -> str:
-    """Return the virtual bench's own serial number or one for which `unsuitable` is False; "" for hardware."""
+    """Return the next serial number of the virtual bench for which `unsuitable` is False; "" for hardware.
+
+    "" also if that number does not have the product's form, unless the station file gives it.
+    """
     if run_summary.bench is None:
         return ""
-    own = run_summary.bench.get("serial")
-    if own is not None and not run_summary.slots:
-        return str(own)
-    for number in range(1, 1000):
-        serial = f"SN-{number:06d}"
-        if not re.fullmatch(run_summary.serial_pattern, serial):
-            return ""
-        if not unsuitable(serial):
-            return serial
-    return ""
+    serial = virtual_serials(run_summary.bench, run_summary.slots, unsuitable)[0]
+    stated = "serial" in run_summary.bench and not run_summary.slots
+    return serial if stated or re.fullmatch(run_summary.serial_pattern, serial) else ""
