@@ -8,7 +8,6 @@ from calstation.config.batch import new_batch_id, prepare_batch, unit_requests
 from calstation.config.bench import BenchSettings, load_bench
 from calstation.config.blocks import arrange_entries
 from calstation.config.confirmation import (
-    Action,
     ConfirmationRequired,
     Person,
     confirm,
@@ -67,7 +66,6 @@ from calstation.config.site_check import (
 )
 from calstation.config.slot_form import SLOTS, with_one_unit, with_slots
 from calstation.config.slots import (
-    MAX_UNITS,
     STATION_ENTRIES,
     LinkDefaults,
     SlotSection,
@@ -88,8 +86,6 @@ from calstation.config.station import (
 )
 from calstation.config.station_sections import (
     InstrumentSection,
-    LaboratorySection,
-    RecordsSection,
     ReportSection,
     SignInSection,
     check_database_url,

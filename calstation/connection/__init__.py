@@ -3,7 +3,7 @@
 Protocols are implemented in `devices`, motion in `sequencer`.
 """
 
-from calstation.connection.capture import Capture, import_capture
+from calstation.connection.capture import import_capture
 from calstation.connection.compatibility import incompatibilities, station_conflicts
 from calstation.connection.devices import Devices, Endpoints, RealClock, StationBench, connected
 from calstation.connection.imu_session import ImuSession, capture_rest, open_imu_session

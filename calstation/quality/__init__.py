@@ -1,14 +1,12 @@
 """Quality over time: control charts, capability, yield and measurement system analysis of stored runs."""
 
-from calstation.quality.capability import Capability, Interval, capability
+from calstation.quality.capability import Interval, capability
 from calstation.quality.charts import (
     BASELINE,
     RULES,
     CusumChart,
     EwmaChart,
-    IndividualsChart,
     Process,
-    Signals,
     cusum_chart,
     ewma_chart,
     individuals_chart,
@@ -35,5 +33,5 @@ from calstation.quality.summary import (
     limit_interval,
     summarise_quality,
 )
-from calstation.quality.table_chart import WEIGHT, WIDTH, TableChart, alarms, table_charts, table_ewma
+from calstation.quality.table_chart import WEIGHT, WIDTH, TableChart, alarms, table_charts
 from calstation.quality.yields import FailedCheck, Share, Yields, count_yields

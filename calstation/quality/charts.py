@@ -17,8 +17,7 @@ from calstation.physics import BoolArray, FloatArray, IntArray
 #: Mean and standard deviation of the range of two values from a normal distribution, in sigmas (d2 and d3 for n = 2).
 D2 = 2.0 / math.sqrt(math.pi)
 D3 = math.sqrt(2.0 - 4.0 / math.pi)
-#: Limits of the individuals in mean moving ranges (E2), and upper limit of the moving range (D4).
-E2 = 3.0 / D2
+#: Upper limit of the moving range in mean moving ranges.
 D4 = 1.0 + 3.0 * D3 / D2
 
 #: Numbers of Nelson's rules.

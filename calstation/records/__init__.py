@@ -10,7 +10,6 @@ from calstation.records.audit import (
     AuditEvent,
     AuditEventName,
     AuditTrail,
-    AuditWriter,
     append_audit,
     audit_path,
     audit_writer,

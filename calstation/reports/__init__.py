@@ -3,8 +3,7 @@
 Code that evaluates or computes values belongs to `calstation.results`.
 """
 
-from calstation.reports.budget import Budget
-from calstation.reports.content import Certificate, Quantity, build_certificate, certificate_number
+from calstation.reports.content import Certificate, build_certificate, certificate_number
 from calstation.reports.dcc import write_dcc
 from calstation.reports.issue import (
     IssueState,

@@ -10,7 +10,6 @@ from calstation.sequencer.context import (
     Clock,
     Emit,
     Ended,
-    Evaluation,
     Judged,
     LastSample,
     Output,

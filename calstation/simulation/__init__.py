@@ -4,7 +4,7 @@ Production packages do not import it: they load the bench of a station with a se
 """
 
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording, record_on_bench, recordings_folder
-from calstation.simulation.bench_settings import bench_config, pair_bench_config
+from calstation.simulation.bench_settings import bench_config
 from calstation.simulation.hooks import BenchHooks
 from calstation.simulation.method_study import run_method_study
 from calstation.simulation.soak_series import Soak, soak

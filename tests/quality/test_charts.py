@@ -9,7 +9,7 @@ from scipy import stats
 from calstation.errors import InputError
 from calstation.physics import FloatArray
 from calstation.quality import BASELINE, Process, cusum_chart, ewma_chart, individuals_chart, nelson_signals
-from calstation.quality.charts import D2, D4, E2, ESTIMATED, KNOWN, restarted_ewma_chart
+from calstation.quality.charts import D2, D4, ESTIMATED, KNOWN, restarted_ewma_chart
 
 
 def numbers(text: str) -> FloatArray:
@@ -63,7 +63,7 @@ RINGS = numbers(
 
 
 def test_chart_constants_are_valid_for_ranges_of_two_values() -> None:
-    assert pytest.approx((1.128, 2.660, 3.267), abs=1.5e-3) == (D2, E2, D4)
+    assert pytest.approx((1.128, 3.267), abs=1.5e-3) == (D2, D4)
 
 
 def test_individuals_chart_agrees_with_the_nist_handbook() -> None:

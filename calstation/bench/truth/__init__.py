@@ -5,7 +5,7 @@ It is independent of the estimators and contains no links or protocols.
 
 from calstation.bench.truth.body import BodyMotion, BodyStream, draw_mounting
 from calstation.bench.truth.drive import EncoderTruth, TableDrive
-from calstation.bench.truth.effects import Effects, EffectTruth
+from calstation.bench.truth.effects import Effects
 from calstation.bench.truth.free_unit import Field, Mounting, SecondaryTruth, pair_truth, record_pair
 from calstation.bench.truth.gimbal import GimbalBench, GimbalSamples, GimbalStream
 from calstation.bench.truth.grades import GRADES, GradeName, draw_imu, draw_power_ups

@@ -5,4 +5,4 @@ The drivers execute commands; motion limits are checked before a command is give
 
 from calstation.devices.table.drivers import ManualTable, open_table
 from calstation.devices.table.register_table import ModbusTable, RegisterTable, SharedTable
-from calstation.devices.table.text_table import GimbalTable, TextTable
+from calstation.devices.table.text_table import TextTable

@@ -1,7 +1,7 @@
 """Translated texts of the window: catalogue sentences, check texts and language bindings; no widget classes."""
 
 from calstation.gui.text import language
-from calstation.gui.text.checks import CheckText, check_name, check_text, of_parameter, of_product, parameter_text
+from calstation.gui.text.checks import check_name, check_text, of_parameter, of_product, parameter_text
 from calstation.gui.text.messages import (
     KINDS,
     Words,
