@@ -51,6 +51,9 @@ _EXIT_CODES = {Verdict.PASSED: 0, Verdict.PARTIAL: 0, Verdict.FAILED: 1, Verdict
 #: Code of the result of a stage's innovation test, None if it had nothing to test.
 _CONSISTENCY = {True: "cli.consistent", False: "cli.not_consistent", None: "cli.consistency_untested"}
 
+#: Answers without a terminal to questions about a unit that may be calibrated again in any case, by their subject.
+_WITHOUT_TERMINAL = {"resume": "anew", "passed": "repeat"}
+
 
 def run_command(
     request: RunRequest, json: str | None, answers: Mapping[str, str | None], *, confirmed_by: str | None, debug: bool
@@ -60,8 +63,6 @@ def run_command(
     `answers` are those given by options, by the subject of the question, None without the option; the answer about a
     check standard is the reason of the override. Raises ConfigurationError for an invalid request.
     """
-    if request.resume is not None and (request.stages is not None or request.seed is not None):
-        raise ConfigurationError("cli.resume_options")
     request = _answered(request, answers, confirmed_by)
     finalized: list[Finalized] = []
     fault = None
@@ -84,22 +85,30 @@ def run_command(
 def _answered(request: RunRequest, answers: Mapping[str, str | None], confirmed_by: str | None) -> RunRequest:
     """Return the request that the engine runs, after the questions before its start.
 
-    A question without an answer is asked on a terminal, otherwise it refuses the run. Raises ConfigurationError,
-    StoppedError.
+    A question without an answer is asked on a terminal. Otherwise it refuses the run, or is only shown if it has an
+    answer in `_WITHOUT_TERMINAL`. Raises ConfigurationError, StoppedError.
     """
     if request.out.is_dir():
         History(request.out).refresh()
     start = RunStart(request, "engineer")
-    while (question := start.next_question()) is not None:
+    changed = request.stages is not None or request.seed is not None
+    while True:
+        if changed and start.request.resume is not None:
+            raise ConfigurationError("cli.resume_options")
+        question = start.next_question()
+        if question is None:
+            return start.request
         answer = answers[question.subject]
         if answer is None and not sys.stdin.isatty():
-            raise question.refusal
+            answer = _WITHOUT_TERMINAL.get(question.subject)
+            if answer is None:
+                raise question.refusal
+            show_line(Console(stderr=True), sentence(question.refusal.as_text))
         answer = _ask(question) if answer is None else answer
         if question.subject == "standard":
             confirm_override(start, answer, confirmed_by)
         else:
             start.answer(question, answer)
-    return start.request
 
 
 def _ask(question: Question) -> str:

@@ -30,7 +30,7 @@ AUDIT_EVENTS: tuple[AuditEventName, ...] = get_args(AuditEventName)
 class AuditEvent(BaseModel):
     """One line of the audit trail."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     utc: str  #: ISO 8601.
     event: str

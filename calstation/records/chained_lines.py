@@ -1,4 +1,4 @@
-"""Append-only files of JSON lines with a SHA-256 chain: audit trail, issued reports, offline solutions, journals.
+"""Append-only files of JSON lines with a SHA-256 chain: audit trail, issued reports, journals, and more.
 
 Every line ends with ``, "previous": "...", "digest": "..."}``. `digest` is the SHA-256 of the UTF-8 bytes of the line
 without ``, "digest": "..."``; `previous` is the digest of the line before, or 64 zeros in the first line. A power
@@ -47,6 +47,7 @@ class Chain(Generic[T]):
     """Content of a chained file."""
 
     entries: tuple[T, ...] = ()  #: Entries of all lines that agree with their own digest, the oldest first.
+    numbers: tuple[int, ...] = ()  #: Numbers of their lines, from 1.
     incomplete: tuple[int, ...] = ()  #: Numbers of the lines left incomplete by a killed program.
     torn: bool = False  #: Whether the last line is incomplete.
     damage: Damage | None = None
@@ -76,7 +77,7 @@ class ChainedFile(Generic[T]):
         if not content:
             return Chain(damage=Damage(1, Text("log.line_missing")))
         *lines, rest = content.split(b"\n")
-        entries: list[T] = []
+        entries: dict[int, T] = {}
         incomplete: list[int] = []
         unconfirmed: list[int] = []  # incomplete lines without a valid line after them
         damage: Damage | None = None
@@ -86,7 +87,7 @@ class ChainedFile(Generic[T]):
             if number > 1 and (line.endswith(_CLOSED) or (last and not _ENDING.search(line))):
                 unconfirmed.append(number)
             else:
-                why = self._take(line, digest, entries)
+                why = self._take(number, line, digest, entries)
                 if why is None:
                     incomplete += unconfirmed
                 elif damage is None:
@@ -94,9 +95,9 @@ class ChainedFile(Generic[T]):
                 unconfirmed.clear()
             digest = _next(line, digest)
         torn = bool(unconfirmed)
-        return Chain(tuple(entries), (*incomplete, *unconfirmed), torn, damage, digest)
+        return Chain(tuple(entries.values()), tuple(entries), (*incomplete, *unconfirmed), torn, damage, digest)
 
-    def _take(self, line: bytes, digest: str, entries: list[T]) -> Text | None:
+    def _take(self, number: int, line: bytes, digest: str, entries: dict[int, T]) -> Text | None:
         """Add the entry of a line that agrees with its own digest; return what is wrong with the line."""
         ending = _ENDING.search(line)
         if ending is None:
@@ -105,7 +106,7 @@ class ChainedFile(Generic[T]):
             return Text("log.line_altered")
         try:
             content = json.loads(line)
-            entries.append(self._entry.validate_python(content))
+            entries[number] = self._entry.validate_python(content)
         except (ValueError, RecursionError):
             return Text("log.line_unknown")
         return None if content["previous"] == digest else Text("log.line_out_of_order")
@@ -126,13 +127,13 @@ class ChainedFile(Generic[T]):
     def append(self, content: Mapping[str, Any]) -> T:
         """Append an entry given as JSON data, write it to disk and return it.
 
-        The file appears with its first line. The caller has locked the file, or no other program can append to it.
-        Raises OSError.
+        The file appears with its first line; one that was emptied remains damaged. The caller has locked the file, or
+        no other program can append to it. Raises OSError, and ValueError for content that is no entry.
         """
         exists = self.path.exists()
         *lines, rest = (self.path.read_bytes() if exists else b"").split(b"\n")
         digest, begin = START, b""
-        if rest:
+        if rest or (exists and not lines):
             complete = _ENDING.search(rest) is not None or not lines
             begin = b"\n" if complete else _CLOSED + b"\n"
             lines.append(rest if complete else rest + _CLOSED)
@@ -140,6 +141,7 @@ class ChainedFile(Generic[T]):
             digest = _next(line, digest)
         text = json.dumps({**content, "previous": digest}, ensure_ascii=False).encode()
         line = text[:-1] + f', "digest": "{_sha256(text)}"}}'.encode()
+        entry = self._entry.validate_python(json.loads(line))
         if exists:
             handle = os.open(self.path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
             try:
@@ -151,7 +153,7 @@ class ChainedFile(Generic[T]):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(self.path, line + b"\n")
             sync_folder(self.path.parent.parent)
-        return self._entry.validate_python(json.loads(line))
+        return entry
 
 
 def _sha256(data: bytes) -> str:

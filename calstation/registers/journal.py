@@ -104,7 +104,7 @@ _Line = Annotated[_Intended | _StepTaken | _Closed, Field(discriminator="event")
 
 @dataclass
 class Transfer:
-    """One transfer as recorded in the journal; implements `transfer.Entry`. `id` increases with time.
+    """One transfer as recorded in the journal; implements `devices.imu.Entry`. `id` increases with time.
 
     old, new : the unit's registers before the transfer, and the intended ones, by parameter, SI
     closing : how the transfer ended; None while it is open
@@ -161,7 +161,8 @@ def history(folder: Path, serial: str) -> list[Transfer]:
     """Return every transfer to a unit, oldest first. Raises ConfigurationError if the journal is damaged."""
     path = _path(folder, serial)
     transfers: dict[str, Transfer] = {}
-    for number, line in enumerate(_read(path, serial).entries, 1):
+    chain = _read(path, serial)
+    for number, line in zip(chain.numbers, chain.entries, strict=True):
         if (line.id in transfers) == isinstance(line, _Intended):
             raise _damaged(path, serial, number, Text("log.line_unknown"))
         if isinstance(line, _Intended):

@@ -9,5 +9,5 @@ from calstation.runs.incomplete import close_incomplete_job, finish_incomplete, 
 from calstation.runs.preparation import prepare
 from calstation.runs.resume import Resumable, find_resumable, resumable_run
 from calstation.runs.run import execute
-from calstation.runs.start import Question, Role, RunStart, resume_question
+from calstation.runs.start import Question, Role, RunStart, product_of, resume_question
 from calstation.runs.summary import RunSummary, run_summary

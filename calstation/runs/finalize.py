@@ -73,7 +73,8 @@ class Finalization:
         """Judge the unit, and determine the registers to write if it passes."""
         run = self.run
         judgement = judge(run.meta, run.chain.prior, solutions, standard=self._compare_standard(solutions))
-        if any(not check.passed for check in judgement.checks):
+        differs_only = judgement.standard is not None and all(check.passed for check in judgement.checks)
+        if not judgement.passed and not differs_only:
             run.emit(Message("registers_kept"))
             if judgement.latitude is not None:
                 run.emit(Message("latitude_untold", judgement.latitude))

@@ -20,7 +20,7 @@ from calstation.config import (
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, Value
 from calstation.quality import require_standards
-from calstation.records import open_log
+from calstation.records import LogMeta, open_log
 from calstation.results import History
 from calstation.runs.hooks import station_hooks
 from calstation.runs.resume import Continuation, Resumable, resumable_run
@@ -94,7 +94,7 @@ class RunStart:
         """
         if answer == "resume":
             log = Path(str(question.refusal.values["log"]))
-            self._use(replace(self.request, resume=log, product=_product_of(log) or self.request.product))
+            self._use(replace(self.request, resume=log, product=product_of(log) or self.request.product))
         elif answer == "beyond":
             self.request = replace(self.request, beyond_attempts=True)
         self._answered.add(question.subject)
@@ -206,7 +206,12 @@ def _completed(request: RunRequest, history: History) -> RunRequest:
     """
     path, station = load_station(request.station)
     if request.resume is not None:
-        meta, product = open_log(request.resume).meta, request.product or _product_of(request.resume)
+        if len(list(filter(None, request.serials))) > 1:
+            raise ConfigurationError("batch.resume")
+        meta, product = open_log(request.resume).meta, request.product or product_of(request.resume)
+        name = _product_name(meta)
+        if product is None and name is not None:
+            raise ConfigurationError("run.resume_product", path=request.resume, name=name)
         serial = next(filter(None, (request.serial, *request.serials)), meta.imu.serial)
         slot = None if meta.run is None else meta.run.slot
         return replace(request, serial=serial, serials=(), product=product, slot=slot)
@@ -216,18 +221,22 @@ def _completed(request: RunRequest, history: History) -> RunRequest:
     if not any(serials) and station.bench is None:
         raise ConfigurationError("run.serial_missing", path=path)
     if not any(serials):
-        serials = station.virtual_serials(lambda serial: history.passed_before(serial) is not None)
+        # the same seed means the same unit, also if it has passed
+        serials = station.virtual_serials(lambda s: request.seed is None and history.passed_before(s) is not None)
     if not station.slot_names and len(serials) == 1:
         return replace(request, serial=serials[0], serials=())
     return replace(request, serial=next(filter(None, serials)), serials=serials, batch=new_batch_id())
 
 
-def _product_of(log: Path) -> Path | None:
-    """Return the product file of the run of a log, None if the log does not name it. Raises ConfigurationError."""
-    run = open_log(log).meta.run
-    name = run.files["product"].name if run is not None and run.files else None
-    if name is None:
-        return None
-    if name not in library.names("products"):
-        raise ConfigurationError("run.resume_product", path=log, name=name)
-    return library.find("products", name)
+def product_of(log: Path) -> Path | None:
+    """Return the product file of the run of a log; None if the log names none, or one that is not in the library.
+
+    Raises InputError if the log cannot be read.
+    """
+    name = _product_name(open_log(log).meta)
+    return library.find("products", name) if name in library.names("products") else None
+
+
+def _product_name(meta: LogMeta) -> str | None:
+    """Return the name of the product file of a run, None if its log does not name it."""
+    return meta.run.files["product"].name if meta.run is not None and meta.run.files else None

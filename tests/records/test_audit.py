@@ -89,6 +89,20 @@ def test_truncated_line_is_reported_and_the_chain_continues_after_it(tmp_path: P
         assert trail.read_bytes().startswith(whole[:end])
 
 
+def test_emptied_trail_remains_damaged_after_the_next_event(tmp_path: Path, trail: Path) -> None:
+    trail.write_bytes(b"")
+    append_audit(tmp_path, "pin_changed", "li")
+    assert first_bad(trail) == 1
+
+
+def test_event_that_could_not_be_read_back_is_not_written(tmp_path: Path, trail: Path) -> None:
+    whole = trail.read_bytes()
+    for value in (float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="values"):
+            append_audit(tmp_path, "override", "li", "scratch", limit=value)
+    assert trail.read_bytes() == whole
+
+
 def test_line_without_its_newline_is_complete(tmp_path: Path, trail: Path) -> None:
     trail.write_bytes(trail.read_bytes()[:-1])
     append_audit(tmp_path, "pin_changed", "li")

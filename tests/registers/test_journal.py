@@ -224,3 +224,15 @@ def test_unit_on_hardware_has_one_journal_for_all_runs_folders(
     assert (found.id, found.cycles) == (made.id, 1)
     assert journal.serials(tmp_path / "site") == ["SN-1"]
     assert journal.history(journal.journal_folder(virtual, monday), "SN-1") == [], "a virtual unit of the same number"
+
+
+def test_damaged_line_after_an_incomplete_line_is_named_by_its_number(tmp_path: Path) -> None:
+    made = begin(tmp_path)
+    whole = made.path.read_bytes()
+    made.path.write_bytes(whole + whole[:20])  # a power failure during the second line
+    made.note(Step.WRITTEN)
+    file = ChainedFile[object](made.path, object)
+    file.append({"event": "step", "id": "unknown", "step": "written", "utc": "2026-01-01T00:00:00+00:00"})
+    with raises_code(ConfigurationError, "journal.damaged") as raised:
+        journal.history(tmp_path, "SN-1")
+    assert raised.value.values["line"] == 4

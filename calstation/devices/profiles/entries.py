@@ -24,7 +24,7 @@ def as_errors(errors: Errors) -> Iterable[EntryError]:
 
 
 def violations(section: M, rules: Rules[M]) -> Iterator[EntryError]:
-    """Yield the errors of a section; a rule is applied only if the section obeys all rules before it."""
+    """Yield the errors of a section; a rule may rely on those before it, so only the first error is certain."""
     return (error for rule in rules for error in as_errors(rule(section)))
 
 

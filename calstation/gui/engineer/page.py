@@ -188,8 +188,7 @@ class EngineerPage(Page):
 
     def _drop_question(self) -> None:
         """Remove an open question, which referred to the previous station, product, role or run."""
-        if self.notice.asking:
-            self.notice.dismiss()
+        self._start_dialog.drop()
 
     def _request(self) -> RunRequest:
         app, header = self.app, self._header

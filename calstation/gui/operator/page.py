@@ -195,6 +195,7 @@ class OperatorPage(Page):
     def _plan(self) -> None:
         """Read station and product again; if they are unusable, show the reason and disable START."""
         app = self.app
+        self._starting.dialog.drop()  # it referred to the previous station and product
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
         planned, choices = self._summarise()

@@ -54,6 +54,12 @@ class StartDialog:
         request = replace(request, operator=self._app.badge or request.operator)
         self._attempt(lambda: self._continue(RunStart(request, role)), resume=request.resume is not None)
 
+    def drop(self) -> None:
+        """Remove an open question, or the panel that asks for engineers; nothing is started."""
+        self.people.hide()
+        if self._notice.asking:
+            self._notice.dismiss()
+
     def _attempt(self, action: Callable[[], None], *, resume: bool = False) -> None:
         try:
             action()

@@ -18,7 +18,7 @@ from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from calstation.results import History
-from calstation.runs import Resumable, RunSummary, resumable_run
+from calstation.runs import Resumable, RunSummary, product_of, resumable_run
 from calstation.sound import play
 
 #: Notes next to the field, by the reason why a scan was refused.
@@ -223,7 +223,9 @@ class RunStarter(QObject):
 
     def _resume(self, run: Resumable) -> None:
         self._header.set_serial(run.serial)
-        self.dialog.begin(self._request(run.serial, None, None, resume=run.log))
+        self.dialog.begin(
+            self._request(run.serial, product_of(run.log) or self._app.product_path, None, resume=run.log)
+        )
 
     def _request(self, serial: str, product: Path | None, stages: tuple[str, ...] | None, **more: Any) -> RunRequest:
         app, operator = self._app, self._header.badge_field.operator
