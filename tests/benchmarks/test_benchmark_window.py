@@ -51,7 +51,7 @@ class Probe(QObject):
 @pytest.fixture
 def window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[MainWindow]:
     """A window connected to a bench whose unit sends 2000 samples per second."""
-    site_folder = SiteFolder(tmp_path)
+    site_folder = SiteFolder(tmp_path, tmp_path / "home")
     monkeypatch.setenv("CALSTATION_HOME", str(site_folder.home))
     monkeypatch.chdir(tmp_path)
     profile = library.find("imus", "bench_nav").read_text(encoding="utf-8")
@@ -94,8 +94,8 @@ def test_window_stays_responsive_over_a_whole_run(window: MainWindow, benchmark,
 
     probe = benchmark.pedantic(run, rounds=1)
     assert window.app.run.state == "passed", window.app.run.fault
-    result = window.app.run.unit.verdict.result
-    samples = result["log"]["last_seq"] - result["log"]["first_seq"] + 1
+    log = window.app.run.unit.result.log
+    samples = log.last_seq - log.first_seq + 1
     works, waits = np.array(probe.works), np.array(probe.waits)
     figures(
         samples=samples,
