@@ -176,7 +176,9 @@ def test_damaged_journal_blocks_its_unit_with_file_line_and_remedy(tmp_path: Pat
 def test_unknown_journal_line_blocks_the_unit(tmp_path: Path, content: dict[str, object]) -> None:
     made = begun(tmp_path)
     ChainedFile[dict[str, object]](made.path, dict).append({"id": made.id, "utc": "", **content})
-    assert complaint(tmp_path).startswith(f"Data: {made.path}, line 4: this program does not know the content of the line")
+    assert complaint(tmp_path).startswith(
+        f"Data: {made.path}, line 4: this program does not know the content of the line"
+    )
 
 
 def test_a_truncated_last_line_is_ignored_and_reported(tmp_path: Path) -> None:
