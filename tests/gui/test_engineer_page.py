@@ -137,7 +137,7 @@ def engineer(window: Any, qtbot: Any, site_folder: SiteFolder) -> Engineer:
 
 def number(text: str) -> float:
     """Return the number in a cell."""
-    return float(text)
+    return float(text.replace("−", "-"))
 
 
 @pytest.mark.exhaustive
@@ -392,6 +392,7 @@ def test_changed_schedule_is_stored_in_the_log_and_its_hash(engineer: Engineer) 
     engineer.unlock()
     engineer.tick("stage_check_six_position")
     before = engineer.start()
+    engineer.type("engineer_serial_edit", before["unit"]["serial"])
     engineer.tick("stage_check_six_position")
     engineer.page.choice.parts.select("six_position")
     engineer.type("schedule_six_position_dwell_s", "4")
