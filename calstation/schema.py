@@ -25,9 +25,12 @@ _TOML_POSITION = re.compile(r"\(at (?:line (\d+), column \d+|end of document)\)"
 
 
 class StrictModel(BaseModel):
-    """Base class of all configuration models: frozen, no unknown keys, no NaN, no silent conversions."""
+    """Base class of all configuration models: frozen, no unknown keys, no NaN, no silent conversions.
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+    The validator of a model is built when first used, because a command needs few of the models that it imports.
+    """
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 #: A number in a result JSON; a non-finite one is ``null`` there.
@@ -37,7 +40,7 @@ Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is Non
 class ResultSection(BaseModel):
     """A section of a result JSON. Keys from other versions of the program are kept."""
 
-    model_config = ConfigDict(frozen=True, extra="allow", populate_by_name=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(frozen=True, extra="allow", populate_by_name=True, arbitrary_types_allowed=True, defer_build=True)
 
 
 class EntryError(ValueError):
