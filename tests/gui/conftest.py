@@ -112,7 +112,7 @@ def window(site_folder: SiteFolder, job_queue: SharedJobQueue, qtbot: QtBot) -> 
     made = create_window(site_folder.station)
     assert isinstance(made, MainWindow)
     qtbot.addWidget(made)
-    made.make_engineer_page()
+    made.create_engineer_page()
     made.setWindowState(Qt.WindowState.WindowNoState)  # the screen of the offscreen platform is small
     made.resize(1366, 768)
     made.show()

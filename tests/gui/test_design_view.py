@@ -22,9 +22,9 @@ from PySide6.QtWidgets import (
 
 from calstation.config import library, versions
 from calstation.gui.engineer.designer import DesignView
-from calstation.gui.engineer.designer.answer import DesignAnswer
 from calstation.gui.engineer.designer.form import DesignForm
 from calstation.gui.engineer.designer.plots import FrontPlot, Sphere
+from calstation.gui.engineer.designer.result import DesignResult
 from calstation.gui.widgets import PageArea
 from tests.gui import design_jobs
 from tests.gui.conftest import SiteFolder
@@ -47,7 +47,7 @@ class Designer(Engineer):
     def design(self) -> None:
         """Press Design and wait for the result and its path."""
         self.press("design_button")
-        self.until(lambda: not (self.view.watch.busy or self.view.driving.busy))
+        self.until(lambda: not (self.view.watch.busy or self.view.path_job.busy))
 
     def show_answer(self, number: int) -> None:
         """Show a part of the result: duration, path, parameters, robustness, hidden effects."""
@@ -187,7 +187,7 @@ def test_search_is_stopped_with_its_best_design_or_cancelled(
     designer.until(lambda: not designer.view.watch.busy)
     assert designer.headline.startswith("0:33 planned")
     assert not stop.parent.exists()
-    designer.until(lambda: not designer.view.driving.busy)
+    designer.until(lambda: not designer.view.path_job.busy)
 
     designer.press("design_button")
     designer.until(lambda: best in designer.says())
@@ -247,7 +247,7 @@ def test_design_is_saved_as_a_product_and_selected(designer: Designer) -> None:
     designer.window.show_page("engineer_page")
     designer.press("select_product_button")
     assert designer.window.app.product_path == path
-    assert designer.page.choice.parts.stages == ("designed",)
+    assert designer.page.choice.selector.stages == ("designed",)
 
     designer.press("save_as_button")
     assert "The product short_fast exists" in designer.says()
@@ -308,7 +308,7 @@ def test_designer_is_operated_by_keyboard(designer: Designer) -> None:
     assert seen[:4] == ["design_goal_combo", "design_margin_spin", "design_search_spin", "design_more_button"]
     assert seen[4:6] == ["design_button", "design_views"]
     assert seen[6:] == ["copy_schedule_button", "export_design_button", "save_as_button", "design_turn_slider"]
-    assert isinstance(designer.view.answer, DesignAnswer)
+    assert isinstance(designer.view.answer, DesignResult)
 
 
 def test_real_search_finds_a_shorter_schedule(window: Any, qtbot: Any, site_folder: SiteFolder) -> None:
@@ -317,7 +317,7 @@ def test_real_search_finds_a_shorter_schedule(window: Any, qtbot: Any, site_fold
     designer.widget("design_search_spin", QDoubleSpinBox).setValue(5.0)
     designer.press("design_button")
     designer.until(lambda: "Best so far" in designer.says())
-    designer.until(lambda: not (designer.view.watch.busy or designer.view.driving.busy), 300.0)
+    designer.until(lambda: not (designer.view.watch.busy or designer.view.path_job.busy), 300.0)
     assert "limits reached" in designer.says() or "random moves: search longer" in designer.says()
     assert designer.view._result is not None
     design, _ = designer.view._result

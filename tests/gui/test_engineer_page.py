@@ -86,14 +86,14 @@ class Engineer(Operator):
 
     def start(self, meanwhile: Callable[[], None] = lambda: None) -> dict[str, Any]:
         """Press START, wait for the end and for the result to be shown."""
-        shown = self.page.analysis.result.view.shown
+        shown = self.page.analysis.result.view.finished
         self.press("engineer_start_button")
         meanwhile()
-        self.until(lambda: self.page.analysis.result.view.shown is not shown or self.run.fault is not None)
+        self.until(lambda: self.page.analysis.result.view.finished is not shown or self.run.fault is not None)
         self.until_ended()
         assert self.run.fault is None, self.run.fault
-        assert self.page.analysis.result.view.shown is not None
-        return dict(self.page.analysis.result.view.shown.result.to_json())
+        assert self.page.analysis.result.view.finished is not None
+        return dict(self.page.analysis.result.view.finished.result.to_json())
 
     def cells(self, table: str) -> dict[str, dict[str, str]]:
         """Return the texts of a parameter table by row identifier (the tooltip) and heading."""
@@ -176,7 +176,7 @@ def test_single_stages_can_be_chosen_in_any_order(engineer: Engineer) -> None:
     assert parts["biases"].checkState() == Qt.CheckState.Unchecked
     engineer.widget("stage_down_rate", QToolButton).click()
     engineer.widget("stage_down_rate", QToolButton).click()
-    assert engineer.page.choice.parts.stages == ("excitation", "rate")
+    assert engineer.page.choice.selector.stages == ("excitation", "rate")
     assert engineer.window.app.stages == ("excitation", "rate")
 
     engineer.window.show_page("operator_page")
@@ -186,7 +186,7 @@ def test_single_stages_can_be_chosen_in_any_order(engineer: Engineer) -> None:
     assert "Excitation, Rate" in engineer.says()
     engineer.press("whole_choice")
     assert engineer.window.app.stages is None
-    assert engineer.page.choice.parts.stages == STAGES
+    assert engineer.page.choice.selector.stages == STAGES
     assert engineer.widget("start_button", QPushButton).text() == "START"
 
     engineer.window.show_page("engineer_page")
@@ -217,14 +217,14 @@ def test_only_an_engineer_chooses_parts(engineer: Engineer) -> None:
     for name in boxes:
         assert "PIN" in engineer.widget(name).toolTip()
         engineer.qtbot.mouseClick(engineer.widget(name), Qt.MouseButton.LeftButton)
-    assert engineer.page.choice.parts.stages == STAGES
+    assert engineer.page.choice.selector.stages == STAGES
     assert engineer.widget("engineer_start_button", QPushButton).text() == "START"
     engineer.unlock()
     for names, stages in ((("stage_check_rate",), ("rate",)), ((), ())):
         engineer.tick(*names)
-        assert engineer.page.choice.parts.stages == stages
+        assert engineer.page.choice.selector.stages == stages
         engineer.window.app.role.lock()
-        assert engineer.page.choice.parts.stages == STAGES
+        assert engineer.page.choice.selector.stages == STAGES
         assert engineer.widget("engineer_start_button", QPushButton).text() == "START"
         engineer.window.app.role.unlock("246813")
 
@@ -252,7 +252,7 @@ def test_partial_run_is_marked_on_all_pages(engineer: Engineer) -> None:
     assert "PARTIAL: Rate, Six positions" in engineer.says()
     assert "out of date" not in engineer.says()
     assert "PASS" not in engineer.says()
-    assert engineer.page.choice.parts.stages == STAGES
+    assert engineer.page.choice.selector.stages == STAGES
     assert engineer.window.app.stages is None
     assert engineer.widget("engineer_start_button", QPushButton).text() == "START"
 
@@ -285,7 +285,7 @@ def test_schedule_is_validated_previewed_and_saved_to_the_product(
 ) -> None:
     engineer.unlock()
     engineer.tick("stage_check_rate")
-    engineer.page.choice.parts.select("rate")
+    engineer.page.choice.selector.select("rate")
     for field, text, problem in (
         ("schedule_rate_dwell_s", "1", "Too small; enter 2 to 600 s."),
         ("schedule_rate_dwell_s", "long", "Not a number; enter 2 to 600 s."),
@@ -335,7 +335,7 @@ def test_confirmation_prompt_disappears_when_its_subject_changes(engineer: Engin
     app = engineer.window.app
     engineer.unlock()
     engineer.tick("stage_check_rate")
-    engineer.page.choice.parts.select("rate")
+    engineer.page.choice.selector.select("rate")
     engineer.type("schedule_rate_dwell_s", "6.5")
     lock_and_unlock = (app.role.lock, lambda: app.role.unlock("246813"))
     for changes in (
@@ -374,7 +374,7 @@ def test_selection_changed_during_the_preview_makes_it_outdated(engineer: Engine
 def test_preview_states_the_end_condition_of_a_repeated_stage(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_azimuth_flip")
-    engineer.page.choice.parts.select("azimuth_flip")
+    engineer.page.choice.selector.select("azimuth_flip")
     for rounds, duration, ends in (
         ("2", "", "Azimuth flips: ends after round 2."),
         ("0", "", "Azimuth flips: repeated until it is ended by hand"),
@@ -394,7 +394,7 @@ def test_changed_schedule_is_stored_in_the_log_and_its_hash(engineer: Engineer) 
     before = engineer.start()
     engineer.type("engineer_serial_edit", before["unit"]["serial"])
     engineer.tick("stage_check_six_position")
-    engineer.page.choice.parts.select("six_position")
+    engineer.page.choice.selector.select("six_position")
     engineer.type("schedule_six_position_dwell_s", "4")
     after = engineer.start(engineer.check_disabled)
     assert open_log(Path(after["log"]["file"])).meta.schedule["six_position"]["dwell_s"] == 4.0

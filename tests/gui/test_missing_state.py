@@ -33,14 +33,14 @@ def test_state_is_added_on_the_engineer_page(operator: Operator, log: Path) -> N
     analysis = page.analysis
     analysis.open(log)
     operator.until(lambda: analysis.result.view.missing.isVisible())
-    before = analysis.result.view.shown
+    before = analysis.result.view.finished
     assert before is not None
     assert "The accelerometer has a third-order error" in operator.says()
     held = log.read_bytes()
 
     operator.press("add_state_button")
-    operator.until(lambda: analysis.result.view.shown is not before)
-    after = analysis.result.view.shown
+    operator.until(lambda: analysis.result.view.finished is not before)
+    after = analysis.result.view.finished
     assert after is not None
     assert after.result.states_added == ["accel_cubic"]
     assert set(after.result.parameters) - set(before.result.parameters) == NAMES

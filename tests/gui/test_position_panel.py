@@ -169,7 +169,7 @@ def test_stage_can_be_finished_after_enough_positions(panel: PositionPanel, qtbo
     assert not panel.finish_button.isEnabled()
     assert "not sufficient" in panel.finish_button.toolTip()
     panel.take(guided("moving", suffices=True))
-    with qtbot.waitSignal(panel.finish_wanted):
+    with qtbot.waitSignal(panel.finish_requested):
         panel.finish_button.click()
     assert not panel.finish_button.isEnabled()
     panel.take(guided("moving", 2, stage=""))

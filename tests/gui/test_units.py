@@ -344,7 +344,7 @@ def test_unit_with_a_fault_is_removed_and_the_others_continue(operator: Operator
     link.event.emit(replace(NO_ANSWER, slot="1"))
     end_unit(operator, "1", "fault")
     operator.until(lambda: operator.message == "SN-000001 leaves the batch: no answer")
-    assert operator.run.going
+    assert operator.run.in_progress
     assert operator.run.fault is None
     assert "FAULT: No response on socket" in tile(operator, "unit_1_tile").accessibleName()
     link.event.emit(StageProgress("rate", 0.4, 6.0, {}, slot="2"))
@@ -353,7 +353,7 @@ def test_unit_with_a_fault_is_removed_and_the_others_continue(operator: Operator
     assert operator.run.fraction > 0.0
     link.event.emit(StateChanged("done", "running"))
     end_unit(operator, "2", "passed")
-    assert operator.run.going
+    assert operator.run.in_progress
     end_unit(operator, "3", "passed")
     link._end()
     operator.until(lambda: operator.run.state == "failed")
@@ -685,7 +685,7 @@ def test_batch_continues_on_the_virtual_bench_after_one_unit_stops_sending(opera
     operator.window.app.set_station(folder.station)
     operator.press("start_button")
     operator.until(lambda: operator.run.units[1].fault is not None)
-    assert operator.run.going
+    assert operator.run.in_progress
     operator.until(lambda: "FAULT" in tile(operator, "unit_2_tile").accessibleName())
     operator.until_ended()
     assert [unit.verdict for unit in operator.run.units] == ["passed", "fault", "passed"], operator.says()

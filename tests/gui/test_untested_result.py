@@ -25,7 +25,7 @@ def test_parameters_only_result_has_no_verdict_on_the_engineer_page(operator: Op
     page = operator.window.findChild(EngineerPage, "engineer_page")
     assert page is not None
     page.analysis.open(file)
-    operator.until(lambda: page.analysis.result.view.shown is not None)
+    operator.until(lambda: page.analysis.result.view.finished is not None)
     operator.until_no_job()
     tabs = page.findChild(QTabBar, "engineer_views")
     for number in (*range(tabs.count()), 1):

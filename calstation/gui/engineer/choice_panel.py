@@ -1,4 +1,4 @@
-"""The left panel of the engineer page: the stages to run, and the schedule of the selected stage."""
+"""The left panel of the engineer page, which selects the stages of the next run and edits their schedules."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -13,28 +13,32 @@ from calstation.gui.text import bind, on_language_change, say, term
 from calstation.gui.widgets import box, button, clear, column, enable, label, row, scroll_area, show_text, theme
 from calstation.messages import Text
 
-#: Stages of each part of the calibration, by the suffix of its check box's object name.
+#: Stages of each part of the calibration, by the suffix of the object name of its check box.
 PARTS = {"scale_factors": ("rate", "six_position"), "installation": ("excitation",), "biases": ("azimuth_flip",)}
 _ROW_HEIGHT = theme.BUTTON - theme.GRID
 
 
 class ChoicePanel(QFrame):
-    """Emits `changed` when stages, order or values change; its buttons emit `save_wanted` and `unlock_wanted`."""
+    """Check boxes for the stages, and the form of the selected stage.
+
+    Signals: `changed()` when stages, their order or values change; `save_requested()` and `unlock_requested()` when the
+    buttons are pressed.
+    """
 
     changed = Signal()
-    save_wanted = Signal()
-    unlock_wanted = Signal()
+    save_requested = Signal()
+    unlock_requested = Signal()
 
     def __init__(self) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
         self._forms: dict[str, ScheduleForm] = {}
         self._new_pin = False
-        self.parts = Parts()
+        self.selector = StageSelector()
         self._heading, self._lock_label = label(kind="section"), label(kind="muted", wrap=True)
-        self._unlock_button = button("unlock_schedule_button", pressed=self.unlock_wanted)
+        self._unlock_button = button("unlock_schedule_button", pressed=self.unlock_requested)
         self._reset_button = button("reset_schedule_button", "engineer.reset", lambda: self.form.reset())
-        self._save_button = button("save_product_button", "engineer.save_to_product", self.save_wanted)
+        self._save_button = button("save_product_button", "engineer.save_to_product", self.save_requested)
         self._reason = label(kind="muted", name="save_reason_label", wrap=True)
         self._form_box = column(spacing=0)
         content = box(self._form_box, margins=(0, 0, theme.GRID // 2, 0))
@@ -45,7 +49,7 @@ class ChoicePanel(QFrame):
         column(
             self._lock_label,
             self._unlock_button,
-            self.parts,
+            self.selector,
             self._heading,
             (self._area, 1),
             row(self._reset_button, (self._save_button, 1)),
@@ -53,43 +57,43 @@ class ChoicePanel(QFrame):
             on=self,
             margins=(2 * theme.GRID, theme.GRID, theme.GRID, theme.GRID),
         )
-        self.parts.changed.connect(self.changed)
-        self.parts.selected.connect(self._show_form)
+        self.selector.changed.connect(self.changed)
+        self.selector.selected.connect(self._show_form)
         on_language_change(self, self._show_texts)
 
     @property
     def schedule(self) -> dict[str, Mapping[str, Any]]:
-        """Deviations from the product's schedule, by chosen stage; stages without deviations are omitted."""
-        return {stage: each for stage in self.parts.stages if (each := self._forms[stage].departures)}
+        """Deviations from the product's schedule, by selected stage; stages without deviations are omitted."""
+        return {stage: each for stage in self.selector.stages if (each := self._forms[stage].deviations)}
 
     @property
     def invalid(self) -> tuple[str, ...]:
-        """Chosen stages whose entered schedule is not valid."""
-        return tuple(stage for stage in self.parts.stages if not self._forms[stage].valid)
+        """Selected stages with an invalid schedule."""
+        return tuple(stage for stage in self.selector.stages if not self._forms[stage].valid)
 
     @property
     def form(self) -> ScheduleForm:
-        """The form of the selected stage."""
-        return self._forms[self.parts.current]
+        """The form of the current stage."""
+        return self._forms[self.selector.current]
 
     def show_options(self, options: ScheduleOptions) -> None:
-        """Offer the stages of a product with their schedules."""
+        """List the stages of a product, and create the forms for their schedules."""
         clear(self._form_box)
         self._forms = {stage: ScheduleForm(stage, options) for stage in options.offered}
         for form in self._forms.values():
             form.changed.connect(self.changed)
             form.hide()
             self._form_box.addWidget(form)
-        self.parts.offer(options.offered, options.stages)
+        self.selector.offer(options.offered, options.stages)
 
     def lock(self, busy: str, role: str, save: str, *, new_pin: bool) -> None:
-        """Disable the choice of stages and schedule for the reasons `busy` and `role`, and saving for all three.
+        """Disable all inputs for the reason `busy` or `role`, and saving also for the reason `save`; "" is no reason.
 
-        An empty reason has no effect. `new_pin` selects the text of the unlock button: set a new PIN, or enter the PIN.
+        The unlock button is shown for the reason `role`; it sets the first PIN if `new_pin` is True.
         """
         self._new_pin = new_pin
         self._show_texts()
-        self.parts.lock(busy or role)
+        self.selector.lock(busy or role)
         for form in self._forms.values():
             form.lock(busy or role)
         show_text(self._lock_label, role)
@@ -102,7 +106,7 @@ class ChoicePanel(QFrame):
 
     def _show_texts(self) -> None:
         self._unlock_button.setText(say("engineer.set_pin" if self._new_pin else "engineer.enter_pin"))
-        stage = self.parts.current
+        stage = self.selector.current
         self._heading.setText(say("engineer.schedule_of", stage=stage) if stage else "")
 
     def _show_form(self, stage: str) -> None:
@@ -112,8 +116,11 @@ class ChoicePanel(QFrame):
         self._show_texts()
 
 
-class Parts(QWidget):
-    """Check boxes of parts and stages; emits `changed` for the choice or its order and `selected` for a stage's row."""
+class StageSelector(QWidget):
+    """Check boxes for parts of the calibration and for single stages, which can be reordered.
+
+    Signals: `changed()` when the selection or its order changes; `selected(stage)` when the current row changes.
+    """
 
     changed = Signal()
     selected = Signal(str)
@@ -144,11 +151,11 @@ class Parts(QWidget):
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """The chosen stages in run order."""
+        """The selected stages in run order."""
         return tuple(each.stage for each in self._rows if each.check.isChecked())
 
     def offer(self, stages: tuple[str, ...], chosen: tuple[str, ...]) -> None:
-        """Offer these stages, with the `chosen` ones checked."""
+        """List the `stages`, and check those in `chosen`."""
         clear(self._list)
         self._rows = [_StageRow(stage, self) for stage in stages]
         for each in self._rows:
@@ -163,21 +170,21 @@ class Parts(QWidget):
         self._toggled()
 
     def select(self, stage: str) -> None:
-        """Select the row of a stage."""
+        """Make the row of a stage the current one."""
         self.current = stage
         for each in self._rows:
             theme.set_kind(each, "current" if each.stage == stage else "")
         self.selected.emit(stage)
 
     def lock(self, why: str) -> None:
-        """Disable the choice for the given reason; "" enables it."""
+        """Disable the check boxes for the given reason; "" enables them."""
         for check in (*self._parts.values(), *(each.check for each in self._rows)):
             enable(check, why)
         for each in self._rows:
             each.setEnabled(not why)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Select the row that receives the focus."""
+        """Make the row that receives the focus the current one."""
         if event.type() == QEvent.Type.FocusIn:
             for each in self._rows:
                 if each.check is watched and each.stage != self.current:
@@ -185,13 +192,14 @@ class Parts(QWidget):
         return super().eventFilter(watched, event)
 
     def _choose_part(self, part: str) -> None:
-        wanted = self._parts[part].checkState() != Qt.CheckState.Unchecked
+        checked = self._parts[part].checkState() != Qt.CheckState.Unchecked
         for each in self._rows:
             if each.stage in PARTS[part]:
-                each.check.setChecked(wanted)
+                each.check.setChecked(checked)
         self._toggled()
 
     def _toggled(self) -> None:
+        """Update the check boxes of the parts and the numbers of the stages."""
         offered, chosen = {each.stage for each in self._rows}, self.stages
         for name, check in self._parts.items():
             stages = offered.intersection(PARTS[name])
@@ -213,7 +221,7 @@ class Parts(QWidget):
         self._toggled()
 
     def _arrange(self) -> None:
-        """Lay out the rows in run order, and set the same Tab order."""
+        """Lay out the rows in run order and set the Tab order accordingly."""
         previous: QWidget = self._parts["biases"]
         for index, each in enumerate(self._rows):
             self._list.removeWidget(each)
@@ -226,7 +234,7 @@ class Parts(QWidget):
 
 
 class _StageRow(QFrame):
-    """Row of a stage: its number in the run order, its check box, and buttons that move it."""
+    """Row of a stage with its position in the run, a check box, and buttons that move it up or down."""
 
     moved = Signal(object, int)
 
@@ -246,12 +254,12 @@ class _StageRow(QFrame):
         row(self.number, (self.check, 1), self.up, self.down, on=self, spacing=theme.GRID // 2, margins=margins)
 
     def _make_button(self, name: str, arrow: Qt.ArrowType, by: int) -> QToolButton:
-        made = QToolButton()
-        made.setObjectName(f"stage_{name}_{self.stage}")
-        made.setArrowType(arrow)
-        made.setAutoRaise(True)
-        made.setFixedSize(_ROW_HEIGHT, _ROW_HEIGHT)
-        made.clicked.connect(lambda: self.moved.emit(self, by))
-        for show in (made.setToolTip, made.setAccessibleName):
+        button = QToolButton()
+        button.setObjectName(f"stage_{name}_{self.stage}")
+        button.setArrowType(arrow)
+        button.setAutoRaise(True)
+        button.setFixedSize(_ROW_HEIGHT, _ROW_HEIGHT)
+        button.clicked.connect(lambda: self.moved.emit(self, by))
+        for show in (button.setToolTip, button.setAccessibleName):
             bind(show, Text.of(f"engineer.move_{name}", stage=self.stage))
-        return made
+        return button

@@ -1,4 +1,4 @@
-"""View of a run's cycle: bars of its phases to scale, and a legend with their durations and shares."""
+"""View of the cycle of a run: bars of its phases to scale, and a legend with their durations and shares."""
 
 from collections.abc import Sequence
 
@@ -6,13 +6,13 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
-from calstation.gui.text import bind, say, term
+from calstation.gui.text import Words, bind, say, term
 from calstation.gui.widgets import clear, column, grid, label, row, theme
 from calstation.results import Result
 
 #: Height of a bar, and size of a colour in the legend, px.
 _BAR, _SWATCH = 5 * theme.GRID, 2 * theme.GRID
-#: Role in the palette and opacity of each phase that is not a stage.
+#: Palette role and opacity of each phase that is not a stage.
 _COLOURS = {
     "opening": ("muted", 255),
     "resuming": ("muted", 120),
@@ -26,25 +26,27 @@ _COLOURS = {
     "files": ("text", 255),
     "stopping": ("bad", 255),
 }
-#: Opacity of the first stage, its decrease from stage to stage, and the lowest opacity.
-_FIRST, _DECREASE, _LOWEST = 255, 55, 60
+#: Opacity of the first stage, decrease from stage to stage, and minimum opacity.
+_FIRST, _DECREASE, _MIN_OPACITY = 255, 55, 60
 
-#: A phase and the stage if it is the motion of a stage, otherwise "".
+#: Name of a phase, and name of its stage if the phase is the motion of a stage, otherwise "".
 _Part = tuple[str, str]
 
 
 class CycleBar(QWidget):
     """A horizontal bar of segments whose widths are proportional to their durations."""
 
-    def __init__(self) -> None:
+    def __init__(self, name: str = "", words: Words = "") -> None:
         super().__init__()
-        self._segments: tuple[tuple[float, QColor], ...] = ()
+        self.setObjectName(name)
+        bind(self.setAccessibleName, words)
+        self._segments: Sequence[tuple[float, QColor]] = ()
         self.setFixedHeight(_BAR)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
     def show_segments(self, segments: Sequence[tuple[float, QColor]]) -> None:
-        """Show durations, s, with their colours, from left to right."""
-        self._segments = tuple(segments)
+        """Show segments from left to right, each with its duration, s, and its colour."""
+        self._segments = segments
         self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -59,17 +61,14 @@ class CycleBar(QWidget):
 
 
 class CycleView(QWidget):
-    """The phases of a run from its start to the result: a bar of all, a bar without the stages, and a legend."""
+    """The phases of a run from its start to the result: a bar of all phases, a bar without the stages, and a legend."""
 
     def __init__(self) -> None:
         super().__init__()
         self._result: Result | None = None
         self.total_label = label(kind="section", name="cycle_total_label")
-        self._bar, self._others_bar = CycleBar(), CycleBar()
-        for bar, name in ((self._bar, "cycle_bar"), (self._others_bar, "cycle_others_bar")):
-            bar.setObjectName(name)
-        bind(self._bar.setAccessibleName, "engineer.phases_to_scale")
-        bind(self._others_bar.setAccessibleName, "engineer.phases_except_stages")
+        self._bar = CycleBar("cycle_bar", "engineer.phases_to_scale")
+        self._others_bar = CycleBar("cycle_others_bar", "engineer.phases_except_stages")
         self._legend = grid(across=2 * theme.GRID, down=theme.GRID // 2)
         column(
             self.total_label,
@@ -86,7 +85,7 @@ class CycleView(QWidget):
         theme.on_appearance_change(self, self._show)
 
     def show_result(self, result: Result) -> None:
-        """Show the cycle of a result, which has one."""
+        """Show the cycle of a result."""
         self._result = result
         self._show()
 
@@ -101,7 +100,9 @@ class CycleView(QWidget):
             durations[part] = durations.get(part, 0.0) + seconds
         stages = [part for part in durations if part[0] == "stage"]
         others = [part for part in durations if part[0] != "stage"]
-        colours = {part: _stage_colour(number) for number, part in enumerate(stages)}
+        accent = theme.colours().accent
+        opacities = (max(_FIRST - number * _DECREASE, _MIN_OPACITY) for number in range(len(stages)))
+        colours = {part: theme.faint(accent, opacity) for part, opacity in zip(stages, opacities, strict=True)}
         colours |= {part: _colour(part[0]) for part in others}
         self._bar.show_segments([(seconds, colours[part]) for part, seconds in segments])
         self._others_bar.show_segments([(seconds, colours[part]) for part, seconds in segments if part in others])
@@ -136,7 +137,3 @@ class CycleView(QWidget):
 def _colour(phase: str) -> QColor:
     role, opacity = _COLOURS.get(phase, ("line", 255))
     return theme.faint(getattr(theme.colours(), role), opacity)
-
-
-def _stage_colour(number: int) -> QColor:
-    return theme.faint(theme.colours().accent, max(_FIRST - number * _DECREASE, _LOWEST))

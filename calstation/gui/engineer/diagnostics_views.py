@@ -1,7 +1,6 @@
-"""Views of a stage's innovations, of the residuals of all rest periods after compensation, and of observability."""
+"""Views of the innovations of a stage, and of the residuals of all rests and moves."""
 
 from collections.abc import Sequence
-from functools import partial
 from itertools import groupby
 
 import numpy as np
@@ -14,8 +13,8 @@ from calstation.gui.text import on_language_change, say, term, with_minus
 from calstation.gui.widgets import (
     ROW,
     Band,
+    Cell,
     CellTable,
-    Column,
     ElidedLabel,
     StackedPlots,
     ThemedPlot,
@@ -28,64 +27,56 @@ from calstation.gui.widgets import (
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray, display_by_unit
 from calstation.results import EXCESSIVE, NOTABLE, Diagnostics, PositionResidual, StageDiagnostics
 
-#: Maximum number of observations within ±3 σ drawn per plot; larger numbers are decimated.
+#: Maximum number of observations within ±3 σ drawn in a plot; more are decimated.
 _MAX_POINTS = 1500
+#: Normalised innovation above which an observation is drawn as an outlier.
 _BOUND = 3.0
 #: With fewer observations, a mean below its band is not significant.
 _MIN_COUNT = 100
 #: Minimum half range of a plot, in sigmas.
 _MIN_HALF_RANGE = 5.0
+_NIS_COLUMNS = (
+    Cell("engineer.stage", "stage", number=False),
+    Cell("engineer.mean_nis", "mean"),
+    Cell("engineer.expected_band", "band"),
+    Cell("common.verdict", "verdict", number=False, state="state"),
+)
 
 
 class InnovationsView(StackedPlots[Diagnostics]):
-    """One plot for each innovation component, and below them a table with one row for each stage."""
+    """A plot for each component of the innovations of a stage, and a table with the consistency of all stages."""
 
     def __init__(self) -> None:
         super().__init__(3, 7 * theme.GRID)
         self._stage_combo = StageCombo("innovation_stage_combo")
         self._stage_combo.currentIndexChanged.connect(self.refresh)
         caption = label("engineer.stage", buddy=self._stage_combo)
-        self._beyond = label()
-        self._nis = table = CellTable("nis_table")
-        table.verticalHeader().hide()
-        table.parameters.set_columns(
-            (
-                Column("engineer.stage", partial(term, "stage"), number=False),
-                table.column("engineer.mean_nis", "mean"),
-                table.column("engineer.expected_band", "band"),
-                Column(
-                    "common.verdict",
-                    lambda name: say(f"engineer.nis_{table.cells[name]['verdict']}"),
-                    number=False,
-                    state=lambda name: table.cells[name]["state"],
-                ),
-            )
-        )
+        self._outlier_label = label()
+        self._nis = CellTable("nis_table", columns=_NIS_COLUMNS, named=False)
         column(
-            row(caption, self._stage_combo, 2 * theme.GRID, (self._beyond, 1)),
+            row(caption, self._stage_combo, 2 * theme.GRID, (self._outlier_label, 1)),
             *((plot, 1) for plot in self.plots),
-            table,
+            self._nis,
             on=self,
             spacing=theme.GRID // 2,
             margins=(0, theme.GRID, 0, 0),
         )
-        on_language_change(self, table.parameters.refresh)
 
     def show_data(self, diagnostics: Diagnostics) -> None:
         """Show diagnostics, starting with the stage that has the most innovations."""
         sizes = {s.stage: len(s.innovations.seq) for s in diagnostics.stages if s.innovations is not None}
         longest = max(sizes, key=lambda stage: sizes[stage], default="")
         self._stage_combo.offer(list(sizes), longest)
-        self._nis.show_cells({stage.stage: _nis_cells(stage) for stage in diagnostics.stages})
         header = self._nis.horizontalHeader().sizeHint().height()
         self._nis.setFixedHeight(header + ROW * len(diagnostics.stages) + theme.GRID // 2)
         super().show_data(diagnostics)
 
     def draw(self, diagnostics: Diagnostics) -> None:
-        """Draw the innovations of the chosen stage."""
+        """Draw the innovations of the selected stage, and fill the table."""
+        self._nis.show_cells({stage.stage: _nis_cells(stage) for stage in diagnostics.stages})
         stage = next((stage for stage in diagnostics.stages if stage.stage == self._stage_combo.stage), None)
         if stage is None or stage.innovations is None:
-            self._beyond.setText("")
+            self._outlier_label.setText("")
             return
         c = theme.colours()
         innovations = stage.innovations
@@ -93,10 +84,10 @@ class InnovationsView(StackedPlots[Diagnostics]):
         size = 3 if len(innovations.seq) > 100 else 8
         for number, (plot, name) in enumerate(zip(self.plots, self._components(stage), strict=True)):
             values = innovations.normalised[:, number]
-            beyond = np.abs(values) > _BOUND
+            outliers = np.flatnonzero(np.abs(values) > _BOUND)
             inside = np.flatnonzero(np.abs(values) <= _BOUND)[:: -(-len(values) // _MAX_POINTS)]
-            for drawn, colour, grow in ((inside, c.accent, 0), (np.flatnonzero(beyond), c.bad, 2)):
-                style = {"size": size + grow, "pen": None, "brush": pg.mkBrush(colour)}
+            for drawn, colour, enlarged in ((inside, c.accent, 0), (outliers, c.bad, 2)):
+                style = {"size": size + enlarged, "pen": None, "brush": pg.mkBrush(colour)}
                 self.add(plot, pg.ScatterPlotItem(minutes[drawn], values[drawn], **style))
             for level in (-_BOUND, 0.0, _BOUND):
                 pen = pg.mkPen(c.line) if level == 0.0 else dashed(c.muted)
@@ -108,33 +99,34 @@ class InnovationsView(StackedPlots[Diagnostics]):
         self.plots[0].setXRange(0.0, max(float(minutes.max(initial=0.0)), 1e-3), padding=0.02)
         tested = np.abs(innovations.normalised[np.isfinite(innovations.normalised)])
         if not len(tested):
-            self._beyond.setText(say("engineer.nis_untested"))
+            self._outlier_label.setText(say("engineer.nis_untested"))
             return
         share, count = 100.0 * float(np.mean(tested > _BOUND)), len(innovations.seq)
-        self._beyond.setText(say("engineer.observations", count=count, percent=share))
+        self._outlier_label.setText(say("engineer.observations", count=count, percent=share))
 
     def _components(self, stage: StageDiagnostics) -> tuple[str, str, str]:
-        """Return the names of the components: velocity in the level frame, or along the unit's axes."""
+        """Return the axis labels: east, north and up, or the axes of the unit for a stage without navigation."""
         if stage.details.get("turns") or stage.details.get("positions"):
             return "x, σ", "y, σ", "z, σ"
         return say("engineer.east_sigma"), say("engineer.north_sigma"), say("engineer.up_sigma")
 
 
 def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
-    """Return the mean NIS of a stage, its band, the badge state and the key of the verdict text."""
+    """Return the texts of a stage's row: its mean NIS, the expected band and the verdict with its badge shape."""
     c = stage.consistency
     state, verdict = "good", "inside"
     if not c.count:
-        return {"mean": "–", "band": "–", "state": "none", "verdict": "untested"}
-    if not c.passed:
+        state, verdict = "none", "untested"
+    elif not c.passed:
         state, verdict = "bad", "above"
     elif c.warning:
         state, verdict = "none" if c.count < _MIN_COUNT else "caution", "below"
     return {
-        "mean": f"{c.nis_mean:.3f}",
-        "band": f"{c.nis_low:.3f} – {c.nis_high:.3f}",
+        "stage": term("stage", stage.stage),
+        "mean": f"{c.nis_mean:.3f}" if c.count else "–",
+        "band": f"{c.nis_low:.3f} – {c.nis_high:.3f}" if c.count else "–",
+        "verdict": say(f"engineer.nis_{verdict}"),
         "state": state,
-        "verdict": verdict,
     }
 
 
@@ -144,13 +136,13 @@ _BAR = {"rest": 0.4, "move": 0.16}
 
 
 class ResidualsView(StackedPlots[Diagnostics]):
-    """Innovations per rest and move, and plots over the rests of all stages; describes the item under the pointer."""
+    """Plots of the tests and residuals of all rests and moves; a label describes the item under the pointer."""
 
     def __init__(self) -> None:
         super().__init__(4, _LEFT)
-        #: Stage and index within the stage of each rest drawn.
+        #: Stage of each drawn rest, and its index within the stage.
         self._rests: list[tuple[StageDiagnostics, int]] = []
-        #: Stage, row and horizontal position of each rest and move drawn; moves are between the rests.
+        #: Stage, residual and horizontal position of each drawn rest and move.
         self._rows: list[tuple[StageDiagnostics, PositionResidual, float]] = []
         self._rest_label = ElidedLabel()
         self._rest_label.setObjectName("rest_label")
@@ -175,7 +167,7 @@ class ResidualsView(StackedPlots[Diagnostics]):
             bands.append((term("stage", stage.stage), begin, begin + len(stage.rests)))
             begin += len(stage.rests)
         self.add_bands(bands)
-        self._rows = _placed(stages)
+        self._rows = _positioned(stages)
         self.plots[0].setLabel("left", say("engineer.test_sigma"))
         self._draw_tests(self.plots[0])
         titles = (say("engineer.gravity_ug"), say("engineer.vertical_rate"), say("engineer.horizontal_rate"))
@@ -197,15 +189,17 @@ class ResidualsView(StackedPlots[Diagnostics]):
         super().leaveEvent(event)
 
     def _draw_tests(self, plot: ThemedPlot) -> None:
-        """Draw the worst test of every rest (wide) and move (narrow); a triangle or a cross marks notable ones."""
+        """Draw the worst test of each rest (wide bar) and move (narrow bar); symbols mark large values."""
         c = theme.colours()
         for state, colour, symbol in (("good", c.accent, ""), ("caution", c.caution, "t1"), ("bad", c.bad, "x")):
-            drawn = [(x, row) for _, row, x in self._rows if row.state == state and np.isfinite(row.worst)]
-            x = np.array([at for at, _ in drawn])
-            height = np.array([row.worst for _, row in drawn])
-            width = np.array([_BAR[row.kind] for _, row in drawn])
-            if not len(x):
+            drawn = [
+                (x, row.worst, _BAR[row.kind])
+                for _, row, x in self._rows
+                if row.state == state and np.isfinite(row.worst)
+            ]
+            if not drawn:
                 continue
+            x, height, width = np.array(drawn).T
             brush = pg.mkBrush(colour)
             self.add(plot, pg.BarGraphItem(x=x, height=height, width=width, brush=brush, pen=None), scaled=False)
             if symbol:
@@ -213,10 +207,11 @@ class ResidualsView(StackedPlots[Diagnostics]):
                 self.add(plot, marks, scaled=False)
         for level in (NOTABLE, EXCESSIVE):
             self.add(plot, pg.InfiniteLine(level, 0, pen=dashed(c.muted)), scaled=False)
-        most = max((row.worst for _, row, _ in self._rows if np.isfinite(row.worst)), default=0.0)
-        plot.setYRange(0.0, 1.15 * max(most, EXCESSIVE), padding=0.0)
+        largest = max((row.worst for _, row, _ in self._rows if np.isfinite(row.worst)), default=0.0)
+        plot.setYRange(0.0, 1.15 * max(largest, EXCESSIVE), padding=0.0)
 
     def _draw_column(self, plot: ThemedPlot, values: FloatArray, sigmas: FloatArray) -> None:
+        """Draw a value with its sigma for each rest, both of shape (n,)."""
         c = theme.colours()
         number = np.arange(len(values), dtype=np.float64)
         bars = pg.ErrorBarItem(x=number, y=values, height=2.0 * sigmas, beam=0.25, pen=pg.mkPen(c.muted))
@@ -227,15 +222,20 @@ class ResidualsView(StackedPlots[Diagnostics]):
         plot.setYRange(-reach, reach, padding=0.0)
 
     def _name_ticks(self) -> None:
+        """Label as many rests as the width permits."""
         ticks = [(k, with_minus(stage.rests.axis(i))) for k, (stage, i) in enumerate(self._rests)]
         room = max(1, (self.plots[-1].width() - _LEFT) // (4 * theme.GRID))
         self.plots[-1].getAxis("bottom").setTicks([ticks[:: -(-max(len(ticks), 1) // room)]])
 
     def _explain(self) -> None:
-        theme.set_kind(self._rest_label, "muted")
-        self._rest_label.setText(say("engineer.about_rests"))
+        self._describe(say("engineer.about_rests"), "muted")
+
+    def _describe(self, text: str, kind: str = "") -> None:
+        theme.set_kind(self._rest_label, kind)
+        self._rest_label.setText(text)
 
     def _describe_rest(self, plot: ThemedPlot, at: QPointF) -> None:
+        """Describe the item of a plot that is nearest to a scene position."""
         view = plot.getPlotItem().getViewBox()
         if not self._rests or not view.sceneBoundingRect().contains(at):
             return
@@ -257,29 +257,27 @@ class ResidualsView(StackedPlots[Diagnostics]):
             vertical=float(rests.vertical_rate[i] / DEGREE_PER_HOUR),
             horizontal=float(rests.horizontal_rate[i] / DEGREE_PER_HOUR),
         )
-        theme.set_kind(self._rest_label, "")
-        self._rest_label.setText(text)
+        self._describe(text)
 
     def _describe_row(self, at: float) -> None:
         """Describe the rest or move nearest to a horizontal position."""
         if not self._rows:
             return
-        stage, row, _ = min(self._rows, key=lambda placed: abs(placed[2] - at))
+        stage, row, _ = min(self._rows, key=lambda item: abs(item[2] - at))
         text = say("engineer.residual", stage=stage.stage, row=row.text)
         if row.channel is not None:
             error, unit = display_by_unit(row.error_unit, row.error)
             sigma, _ = display_by_unit(row.error_unit, row.error_sigma)
-            shown = {"channel": row.channel_name, "error": error, "sigma": sigma, "unit": unit}
-            text += say("engineer.residual_error", **shown, ratio=row.error / row.error_sigma)
+            values = {"channel": row.channel_name, "error": error, "sigma": sigma, "unit": unit}
+            text += say("engineer.residual_error", **values, ratio=row.error / row.error_sigma)
         if row.freedom:
             text += say("engineer.residual_test", excess=row.excess, component=row.component_name, mean=row.mean)
-        theme.set_kind(self._rest_label, "")
-        self._rest_label.setText(text)
+        self._describe(text)
 
 
-def _placed(stages: Sequence[StageDiagnostics]) -> list[tuple[StageDiagnostics, PositionResidual, float]]:
-    """Return the rests and moves of all stages with their horizontal positions; moves are between the rests."""
-    placed: list[tuple[StageDiagnostics, PositionResidual, float]] = []
+def _positioned(stages: Sequence[StageDiagnostics]) -> list[tuple[StageDiagnostics, PositionResidual, float]]:
+    """Return the stage, residual and horizontal position of all rests and moves; moves are between the rests."""
+    items: list[tuple[StageDiagnostics, PositionResidual, float]] = []
     first = 0
     for stage in stages:
         last = first - 1
@@ -287,13 +285,13 @@ def _placed(stages: Sequence[StageDiagnostics]) -> list[tuple[StageDiagnostics, 
             together = list(group)
             for number, each in enumerate(together, 1):
                 last = last if is_move else first + each.number - 1
-                placed.append((stage, each, last + number / (len(together) + 1) if is_move else last))
+                items.append((stage, each, last + number / (len(together) + 1) if is_move else last))
         first += len(stage.rests)
-    return placed
+    return items
 
 
 def _columns(stages: Sequence[StageDiagnostics]) -> list[tuple[FloatArray, FloatArray]]:
-    """Return the values and sigmas of each plot in display units."""
+    """Return the values and sigmas of each plot in display units, both of shape (rests,)."""
 
     def column(name: str, unit: float) -> FloatArray:
         return np.concatenate([np.empty(0), *(getattr(stage.rests, name) for stage in stages)]) / unit

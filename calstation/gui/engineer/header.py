@@ -1,4 +1,4 @@
-"""Header of the engineer page, in the strip next to STOP: serial number, engineer's name, START and run status."""
+"""Header of the engineer page, in the strip next to STOP, with serial number, engineer, START and run status."""
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QWidget
@@ -9,10 +9,10 @@ from calstation.gui.widgets import button, column, label, line_edit, row, theme
 
 
 class EngineerHeader(QWidget):
-    """The fields, START and the run status.
+    """Fields for the serial number and the engineer, START and the run status.
 
-    `start_pressed()`; `edited()` : a text has changed; `serial_entered()` : Enter in the serial field, also sent by
-    scanners.
+    Signals: `start_pressed()`; `edited()` when a text changes; `serial_entered()` on Enter in the serial field, which
+    scanners send, too.
     """
 
     start_pressed = Signal()
@@ -45,7 +45,7 @@ class EngineerHeader(QWidget):
         on_language_change(self, self._show_start)
 
     def show_partial(self, *, partial: bool) -> None:
-        """Mark on START whether the next run is partial."""
+        """Show on START whether the next run is partial."""
         if partial != self._partial:
             self._partial = partial
             theme.set_kind(self.start_button, "partial" if partial else "primary")
@@ -65,10 +65,7 @@ class EngineerHeader(QWidget):
         self.start_button.setText(say("common.start_partial" if self._partial else "engineer.start"))
 
     def show_next(self, following: bool, slot: str) -> None:
-        """Show whether the serial number belongs to the next unit instead of the one whose verdict is shown.
-
-        `slot` is the name of the slot of the next scan, "" if there is none.
-        """
+        """Show the slot of the next scan, "" if there is none, and whether the field is for the `following` unit."""
         if (following, slot) != (self._next, self._slot):
             self._next, self._slot = following, slot
             self._serial_caption.setText(self._serial_text())

@@ -1,4 +1,4 @@
-"""Observability of a stage as a heat map of states over steps, from a result, a preview or the run in progress."""
+"""Heat map of the observability of a stage, from a result, a preview or the run in progress."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -17,20 +17,21 @@ from calstation.messages import known, short_step_text
 from calstation.physics import OBSERVABLE, FloatArray
 from calstation.sequencer import StageRanked
 
-#: Strength above which a state counts as observable.
+#: Strength above which a state is observable.
 _OBSERVED = 1.0 / OBSERVABLE
 #: Range of the colour scale in decades: strengths from 1 to 100 000.
 _DECADES = 5
+#: Width of the state names, height of a row, and height of the step axis, px.
 _NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 13 * theme.GRID
-#: Font size of states and steps, and smallest width of a step with a name, px.
+#: Font size of the names, and minimum width of a step whose name is drawn, px.
 _FONT, _STEP_WIDTH = 11, 14
 
-#: Label of a move, from the plan.
+#: Label of a move in the plan.
 StepLabel = tuple[str | float, ...]
 
 
 class StepAxis(pg.AxisItem):  # type: ignore[misc]
-    """The axis above a map, with vertical step names, elided if they are too long."""
+    """Axis above the map with vertical step names, which are elided if they are too long."""
 
     def __init__(self) -> None:
         super().__init__("top", showValues=False)
@@ -44,7 +45,7 @@ class StepAxis(pg.AxisItem):  # type: ignore[misc]
         self.update()
 
     def drawPicture(self, p: QPainter, axisSpec: Any, tickSpecs: Any, textSpecs: Any) -> None:
-        """Draw the axis, and the names of as many steps as the width permits."""
+        """Draw the axis and the names of as many steps as the width permits."""
         super().drawPicture(p, axisSpec, [], [])
         low, high = self.range
         step = self.size().width() / (high - low)
@@ -58,8 +59,8 @@ class StepAxis(pg.AxisItem):  # type: ignore[misc]
             if 0.0 <= centre <= self.size().width():
                 centre = min(max(centre, _STEP_WIDTH / 2), self.size().width() - _STEP_WIDTH / 2)  # not beyond the axis
                 box = QRectF(4.0 - _AXIS, centre - _STEP_WIDTH, length, 2 * _STEP_WIDTH)
-                shown = metrics.elidedText(self._names[k], Qt.TextElideMode.ElideRight, length)
-                p.drawText(box, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter, shown)
+                text = metrics.elidedText(self._names[k], Qt.TextElideMode.ElideRight, length)
+                p.drawText(box, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter, text)
 
 
 class StageCombo(QComboBox):
@@ -73,11 +74,11 @@ class StageCombo(QComboBox):
 
     @property
     def stage(self) -> str:
-        """The selected stage, "" if there is none."""
+        """The selected stage; "" if there is none."""
         return str(self.currentData() or "")
 
     def offer(self, stages: Sequence[str], chosen: str = "") -> None:
-        """Offer stages and select one, by default the first."""
+        """List the stages and select `chosen`, by default the first one."""
         with QSignalBlocker(self):
             self.clear()
             for stage in stages:
@@ -90,23 +91,23 @@ class StageCombo(QComboBox):
 
 
 class ObservabilityView(QWidget):
-    """Heat map of a stage's observability, with a list of the states that the stage does not determine."""
+    """Shows the heat map of a stage and lists the states that the stage does not determine."""
 
     def __init__(self) -> None:
         super().__init__()
         self._stages: dict[str, Mapping[str, Any]] = {}
         self._labels: Mapping[int, StepLabel] = {}
-        #: Latest observability analysis of each stage of the monitored run; empty for a result or a preview.
+        #: Latest observability event of each stage of the run in progress; empty for a result or a preview.
         self._live: dict[str, StageRanked] = {}
         self._stage_combo = StageCombo("observability_stage_combo")
         self._stage_combo.currentIndexChanged.connect(self._show)
         self._caption = label("engineer.stage", buddy=self._stage_combo)
-        self._lost = label(name="unobservable_label", wrap=True)
+        self._unobservable_label = label(name="unobservable_label", wrap=True)
         self.map = HeatMap()
         self._scroll = scroll_area(self.map)
         self._empty = EmptyState(title="engineer.no_observability", text="engineer.about_no_observability")
         column(
-            row(self._caption, self._stage_combo, 2 * theme.GRID, (self._lost, 1)),
+            row(self._caption, self._stage_combo, 2 * theme.GRID, (self._unobservable_label, 1)),
             (self._scroll, 1),
             (self._empty, 1),
             on=self,
@@ -115,26 +116,26 @@ class ObservabilityView(QWidget):
         theme.on_appearance_change(self, self._show)
 
     def show_stages(self, stages: Mapping[str, Mapping[str, Any]], labels: Mapping[int, StepLabel] = {}) -> None:
-        """Show the observability of stages from a result or a preview; `labels` names the moves by step."""
+        """Show the observability of stages from a result or a preview; `labels` are the labels of the moves by step."""
         self._live, self._labels = {}, labels
         self._stages = {name: stage for name, stage in stages.items() if stage.get("segments")}
         self._stage_combo.offer(list(self._stages))
         self._show()
 
     def follow(self, ranked: StageRanked, labels: Mapping[int, StepLabel] = {}) -> None:
-        """Add the observability after a step of the running stage; the first call clears the previous contents."""
+        """Add the observability after a step of the run in progress; the first call clears the previous contents."""
         self._labels = labels
         if not self._live:
             self._stages = {}
         stage, step = ranked.stage, ranked.step
         before: Mapping[str, Any] = self._stages.get(stage, {"segments": [], "states": {}})
-        kept = sum(segment["step"] < step for segment in before["segments"])  # the latest step may still grow
+        count = sum(segment["step"] < step for segment in before["segments"])  # a later event replaces the same step
         states = {}
         for name, strength in ranked.strength.items():
             earlier = before["states"].get(name, {"step": None, "by_step": []})
-            seen = earlier["step"] if earlier["step"] is not None else step if strength > _OBSERVED else None
-            states[name] = {"step": seen, "by_step": [*earlier["by_step"][:kept], strength]}
-        self._stages[stage] = {"segments": [*before["segments"][:kept], {"step": step}], "states": states}
+            observed = earlier["step"] if earlier["step"] is not None else step if strength > _OBSERVED else None
+            states[name] = {"step": observed, "by_step": [*earlier["by_step"][:count], strength]}
+        self._stages[stage] = {"segments": [*before["segments"][:count], {"step": step}], "states": states}
         if stage not in self._live:
             self._stage_combo.offer(list(self._stages), stage)
         self._live[stage] = ranked
@@ -143,7 +144,7 @@ class ObservabilityView(QWidget):
 
     def _show(self) -> None:
         stage = self._stages.get(self._stage_combo.stage)
-        for widget in (self._scroll, self._caption, self._stage_combo, self._lost):
+        for widget in (self._scroll, self._caption, self._stage_combo, self._unobservable_label):
             widget.setVisible(stage is not None)
         self._empty.setVisible(stage is None)
         if stage is None:
@@ -157,18 +158,19 @@ class ObservabilityView(QWidget):
             self._labels,
         )
         self.map.setLabel("top", say("engineer.after_step", stage=self._stage_combo.stage))
-        lost = [self.map.state_name(name) for name, state in states.items() if state["step"] is None]
+        unobservable = [self.map.state_name(name) for name, state in states.items() if state["step"] is None]
         if (ranked := self._live.get(self._stage_combo.stage)) is not None:
-            code = "engineer.observed_so_far" if lost else "engineer.observed_all"
-            self._lost.setText(say(code, step=ranked.step, rank=ranked.rank, lost=lost))
-            return
-        self._lost.setText(
-            say("engineer.not_determined", states=", ".join(lost)) if lost else say("engineer.all_determined")
-        )
+            code = "engineer.observed_so_far" if unobservable else "engineer.observed_all"
+            text = say(code, step=ranked.step, rank=ranked.rank, lost=unobservable)
+        elif unobservable:
+            text = say("engineer.not_determined", states=", ".join(unobservable))
+        else:
+            text = say("engineer.all_determined")
+        self._unobservable_label.setText(text)
 
 
 class HeatMap(ThemedPlot):
-    """Strengths on a logarithmic colour scale; a dot marks an unobservable cell, and tooltips show the values."""
+    """Heat map of strengths on a logarithmic colour scale; dots mark unobservable states, tooltips show values."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -203,13 +205,23 @@ class HeatMap(ThemedPlot):
         strength: FloatArray,
         labels: Mapping[int, StepLabel] = {},
     ) -> None:
-        """Show the strengths of states: prior sigma divided by the sigma after each step, shape (names, steps)."""
+        """Show the strengths of states.
+
+        Parameters
+        ----------
+        names, steps
+            Names of the states, and numbers of the steps.
+        strength
+            Prior sigma divided by the sigma after each step, shape (names, steps).
+        labels
+            Labels of the moves by step.
+        """
         self._names, self._steps, self._strength, self._labels = names, steps, strength, labels
         self.setMinimumHeight(_ROW * len(names) + _AXIS)
-        lost = strength <= _OBSERVED
+        unobservable = strength <= _OBSERVED
         decades = np.log10(np.maximum(strength, 1.0))
-        self._image.setImage(np.where(lost, np.nan, decades), levels=(0.0, _DECADES))
-        lines, columns = np.nonzero(lost)
+        self._image.setImage(np.where(unobservable, np.nan, decades), levels=(0.0, _DECADES))
+        lines, columns = np.nonzero(unobservable)
         self._dots.setData(columns + 0.5, lines + 0.5, brush=theme.colours().muted)
         self.getAxis("left").setTicks([[(k + 0.5, self.state_name(name)) for k, name in enumerate(names)]])
         short = {step: f"  {say(short_step_text(labels[step]))}" if step in labels else "" for step in steps}
@@ -222,14 +234,14 @@ class HeatMap(ThemedPlot):
         self.setYRange(0.0, len(names), padding=0.0)
 
     def write_csv(self, target: Path) -> None:
-        """Write the strengths, one row per state and one column per step."""
+        """Write the strengths to a CSV file with a row for each state and a column for each step."""
         with target.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(["state", *self._steps])
             writer.writerows([name, *row] for name, row in zip(self._names, self._strength.tolist(), strict=True))
 
     def describe(self, at: QPoint) -> str:
-        """Return a description of the cell, or of the step on the axis, at a point of the view, "" elsewhere."""
+        """Return a description of the cell, or of the step on the axis, at a point of the view; "" elsewhere."""
         scene = self.mapToScene(at)
         at_view = self.getViewBox().mapSceneToView(scene)
         line, step = int(np.floor(at_view.y())), int(np.floor(at_view.x()))
@@ -249,14 +261,14 @@ class HeatMap(ThemedPlot):
         return "\n".join(filter(None, (text, move)))
 
     def viewportEvent(self, event: QEvent) -> bool:
-        """Show the description of a cell or step as the tooltip."""
+        """Show the description of a cell or step as a tooltip."""
         if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
             QToolTip.showText(event.globalPos(), self.describe(event.pos()), self)
             return True
         return bool(super().viewportEvent(event))
 
     def state_name(self, state: str) -> str:
-        """Return the group and component of a state, such as "gyro bias x"."""
+        """Return the display name of a state, such as "gyro bias x"."""
         group, _, component = state.rpartition("_")
         error, direction = f"engineer.error_{group.removesuffix('_error')}", f"engineer.direction_{component}"
         name = say(error) if known(error) else term("group", group)

@@ -59,7 +59,7 @@ class EngineerPage(Page):
         self.registers = RegistersView(app, self._register_request)
         self.analysis = ResultAnalysis(app, self)
         self.design = DesignView(app, self.notice, lambda: self._header.engineer)
-        self._saving = app.job(self, save_schedule, self._saved, failed=self._not_saved, cancellable=False)
+        self._saving = app.job(self, save_schedule, self._saved, failed=self._save_failed, cancellable=False)
         self._lay_out()
         self._connect()
         on_language_change(self, self._show_texts)
@@ -85,8 +85,8 @@ class EngineerPage(Page):
     def _connect(self) -> None:
         app = self.app
         self.choice.changed.connect(self._choice_changed)
-        self.choice.unlock_wanted.connect(app.role.ask)
-        self.choice.save_wanted.connect(self._ask_to_save)
+        self.choice.unlock_requested.connect(app.role.ask)
+        self.choice.save_requested.connect(self._ask_to_save)
         self._header.start_pressed.connect(self._start)
         self._header.serial_entered.connect(self._scan)
         app.slots.changed.connect(self._update)
@@ -94,7 +94,7 @@ class EngineerPage(Page):
         self.preview.watch.done.connect(self.analysis.show_preview)
         self.analysis.changed.connect(lambda: self._source.setText(self.analysis.source()))
         self.analysis.loaded.connect(self._loaded)
-        self.analysis.failed.connect(self._not_loaded)
+        self.analysis.failed.connect(self._load_failed)
         self.notice.report_failures(self.analysis.adding, "engineer.log_not_solved", self.analysis.result.setFocus)
         self.registers.changed.connect(self._update)
         self._tabs.currentChanged.connect(self._show_view)
@@ -146,20 +146,20 @@ class EngineerPage(Page):
     def _choice_changed(self) -> None:
         self.preview.mark_outdated()
         if self._options is not None:
-            stages, schedule = self.choice.parts.stages, self.choice.schedule
+            stages, schedule = self.choice.selector.stages, self.choice.schedule
             whole = not stages or (stages == self._options.stages and not schedule)
             self.app.choose(None, None) if whole else self.app.choose(stages, schedule)
         self._update()
 
     def _choice_undone(self) -> None:
         """Reset the selection after another page has selected the product's complete calibration."""
-        if self.app.stages is None and self.choice.parts.stages:
+        if self.app.stages is None and self.choice.selector.stages:
             self._restore_product()
 
     def _restore_product(self) -> None:
         """Restore the product's stages and schedule."""
         options, choice = self._options, self.choice
-        if options is not None and options.offered and (choice.parts.stages != options.stages or choice.schedule):
+        if options is not None and options.offered and (choice.selector.stages != options.stages or choice.schedule):
             choice.show_options(options)
             self._update()
 
@@ -179,8 +179,8 @@ class EngineerPage(Page):
         if not running and self.app.engine_link.operation is None:
             self._header.serial_edit.clear()
             options = self._options
-            if options is not None and options.offered and self.choice.parts.stages != options.stages:
-                self.choice.parts.offer(options.offered, options.stages)
+            if options is not None and options.offered and self.choice.selector.stages != options.stages:
+                self.choice.selector.offer(options.offered, options.stages)
             for name, values in self.app.run.unit.remarks:
                 if name in ("certificate_waits", "certificate_not_made", "table_moved"):
                     self.notice.ask("caution", event_text(name, values), "")
@@ -196,7 +196,7 @@ class EngineerPage(Page):
             header.serial or UNNAMED,
             app.station_path,
             app.product_path,
-            self.choice.parts.stages,
+            self.choice.selector.stages,
             app.runs_folder,
             header.engineer or None,
             schedule=self.choice.schedule,
@@ -215,7 +215,7 @@ class EngineerPage(Page):
         if self._options is None:
             return
         product, stage = self._options.name, self.choice.form.stage
-        save = partial(self._save, self._options.product, {stage: self.choice.form.departures})
+        save = partial(self._save, self._options.product, {stage: self.choice.form.deviations})
         confirm = Choice("confirm_save_button", "engineer.save_to_product", save, primary=True)
         choices = Choice("cancel_save_button", "common.cancel", lambda: None), confirm
 
@@ -241,7 +241,7 @@ class EngineerPage(Page):
         else:
             self.app.set_product(path)
 
-    def _not_saved(self, error: CalstationError) -> None:
+    def _save_failed(self, error: CalstationError) -> None:
         self.notice.ask("bad", "engineer.product_not_saved", error.as_text)
         self._update()
 
@@ -301,7 +301,7 @@ class EngineerPage(Page):
         self.analysis.prepare(self._views.currentWidget())
         self._update()
 
-    def _not_loaded(self, error: CalstationError) -> None:
+    def _load_failed(self, error: CalstationError) -> None:
         self.notice.ask("bad", "engineer.file_not_opened", error.as_text)
 
     def _show_view(self, index: int) -> None:
@@ -320,7 +320,7 @@ class EngineerPage(Page):
         name = "" if self._header.engineer else say("engineer.no_name")
         device = say("engineer.communicating") if self.registers.watch.busy else ""
         problem, choice = self._why_no_options(), self._why_no_choice()
-        stages = self.choice.parts.stages
+        stages = self.choice.selector.stages
         self._header.show_partial(partial=options is not None and bool(stages) and not {*options.stages} <= {*stages})
         for edit in (self._header.serial_edit, self._header.engineer_edit):
             enable(edit, busy)
@@ -346,7 +346,7 @@ class EngineerPage(Page):
         return say("engineer.new_pin_needed" if self.app.role.new else "engineer.pin_needed")
 
     def _why_no_choice(self) -> str:
-        if not self.choice.parts.stages:
+        if not self.choice.selector.stages:
             return say("engineer.no_stage")
         if invalid := self.choice.invalid:
             return say("engineer.wrong_schedule", stages=invalid)
@@ -354,7 +354,7 @@ class EngineerPage(Page):
 
     def _show_next(self) -> None:
         run, slot = self.app.run, self.app.slots.marked
-        self._header.show_next(run.ended or run.fault is not None, "" if slot is None or run.going else slot.name)
+        self._header.show_next(run.ended or run.fault is not None, "" if slot is None or run.in_progress else slot.name)
 
     def _why_no_unit(self) -> str:
         slots, serial = self.app.slots, self._header.serial
@@ -376,4 +376,4 @@ class EngineerPage(Page):
             return say("engineer.saving")
         if not self.choice.form.valid:
             return say("engineer.wrong_values")
-        return "" if self.choice.form.departures else say("engineer.values_of_product")
+        return "" if self.choice.form.deviations else say("engineer.values_of_product")

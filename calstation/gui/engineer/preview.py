@@ -1,4 +1,4 @@
-"""The preview of the chosen stages: motion, duration, limits and expected sigmas, computed before the run."""
+"""Preview of the chosen stages: motion, duration, violated limits and expected sigmas, computed before the run."""
 
 from collections.abc import Callable
 from functools import partial
@@ -14,8 +14,8 @@ from calstation.gui.state import AppContext
 from calstation.gui.text import duration_text, on_language_change, say, step_sentence, term
 from calstation.gui.widgets import (
     Band,
+    Cell,
     CellTable,
-    Column,
     EmptyState,
     JobRow,
     StackedPlots,
@@ -34,18 +34,15 @@ from calstation.gui.widgets import (
 from calstation.physics import INDEX, NAMES, display
 from calstation.results import Preview, Violation, compute_preview
 
-#: Badge shape (`widgets.badge.KINDS`) of each parameter verdict.
-_STATES = {"reached": "good", "missed": "bad"}
-
 
 class PreviewView(QWidget):
-    """The preview of the run that `request` returns, and the button that computes it."""
+    """Shows the preview of the run that `request` returns, and a button that computes it."""
 
     def __init__(self, app: AppContext, request: Callable[[], RunRequest]) -> None:
         super().__init__()
         self._request = request
         self.preview: Preview | None = None
-        #: Whether the selection has changed since the preview job was started, and since the next one was.
+        #: Whether the selection has changed since the displayed preview, and since the latest one, was started.
         self._outdated = self._next_outdated = False
         self._error: CalstationError | None = None
         self.watch = app.job(self, compute_preview, self._done, failed=self._show_error, cancelled=self._refresh)
@@ -69,7 +66,7 @@ class PreviewView(QWidget):
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
-        on_language_change(self, self._refresh)
+        on_language_change(self, self._show_texts)
 
     def mark_outdated(self) -> None:
         """Mark the preview as outdated because the selection has changed."""
@@ -84,11 +81,15 @@ class PreviewView(QWidget):
     def _done(self, preview: Preview) -> None:
         self.preview, self._outdated = preview, self._next_outdated
         self._plot.show_data(preview)
-        self._table.show_cells({})
-        self._table.parameters.set_columns(self._columns(preview))
-        self._table.show_cells({name: _cells(preview, name) for name in _names(preview)})
         self._table.setVisible(not preview.violations)
         self._stack.setCurrentIndex(1)
+        self._show_texts()
+
+    def _show_texts(self) -> None:
+        preview = self.preview
+        if preview is not None:
+            cells = {name: _cells(preview, name) for name in _names(preview)}
+            self._table.show_cells(cells, columns=_columns(preview))
         self._refresh()
 
     def _show_error(self, error: CalstationError | None) -> None:
@@ -118,30 +119,6 @@ class PreviewView(QWidget):
         self._problems.setVisible(bool(problems) and not busy)
         show_text(self._ends, "" if busy else ends)
 
-    def _columns(self, preview: Preview) -> list[Column]:
-        """Return the columns: unit, sigma before and after each stage, limit, target and verdict."""
-        table = self._table
-        stages = [
-            table.column(
-                partial(term, "stage", stage.stage), f"after_{number}", hint=partial(_gain_text, preview, number)
-            )
-            for number, stage in enumerate(preview.stages)
-        ]
-        target = table.column("engineer.sigma_target", "target")
-        return [
-            table.column("common.unit", "unit", number=False),
-            table.column("engineer.sigma_before", "before"),
-            *stages,
-            table.column("engineer.sigma_limit", "limit"),
-            *([target] if preview.targets else []),
-            Column(
-                "engineer.expected",
-                lambda name: say(f"engineer.expected_{table.cells[name]['verdict']}"),
-                number=False,
-                state=lambda name: _STATES.get(table.cells[name]["verdict"]),
-            ),
-        ]
-
 
 class MotionPlot(StackedPlots[Preview]):
     """Plots of the angles of both joints against time, with the stages and the travel limits."""
@@ -154,7 +131,7 @@ class MotionPlot(StackedPlots[Preview]):
         column(*((plot, 1) for plot in self.plots), on=self, spacing=0)
 
     def bands(self, preview: Preview) -> list[Band]:
-        """Return the stages with their times in the unit of the axis."""
+        """Return the name, start and end of each stage, in the unit of the time axis."""
         size = time_unit(preview.duration)
         return [(term("stage", s.stage), s.begin / size, s.end / size) for s in preview.stages]
 
@@ -177,18 +154,36 @@ class MotionPlot(StackedPlots[Preview]):
         self.plots[0].setXRange(0.0, max(preview.duration / size, 1e-3), padding=0.01)
 
 
+def _columns(preview: Preview) -> list[Cell]:
+    """Return the columns: unit, sigma before the run and after each stage, limit, target and verdict."""
+    stages = [
+        Cell(partial(term, "stage", stage.stage), f"after_{number}", hint=f"gain_{number}")
+        for number, stage in enumerate(preview.stages)
+    ]
+    return [
+        Cell("common.unit", "unit", number=False),
+        Cell("engineer.sigma_before", "before"),
+        *stages,
+        Cell("engineer.sigma_limit", "limit"),
+        *([Cell("engineer.sigma_target", "target")] if preview.targets else []),
+        Cell("engineer.expected", "verdict", number=False, state="state"),
+    ]
+
+
 def _verdict(preview: Preview) -> tuple[str, str]:
+    """Return the shape and the text of the badge."""
     if preview.violations:
         return "bad", say("engineer.preview_violations")
     if any(stage.sigma is None for stage in preview.stages):
         return "bad", say("engineer.preview_unsolved")
     missed = sum(_reached(preview, name) is False for name in _names(preview))
-    return (
-        ("caution", say("engineer.preview_missed", missed=missed)) if missed else ("good", say("engineer.preview_good"))
-    )
+    if missed:
+        return "caution", say("engineer.preview_missed", missed=missed)
+    return "good", say("engineer.preview_good")
 
 
 def _problem_texts(preview: Preview) -> list[str]:
+    """Return the violated limits, the errors of stages, and the stages that have too few rounds."""
     problems = [_violation_text(violation) for violation in preview.violations]
     for stage in preview.stages:
         if stage.error:
@@ -199,7 +194,7 @@ def _problem_texts(preview: Preview) -> list[str]:
 
 
 def _end_texts(preview: Preview) -> list[str]:
-    """Return the end condition of every repeated stage."""
+    """Return a description of the end condition of every repeated stage."""
     return [
         say(f"engineer.ends_{stage.reason}", stage=stage.stage, rounds=stage.rounds)
         for stage in preview.stages
@@ -208,7 +203,7 @@ def _end_texts(preview: Preview) -> list[str]:
 
 
 def _violation_text(violation: Violation) -> str:
-    """Return the text of a violated limit with its step and the remedy."""
+    """Return a description of a violated limit that names its step and the remedy."""
     if violation.kind == "plan":
         return f"{term('stage', violation.stage)}: {say(violation.text)}"
     values = {"stage": violation.stage, "step": violation.step, "more": violation.more}
@@ -227,22 +222,27 @@ def _violation_text(violation: Violation) -> str:
 
 
 def _cells(preview: Preview, name: str) -> dict[str, str]:
+    """Return the texts of a parameter's row."""
     reached = _reached(preview, name)
     verdict = "unknown" if name in preview.limits else "no_limit"
+    if reached is not None:
+        verdict = "reached" if reached else "missed"
     cells = {
         "unit": display(name, 0.0)[1],
-        "before": _shown(name, float(preview.before[INDEX[name]])),
-        "limit": _shown(name, preview.limits.get(name)),
-        "target": _shown(name, preview.targets.get(name)),
-        "verdict": verdict if reached is None else "reached" if reached else "missed",
+        "before": _sigma_text(name, float(preview.before[INDEX[name]])),
+        "limit": _sigma_text(name, preview.limits.get(name)),
+        "target": _sigma_text(name, preview.targets.get(name)),
+        "verdict": say(f"engineer.expected_{verdict}"),
+        "state": {None: "", True: "good", False: "bad"}[reached],
     }
     for number, stage in enumerate(preview.stages):
-        cells[f"after_{number}"] = "—" if stage.sigma is None else _shown(name, float(stage.sigma[INDEX[name]]))
+        sigma = "—" if stage.sigma is None else _sigma_text(name, float(stage.sigma[INDEX[name]]))
+        cells |= {f"after_{number}": sigma, f"gain_{number}": _gain_text(preview, number, name)}
     return cells
 
 
 def _gain_text(preview: Preview, number: int, name: str) -> str:
-    """Return a text that states by which factor a stage improves a parameter."""
+    """Return a sentence that states by which factor a stage improves a parameter."""
     stage = preview.stages[number]
     if stage.sigma is None:
         return "" if stage.error is None else say(stage.error)
@@ -260,13 +260,13 @@ def _names(preview: Preview) -> tuple[str, ...]:
 
 
 def _reached(preview: Preview, name: str) -> bool | None:
-    """Return whether a parameter is expected to meet its sigma limit; None if unknown or without a limit."""
+    """Return whether a parameter is expected to meet its sigma limit; None if this is unknown or it has no limit."""
     sigma = preview.stages[-1].sigma if preview.stages else None
     limit = preview.limits.get(name)
     return None if sigma is None or limit is None else float(sigma[INDEX[name]]) <= limit
 
 
-def _shown(name: str, sigma: float | None) -> str:
+def _sigma_text(name: str, sigma: float | None) -> str:
     """Format a sigma in its display unit, normally with three significant digits; "" for None."""
     if sigma is None:
         return ""

@@ -1,4 +1,4 @@
-"""Old and new values of the unit's registers, which a job reads and the engine writes after confirmation."""
+"""View that compares the unit's registers with those of a result, reads them, and has the engine write them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,8 +22,9 @@ from calstation.config import (
 from calstation.errors import CalstationError
 from calstation.gui.engineer.result_analysis import verdict_badge
 from calstation.gui.state import AppContext, PeoplePanel
-from calstation.gui.text import Words, bind, fault_text, on_language_change, say, step_sentence
+from calstation.gui.text import Words, fault_text, on_language_change, say, step_sentence
 from calstation.gui.widgets import (
+    Cell,
     CellTable,
     Choice,
     EmptyState,
@@ -51,38 +52,41 @@ _INCOMPLETE = ("transfer_unproved", "old_unproved")
 
 
 class RegistersView(QWidget):
-    """Emits `changed` when the possible actions may have changed; `request` returns station, product and engineer."""
+    """Shows old and new register values, and buttons that read and write them.
+
+    `request` returns the station, product and engineer of an operation. The signal `changed` is emitted when the
+    available actions may have changed.
+    """
 
     changed = Signal()
 
     def __init__(self, app: AppContext, request: Callable[[], RunRequest]) -> None:
         super().__init__()
         self._app, self._request = app, request
-        #: Registers read from the unit, None before reading, and the target registers of the result, None without one.
+        #: Registers read from the unit; None before they are read.
         self.unit: UnitRegisters | None = None
+        #: Registers computed from the result; None without a result.
         self.target: TargetRegisters | None = None
-        #: Name of the station whose table rotates to verify a write, "" for a manual rig.
+        #: Name of the station whose table moves to verify a write; "" for a manual rig.
         self.table = ""
         self._run: FinishedRun | None = None
         self._operation: RegisterOperation | None = None
-        #: The last event of the current write that is in `_INCOMPLETE`, "" if none.
+        #: Latest event of the current write that is in `_INCOMPLETE`; "" if there is none.
         self._incomplete = ""
-        #: Verification method of the current write, "" if it was not verified; see `Settled.proof`.
+        #: How the current write was verified; "" if it was not. See `Settled.proof`.
         self._proof = ""
         self._old: dict[str, Register] = {}
         self._new: dict[str, Register] = {}
         self._why_not = ""
         self._error: Words = ""
         self._progress: Words = ""
-        failed = self._show_failure
-        self.watch = app.job(
-            self, read_unit, self._show_unit, failed=failed, cancelled=self._refresh, cancellable=False
-        )
+        failed, cancelled = self._show_failure, self._refresh
+        self.watch = app.job(self, read_unit, self._show_unit, failed=failed, cancelled=cancelled, cancellable=False)
         self._target_watch = app.job(self, wanted_registers, self._show_target, failed=failed)
         self._lay_out()
         app.engine_link.event.connect(self._follow)
         app.product_changed.connect(self._product_changed)
-        on_language_change(self, self._refresh)
+        on_language_change(self, self._fill)
 
     def _lay_out(self) -> None:
         self._job, self._notice, self._people = JobRow(self.watch), NoticeBar(), PeoplePanel("registers")
@@ -92,30 +96,27 @@ class RegistersView(QWidget):
         self._reason.setAlignment(Qt.AlignmentFlag.AlignRight)
         self._read_button = button("read_registers_button", "engineer.read_unit_button", self._read)
         self._write_button = button("write_registers_button", "engineer.write_unit", self._ask)
-        self._table = table = CellTable("register_table")
-        table.parameters.set_columns(
-            (
-                table.column("engineer.address", "address"),
-                table.column("common.unit", "unit", number=False),
-                table.column(self._old_heading, "old", hint=self._before_run),
-                table.column("engineer.stored_as", "old_raw"),
-                table.column("engineer.new", "new"),
-                table.column("engineer.stored_as", "new_raw"),
-                table.column("engineer.change", "change"),
-            )
+        columns = (
+            Cell("engineer.address", "address"),
+            Cell("common.unit", "unit", number=False),
+            Cell(self._old_heading, "old", hint="before_run"),
+            Cell("engineer.stored_as", "old_raw"),
+            Cell("engineer.new", "new"),
+            Cell("engineer.stored_as", "new_raw"),
+            Cell("engineer.change", "change"),
         )
-        bind(table.setAccessibleName, "engineer.registers")
+        self._table = CellTable("register_table", "engineer.registers", columns)
         status = (self._badge, (self._about, 1), (self._job, 1))
         column(
             row(*status, self._read_button, self._write_button, spacing=2 * theme.GRID),
             *(self._reason, self._notice, self._people),
-            *((table, 1), (self._empty, 1)),
+            *((self._table, 1), (self._empty, 1)),
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
 
     def show_run(self, run: FinishedRun) -> None:
-        """Determine the target registers of a run's result."""
+        """Compute the target registers of a run."""
         self._run = run
         self._target_watch.cancel()
         self._show_target(None)
@@ -123,7 +124,7 @@ class RegistersView(QWidget):
             self._target_watch.start(self._request(), run.result)
 
     def set_why_not(self, read: str, write: str) -> None:
-        """Disable reading and writing for the given reasons; "" enables the action."""
+        """Disable reading and writing for the given reasons; an empty reason enables the action."""
         enable(self._read_button, read)
         enable(self._write_button, write)
         self._why_not = "" if self._proof or read else write
@@ -133,21 +134,20 @@ class RegistersView(QWidget):
             self._people.hide()
 
     def why_not_write(self) -> str:
-        """Return the reason why the registers cannot be written yet, "" if they can."""
+        """Return the reason why the registers cannot be written yet, or "" if they can be written."""
         if self.target is None:
             return say("engineer.no_target")
         if self.unit is None:
             return say("engineer.no_unit")
-        named = self._request().serial
-        for serial in (self.unit.serial, self.unit.serial if named == UNNAMED else named):
-            if serial != self.target.serial:
+        for serial in (self.unit.serial, self._request().serial):
+            if serial not in (self.target.serial, UNNAMED):
                 return say("engineer.other_unit", found=serial, wanted=self.target.serial)
         return "" if self._changes() else say("engineer.nothing_to_write")
 
     # ---- reading and writing
 
     def _product_changed(self) -> None:
-        """Determine the target registers again, because they depend on the product's profile."""
+        """Compute the target registers again, because they depend on the product's profile."""
         if self._run is not None and self._operation is None:
             self.show_run(self._run)
 
@@ -159,7 +159,7 @@ class RegistersView(QWidget):
         self.changed.emit()
 
     def _confirm(self, target: TargetRegisters, *, at_rest: bool) -> None:
-        """Write, after confirmation by two engineers if the product requires it."""
+        """Write the registers, after two engineers have confirmed if the product requires it."""
         try:
             product, station = self._files()
         except CalstationError as error:
@@ -204,7 +204,7 @@ class RegistersView(QWidget):
         self._app.engine_link.start(self._operation)
 
     def _follow(self, event: Event) -> None:
-        """Show the progress and the end of the current write."""
+        """Show the progress and the outcome of the current write."""
         if self._operation is None or self._app.engine_link.operation is not self._operation:
             return
         if isinstance(event, Message):
@@ -218,6 +218,7 @@ class RegistersView(QWidget):
             self._show_end(event)
 
     def _show_end(self, event: Settled | Fault) -> None:
+        """Show the registers after a completed write, or why it failed or stopped."""
         if isinstance(event, Fault):
             self._show_error(lambda: fault_text(event).sentences)
         elif event.closing != "stopped":
@@ -268,6 +269,7 @@ class RegistersView(QWidget):
     def _cells(self, name: str) -> dict[str, str]:
         old, new = self._old.get(name), self._new.get(name)
         cells = {"address": str(self._address(name)), "unit": display(name, 0.0)[1]}
+        cells["before_run"] = self._before_run(name)
         if old is not None:
             cells |= {"old": f"{display(name, old.value)[0]:.4f}", "old_raw": old.raw}
         if new is not None:
@@ -278,6 +280,7 @@ class RegistersView(QWidget):
         return cells
 
     def _changes(self) -> list[str]:
+        """Return the parameters whose stored value would change."""
         return [n for n, new in self._new.items() if n in self._old and self._old[n].raw != new.raw]
 
     def _address(self, name: str) -> int:
@@ -288,6 +291,7 @@ class RegistersView(QWidget):
         return say("engineer.in_unit" if known else "engineer.old")
 
     def _before_run(self, name: str) -> str:
+        """Return the value before the run that wrote the registers, as a tooltip; "" if the run wrote none."""
         before = self.target.before if self.target is not None and self.target.written else ()
         register = next((each for each in before if each.parameter == name), None)
         if register is None:
@@ -296,7 +300,7 @@ class RegistersView(QWidget):
         return say("engineer.before_run", value=f"{value:.4f}", unit=unit)
 
     def _ask(self) -> None:
-        """Show the result's verdict unless it is a PASS, and all changes; ask for confirmation."""
+        """Ask for confirmation of a write; the question states the changes, and the verdict unless it is a PASS."""
         target, unit, run = self.target, self.unit, self._run
         if target is None or unit is None or run is None:
             return
@@ -327,6 +331,7 @@ class RegistersView(QWidget):
         self._notice.ask("caution" if passed else verdict_badge(run.result)[0], title, text, choices)
 
     def _addresses(self, names: list[str]) -> str:
+        """Return the addresses of parameters as a list of ranges, such as ``3–5, 9``."""
         ranges: list[list[int]] = []
         for address in sorted(self._address(name) for name in names):
             if ranges and address == ranges[-1][1] + 1:
@@ -352,11 +357,10 @@ class RegistersView(QWidget):
         if state:
             self._badge.show_state(kind, say(f"engineer.state_{state}", count=len(self._changes())))
         theme.set_kind(self._about, "error" if self._error else "")
-        words = self._error or self._progress or self._sentences
-        self._about.setText(say(words))
+        self._about.setText(say(self._error or self._progress or self._sentences))
 
     def _state(self) -> tuple[str, str]:
-        """Return the badge shape and the key of its text, or "" for both if there is no badge."""
+        """Return the shape of the badge and the key of its text; both are "" if there is no badge."""
         if self._progress:
             return "active", "writing"
         if self._error:
@@ -370,6 +374,7 @@ class RegistersView(QWidget):
         return "", ""
 
     def _sentences(self) -> str:
+        """Return what is known about the registers of the unit."""
         texts = [say(f"engineer.verified_{self._proof}")] if self._proof else []
         unit, target = self.unit, self.target
         if unit is not None:

@@ -1,4 +1,4 @@
-"""Views of a finished run, the first of which is the parameter table; jobs compute the contents of some."""
+"""Views of a finished run and the background jobs that compute some of their contents."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,12 +14,12 @@ from calstation.gui.engineer.diagnostics_views import InnovationsView, Residuals
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.operator import advice
 from calstation.gui.state import AppContext, ReleaseBar
-from calstation.gui.text import KINDS, Words, bind, of_parameter, on_language_change, say, term
+from calstation.gui.text import KINDS, Words, of_parameter, on_language_change, say, term
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
+    Cell,
     CellTable,
     ChecksTable,
-    Column,
     EmptyState,
     JobRow,
     JobWatch,
@@ -39,7 +39,6 @@ from calstation.physics import NAMES, EffectName, display, further_parameter, nu
 from calstation.results import (
     Diagnostics,
     FinishedRun,
-    Parameter,
     Preview,
     Registers,
     Result,
@@ -52,6 +51,19 @@ from calstation.sequencer import Event, StageRanked, StateChanged, StepStarted
 _NONE = "–"
 #: Maximum height of the table of checks that do not refer to a single parameter, px.
 _MAX_CHECKS_HEIGHT = 26 * theme.GRID
+_COLUMNS = (
+    Cell("common.unit", "unit", number=False),
+    Cell("common.numeric_value", "value"),
+    Cell("common.plus_minus_sigma", "sigma"),
+    Cell("engineer.previous", "previous"),
+    Cell("engineer.change", "change"),
+    Cell("engineer.in_sigma", "in_sigma", state="change_state"),
+    Cell("engineer.value_limit", "limit"),
+    Cell("engineer.accepted", "accepted"),
+    Cell("engineer.sigma_limit", "sigma_limit"),
+    Cell("engineer.stage", "stage", number=False),
+    Cell("common.verdict", "verdict", number=False, state="verdict_state", hint="hint"),
+)
 _NUMBERS = ("value", "sigma", "previous", "change", "in_sigma", "limit", "accepted", "sigma_limit")
 #: Columns that compare with the previous run, or with the result without an added state.
 _COMPARED_COLUMNS = (3, 4, 5)
@@ -62,7 +74,7 @@ _SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad",
 
 
 def verdict_text(result: Result, *, stages: bool = True) -> str:
-    """Return the verdict of a run, such as ``PASS``; for a partial run, with its `stages` unless they are False."""
+    """Return the verdict of a run, such as ``PASS``; if `stages` is True, the stages of a partial run are named."""
     if result.released or not result.partial or not result.stages:
         return term("badge", result.badge)
     passed = result.verdict == "partial"
@@ -73,7 +85,7 @@ def verdict_text(result: Result, *, stages: bool = True) -> str:
 
 
 def verdict_badge(result: Result) -> tuple[str, str]:
-    """Return the shape (`widgets.badge.KINDS`) and the text of the verdict of a run, or of a re-solved log."""
+    """Return the badge shape (`widgets.badge.KINDS`) and the text of the verdict on a run or a re-solved log."""
     if result.outcome != "resolved":
         return KINDS.get(result.verdict, "none"), verdict_text(result)
     kind = {None: "none", True: "partial" if result.partial else "good", False: "bad"}[result.passed]
@@ -86,148 +98,86 @@ class ResultView(QWidget):
     def __init__(self, adding: JobWatch, release: ReleaseBar) -> None:
         super().__init__()
         self.release = release
-        self.shown: FinishedRun | None = None
+        self.finished: FinishedRun | None = None
         self.missing = MissingState(adding, "add_state_button")
         self._badge = StateBadge(theme.SECTION)
-        self._about, self._note = label(wrap=True), label(wrap=True, name="override_note")
-        self._table = table = CellTable("result_table", grouped=True)
-        table.parameters.set_columns(
-            (
-                table.column("common.unit", "unit", number=False),
-                table.column("common.numeric_value", "value"),
-                table.column("common.plus_minus_sigma", "sigma"),
-                table.column(self._compared_heading, "previous"),
-                table.column("engineer.change", "change"),
-                replace(
-                    table.column("engineer.in_sigma", "in_sigma"),
-                    state=lambda name: table.cells[name].get("changed"),
-                ),
-                table.column("engineer.value_limit", "limit"),
-                table.column("engineer.accepted", "accepted"),
-                table.column("engineer.sigma_limit", "sigma_limit"),
-                Column("engineer.stage", lambda name: term("stage", table.cells[name]["stage"]), number=False),
-                Column(
-                    "common.verdict",
-                    lambda name: say(f"engineer.verdict_{table.cells[name]['verdict']}"),
-                    number=False,
-                    state=lambda name: _SHAPES.get(table.cells[name]["verdict"]),
-                    hint=self._conformity_hint,
-                ),
-            )
-        )
-        bind(table.setAccessibleName, "engineer.run_parameters")
+        self._summary, self._note = label(wrap=True), label(wrap=True, name="override_note")
+        self._table = CellTable("result_table", "engineer.run_parameters", _COLUMNS, grouped=True)
         self._checks = ChecksTable()
         self._checks.setObjectName("acceptance_checks")
-        copy = button("copy_button", "common.copy_table", table.copy, tip="engineer.copy_table_tip")
+        copy = button("copy_button", "common.copy_table", self._table.copy, tip="engineer.copy_table_tip")
         column(
-            row(self._badge, (self._about, 1), copy, spacing=2 * theme.GRID),
+            row(self._badge, (self._summary, 1), copy, spacing=2 * theme.GRID),
             self._note,
             release,
-            (table, 2),
+            (self._table, 2),
             self.missing,
             (self._checks, 1),
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
-        on_language_change(self, self._show_texts)
+        on_language_change(self, self._refresh)
 
     def show_run(self, finished: FinishedRun) -> None:
         """Show a finished run."""
-        self.shown = finished
-        result, parameters = finished.result, finished.result.parameters
-        names = ordered(parameters)
-        checks: dict[str, dict[str, Check]] = {name: {} for name in names}
-        for check in result.checks:
-            if of_parameter(check) and check.subject in checks:
-                checks[check.subject][check.kind] = check
-        cells = {name: _cells(name, parameters[name], finished.previous.get(name), checks[name]) for name in names}
-        for name in cells.keys() & set(result.undetermined):
-            cells[name]["verdict"] = "lost"
-        self._table.show_cells(cells, _NUMBERS)
+        self.finished = finished
+        general = [check for check in finished.result.checks if not of_parameter(check)]
+        self._checks.show_checks(general)
+        self._checks.setMaximumHeight(min(self._checks.height_of_rows(), _MAX_CHECKS_HEIGHT))
+        self._checks.setVisible(bool(general))
+        self.missing.show_result(finished.result if finished.log is not None else None)
+        self._refresh()
+
+    def _refresh(self) -> None:
+        finished = self.finished
+        if finished is None:
+            return
+        result = finished.result
+        cells = {name: _cells(finished, name) for name in ordered(result.parameters)}
+        compared = "engineer.without_state" if result.states_added else "engineer.previous"
+        columns = [replace(each, heading=compared) if each.key == "previous" else each for each in _COLUMNS]
+        self._table.show_cells(cells, _NUMBERS, columns)
         for index in _COMPARED_COLUMNS:
             self._table.setColumnHidden(index, not finished.previous)
         self._table.setColumnHidden(_ACCEPTED_COLUMN, all("accepted" not in row for row in cells.values()))
         self._table.spread()
-        general = [check for check in result.checks if not of_parameter(check)]
-        self._checks.show_checks(general)
-        self._checks.setMaximumHeight(min(self._checks.height_of_rows(), _MAX_CHECKS_HEIGHT))
-        self._checks.setVisible(bool(general))
-        self.missing.show_result(result if finished.log is not None else None)
-        self._show_texts()
-
-    def _compared_heading(self) -> str:
-        trial = self.shown is not None and self.shown.result.states_added
-        return say("engineer.without_state" if trial else "engineer.previous")
-
-    def _conformity_hint(self, name: str) -> str:
-        """Return the probability that the decision about a parameter is wrong, and the risks of its product."""
-        decided = self.shown.result.conformity if self.shown is not None else None
-        decision = decided.parameters.get(name) if decided is not None else None
-        if decision is None:
-            return ""
-        kind = "accepted" if decision.accepted else "refused"
-        texts = [say(f"engineer.conformity_{kind}", percent=100.0 * decision.probability)]
-        if decision.false_accept is not None and decision.false_reject is not None:
-            risks = {"accept": 100.0 * decision.false_accept, "reject": 100.0 * decision.false_reject}
-            texts.append(say("engineer.conformity_product", **risks))
-        return "\n".join(texts)
-
-    def _show_texts(self) -> None:
-        if self.shown is None:
-            return
-        result = self.shown.result
         kind, verdict = verdict_badge(result)
         self._badge.show_state(kind, f"{result.serial}  ·  {verdict}")
-        about = []
+        texts = []
         if count := len(result.checks):
             passed = count - len(result.failed_checks)
-            about.append(say("engineer.checks_passed", passed=passed, count=count))
+            texts.append(say("engineer.checks_passed", passed=passed, count=count))
         if near := sum(check.near_miss for check in result.checks):
-            about.append(say("engineer.near_misses", count=near))
+            texts.append(say("engineer.near_misses", count=near))
         if result.conformity is not None:
-            about.append(say(f"engineer.rule_{result.conformity.rule}"))
+            texts.append(say(f"engineer.rule_{result.conformity.rule}"))
         if result.registers is not None and result.verified:
-            about += _register_texts(result.registers)
+            texts += _register_texts(result.registers)
         if result.states_added:
             names = [term("group", state) for state in result.states_added]
-            about.append(say("event.states_added", states=names))
-        self._about.setText("  ·  ".join(about))
+            texts.append(say("event.states_added", states=names))
+        self._summary.setText("  ·  ".join(texts))
         show_text(self._note, "\n".join(advice.override_notes(result)))
 
 
-def _register_texts(registers: Registers) -> list[str]:
-    if registers.written_utc:
-        texts = [say("engineer.registers_written_at", time=local_time(registers.written_utc))]
-    else:
-        texts = [say("engineer.registers_written")]
-    if registers.proved_on == "read_back":
-        texts.append(say("engineer.registers_read_back"))
-    return texts
-
-
-def _verdict(checks: dict[str, Check]) -> str:
-    value = "within" in checks and not checks["within"].passed
-    sigma = "sigma_below" in checks and not checks["sigma_below"].passed
-    if value or sigma:
-        return "both" if value and sigma else "value" if value else "sigma"
-    if any(check.near_miss for check in checks.values()):
-        return "near"
-    return "good" if checks else "none"
-
-
-def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict[str, Check]) -> dict[str, str]:
-    """Return the texts of a row, with numbers in display units and rounded according to the sigma.
-
-    ``verdict`` is a key of `_SHAPES` or ``none``; ``changed`` is the state of a change to be highlighted.
-    """
+def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
+    """Return the texts of a row, with numbers in display units and rounded according to the sigma."""
+    result, previous = finished.result, finished.previous.get(name)
+    parameter = result.parameters[name]
+    checks: dict[str, Check] = {
+        check.kind: check for check in result.checks if of_parameter(check) and check.subject == name
+    }
+    verdict = "lost" if name in result.undetermined else _verdict(checks)
     value, unit = _display(name, parameter.value)
     sigma, _ = _display(name, parameter.sigma)
     cells = {
         "unit": unit or parameter.unit,
         "value": number(value, sigma),
         "sigma": number(sigma, sigma),
-        "stage": parameter.stage,
-        "verdict": _verdict(checks),
+        "stage": term("stage", parameter.stage),
+        "verdict": say(f"engineer.verdict_{verdict}"),
+        "verdict_state": _SHAPES.get(verdict, ""),
+        "hint": _conformity_hint(result, name),
     }
     if previous is not None:
         before, _ = _display(name, previous)
@@ -235,7 +185,7 @@ def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict
         cells["change"] = "0" if before == value else number(value - before, sigma)
         cells["in_sigma"] = f"{(value - before) / sigma:+.2f}" if sigma > 0.0 else _NONE
         if abs(parameter.value - previous) > NOTABLE_SIGMAS * parameter.sigma:
-            cells["changed"] = "caution"
+            cells["change_state"] = "caution"
     if "within" in checks:
         check = checks["within"]
         for key, interval in (("limit", check.limit), ("accepted", check.acceptance)):
@@ -249,21 +199,54 @@ def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict
     return cells
 
 
+def _conformity_hint(result: Result, name: str) -> str:
+    """Return the probability that the decision about a parameter is wrong, and the risks of its product."""
+    decision = None if result.conformity is None else result.conformity.parameters.get(name)
+    if decision is None:
+        return ""
+    kind = "accepted" if decision.accepted else "refused"
+    texts = [say(f"engineer.conformity_{kind}", percent=100.0 * decision.probability)]
+    if decision.false_accept is not None and decision.false_reject is not None:
+        risks = {"accept": 100.0 * decision.false_accept, "reject": 100.0 * decision.false_reject}
+        texts.append(say("engineer.conformity_product", **risks))
+    return "\n".join(texts)
+
+
+def _register_texts(registers: Registers) -> list[str]:
+    """Return whether and when the registers were written and, if read back only, that they were not verified."""
+    code = "engineer.registers_written_at" if registers.written_utc else "engineer.registers_written"
+    texts = [say(code, time=local_time(registers.written_utc or ""))]
+    if registers.proved_on == "read_back":
+        texts.append(say("engineer.registers_read_back"))
+    return texts
+
+
+def _verdict(checks: dict[str, Check]) -> str:
+    """Return the verdict about a parameter, a key of `_SHAPES` or ``none``, from its checks by kind."""
+    value = "within" in checks and not checks["within"].passed
+    sigma = "sigma_below" in checks and not checks["sigma_below"].passed
+    if value or sigma:
+        return "both" if value and sigma else "value" if value else "sigma"
+    if any(check.near_miss for check in checks.values()):
+        return "near"
+    return "good" if checks else "none"
+
+
 def _limit(value: float, digits: int = 4) -> str:
     """Format a limit with `digits` significant digits; large values are written as integers."""
     return f"{value:.0f}" if abs(value) >= 10.0 ** (digits - 1) else f"{value:.{digits}g}"
 
 
 def _display(name: str, value: float) -> tuple[float, str]:
-    """Return a value in its display unit and the unit; (value, "") for a parameter of another version."""
+    """Return a value in its display unit and that unit; return (value, "") for a parameter unknown to this version."""
     return display(name, value) if name in NAMES or further_parameter(name) else (value, "")
 
 
 class ResultAnalysis(QObject):
-    """The views of a result and the jobs that compute the contents of some of them.
+    """Manages the views of a result and the background jobs that compute some of their contents.
 
-    Emits `changed` whenever the opening of a run starts or ends, `loaded(run)` when the run is open, and
-    `failed(error)` if it cannot be opened.
+    Signals: `changed()` when a run starts to load and after it has loaded; `loaded(run)`; `failed(error)` if the run
+    cannot be opened.
     """
 
     changed = Signal()
@@ -277,24 +260,25 @@ class ResultAnalysis(QObject):
         self._path: Path | None = None
         #: Whether the displayed observability belongs to the run in progress.
         self._following = False
-        #: Whether a run or register operation has begun, but no stage has reported its observability yet.
+        #: Whether the run or register operation in progress has not reported the observability of a stage yet.
         self._starting = False
         #: Labels of the moves of the run in progress, by step.
         self._step_labels: dict[int, tuple[str | float, ...]] = {}
         #: Log whose diagnostics are shown or being computed.
         self._diagnosed_log: Path | None = None
-        self.loading = app.job(self, load_finished_run, self._loaded, failed=self._not_loaded)
-        self._diagnosing = app.job(self, diagnose, self._diagnosed, cancelled=self._not_diagnosed)
+        self.loading = app.job(self, load_finished_run, self._loaded, failed=self._load_failed)
+        self._diagnosing = app.job(self, diagnose, self._diagnosed, cancelled=self._diagnosis_failed)
         self.adding = app.job(self, resolve_with_state, self._loaded)
         self.result, self.observability = _LazyView(self._result_view), _LazyView(ObservabilityView)
         self.innovations = _LazyView(InnovationsView, self._diagnosing)
         self.residuals = _LazyView(ResidualsView, self._diagnosing)
         self.cycle = _LazyView(CycleView)
+        #: The views whose contents are computed by `diagnose`.
         self._computed = self.innovations, self.residuals
         #: The views in order: parameters, innovations, residuals, observability.
         self.views: tuple[QWidget, ...] = (self.result, *self._computed, self.observability)
         app.released.connect(self._released)
-        self._diagnosing.failed.connect(lambda error: self._not_diagnosed(error.as_text))
+        self._diagnosing.failed.connect(lambda error: self._diagnosis_failed(error.as_text))
 
     def open(self, path: Path) -> None:
         """Open a result or a log."""
@@ -325,14 +309,14 @@ class ResultAnalysis(QObject):
             self.observability.show_view()
 
     def prepare(self, view: QWidget | None) -> None:
-        """Compute innovations and residuals if `view` shows them and they have not been computed yet."""
+        """Compute innovations and residuals if `view` shows them and no job has computed them yet."""
         run = self._run
         if run is None or view not in self._computed or run.log == self._diagnosed_log is not None:
             return
         if run.log is None:
-            self._not_diagnosed("engineer.log_gone")
+            self._diagnosis_failed("engineer.log_gone")
         elif not run.result.stages:
-            self._not_diagnosed(lambda: _why_no_result(run))
+            self._diagnosis_failed(lambda: _why_no_result(run))
         else:
             self._diagnosed_log = run.log
             log, stages = run.result.log, tuple(run.result.stages)
@@ -341,7 +325,7 @@ class ResultAnalysis(QObject):
                 lazy.show_work()
 
     def source(self) -> str:
-        """Return serial number, time and verdict of the displayed run, on one line."""
+        """Return a line with the serial number, time and verdict of the displayed run."""
         if self.loading.busy and self._path is not None:
             return say("engineer.opening", file=self._path.name)
         if self._run is None:
@@ -357,7 +341,7 @@ class ResultAnalysis(QObject):
         return view
 
     def _add_state(self, state: EffectName) -> None:
-        """Solve the log of the displayed run again with one more state in its model."""
+        """Solve the log of the displayed run again with an additional state."""
         if self._run is not None:
             self.adding.start(self._run, state)
 
@@ -388,7 +372,7 @@ class ResultAnalysis(QObject):
         if path == self._path:
             self.open(path)
 
-    def _not_loaded(self, error: CalstationError) -> None:
+    def _load_failed(self, error: CalstationError) -> None:
         self._path = None
         self.changed.emit()
         self.failed.emit(error)
@@ -399,13 +383,14 @@ class ResultAnalysis(QObject):
         for lazy in self._computed:
             lazy.show_view()
 
-    def _not_diagnosed(self, why: Words = "") -> None:
+    def _diagnosis_failed(self, why: Words = "") -> None:
         self._diagnosed_log = None
         for lazy in self._computed:
             lazy.show_empty(why)
 
 
 def _why_no_result(run: FinishedRun) -> str:
+    """Return the outcome of a run without parameters, and its error."""
     result = run.result
     text = say("engineer.no_result", outcome=result.outcome)
     error = result.error if result.fault is None else say(result.fault.as_text)
@@ -416,11 +401,11 @@ View = TypeVar("View", bound=QWidget)
 
 
 class _LazyView(QStackedWidget, Generic[View]):
-    """A stack that shows an explanation or the progress of a job until the view has contents."""
+    """A stack that shows a placeholder or the progress of a job until the view has contents."""
 
-    def __init__(self, make: Callable[[], View], watch: JobWatch | None = None) -> None:
+    def __init__(self, create: Callable[[], View], watch: JobWatch | None = None) -> None:
         super().__init__()
-        self._make = make
+        self._create = create
         self._view: View | None = None
         self._empty, self._work = EmptyState(title="engineer.no_run", text="engineer.about_no_run"), QWidget()
         if watch is not None:
@@ -432,14 +417,14 @@ class _LazyView(QStackedWidget, Generic[View]):
 
     @property
     def view(self) -> View:
-        """The view itself, created on first use."""
+        """The view, which is created on first use."""
         if self._view is None:
-            self._view = self._make()
+            self._view = self._create()
             self.addWidget(self._view)
         return self._view
 
     def show_view(self) -> None:
-        """Show the view itself."""
+        """Show the view."""
         self.setCurrentWidget(self.view)
 
     def show_work(self) -> None:
@@ -447,9 +432,7 @@ class _LazyView(QStackedWidget, Generic[View]):
         self.setCurrentWidget(self._work)
 
     def show_empty(self, why: Words = "") -> None:
-        """Show the reason why the view has no contents, or how to obtain them."""
-        if why:
-            self._empty.say("engineer.nothing_to_show", why)
-        else:
-            self._empty.say("engineer.no_run", "engineer.about_no_run")
+        """Show why the view has no contents or, without a reason, how to obtain them."""
+        title = "engineer.nothing_to_show" if why else "engineer.no_run"
+        self._empty.say(title, why or "engineer.about_no_run")
         self.setCurrentWidget(self._empty)

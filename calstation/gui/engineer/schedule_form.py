@@ -1,4 +1,4 @@
-"""Form for a stage's schedule, described by its method's model; errors are shown at each field during input."""
+"""Form for the schedule of a stage, generated from the schedule model of its method; errors are shown while typing."""
 
 from functools import partial
 from typing import Any
@@ -24,7 +24,7 @@ from calstation.messages import known
 from calstation.physics import DISPLAY
 from calstation.schema import KeyPath, Problem
 
-#: Codes of the catalogue family ``schedule`` by pydantic's error type; all others are ``wrong_number``.
+#: Suffix of the message code ``schedule.wrong_...`` for each pydantic error type; the default is ``number``.
 _WRONG = {
     "greater_than": "low",
     "greater_than_equal": "low",
@@ -38,7 +38,7 @@ _WRONG = {
 
 
 class ScheduleForm(QWidget):
-    """The fields of one stage; emits `changed` on every edit. The values are as entered, valid or not."""
+    """The fields of the schedule of one stage, whose values may be invalid; `changed()` is emitted on every edit."""
 
     changed = Signal()
 
@@ -54,7 +54,7 @@ class ScheduleForm(QWidget):
             if spec.kind == "targets":
                 rows.append(label(f"schedule.{spec.name}"))
                 rows += [_target_field(source, stage, spec, group) for group in groups if group in DISPLAY]
-            elif spec.kind in ("number", "count", "flag", "choice"):  # others can be set only in the product file
+            elif spec.kind in ("number", "count", "flag", "choice"):  # other kinds can be set only in the product file
                 words = partial(_field_name, spec.name)
                 rows.append(_Field(source, stage, spec, (spec.name,), _make_editor(spec), words, spec.unit))
         self._fields = [each for each in rows if isinstance(each, _Field)]
@@ -63,17 +63,17 @@ class ScheduleForm(QWidget):
 
     @property
     def values(self) -> dict[str, Any]:
-        """Entered values by field; text that is not a number is kept as text, which the validation rejects."""
+        """Entered values by field; text that is not a number remains text, which the validation rejects."""
         return self._source.values
 
     @property
-    def departures(self) -> dict[str, Any]:
+    def deviations(self) -> dict[str, Any]:
         """Values that differ from the product's."""
-        departures = {name: value for name, value in self.values.items() if self._source.differs((name,))}
-        # without them a product without `rounds` would get a different limit
-        if departures.keys() & {"duration_s", "targets"}:
-            departures["rounds"] = self.values["rounds"]
-        return departures
+        deviations = {name: value for name, value in self.values.items() if self._source.differs((name,))}
+        # a product without `rounds` would otherwise get a different limit
+        if deviations.keys() & {"duration_s", "targets"}:
+            deviations["rounds"] = self.values["rounds"]
+        return deviations
 
     @property
     def valid(self) -> bool:
@@ -91,20 +91,21 @@ class ScheduleForm(QWidget):
 
 
 class _Field(FormField):
-    """A field of a schedule; its name is bold if the value differs from the product's."""
+    """A field of a schedule, whose name is bold if the value differs from the product's."""
 
     def __init__(
         self,
         source: FormValues,
         stage: str,
         spec: FieldSpec,
-        place: KeyPath,
+        key_path: KeyPath,
         editor: Editor,
         words: Words,
         unit: str,
     ) -> None:
         self._spec = spec
-        super().__init__(source, place, editor, words, "_".join(map(str, ("schedule", stage, *place))), unit)
+        name = "_".join(map(str, ("schedule", stage, *key_path)))
+        super().__init__(source, key_path, editor, words, name, unit)
         self.unit.setFixedWidth(5 * theme.GRID)
         self.grid.setHorizontalSpacing(theme.GRID)
         self.grid.setColumnStretch(0, 1)
@@ -123,13 +124,13 @@ class _Field(FormField):
         bind(self.setToolTip, partial(_description, stage, spec))
 
     def refresh(self) -> None:
-        """Show the value, the problem, and whether the value differs from the product's."""
+        """Show the value, its problem, and whether it differs from the product's value."""
         super().refresh()
-        named = self.editor if isinstance(self.editor, FlagBox) else self.label
-        named.setFont(theme.font(bold=self._source.differs(self._place)))
+        label = self.editor if isinstance(self.editor, FlagBox) else self.label
+        label.setFont(theme.font(bold=self._source.differs(self._place)))
 
     def problem_text(self, problem: Problem) -> str:
-        """Return a description of the problem, with the remedy."""
+        """Return a description of the problem and its remedy."""
         if problem.what.code == "product.target_unknown":
             return say("schedule.wrong_name", subject=problem.what.values["name"])
         if problem.kind in ("table", "value_error"):
@@ -142,7 +143,7 @@ class _Field(FormField):
 
 
 def _target_field(source: FormValues, stage: str, spec: FieldSpec, group: str) -> _Field:
-    """Create the field for the target sigma of a group, in its display unit."""
+    """Create the field for the target sigma of a parameter group, in its display unit."""
     unit, size = DISPLAY[group]
     words = partial(term, "group", group)
     field = _Field(source, stage, spec, (spec.name, group), NumberEdit(size, _number), words, unit)
@@ -157,7 +158,7 @@ def _make_editor(spec: FieldSpec) -> Editor:
 
 
 def _number(text: str, whole: bool = False) -> float | int | str | None:
-    """Return the entered number, with a decimal point or comma; otherwise as `typed_number`."""
+    """Return the number in `text`, with a decimal point or comma, as an integer if `whole`; other text is unchanged."""
     number = typed_number(text.replace(",", "."))
     if not isinstance(number, float | int):
         return text.strip() or None
@@ -165,24 +166,23 @@ def _number(text: str, whole: bool = False) -> float | int | str | None:
 
 
 def _field_name(name: str) -> str:
-    """Return the display name of a field, derived from its identifier if the catalogue has no entry."""
+    """Return the display name of a field, derived from its identifier if the catalogue has no term for it."""
     if known(f"schedule.{name}"):
         return term("schedule", name)
     return name.rsplit("_", 1)[0].replace("_", " ").capitalize()
 
 
 def _description(stage: str, spec: FieldSpec) -> str:
-    """Return a description of a field, its range, and whether it may be empty."""
+    """Return a description of a field with its range, and whether it may be empty."""
     codes = (f"schedule.about_{stage}_{spec.name}", f"schedule.about_{spec.name}")
     about = next((say(code) for code in codes if known(code)), spec.description)
     return "; ".join(filter(None, (about, _range(spec), say("schedule.empty") if spec.optional else "")))
 
 
 def _range(spec: FieldSpec) -> str:
-    """Return a description of the values that a field accepts."""
+    """Return a description of the range of a field."""
     if spec.low is None:
         return ""
     unit = f" {spec.unit}" if spec.unit else ""
-    if spec.high is None:
-        return say("schedule.above" if spec.above else "schedule.least", low=spec.low, unit=unit)
-    return say("schedule.range_above" if spec.above else "schedule.range", low=spec.low, high=spec.high, unit=unit)
+    codes = ("least", "above") if spec.high is None else ("range", "range_above")
+    return say(f"schedule.{codes[spec.above]}", low=spec.low, high=spec.high, unit=unit)

@@ -163,7 +163,7 @@ class RunDetails(QFrame):
         self.batch_button = button("history_batch_button", "history.batch", tip="history.whole_batch")
         self._documents, self._release = (label_button, certificate_button), release
         self._people = certificate_button.panel
-        for asking in (release.asking, self._people.asking):
+        for asking in (release.open_changed, self._people.open_changed):
             asking.connect(lambda open_: self.trend.setVisible(not open_ and self.has_parameters))
         self._lay_out()
         on_language_change(self, self._show)

@@ -35,10 +35,10 @@ class InterruptedRuns(QObject):
         self.run_summary: RunSummary | None = None
         self._wanted: Path | None = None
         self._serial: str | None = None
-        self._search = app.job(self, find_resumable, self._found, failed=self._not_found)
+        self._search = app.job(self, find_resumable, self._found, failed=self._search_failed)
         self._closing = app.job(self, close_incomplete_job)
         self._recovery = app.job(
-            self, recover_startup, lambda done: self._show_delivery(done.delivery), failed=self._not_recovered
+            self, recover_startup, lambda done: self._show_delivery(done.delivery), failed=self._recovery_failed
         )
         notice.report_failures(self._closing, "common.run_not_closed", header.focus_scan)
         app.resume_run.connect(lambda log: self.offer(log=log))
@@ -49,7 +49,7 @@ class InterruptedRuns(QObject):
             self._recovery.start(self._app.runs_folder, self._app.station_path)
         self.offer()
 
-    def _not_recovered(self, error: CalstationError) -> None:
+    def _recovery_failed(self, error: CalstationError) -> None:
         if self.run_summary is not None:  # otherwise the page shows the problem with station and product
             self._notice.report("operator.earlier_not_closed", error, self.offer)
 
@@ -82,7 +82,7 @@ class InterruptedRuns(QObject):
         else:
             ask(self._notice, "caution", Text.of("question.nothing_to_resume"), {})
 
-    def _not_found(self, error: CalstationError) -> None:
+    def _search_failed(self, error: CalstationError) -> None:
         ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
 
     def _offer(self, runs: list[Resumable]) -> None:

@@ -110,7 +110,7 @@ class OperatorPage(Page):
     def await_scan(self) -> None:
         """Focus the serial number field for a scan, unless a run is in progress or a question is open."""
         run = self.app.run
-        if self.isVisible() and not run.going and run.fault is None and not self.notice.asking:
+        if self.isVisible() and not run.in_progress and run.fault is None and not self.notice.asking:
             self.header.focus_scan()
 
     def _connect(self) -> None:
@@ -121,12 +121,12 @@ class OperatorPage(Page):
         for changed in (header.badge_field.signed_in, header.badge_field.signed_out):
             changed.connect(self._operator_changed)
         header.badge_field.signed_out.connect(self.await_scan)
-        self._live.finish_wanted.connect(lambda: app.engine_link.send(Command.END_STAGE))
+        self._live.finish_requested.connect(lambda: app.engine_link.send(Command.END_STAGE))
         self._verdict.acknowledged.connect(self._acknowledge)
         self._verdict.closed.connect(lambda: self._open_unit(opened=False))
         self._verdicts.opened.connect(lambda: self._open_unit(opened=True))
-        self._slots.acted.connect(self._starting.edited)
-        self._slots.acted.connect(header.focus_scan)
+        self._slots.clicked.connect(self._starting.edited)
+        self._slots.clicked.connect(header.focus_scan)
         self._starting.slots.changed.connect(self._refresh)
         app.engine_link.event.connect(self._live.take)
         app.engine_link.running_changed.connect(self._running_changed)
@@ -208,7 +208,7 @@ class OperatorPage(Page):
         if planned is not None:
             self.header.badge_field.set_section(planned.sign_in)
         if self._problem is not None:
-            open_station = partial(app.page_wanted.emit, "station_page")
+            open_station = partial(app.page_requested.emit, "station_page")
             ask(self.notice, "caution", self._problem, {"station": open_station}, others=choices)
         else:
             self.notice.dismiss()
@@ -261,7 +261,7 @@ class OperatorPage(Page):
         self.app.engine_link.send(Command.RESUME if paused else Command.PAUSE)
 
     def _stop_pressed(self) -> None:
-        if not self.app.run.going and not self._problem:
+        if not self.app.run.in_progress and not self._problem:
             self.notice.dismiss()
             self._message.setText(say("operator.nothing_running"))
 
@@ -287,7 +287,7 @@ class OperatorPage(Page):
     def _show_serial(self) -> None:
         """Show the serial number of the unit, or the number of units, during a run."""
         run, request = self.app.run, self.app.engine_link.request
-        if run.going and request is not None and not run.register_operation:
+        if run.in_progress and request is not None and not run.register_operation:
             count = say("operator.unit_count", count=len(run.units))
             self.header.set_serial(count if request.serials else request.serial)
 
@@ -335,15 +335,15 @@ class OperatorPage(Page):
             missing = say("operator.no_unit") if slots and not slots.units and not header.serial else ""
             missing = say("operator.sign_in") if header.badge_field.required else missing
             header.set_start(say("operator.fault_open") if run.fault is not None else why_busy or missing)
-        pausable = run.shown in ("running", "paused")
+        pausable = run.display_state in ("running", "paused")
         header.set_pause(
             run.state in ("pausing", "paused"),
-            "" if pausable else say(f"no_pause.{run.shown if run.going else 'idle'}"),
+            "" if pausable else say(f"no_pause.{run.display_state if run.in_progress else 'idle'}"),
         )
         self._badge.show_state(*run_badge(run))
         self._progress.setValue(round(STEPS * run.fraction) if run.state != "idle" else 0)
         self._live.refresh()
-        if run.going and self.notice.asking:
+        if run.in_progress and self.notice.asking:
             self.notice.dismiss()
         self._choose_view()
         self._message.setText(self._message_text())
@@ -389,16 +389,16 @@ class OperatorPage(Page):
         run = self.app.run
         if run.fault is not None:
             return fault_text(run.fault).text
-        if run.shown == "idle" and self.header.badge_field.required:
+        if run.display_state == "idle" and self.header.badge_field.required:
             return say("operator.sign_in")
         if run.state in ("idle", "starting"):
             slots = run.state == "idle" and run.runnable and self._starting.slots
-            return say("operator.message_idle_slots" if slots else f"operator.message_{run.shown}")
+            return say("operator.message_idle_slots" if slots else f"operator.message_{run.display_state}")
         if run.state == "stopping" and not run.commanded:
             return say("operator.message_stopping_connecting")
         if run.state in ("stopping", "paused"):
             return say(f"operator.message_{run.state}{'_manual' if run.by_hand else ''}")
-        if not run.going:
+        if not run.in_progress:
             return self._verdicts.next_action() if run.in_slots else self._verdict.next_action()
         if run.latest is None:
             return ""

@@ -125,14 +125,14 @@ class StageList(QFrame):
         item.setToolTip(spoken)
 
     def _time_text(self, stage: StageState, planning: bool) -> str:
-        if stage.took is not None:
-            return duration_text(stage.took)
+        if stage.elapsed is not None:
+            return duration_text(stage.elapsed)
         if stage.state not in ("waiting", "active"):
             return ""
-        if not planning and not self._run.going:
+        if not planning and not self._run.in_progress:
             return say("operator.not_run")
         pace = 1.0 if planning else self._run.pace
-        return "" if pace is None else duration_text(self._run.left(stage) / pace)
+        return "" if pace is None else duration_text(self._run.stage_remaining(stage) / pace)
 
     def _show_left(self, stages: list[StageState], planning: bool) -> None:
         left = note = ""

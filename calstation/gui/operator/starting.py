@@ -151,7 +151,7 @@ class RunStarter(QObject):
     def edited(self) -> None:
         """Remove a notice or a question about units that were edited in the field or in the slots."""
         self._note_next()
-        if self.run_summary is not None and not self._app.run.going:
+        if self.run_summary is not None and not self._app.run.in_progress:
             self._notice.dismiss()
 
     def check(self) -> bool:
@@ -239,7 +239,7 @@ class RunStarter(QObject):
         """Show the slot of the next scan and, while a verdict is shown, that the field is for the next unit."""
         judged = self._app.run.ended or self._app.run.fault is not None
         note, following = (say("operator.next_unit") if judged else ""), self.slots.marked
-        if self.slots and not judged and not self._app.run.going:
+        if self.slots and not judged and not self._app.run.in_progress:
             full = len(self.slots.units) == len(self.slots.serials)
             note = say("operator.slots_full" if full else "operator.slots_stay_empty")
             if following is not None:

@@ -99,7 +99,7 @@ class VerdictPanel(QFrame):
         self._station_button = button(
             "verdict_station_button",
             "operator.open_station_page",
-            lambda: app.page_wanted.emit("station_page"),
+            lambda: app.page_requested.emit("station_page"),
         )
         beside = column(
             *(self._facts, self._notes),
@@ -116,7 +116,7 @@ class VerdictPanel(QFrame):
         people, values = self.certificate_button.panel, QWidget()
         row(column(self._figures, None), (beside, 1), on=values, spacing=3 * theme.GRID)
         # there is no room for both on a small screen
-        people.asking.connect(lambda asking: values.setVisible(not asking))
+        people.open_changed.connect(lambda asking: values.setVisible(not asking))
         column(
             (self._banner, 2),
             *(self._source, self.reason_label, self.action_label, self.reset),
@@ -134,7 +134,7 @@ class VerdictPanel(QFrame):
         unit, fault = self._run.unit, self._present_fault
         if fault is not self._fault:
             self._fault = fault
-            self.reset.forget()
+            self.reset.clear()
             self.reset.offer(fault is not None and known(fault.code) and entry(fault.code).resettable)
         if unit.finalized is not self._finalized:
             self._finalized = unit.finalized
@@ -157,7 +157,7 @@ class VerdictPanel(QFrame):
 
     @property
     def _shown(self) -> str:
-        return self._run.shown if self._run.fault is not None else self._run.shown_of(self._run.unit)
+        return self._run.display_state if self._run.fault is not None else self._run.display_state_of(self._run.unit)
 
     def _refresh(self) -> None:
         run, unit, fault, shown = self._run, self._run.unit, self._present_fault, self._shown

@@ -281,7 +281,7 @@ class TestPanel(QFrame):
 
     def start(self) -> None:
         """Test the settings as typed, whether saved or not."""
-        self.reset.forget()
+        self.reset.clear()
         self._test()
 
     def refresh(self) -> None:
@@ -289,7 +289,7 @@ class TestPanel(QFrame):
         station = self._station()
         shown = self.report is not None or self.reset.result is not None
         if shown and (station is None or self._settings(station) != self._tested):
-            self.reset.forget()
+            self.reset.clear()
             self._clear()
         slots = () if station is None else station.slots
         own = any(slot.name == self._slot() and slot.product for slot in slots)

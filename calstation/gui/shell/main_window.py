@@ -30,7 +30,7 @@ _ICON = QSize(24, 24)
 _USUAL, _SMALLEST, _FRAME = QSize(1366, 768), QSize(900, 400), QSize(16, 48)
 
 
-def _later(package: str, page: str) -> Callable[[AppContext], Page]:
+def _lazy_page(package: str, page: str) -> Callable[[AppContext], Page]:
     """Return a constructor that imports the package of a page when first used, which saves 0.2 s of the first paint."""
     return lambda app: cast("Page", getattr(import_module(f"calstation.gui.{package}"), page)(app))
 
@@ -38,31 +38,31 @@ def _later(package: str, page: str) -> Callable[[AppContext], Page]:
 #: Constructors of the pages, in the order of their tabs.
 _PAGES: dict[str, Callable[[AppContext], Page]] = {
     "operator_page": OperatorPage,
-    "engineer_page": _later("engineer", "EngineerPage"),
-    "offline_page": _later("logs", "OfflinePage"),
-    "history_page": _later("history", "HistoryPage"),
-    "quality_page": _later("quality", "QualityPage"),
-    "station_page": _later("settings", "StationPage"),
+    "engineer_page": _lazy_page("engineer", "EngineerPage"),
+    "offline_page": _lazy_page("logs", "OfflinePage"),
+    "history_page": _lazy_page("history", "HistoryPage"),
+    "quality_page": _lazy_page("quality", "QualityPage"),
+    "station_page": _lazy_page("settings", "StationPage"),
 }
 #: Time after which the Engineer page is created, ms; the window has been painted by then.
-_SOON_MS = 50
+_CREATION_DELAY_MS = 50
 
 
 class _Tab(QWidget):
     """Container of a page and its header; creates the page below the strip when it is first needed."""
 
-    def __init__(self, app: AppContext, make: Callable[[AppContext], Page]) -> None:
+    def __init__(self, app: AppContext, create: Callable[[AppContext], Page]) -> None:
         super().__init__()
-        self._app, self._make = app, make
+        self._app, self._create = app, create
         self._page: Page | None = None
         self.header = QWidget()
 
     @property
     def page(self) -> Page:
-        return self._page or self.make_page()
+        return self._page or self.create_page()
 
-    def make_page(self) -> Page:
-        self._page = page = self._make(self._app)
+    def create_page(self) -> Page:
+        self._page = page = self._create(self._app)
         column((PageArea(page), 1), on=self, margins=(0, _STRIP_HEIGHT, 0, 0))
         column((page.header or RunStrip(self._app.run), 1), on=self.header)
         return page
@@ -74,7 +74,7 @@ class _Tab(QWidget):
     def setVisible(self, visible: bool) -> None:
         """Create the page before it is first shown."""
         if visible and self._page is None:
-            self.make_page()
+            self.create_page()
         super().setVisible(visible)
 
 
@@ -136,10 +136,10 @@ class MainWindow(QMainWindow):
         self.page_tabs.currentChanged.connect(self._page_changed)
         app.station_changed.connect(self._show_station)
         app.role.changed.connect(self._show_role)
-        app.role.wanted.connect(self._move_role_panel)
+        app.role.pin_requested.connect(self._move_role_panel)
         theme.themes.changed.connect(self._set_icons)
         app.engine_link.running_changed.connect(self._running_changed)
-        app.page_wanted.connect(self.show_page)
+        app.page_requested.connect(self.show_page)
         app.open_run.connect(lambda _: self.show_page("engineer_page"))
         app.resume_run.connect(lambda _: self.show_page("operator_page"))
         app.open_log.connect(self._open_log)
@@ -147,9 +147,9 @@ class MainWindow(QMainWindow):
     def showEvent(self, event: QShowEvent) -> None:
         """Create the Engineer page after the first paint."""
         super().showEvent(event)
-        QTimer.singleShot(_SOON_MS, self, self.make_engineer_page)
+        QTimer.singleShot(_CREATION_DELAY_MS, self, self.create_engineer_page)
 
-    def make_engineer_page(self) -> None:
+    def create_engineer_page(self) -> None:
         """Create the page that monitors a run from its start; the other pages are created when they are first shown."""
         _ = self._tabs["engineer_page"].page
 
@@ -218,10 +218,10 @@ class MainWindow(QMainWindow):
 
     def _close_now(self) -> None:
         self._closing = True
-        self.app.engine_link.give_up()
+        self.app.engine_link.hang_up()
 
     def _running_changed(self, running: bool) -> None:
-        self.make_engineer_page()
+        self.create_engineer_page()
         if self._closing and not running:
             self.close()
 
@@ -256,7 +256,7 @@ class MainWindow(QMainWindow):
         if index != self._shown and not self._may_leave(partial(self.page_tabs.setCurrentIndex, index)):
             self.page_tabs.setCurrentIndex(self._shown)
             return
-        self.make_engineer_page()
+        self.create_engineer_page()
         self._shown = index
         self._headers.setCurrentIndex(index)
         self._move_strip()

@@ -35,7 +35,7 @@ class AppContext(QObject):
     open_run = Signal(object)
     resume_run = Signal(object)
     released = Signal(object)  #: The unit of the run with this result file was released although it failed.
-    page_wanted = Signal(str)  #: Object name of the page to show.
+    page_requested = Signal(str)  #: Object name of the page to show.
     runs_folder_changed = Signal()
     exchange_changed = Signal()  #: `exchange_state` has changed.
     claim_changed = Signal()

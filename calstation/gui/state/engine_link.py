@@ -46,7 +46,7 @@ class EngineLink(QObject):
         if self._engine is not None:
             self._engine.send(command)
 
-    def give_up(self) -> None:
+    def hang_up(self) -> None:
         """Disconnect; a run in progress stops safely, and an engine that does not respond is killed."""
         if self._engine is not None:
             self._engine.hang_up()

@@ -16,20 +16,20 @@ from calstation.messages import Text
 from calstation.results import Result, override_required, override_result
 
 # Function called with the reason, the acting person, and the confirming person, None if none is required.
-Then = Callable[[str, Person, Person | None], None]
+ConfirmedCallback = Callable[[str, Person, Person | None], None]
 
 
 class PeoplePanel(QFrame):
     """Hidden until `ask`; the caller hides it after the action, or leaves it open for another attempt."""
 
-    asking = Signal(bool)  #: Emitted when the panel opens and closes.
+    open_changed = Signal(bool)  #: Emitted when the panel opens and closes.
 
     def __init__(self, name: str) -> None:
         super().__init__()
         self.setObjectName(f"{name}_panel")
         self.setProperty("kind", "panel")
         self._words: Words = ""
-        self._then: Then = lambda reason, first, second: None
+        self._then: ConfirmedCallback = lambda reason, first, second: None
         self._badges = False
         self._title = label(kind="section", wrap=True)
         self._fields = grid(across=2 * theme.GRID, down=theme.GRID // 2, stretch=1)
@@ -61,7 +61,13 @@ class PeoplePanel(QFrame):
         self.hide()
 
     def ask(
-        self, words: Words, required: ConfirmationRequired, then: Then, *, by: str = "", reason: bool = True
+        self,
+        words: Words,
+        required: ConfirmationRequired,
+        then: ConfirmedCallback,
+        *,
+        by: str = "",
+        reason: bool = True,
     ) -> None:
         """Ask for the badges, PINs and reason of an action titled `words`; `by` is the expected acting person."""
         self._words, self._then, self._badges = words, then, required.badge
@@ -85,12 +91,12 @@ class PeoplePanel(QFrame):
     def showEvent(self, event: QShowEvent) -> None:
         """Report that the panel is open."""
         super().showEvent(event)
-        self.asking.emit(True)
+        self.open_changed.emit(True)
 
     def hideEvent(self, event: QHideEvent) -> None:
         """Report that the panel is closed."""
         super().hideEvent(event)
-        self.asking.emit(False)
+        self.open_changed.emit(False)
 
     def _missing(self) -> bool:
         return any(not edit.isHidden() and not edit.text().strip() for edit in self._edits)
@@ -124,10 +130,10 @@ class ReleaseBar(QWidget):
         self._opening = app.job(self, override_required, self._open, failed=self._refuse)
         self._releasing = app.job(self, override_result, self._done, failed=self._refuse, cancellable=False)
         self._panel = PeoplePanel(name)
-        self.asking = self._panel.asking
+        self.open_changed = self._panel.open_changed
         self._error = label(kind="error", name=f"{name}_error_label", wrap=True)
         self._button = button(f"{name}_button", "window.release_button", self._ask, tip="window.release_tip")
-        self.asking.connect(lambda asking: self._button.setVisible(not asking))
+        self.open_changed.connect(lambda asking: self._button.setVisible(not asking))
         column(self._button, self._panel, self._error, on=self)
         self.hide()
 

@@ -48,13 +48,13 @@ class ResetBar(QWidget):
         self._offered = offered
         self._show()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Clear the result of the last reset."""
         self.result = self._error = None
         self._show()
 
     def _start(self) -> None:
-        self.forget()
+        self.clear()
         try:
             order = self._order()
         except CalstationError as error:

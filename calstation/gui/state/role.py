@@ -13,7 +13,7 @@ class RoleLock(QObject):
     """The current role, initially operator."""
 
     changed = Signal(str)
-    wanted = Signal()  #: Request to ask the user for the engineer's PIN.
+    pin_requested = Signal()  #: Request to ask the user for the engineer's PIN.
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -31,7 +31,7 @@ class RoleLock(QObject):
 
     def ask(self) -> None:
         """Request the PIN from the user."""
-        self.wanted.emit()
+        self.pin_requested.emit()
 
     def unlock(self, pin: str) -> bool:
         """Switch to the engineer role if `pin` is correct. Raises ConfigurationError if it cannot be checked."""
@@ -85,7 +85,7 @@ class RolePanel(QFrame):
         self.setFixedWidth(42 * theme.GRID)
         self._timer = QTimer(self, interval=250)
         self._timer.timeout.connect(self._show_wait)
-        role.wanted.connect(self.open)
+        role.pin_requested.connect(self.open)
         bind(self._again_edit.setPlaceholderText, "window.same_again")
         on_language_change(self, self._refresh)
         self.hide()

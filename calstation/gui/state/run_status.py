@@ -27,7 +27,7 @@ from calstation.sequencer import (
 )
 
 #: States of a run in progress.
-_GOING = ("starting", "preparing", "running", "pausing", "paused", "stopping")
+_IN_PROGRESS = ("starting", "preparing", "running", "pausing", "paused", "stopping")
 
 #: States of the sequencer after a run or a register operation.
 _ENDED = ("stopped", "fault", "done")
@@ -83,9 +83,9 @@ class RunStatus(QObject):
         link.event.connect(self._handle_event)
 
     @property
-    def going(self) -> bool:
+    def in_progress(self) -> bool:
         """Whether a run is in progress."""
-        return self.state in _GOING
+        return self.state in _IN_PROGRESS
 
     @property
     def by_hand(self) -> bool:
@@ -108,15 +108,15 @@ class RunStatus(QObject):
         return all(unit.finalized is not None for unit in self.units)
 
     @property
-    def shown(self) -> str:
+    def display_state(self) -> str:
         """State to display: `state`; ``writing`` during a register operation, ``not_ready`` if no run can start."""
         if self.state == "idle" and not self.runnable:
             return "not_ready"
         return "writing" if self.register_operation and self.state == "running" else self.state
 
-    def shown_of(self, unit: UnitStatus) -> str:
+    def display_state_of(self, unit: UnitStatus) -> str:
         """Return the state to display for a unit: its verdict, or the run's state while the unit takes part in it."""
-        return unit.verdict if unit.verdict and unit.slot else self.shown
+        return unit.verdict if unit.verdict and unit.slot else self.display_state
 
     @property
     def partial(self) -> bool:
@@ -136,7 +136,7 @@ class RunStatus(QObject):
         A unit that keeps its registers skips the remaining stages, so other units take precedence.
         """
         going = [unit for unit in self.units if unit.verdict is None]
-        writing = [unit for unit in going if not unit.kept]
+        writing = [unit for unit in going if not unit.keeps_registers]
         return next(iter(writing or going), self.unit).stages
 
     @property
@@ -147,8 +147,8 @@ class RunStatus(QObject):
     @property
     def done(self) -> float:
         """Completed part of the planned device time, s."""
-        shown = [self.stages] if self.going else [unit.stages for unit in self.units]
-        return max(sum(s.duration - self.left(s) for s in stages) for stages in shown)
+        shown = [self.stages] if self.in_progress else [unit.stages for unit in self.units]
+        return max(sum(s.duration - self.stage_remaining(s) for s in stages) for stages in shown)
 
     @property
     def fraction(self) -> float:
@@ -168,17 +168,17 @@ class RunStatus(QObject):
     def remaining(self) -> float | None:
         """Remaining host time, s; None until it can be estimated."""
         pace = self.pace
-        if pace is None or not self.going:
+        if pace is None or not self.in_progress:
             return None
-        return sum(self.left(s) for s in self.stages) / pace
+        return sum(self.stage_remaining(s) for s in self.stages) / pace
 
-    def left(self, stage: StageState) -> float:
+    def stage_remaining(self, stage: StageState) -> float:
         """Return the remaining device time of a stage, s."""
         if stage.state == "waiting":
             return stage.duration
         return stage.remaining if stage.state in ("active", "stopped", "fault") else 0.0
 
-    def share(self, unit: UnitStatus) -> float | None:
+    def sigma_ratio(self, unit: UnitStatus) -> float | None:
         """Return the largest ratio of a sigma of a unit to its target; None until known."""
         targets = {} if self.run_summary is None else self.run_summary.targets
         ratios = [value / targets[group] for group, value in unit.sigma.items() if group in targets]
@@ -200,7 +200,7 @@ class RunStatus(QObject):
         """Stop a run in progress safely; the state changes to ``stopping`` before the engine confirms it."""
         self._link.send(Command.STOP)
         self.stop_pressed.emit()
-        if self.going and self.state != "stopping":
+        if self.in_progress and self.state != "stopping":
             self.state = "stopping"
             self.changed.emit()
 
@@ -228,7 +228,7 @@ class RunStatus(QObject):
         """
         state = "idle"
         if self.fault is not None:
-            self._link.give_up()
+            self._link.hang_up()
             self.fault = None
             if self.in_slots and not all(unit.unfinished for unit in self.units):
                 state = self._verdict
@@ -255,7 +255,7 @@ class RunStatus(QObject):
                 self.run_summary = None
             self.units = self._requested(request)
             self.choose(self.units[0])
-        elif self.going:
+        elif self.in_progress:
             self.state = "idle" if self.register_operation else "incomplete"
         self.changed.emit()
 

@@ -41,7 +41,7 @@ class RunStrip(QWidget):
         if run.remaining is not None:
             parts.append(say("common.time_left", time=duration_text(run.remaining)))
         self._text.setText("  ·  ".join(parts))
-        self._bar.setVisible(run.going)
+        self._bar.setVisible(run.in_progress)
         self._bar.setValue(round(STEPS * run.fraction))
 
 
@@ -51,13 +51,13 @@ def run_badge(run: RunStatus) -> tuple[str, str]:
     The badge of several units counts their outcomes.
     """
     if run.in_slots and run.ended:
-        counts = Counter(run.shown_of(unit) for unit in run.units)
+        counts = Counter(run.display_state_of(unit) for unit in run.units)
         texts = [term("unit_count", outcome, count=counts[outcome]) for outcome in _COUNTED if counts[outcome]]
-        return KINDS.get(run.shown, "none"), term("unit_count", "comma").join(texts)
-    state = term("badge", run.shown)
-    if run.going and run.partial:
+        return KINDS.get(run.display_state, "none"), term("unit_count", "comma").join(texts)
+    state = term("badge", run.display_state)
+    if run.in_progress and run.partial:
         state = f"{term('badge', 'partial')}  ·  {state}"
-    return KINDS.get(run.shown, "none"), state
+    return KINDS.get(run.display_state, "none"), state
 
 
 class EndStageButton(QPushButton):
@@ -76,7 +76,7 @@ class EndStageButton(QPushButton):
     def _refresh(self) -> None:
         why_not = self._run.why_not_end_stage
         run = self._run
-        self.setVisible(run.going and not run.register_operation and not run.by_hand and self._allowed())
+        self.setVisible(run.in_progress and not run.register_operation and not run.by_hand and self._allowed())
         enable(self, term("end_stage", why_not) if why_not else "", say("window.end_stage_tip"))
 
 

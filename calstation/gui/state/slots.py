@@ -15,13 +15,13 @@ class Slot:
     name: str
     serial: str = ""  #: Serial number of its unit; "" if there is none.
     suggested: bool = False  #: Whether the virtual bench suggested the serial number.
-    left_empty: bool = False  #: Whether scans skip it.
+    skipped: bool = False  #: Whether scans skip it.
     attempts: int = 0  #: Number of earlier runs of the unit.
 
     @property
     def open(self) -> bool:
         """Whether a scan may fill it."""
-        return not self.serial and not self.left_empty
+        return not self.serial and not self.skipped
 
 
 class Slots(QObject):
@@ -89,7 +89,7 @@ class Slots(QObject):
         for other in self._slots:
             if other.serial == serial:
                 other.serial, other.suggested = "", False
-        slot.serial, slot.attempts, slot.suggested, slot.left_empty = serial, attempts, False, False
+        slot.serial, slot.attempts, slot.suggested, slot.skipped = serial, attempts, False, False
         self._chosen = None
         self.changed.emit()
 
@@ -104,9 +104,9 @@ class Slots(QObject):
         self._chosen = None
         self.changed.emit()
 
-    def leave_empty(self, slot: Slot, *, left_empty: bool) -> None:
+    def set_skipped(self, slot: Slot, *, skipped: bool) -> None:
         """Set whether scans skip an empty slot."""
-        slot.left_empty = left_empty
+        slot.skipped = skipped
         self._chosen = None
         self.changed.emit()
 

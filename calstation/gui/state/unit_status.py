@@ -62,19 +62,21 @@ class StageState:
     state: str = "waiting"
     fraction: float = 0.0
     remaining: float = 0.0  #: Remaining device time, s.
-    took: float | None = None  #: Host time from start to solution, s; None until solved or if solved in an earlier run.
+    elapsed: float | None = (
+        None  #: Host time from start to solution, s; None until solved or if solved in an earlier run.
+    )
     repeated: bool = False  #: Whether it can be ended early; known once it has started.
-    begun: float | None = field(default=None, repr=False)  #: Host time at its start, s; None in an earlier run.
+    started_at: float | None = field(default=None, repr=False)  #: Host time at its start, s; None in an earlier run.
 
     def start(self, now: float) -> None:
         """Mark the stage as started at host time `now`, s."""
-        self.state, self.begun = "active", now
+        self.state, self.started_at = "active", now
         self.fraction, self.remaining = 0.0, self.duration
 
     def solve(self, state: str) -> None:
         """Mark the stage as solved now."""
         self.state, self.fraction, self.remaining = state, 1.0, 0.0
-        self.took = None if self.begun is None else time.monotonic() - self.begun
+        self.elapsed = None if self.started_at is None else time.monotonic() - self.started_at
 
 
 def largest_sigmas(event: StageSolved) -> dict[str, float]:
@@ -123,7 +125,7 @@ class UnitStatus:
         return next((s for s in self.stages if s.state in ("active", "solving")), None)
 
     @property
-    def kept(self) -> bool:
+    def keeps_registers(self) -> bool:
         """Whether the unit keeps its registers."""
         return self._row(TRANSFER).state == "kept"
 

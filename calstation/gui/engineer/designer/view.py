@@ -37,7 +37,7 @@ from calstation.results import compute_preview
 
 if TYPE_CHECKING:
     from calstation.design import Design
-    from calstation.gui.engineer.designer.answer import DesignAnswer
+    from calstation.gui.engineer.designer.result import DesignResult
 
 # `calstation.design` is imported where it is used, because it delays the first paint by 0.1 s.
 
@@ -52,7 +52,7 @@ class DesignView(QWidget):
         #: Product, table and station file of the current search; and the result with its product and table.
         self._searched: tuple[ScheduleOptions, Path | None] | None = None
         self._result: tuple[Design, ScheduleOptions] | None = None
-        self._answer: DesignAnswer | None = None
+        self._answer: DesignResult | None = None
         self._why_not = self._why_not_save = ""
         self._goal = ""
         self._error: CalstationError | None = None
@@ -61,7 +61,7 @@ class DesignView(QWidget):
         self._stop_file = Path()
         self._stopping = False
         self.watch = app.job(self, None, self._designed, failed=self._failed, cancelled=self._refresh)
-        self.driving = app.job(self, compute_preview, lambda preview: self.answer.show_path(preview))
+        self.path_job = app.job(self, compute_preview, lambda preview: self.answer.show_path(preview))
         self._saving = app.job(self, None, self._saved, cancellable=False)
         self.form = DesignForm(self._begin)
         self._job = JobRow(self.watch, "cancel_design_button", self._progress_text)
@@ -77,16 +77,16 @@ class DesignView(QWidget):
         for watch in (self.watch, self._saving):
             watch.busy_changed.connect(self._refresh)
         notice.report_failures(self._saving, "engineer.product_not_saved", self.setFocus)
-        notice.report_failures(self.driving, "engineer.path_not_drawn", self.setFocus)
+        notice.report_failures(self.path_job, "engineer.path_not_drawn", self.setFocus)
         on_language_change(self, self._refresh)
 
     @property
-    def answer(self) -> "DesignAnswer":
+    def answer(self) -> "DesignResult":
         """The view of the result, created on first use."""
         if self._answer is None:
-            from calstation.gui.engineer.designer.answer import DesignAnswer
+            from calstation.gui.engineer.designer.result import DesignResult
 
-            self._answer = DesignAnswer(self.driving, self._ask_name, self._copy, self._ask_file)
+            self._answer = DesignResult(self.path_job, self._ask_name, self._copy, self._ask_file)
             self._stack.addWidget(self._answer)
             for before, after in pairwise((self.save_bar.last, *self._answer.tab_order)):
                 QWidget.setTabOrder(before, after)
@@ -115,7 +115,7 @@ class DesignView(QWidget):
             return
         self._searched = self._options, self._app.station_path
         self._goal, self._stopping, self._error = self.form.goal, False, None
-        self.driving.cancel()
+        self.path_job.cancel()
         self.save_bar.hide()
         self._folder = tempfile.TemporaryDirectory(prefix="calstation-")
         self._stop_file = Path(self._folder.name) / "stop"
@@ -162,7 +162,7 @@ class DesignView(QWidget):
         }
         stage, folder = design.STAGE, self._app.runs_folder
         request = RunRequest("-", station, options.product, (stage,), folder, schedule={stage: schedule})
-        self.driving.start(request)
+        self.path_job.start(request)
         self._refresh()
 
     def _failed(self, error: CalstationError) -> None:

@@ -93,7 +93,7 @@ class MethodPanel(JobView):
         product = manual_product()
         if product is not None and uses_manual_rig(self.app.station_path):
             self.app.set_product(product)
-            self.app.page_wanted.emit("operator_page")
+            self.app.page_requested.emit("operator_page")
 
     def _export(self) -> None:
         if self.answer is not None:

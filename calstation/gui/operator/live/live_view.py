@@ -76,9 +76,9 @@ class Preparation(QFrame):
 
 
 class LiveView(QWidget):
-    """Shows the events of a run; `finish_wanted()` : the operator ends the stage early."""
+    """Shows the events of a run; `finish_requested()` : the operator ends the stage early."""
 
-    finish_wanted = Signal()
+    finish_requested = Signal()
 
     def __init__(self, run: RunStatus) -> None:
         super().__init__()
@@ -88,7 +88,7 @@ class LiveView(QWidget):
         self.gimbal = GimbalView()
         self._turns: list[GimbalTurned] = []
         self._lower = stack(Preparation(run), self._convergence, self.gimbal)
-        self.position.finish_wanted.connect(self.finish_wanted)
+        self.position.finish_requested.connect(self.finish_requested)
         self.table.setMinimumWidth(37 * theme.GRID)
         #: Next to the table: the traces or, while several units are prepared, with tiles below, the preparation steps.
         self._beside = stack(self._traces, Preparation(run))
@@ -101,7 +101,7 @@ class LiveView(QWidget):
         """Prepare for a new run."""
         run_summary = self._run.run_summary
         self.table.set_order("" if run_summary is None else run_summary.joint_order)
-        self.table.forget()
+        self.table.clear()
         self._turns = []
         self._traces.start()
         targets = run_summary.targets if run_summary is not None else {}

@@ -18,9 +18,9 @@ _KINDS = {"waiting": "waiting", "moving": "active", "still": "paused", "enough":
 
 
 class PositionPanel(QFrame):
-    """Shows `PositionGuided` events; `finish_wanted()` : the operator ends the stage early."""
+    """Shows `PositionGuided` events; `finish_requested()` : the operator ends the stage early."""
 
-    finish_wanted = Signal()
+    finish_requested = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -116,5 +116,5 @@ class PositionPanel(QFrame):
 
     def _finish(self) -> None:
         self._finishing = True
-        self.finish_wanted.emit()
+        self.finish_requested.emit()
         self._refresh()

@@ -167,7 +167,7 @@ class TablePanel(QFrame):
             shown.setText(with_minus(f"{np.rad2deg(rate):z.1f} °/s"))
         self._show_state()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Clear the readings and show that the angles are unknown."""
         self._moved = None
         if self._order:

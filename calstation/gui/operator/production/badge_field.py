@@ -37,7 +37,7 @@ class BadgeField(QWidget):
         self.edit.setMaxLength(40)
         self._section: SignInSection | None = None
         self._badge = ""
-        self._held = False
+        self._locked = False
         self._idle = QTimer(self, singleShot=True)
         self._idle.timeout.connect(self._sign_out_idle)
         self._application = cast("QCoreApplication", QApplication.instance())
@@ -112,7 +112,7 @@ class BadgeField(QWidget):
         """Lock the field for the given reason; "" unlocks it. A locked field does not sign out an idle operator."""
         for widget in (self.edit, self.sign_out_button):
             enable(widget, why)
-        self._held = bool(why)
+        self._locked = bool(why)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Measure idleness from the latest key, click or touch."""
@@ -121,7 +121,7 @@ class BadgeField(QWidget):
         return super().eventFilter(watched, event)
 
     def _sign_out_idle(self) -> None:
-        if self._held:
+        if self._locked:
             self._idle.start()
         else:
             self.sign_out()

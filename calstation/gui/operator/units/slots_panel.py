@@ -42,14 +42,14 @@ class _SlotTile(Tile):
         if slot.serial:
             code = "operator.attempt" if slot.attempts else "operator.accepted"
             note = say("operator.suggested" if slot.suggested else code, count=slot.attempts + 1)
-        elif slot.left_empty:
+        elif slot.skipped:
             note = say("operator.stays_empty")
         else:
             note = say("operator.next_scan" if following else "operator.empty")
         show_text(self._serial, slot.serial)
         self._note.setText(note)
-        self.action.setVisible(bool(slot.serial) or following or slot.left_empty)
-        action = "operator.use" if slot.left_empty else "operator.skip"
+        self.action.setVisible(bool(slot.serial) or following or slot.skipped)
+        action = "operator.use" if slot.skipped else "operator.skip"
         self.action.setText(say("operator.clear" if slot.serial else action))
         self.setAccessibleName(", ".join((slot.name, slot.serial, note) if slot.serial else (slot.name, note)))
         self.setToolTip(self.accessibleName())
@@ -58,16 +58,16 @@ class _SlotTile(Tile):
         if self.slot.serial:
             self._slots.clear(self.slot)
         else:
-            self._slots.leave_empty(self.slot, left_empty=not self.slot.left_empty)
+            self._slots.set_skipped(self.slot, skipped=not self.slot.skipped)
 
 
 class SlotsPanel(QFrame):
-    """All slots in order with a line of instructions; emits `acted` when an operator has clicked in it.
+    """All slots in order with a line of instructions; emits `clicked` when an operator has clicked in it.
 
     The names of its widgets begin with `prefix`.
     """
 
-    acted = Signal()
+    clicked = Signal()
 
     def __init__(self, slots: Slots, prefix: str = "") -> None:
         super().__init__()
@@ -98,8 +98,8 @@ class SlotsPanel(QFrame):
         if [tile.slot for tile in self._tiles] != list(self._slots):
             self._tiles = [_SlotTile(slot, self._slots, self._prefix) for slot in self._slots]
             for tile in self._tiles:
-                tile.clicked.connect(self.acted)
-                tile.action.clicked.connect(self.acted)
+                tile.clicked.connect(self.clicked)
+                tile.action.clicked.connect(self.clicked)
             arrange(self._grid, self._tiles)
         words = rendered(Text(f"loading.slots_{self._situation}"))
         self._title.setText(words.text)

@@ -66,14 +66,14 @@ class UnitTiles(QWidget):
         if unit.fault is not None:
             return "caution", f"{term('badge', 'fault')}: {fault_text(unit.fault).text}"
         if unit.verdict is not None:
-            shown = run.shown_of(unit)
+            shown = run.display_state_of(unit)
             return KINDS.get(shown, "none"), term("badge", shown)
         if run.state == "stopping":
             return KINDS[run.state], term("badge", run.state)
-        if unit.kept:
+        if unit.keeps_registers:
             return "bad", say("operator.outside_limits")
         bad = next((stage for stage in unit.stages if stage.state == "bad"), None)
-        stage, share = unit.stage, run.share(unit)
+        stage, share = unit.stage, run.sigma_ratio(unit)
         text = ""
         if bad is not None:
             text = f"{term('stage', bad.name)}: {term('stage_state', 'bad')}"

@@ -108,7 +108,7 @@ class VerdictGrid(QFrame):
             self._summary.show_state(*run_badge(self._run))
             self._action.setText(self.next_action())
             for tile in self._tiles:
-                tile.show_verdict(self._run.shown_of(tile.unit))
+                tile.show_verdict(self._run.display_state_of(tile.unit))
             brief = [tile.reason for tile in self._tiles if not tile.roomy]
             height = max((reason.sizeHint().height() for reason in brief), default=0)
             for reason in brief:  # all banners are equally high, with or without a reason

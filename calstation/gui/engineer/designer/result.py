@@ -57,11 +57,11 @@ class RatioBar(QStyledItemDelegate):
         painter.fillRect(box, QColor(theme.colours().accent if ratio <= 1.0 else theme.colours().bad))
 
 
-class DesignAnswer(QWidget):
-    """Shows a design; `driving` polls the job that computes its path, and buttons call `save`, `copy`, `export`."""
+class DesignResult(QWidget):
+    """Shows a design; `path_job` polls the job that computes its path, and buttons call `save`, `copy`, `export`."""
 
     def __init__(
-        self, driving: JobWatch, save: Callable[[], None], copy: Callable[[], None], export: Callable[[], None]
+        self, path_job: JobWatch, save: Callable[[], None], copy: Callable[[], None], export: Callable[[], None]
     ) -> None:
         super().__init__()
         self._shown: tuple[Design, ScheduleOptions] | None = None
@@ -107,8 +107,8 @@ class DesignAnswer(QWidget):
             "engineer.hidden_effects",
         )
         robustness = box(self._variations, self._notes, None)
-        self._driving = EmptyState(JobRow(driving), title="engineer.computing_path")
-        path = self._drawn = stack(self._driving, split((self._path, 3), (self._sphere, 2)))
+        self._computing = EmptyState(JobRow(path_job), title="engineer.computing_path")
+        path = self._drawn = stack(self._computing, split((self._path, 3), (self._sphere, 2)))
         self._views = stack(
             panel((self._front, 1)), path, self._parameters, scroll_area(robustness, wide=False), self._hidden
         )
