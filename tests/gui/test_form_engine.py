@@ -32,7 +32,7 @@ def test_problem_is_shown_at_its_entry_only(qtbot: QtBot) -> None:
     qtbot.keyClicks(first.editor, "5")
     assert values.values == {"a": 15, "b": 2.0}
     assert first.message.text() == "Out of range; it must be at most 10."
-    assert (first.editor.property("wrong"), second.editor.property("wrong")) == (True, False)
+    assert (first.editor.property("invalid"), second.editor.property("invalid")) == (True, False)
     assert (first.message.isHidden(), second.message.isHidden()) == (False, True)
     assert values.differs(("a",))
     assert not values.differs(("b",))

@@ -28,7 +28,7 @@ def test_table_shows_translated_names_and_copies_identifiers_and_hyphens(
     model = ParameterModel([Column(lambda: "value", lambda _: "-1.5"), Column(lambda: "raw", str, number=False)])
     table = ParameterTable(model)
     qtbot.addWidget(table)
-    model.set_names(["gyro_bias_x"])
+    model.show(model.columns, ["gyro_bias_x"])
     vertical = Qt.Orientation.Vertical
     assert model.headerData(0, vertical) == name
     assert model.headerData(0, vertical, Qt.ItemDataRole.ToolTipRole) == "gyro_bias_x"

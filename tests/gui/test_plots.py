@@ -159,7 +159,7 @@ def table(qtbot: QtBot) -> ParameterTable:
     """Return a table with an aligned and a negative number."""
     cells = {"gyro_bias_x": "  1.5", "gyro_bias_y": "−20"}
     made = ParameterTable(ParameterModel([Column(lambda: "value", cells.__getitem__)]))
-    made.parameters.set_names(tuple(cells))
+    made.parameters.show(made.parameters.columns, tuple(cells))
     qtbot.addWidget(made)
     return made
 

@@ -140,7 +140,7 @@ class ResultView(QWidget):
         for index in _COMPARED_COLUMNS:
             self._table.setColumnHidden(index, not finished.previous)
         self._table.setColumnHidden(_ACCEPTED_COLUMN, all("accepted" not in row for row in cells.values()))
-        self._table.spread()
+        self._table.fit_columns()
         kind, verdict = verdict_badge(result)
         self._badge.show_state(kind, f"{result.serial}  ·  {verdict}")
         texts = []
@@ -337,7 +337,7 @@ class ResultAnalysis(QObject):
 
     def _result_view(self) -> ResultView:
         view = ResultView(self.adding, ReleaseBar(self._app, "engineer_release"))
-        view.missing.wanted.connect(self._add_state)
+        view.missing.requested.connect(self._add_state)
         return view
 
     def _add_state(self, state: EffectName) -> None:

@@ -127,7 +127,7 @@ class _Field(FormField):
         """Show the value, its problem, and whether it differs from the product's value."""
         super().refresh()
         label = self.editor if isinstance(self.editor, FlagBox) else self.label
-        label.setFont(theme.font(bold=self._source.differs(self._place)))
+        label.setFont(theme.font(bold=self._source.differs(self._key_path)))
 
     def problem_text(self, problem: Problem) -> str:
         """Return a description of the problem and its remedy."""

@@ -10,8 +10,8 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.gui.text import bind, on_language_change, parameter_text, say
 from calstation.gui.widgets import (
-    Compared,
     ComparisonTable,
+    ParameterSet,
     ThemedPlot,
     button,
     column,
@@ -60,7 +60,10 @@ class RunComparison(QWidget):
         self._runs = runs
         one = {run.serial for run in runs}
         self.table.show_sets(
-            [Compared(self._heading(k), result.parameters, marked=len(one) == 1) for k, result in enumerate(results)]
+            [
+                ParameterSet(self._heading(k), result.parameters, marked=len(one) == 1)
+                for k, result in enumerate(results)
+            ]
         )
         self.plot.show_results(self.table.names, results)
         self._refresh()

@@ -235,7 +235,7 @@ class VersionsView(QWidget):
         if comparison is None:
             return
         rows = {parameter_text(name): move for name, move in comparison.moves.items()}
-        name = self.moves.chosen
+        name = self.moves.current_name
         if kind and name:
             naming = product_text if kind == "product" else str
             rows = {naming(group.name): group.moves[name] for group in comparison.groups[kind] if name in group.moves}

@@ -6,8 +6,8 @@ from PySide6.QtWidgets import QWidget
 from calstation.gui.text import KINDS, on_language_change, say, term
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
-    Compared,
     ComparisonTable,
+    ParameterSet,
     StateBadge,
     column,
     grid,
@@ -66,13 +66,13 @@ class Comparison(QWidget):
 
     def _fill(self) -> None:
         result = None if self._solved is None else self._solved.result
-        online = Compared("logs.online_column", {} if self._online is None else self._online.parameters)
-        offline = Compared(self._offline_heading, {})
+        online = ParameterSet("logs.online_column", {} if self._online is None else self._online.parameters)
+        offline = ParameterSet(self._offline_heading, {})
         if result is not None:
             sigmas = {check.subject for check in result.failed_checks if check.kind == "sigma_below"}
             values = {check.subject for check in result.failed_checks if check.kind != "sigma_below"}
             sigma_states = dict.fromkeys(result.undetermined, "caution") | dict.fromkeys(sigmas, "bad")
-            offline = Compared(self._offline_heading, result.parameters, dict.fromkeys(values, "bad"), sigma_states)
+            offline = ParameterSet(self._offline_heading, result.parameters, dict.fromkeys(values, "bad"), sigma_states)
         self.table.show_sets((online, offline))
         (self._in_sigma,) = self.table.in_sigma
         self.table.setVisible(bool(self.table.names))

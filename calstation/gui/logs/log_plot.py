@@ -234,7 +234,7 @@ class LogPlot(QWidget):
         plot.setMenuEnabled(False)
         plot.hideButtons()
         plot.getViewBox().setDefaultPadding(0.0)
-        plot.getViewBox().sig_whole.connect(self.whole)
+        plot.getViewBox().sig_reset.connect(self.whole)
         plot.getAxis("left").setWidth(9 * theme.GRID)
         plot.getAxis("left").enableAutoSIPrefix(False)
         plot.getAxis("left").setStyle(hideOverlappingLabels=True)

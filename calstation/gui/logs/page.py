@@ -165,7 +165,7 @@ class OfflinePage(Page):
         self.plot.samples_requested.connect(self._fetch_samples)
         self.plot.pointed.connect(self._show_pointed)
         self.stages.changed.connect(self._update)
-        self.missing.wanted.connect(self._add_state)
+        self.missing.requested.connect(self._add_state)
         self.range.rest_wanted.connect(self._find_rest)
         self.allan.closed.connect(self._hide_allan)
         self.busy_changed.connect(self._update)

@@ -84,8 +84,8 @@ class CapabilityView(QWidget):
         self.table.show_cells(cells, ("mean", "within", "overall"))
 
     def _draw(self) -> None:
-        if self.table.chosen:
-            self.plot.show_data(self._charts[self.table.chosen])
+        if self.table.current_name:
+            self.plot.show_data(self._charts[self.table.current_name])
 
 
 class Histogram(ThemedPlot, DataView[ParameterQuality]):

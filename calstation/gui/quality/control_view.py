@@ -76,7 +76,7 @@ class ControlView(QWidget):
 
     @property
     def _quantity(self) -> str:
-        return self.quantities.chosen
+        return self.quantities.current_name
 
     def _fill(self) -> None:
         self.quantities.show_cells(
@@ -115,7 +115,7 @@ class ControlView(QWidget):
     @property
     def _index(self) -> int | None:
         """Index of the selected signalling run."""
-        return int(self.signals.chosen) if self.signals.chosen else None
+        return int(self.signals.current_name) if self.signals.current_name else None
 
     def _open(self) -> None:
         if self._index is not None:

@@ -188,14 +188,14 @@ class StandardsView(QWidget, DataView[StationQuality]):
             self.power.show_cells({})
 
     def _show_errors(self) -> None:
-        standard, run = self._standard, self.runs.chosen
+        standard, run = self._standard, self.runs.current_name
         if standard is not None and run:
             verdict = standard.verdicts[int(run)]
             self.errors.show_data((verdict.e_n, verdict.e_n_limit))
             self.power.show_cells(_power_cells(standard, int(run)))
 
     def _open(self) -> None:
-        standard, run = self._standard, self.runs.chosen
+        standard, run = self._standard, self.runs.current_name
         if standard is not None and run:
             self.run_wanted.emit(standard.names[int(run)])
 

@@ -65,7 +65,7 @@ class FormModel(ParameterModel):
             draft is not self.draft or columns != self._form_columns or names != [each.name for each in self.rows]
         )
         if reshaped:
-            self.set_names(())
+            self.show((), ())
         self.draft, self.rows, self._form_columns = draft, rows, columns
         self._problems = {}
         for problem in draft.problems:

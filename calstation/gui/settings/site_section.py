@@ -40,8 +40,8 @@ class SiteSection(Section):
         for box, place in ((azimuth_box, _AZIMUTH), (gravity_box, _GRAVITY)):
             box.typed.connect(partial(self._choose, place))
         latitude, longitude, height, azimuth, gravity = (Field(draft, ("site", name)) for name in _NAMES)
-        latitude.advice = lambda: self._advice("null_island", "azimuth_hopeless")
-        gravity.advice = lambda: self._advice("gravity_off")
+        latitude.warning = lambda: self._advice("null_island", "azimuth_hopeless")
+        gravity.warning = lambda: self._advice("gravity_off")
         self._optional = {_AZIMUTH: (azimuth_box, azimuth), _GRAVITY: (gravity_box, gravity)}
         self._confirmation = _Confirmation(draft)
         left = column(

@@ -35,7 +35,7 @@ class TableSection(Section):
         self._file = label(kind="muted", wrap=True)
         self._travel = TravelPlot()
         axes = [Field(draft, (name,)) for name in ("outer_axis", "inner_axis")]
-        axes[0].places += ((),)  # incompatible axes are a problem of the whole file
+        axes[0].key_paths += ((),)  # incompatible axes are a problem of the whole file
         accuracy = [Field(draft, ("accuracy", name), width=_NARROW) for name in _ACCURACY]
         left = column(label("settings.table", "section"), self._file, self._make_joints(), self._travel, *axes, None)
         right = column(
@@ -62,7 +62,7 @@ class TableSection(Section):
                 field = Field(self._draft, (joint, key), width=_NARROW)
                 field.hide_label(partial(_cell_name, heading, key))
                 if key == "high_deg":
-                    field.places += ((joint,),)  # a lowest angle above the highest is reported once
+                    field.key_paths += ((joint,),)  # a lowest angle above the highest is reported once
                 grid.addWidget(field, line, number, Qt.AlignmentFlag.AlignTop)
         for number, heading in enumerate(headings, start=1):
             title = label(heading)

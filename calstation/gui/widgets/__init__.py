@@ -78,5 +78,5 @@ from calstation.gui.widgets.plot import (
     fit_below_note,
     spread,
 )
-from calstation.gui.widgets.result_views import ChecksTable, Compared, ComparisonTable, MissingState
+from calstation.gui.widgets.result_views import ChecksTable, ComparisonTable, MissingState, ParameterSet
 from calstation.gui.widgets.stacked_plots import Band, StackedPlots, dashed, time_unit

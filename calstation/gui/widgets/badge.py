@@ -1,4 +1,4 @@
-"""States as a symbol and a word, and the icons of the top bar; colour only repeats the meaning of the symbol."""
+"""Widgets that show a state as a symbol and a word, and the icons of the top bar; colours only repeat the symbols."""
 
 from collections.abc import Callable
 from functools import cache, partial
@@ -10,8 +10,8 @@ from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import row
 
-#: Kinds of state: ring, ring with dot, filled triangle, tick, half-filled ring, cross, triangle with exclamation mark,
-#: two bars, square, and a tick without a statement about quality.
+#: Kinds of state. Their symbols are: ring, ring with a dot, filled triangle, tick, half-filled ring, cross, triangle
+#: with an exclamation mark, two bars, square, and a tick without a statement about quality.
 KINDS = ("none", "waiting", "active", "good", "partial", "bad", "caution", "paused", "stopped", "done")
 
 #: Size of the icons of the top bar, px, and device pixels per px.
@@ -26,7 +26,7 @@ def state_colour(kind: str) -> QColor:
 
 
 def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None = None) -> None:
-    """Draw the symbol of one of `KINDS` in the largest centred square of a box, by default in its own colour."""
+    """Draw the symbol of one of `KINDS` in the largest centred square of a box, by default in the state's colour."""
     colour = colour or state_colour(kind)
     side = min(box.width(), box.height())
     box = QRectF(box.center().x() - side / 2, box.center().y() - side / 2, side, side)

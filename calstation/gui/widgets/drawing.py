@@ -1,4 +1,4 @@
-"""Drawings in the level frame in a parallel projection, viewed from the front, slightly from the right and above."""
+"""Base class of drawings of the level frame in parallel projection, seen from the front, the right and above."""
 
 from collections.abc import Sequence
 
@@ -21,7 +21,7 @@ VIEWER = np.array([_SA * _CE, -_CA * _CE, _SE])
 _SCREEN = np.array([[_CA, _SA * _SE], [_SA, -_CA * _SE], [0.0, -_CE]])
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 73)
 
-#: Faces of a box: the axis normal to each face, and the indices of its corners.
+#: Faces of a box: the normal axis of each face, and the indices of its corners.
 _FACES = (
     (0, (0, 1, 3, 2)),
     (0, (4, 5, 7, 6)),

@@ -31,13 +31,13 @@ class FormValues(QObject):
         self.stored, self._check = stored, check
         self.reset()
 
-    def value(self, place: KeyPath) -> Any:
-        """Return the edited value at a key path, None if there is none."""
-        return value_at(self.values, place)
+    def value(self, key_path: KeyPath) -> Any:
+        """Return the edited value at a key path, or None."""
+        return value_at(self.values, key_path)
 
-    def differs(self, place: KeyPath) -> bool:
+    def differs(self, key_path: KeyPath) -> bool:
         """Return whether the value at a key path differs from the stored one."""
-        return bool(self.value(place) != value_at(self.stored, place))
+        return bool(self.value(key_path) != value_at(self.stored, key_path))
 
     def set(self, changes: Mapping[KeyPath, Any]) -> None:
         """Change values; None removes a value from a table."""
@@ -59,13 +59,13 @@ class FormValues(QObject):
 
 
 class FormField(QWidget):
-    """A label, an input and its unit, with a problem, an advice or a hint as the message below the input.
+    """A label, an input and its unit, and below the input a message: a problem, a warning or a hint.
 
     Subclasses arrange the widgets in `grid`.
 
     Parameters
     ----------
-    source, place
+    source, key_path
         Values of the form, and key path of the field's value.
     words
         Text of the label, and name of the input for screen readers.
@@ -74,14 +74,14 @@ class FormField(QWidget):
     """
 
     def __init__(
-        self, source: FormValues, place: KeyPath, editor: Editor, words: Words, name: str, unit: str = ""
+        self, source: FormValues, key_path: KeyPath, editor: Editor, words: Words, name: str, unit: str = ""
     ) -> None:
         super().__init__()
-        self._source, self._place, self.editor = source, place, editor
+        self._source, self._key_path, self.editor = source, key_path, editor
         #: Key paths whose problems are shown here.
-        self.places: tuple[KeyPath, ...] = (place,)
-        #: Warning about a valid but unlikely value, and text shown if there is neither a problem nor an advice.
-        self.advice: Words = ""
+        self.key_paths: tuple[KeyPath, ...] = (key_path,)
+        #: Warning about a valid but unlikely value, and text shown if there is neither a problem nor a warning.
+        self.warning: Words = ""
         self.hint: Words = ""
         #: Value shown if the source has none.
         self.default: Any = None
@@ -104,23 +104,23 @@ class FormField(QWidget):
 
     def refresh(self) -> None:
         """Show the value and the message."""
-        value = self._source.value(self._place)
-        if not self._typing or self.editor.value() != value:  # what the user types is not replaced
+        value = self._source.value(self._key_path)
+        if not self._typing or self.editor.value() != value:  # do not replace what the user types
             with QSignalBlocker(self.editor):
                 self.editor.show_value(self.default if value is None else value)
-        problem = next((p for p in self._source.problems if self._is_mine(p.place)), None)
+        problem = next((p for p in self._source.problems if self._shows(p.place)), None)
         if problem is not None:
             kind, text = "error", self.problem_text(problem)
-        elif text := say(self.advice):
+        elif text := say(self.warning):
             kind = "caution"
         else:
             kind, text = "muted", say(self.hint)
         show_text(self.message, text)
         if self.message.property("kind") != kind:
             theme.set_kind(self.message, kind)
-        wrong = problem is not None
-        if self.editor.property("wrong") != wrong:
-            self.editor.setProperty("wrong", wrong)
+        invalid = problem is not None
+        if self.editor.property("invalid") != invalid:
+            self.editor.setProperty("invalid", invalid)
             self.editor.style().polish(self.editor)
         self.editor.setAccessibleDescription(text)
 
@@ -130,16 +130,16 @@ class FormField(QWidget):
 
     def _typed(self) -> None:
         self._typing = True
-        self._source.set({self._place: self.editor.value()})
+        self._source.set({self._key_path: self.editor.value()})
         self._typing = False
 
-    def _is_mine(self, place: KeyPath) -> bool:
-        """Return whether a problem at this key path is shown here; a list also shows its elements' problems."""
-        return place in self.places or (place[:-1] == self._place and isinstance(place[-1], int))
+    def _shows(self, key_path: KeyPath) -> bool:
+        """Return whether this field shows the problems at a key path; a list also shows those of its elements."""
+        return key_path in self.key_paths or (key_path[:-1] == self._key_path and isinstance(key_path[-1], int))
 
 
 class NameBar(QFrame):
-    """Asks for the name of a new file; hidden until `ask_name`, a valid name is passed to `accept`.
+    """A bar that asks for the name of a new file. `ask_name` shows it, and a valid name is passed to `accept`.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ class NameBar(QFrame):
         self.check()
 
     def check(self) -> None:
-        """Show what is wrong with the name, or the remark on it."""
+        """Show why the name cannot be used, or the remark on it."""
         name = self.edit.text()
         problem = self.problem(name) if name else ""
         show_text(self.message, problem)
@@ -190,15 +190,15 @@ class NameBar(QFrame):
         enable(self._button, self._locked or problem or ("" if name else say("common.type_name")))
 
     def problem(self, name: str) -> str:
-        """Return what is wrong with a name, "" if it may be used."""
+        """Return why a name cannot be used, or "" if it can."""
         return ""
 
     def remark(self, name: str) -> str:
-        """Return a remark on a name that may be used."""
+        """Return a remark on a valid name, or ""."""
         return ""
 
     def accept(self, name: str) -> None:
-        """Use a name."""
+        """Handle a valid name."""
 
     def _accept(self) -> None:
         if self._button.isEnabled():
@@ -213,7 +213,7 @@ def problem_text(problem: Problem) -> str:
 
 
 def choices_of(name: str, *values: Any) -> Callable[[], list[tuple[Any, str]]]:
-    """Return a function that lists values with their names from the catalogue family ``setting``, numbers as digits."""
+    """Return a function that lists values with their names from the catalogue family ``setting``, or their digits."""
     return lambda: [(v, f"{v:g}" if isinstance(v, float | int) else say(f"setting.{name}_{v}")) for v in values]
 
 

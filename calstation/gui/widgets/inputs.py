@@ -23,13 +23,13 @@ class WordEdit(QLineEdit):
         self.textEdited.connect(self.typed)
 
     def value(self) -> Any:
-        """Return the typed text, None if it is empty."""
+        """Return the typed text, or None if it is empty."""
         return self.text() or None
 
     def show_value(self, value: Any) -> None:
         """Show a value; while the input has the focus, an equivalent text, such as 1.50, is not replaced."""
         if not self.hasFocus() or self.value() != value:
-            self.setText(shown(value))
+            self.setText(_value_text(value))
 
 
 class NumberEdit(WordEdit):
@@ -41,7 +41,7 @@ class NumberEdit(WordEdit):
     def __init__(self, size: float = 1.0, read: Callable[[str], Any] | None = None) -> None:
         super().__init__()
         self._size, self._read = size, read or typed_number
-        #: The last value shown in a display unit, and its text: an unchanged text stands for exactly this value.
+        #: The last text shown in a display unit, and its exact value, which is returned while the text is unchanged.
         self._exact: tuple[str, Any] = ("", None)
         self.setAlignment(Qt.AlignmentFlag.AlignRight)
 
@@ -176,16 +176,16 @@ class ChoiceBox(_Box):
 
 
 class EditableBox(_Box):
-    """A combo box whose value is typed or selected from `offers`; `read` converts a text that is not empty."""
+    """A combo box whose value is typed or selected from `suggestions`; `read` converts a text that is not empty."""
 
-    def __init__(self, offers: Sequence[Any] = (), read: Callable[[str], Any] = str) -> None:
+    def __init__(self, suggestions: Sequence[Any] = (), read: Callable[[str], Any] = str) -> None:
         super().__init__()
         self._read = read
         self.line = QLineEdit()
         self.setEditable(True)
         self.setLineEdit(self.line)
         self.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
-        self.addItems(list(map(str, offers)))
+        self.addItems(list(map(str, suggestions)))
         self.line.textEdited.connect(self.typed)
         self.activated.connect(self.choose)
 
@@ -194,17 +194,17 @@ class EditableBox(_Box):
         self.typed.emit()
 
     def value(self) -> Any:
-        """Return the typed or selected value, None if the text is empty."""
+        """Return the typed or selected value, or None if the text is empty."""
         text = self.currentText().strip()
         return self._read(text) if text else None
 
     def show_value(self, value: Any) -> None:
         """Show a value, unless the text already represents it."""
         if self.value() != value:
-            self.setEditText(shown(value))
+            self.setEditText(_value_text(value))
 
 
-#: An input of any of these types.
+#: Any of the inputs.
 Editor = WordEdit | VectorEdit | FlagBox | SpinEdit | ChoiceBox | EditableBox
 
 
@@ -219,7 +219,7 @@ def typed_number(text: str) -> int | float | str | None:
     return text or None
 
 
-def shown(value: Any) -> str:
+def _value_text(value: Any) -> str:
     """Return the text of a value, with a minus sign and at most 12 digits for a number."""
     if value is None:
         return ""

@@ -1,4 +1,4 @@
-"""Polls background jobs with a timer, and shows their progress in a row with a Cancel button."""
+"""Polling of background jobs, and rows that show their progress with a Cancel button."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,13 +11,13 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import STEPS, button, label, progress_bar, row
 from calstation.jobs import Job
 
-#: Interval between two polls, ms: short compared with a fifth of a second, the duration of jobs after a selection.
+#: Interval between two polls, ms; short compared with the 0.2 s that a job started by a selection takes.
 _POLL_MS = 20
 
 #: Minimum progress, as a fraction, at which the remaining time is shown.
 _MIN_FRACTION = 0.05
 
-#: Function that receives the arguments of a signal; None for no function.
+#: A function that receives the arguments of a signal, or None.
 Slot = Callable[..., object] | None
 
 
@@ -59,7 +59,7 @@ class JobWatch(QObject):
         return self.job is not None
 
     def start(self, *args: Any, **kwargs: Any) -> None:
-        """Submit a job with these arguments; a previous job is dropped if it still waits and may be cancelled."""
+        """Submit a job with these arguments; a previous job is cancelled if it is waiting and may be cancelled."""
         job = self._submit(*args, **kwargs)
         if self.job is not None and self.job.cancellable and self.job.state == "waiting":
             self.job.cancel()
@@ -103,15 +103,15 @@ class JobRow(QWidget):
         self._words = words
         self._fraction = 0.0
         self._remaining: float | None = None
-        self._work_label, self.left_label = label(), label()
+        self._text_label, self.remaining_label = label(), label()
         self.bar = progress_bar(2 * theme.GRID)
-        self.left_label.setMinimumWidth(15 * theme.GRID)
-        self.left_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self.remaining_label.setMinimumWidth(15 * theme.GRID)
+        self.remaining_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.cancel_button = button(cancel_name, "common.cancel", watch.cancel)
         if not words:
-            self._work_label.hide()
-        self._work_label.setMinimumWidth(22 * theme.GRID)
-        row(self._work_label, (self.bar, 1), self.left_label, self.cancel_button, on=self)
+            self._text_label.hide()
+        self._text_label.setMinimumWidth(22 * theme.GRID)
+        row(self._text_label, (self.bar, 1), self.remaining_label, self.cancel_button, on=self)
         watch.progress.connect(self._show)
         on_language_change(self, self._refresh)
 
@@ -121,18 +121,18 @@ class JobRow(QWidget):
 
     def _refresh(self) -> None:
         job = self.watch.job
-        self._work_label.setText(say(self._words))
+        self._text_label.setText(say(self._words))
         self.cancel_button.setVisible(job is None or job.cancellable)
         self.bar.setValue(round(STEPS * self._fraction))
         percent = f"{100 * self._fraction:.0f} %"
         if job is not None and job.state == "waiting":
-            self.left_label.setText(say("common.waiting"))
+            self.remaining_label.setText(say("common.waiting"))
         elif self._remaining is None or self._fraction < _MIN_FRACTION:
-            self.left_label.setText(percent)
+            self.remaining_label.setText(percent)
         else:
-            left = say("common.time_left", time=duration_text(self._remaining))
-            self.left_label.setText(f"{percent}, {left}")
-        self.bar.setAccessibleName(self.left_label.text())
+            remaining = say("common.time_left", time=duration_text(self._remaining))
+            self.remaining_label.setText(f"{percent}, {remaining}")
+        self.bar.setAccessibleName(self.remaining_label.text())
 
 
 class JobStack(QStackedWidget):

@@ -31,7 +31,8 @@ from PySide6.QtWidgets import (
 from calstation.gui.text import Words, bind, on_language_change, say
 from calstation.gui.widgets import theme
 
-#: A widget or layout, alone or with its stretch and alignment; a distance in px; None for a stretch.
+#: An item of a layout: a widget or layout, alone or in a tuple with its stretch and alignment; a distance in px; None
+#: for a stretch.
 Item = QWidget | QLayout | tuple[Any, ...] | int | None
 
 #: Left, top, right and bottom, px.
@@ -50,7 +51,7 @@ Data = TypeVar("Data")
 def column(
     *items: Item, on: QWidget | None = None, spacing: int = theme.GRID, margins: Margins = (0, 0, 0, 0)
 ) -> QVBoxLayout:
-    """Lay out items vertically, `on` a widget if given; distances in px."""
+    """Lay out items vertically, in the widget `on` if it is given; distances are in px."""
     return _filled(QVBoxLayout(), items, on, spacing, margins)
 
 
@@ -63,24 +64,24 @@ def row(
 
 def box(*items: Item, spacing: int = theme.GRID, margins: Margins = (0, 0, 0, 0)) -> QWidget:
     """Create a widget with items laid out vertically."""
-    made = QWidget()
-    column(*items, on=made, spacing=spacing, margins=margins)
-    return made
+    widget = QWidget()
+    column(*items, on=widget, spacing=spacing, margins=margins)
+    return widget
 
 
 def grid(
     on: QWidget | None = None, *, across: int = theme.GRID, down: int = theme.GRID, stretch: int | None = None
 ) -> QGridLayout:
-    """Create a grid layout, `on` a widget if given, distances in px; column `stretch` fills the remaining width."""
-    made = QGridLayout()
-    made.setContentsMargins(0, 0, 0, 0)
-    made.setHorizontalSpacing(across)
-    made.setVerticalSpacing(down)
+    """Create a grid layout, in the widget `on` if it is given; column `stretch` takes the remaining width."""
+    layout = QGridLayout()
+    layout.setContentsMargins(0, 0, 0, 0)
+    layout.setHorizontalSpacing(across)
+    layout.setVerticalSpacing(down)
     if stretch is not None:
-        made.setColumnStretch(stretch, 1)
+        layout.setColumnStretch(stretch, 1)
     if on is not None:
-        on.setLayout(made)
-    return made
+        on.setLayout(layout)
+    return layout
 
 
 def panel(*items: Item) -> QFrame:
@@ -115,18 +116,18 @@ def split(
     *parts: tuple[QWidget, int], handle: int = theme.GRID, along: Qt.Orientation = Qt.Orientation.Horizontal
 ) -> QSplitter:
     """Lay out widgets in a line, each with a share of its length that the user can change."""
-    made = QSplitter(along)
-    made.setChildrenCollapsible(False)
-    made.setHandleWidth(handle)
+    splitter = QSplitter(along)
+    splitter.setChildrenCollapsible(False)
+    splitter.setHandleWidth(handle)
     for index, (widget, share) in enumerate(parts):
-        made.addWidget(widget)
-        made.setStretchFactor(index, share)
-    made.setSizes([100 * share for _, share in parts])
-    return made
+        splitter.addWidget(widget)
+        splitter.setStretchFactor(index, share)
+    splitter.setSizes([100 * share for _, share in parts])
+    return splitter
 
 
 class DataView(Generic[Data]):
-    """Mixin of a widget that draws data; its constructor registers `refresh` for changes of language or theme."""
+    """Mixin for a widget that draws data; the widget registers `refresh` for changes of language or theme."""
 
     data: Data | None = None
 
@@ -178,18 +179,18 @@ def label(
     `words` is its text ("" if the caller sets it), `kind` selects its style, and `buddy` is the labelled input.
     A `selectable` text can be copied with the mouse.
     """
-    made = QLabel()
-    made.setObjectName(name)
-    made.setWordWrap(wrap)
+    text_label = QLabel()
+    text_label.setObjectName(name)
+    text_label.setWordWrap(wrap)
     if kind:
-        made.setProperty("kind", kind)
+        text_label.setProperty("kind", kind)
     if buddy is not None:
-        made.setBuddy(buddy)
+        text_label.setBuddy(buddy)
     if selectable:
-        made.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        text_label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
     if words:
-        bind(made, words)
-    return made
+        bind(text_label, words)
+    return text_label
 
 
 def button(
@@ -201,34 +202,34 @@ def button(
     tip: Words = "",
 ) -> QPushButton:
     """Create a button; `words` is its text ("" if the caller sets it), and a click calls or emits `pressed`."""
-    made = QPushButton()
-    made.setObjectName(name)
+    push_button = QPushButton()
+    push_button.setObjectName(name)
     if kind:
-        made.setProperty("kind", kind)
+        push_button.setProperty("kind", kind)
     if words:
-        bind(made, words)
+        bind(push_button, words)
     if tip:
-        bind(made.setToolTip, tip)
+        bind(push_button.setToolTip, tip)
     if pressed is not None:
-        made.clicked.connect(pressed)
-    return made
+        push_button.clicked.connect(pressed)
+    return push_button
 
 
 def line_edit(
     name: str, changed: Callable[..., Any] | None = None, *, width: int = 0, longest: int = 0, hint: Words = ""
 ) -> QLineEdit:
     """Create a text input of at most `longest` characters; edits call `changed`, and an empty one shows `hint`."""
-    made = QLineEdit()
-    made.setObjectName(name)
+    edit = QLineEdit()
+    edit.setObjectName(name)
     if changed is not None:
-        made.textEdited.connect(changed)
+        edit.textEdited.connect(changed)
     if width:
-        made.setFixedWidth(width)
+        edit.setFixedWidth(width)
     if longest:
-        made.setMaxLength(longest)
+        edit.setMaxLength(longest)
     if hint:
-        bind(made.setPlaceholderText, hint)
-    return made
+        bind(edit.setPlaceholderText, hint)
+    return edit
 
 
 def combo_box(name: str, items: Mapping[Any, Words] = {}, *, fit: bool = False, characters: int = 0) -> QComboBox:
@@ -236,17 +237,17 @@ def combo_box(name: str, items: Mapping[Any, Words] = {}, *, fit: bool = False, 
 
     It is as wide as its longest item if `fit`, or else as the given number of `characters`, if not 0.
     """
-    made = QComboBox()
-    made.setObjectName(name)
-    made.setMinimumContentsLength(characters)
+    combo = QComboBox()
+    combo.setObjectName(name)
+    combo.setMinimumContentsLength(characters)
     if fit:
-        made.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+        combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
     elif characters:
-        made.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
     for index, (data, words) in enumerate(items.items()):
-        made.addItem("", data)
-        bind(partial(made.setItemText, index), words)
-    return made
+        combo.addItem("", data)
+        bind(partial(combo.setItemText, index), words)
+    return combo
 
 
 def fill_combo(combo: QComboBox, items: Iterable[tuple[str, Any]], chosen: Any = None) -> None:
@@ -270,10 +271,10 @@ def progress_bar(height: int, name: str = "") -> QProgressBar:
     return bar
 
 
-def show_text(shown: QLabel, text: str) -> None:
+def show_text(target: QLabel, text: str) -> None:
     """Show a text on a label, which is hidden while the text is empty."""
-    shown.setText(text)
-    shown.setVisible(bool(text))
+    target.setText(text)
+    target.setVisible(bool(text))
 
 
 def clear(layout: QLayout) -> None:
@@ -339,17 +340,17 @@ class PageArea(QScrollArea):
         return super().eventFilter(watched, event)
 
     def _fit(self) -> None:
-        room, least = self.maximumViewportSize(), self._content.minimumSizeHint()
+        available, minimum = self.maximumViewportSize(), self._content.minimumSizeHint()
         bar = self.verticalScrollBar().sizeHint().width()
-        if least.height() > room.height():
-            room.setWidth(room.width() - bar)
-        if least.width() > room.width():
-            room.setHeight(room.height() - bar)
-        self._content.resize(room.expandedTo(least))
+        if minimum.height() > available.height():
+            available.setWidth(available.width() - bar)
+        if minimum.width() > available.width():
+            available.setHeight(available.height() - bar)
+        self._content.resize(available.expandedTo(minimum))
 
 
 class EmptyState(QWidget):
-    """A placeholder for an empty page: a centred title, a short explanation, and widgets below them."""
+    """A placeholder for an empty page, with a centred title, a short explanation, and widgets below them."""
 
     def __init__(self, *widgets: QWidget, title: Words = "", text: Words = "") -> None:
         super().__init__()
@@ -372,7 +373,7 @@ class EmptyState(QWidget):
         return self._title.text()
 
     def say(self, title: Words, text: Words = "") -> None:
-        """Show a title and a text in the current language and after each change of it; an empty text is hidden."""
+        """Show a title and a text, also after a change of language; an empty text is hidden."""
         self._words = title, text
         self._refresh()
 
@@ -404,7 +405,7 @@ def _filled(box: Box, items: tuple[Item, ...], on: QWidget | None, spacing: int,
 def ask_file(
     parent: QWidget, title: str, proposed: Path, kinds: Sequence[str], write: Callable[[Path], object]
 ) -> None:
-    """Ask for a file, then call `write`; `kinds` are name filters such as ``CSV (*.csv)``, the usual one first."""
+    """Ask for a file and call `write` with it; `kinds` are name filters such as ``CSV (*.csv)``, the default first."""
     dialog = QFileDialog(parent, title, str(proposed.parent))
     dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
     dialog.setFileMode(QFileDialog.FileMode.AnyFile)

@@ -17,7 +17,7 @@ from calstation.gui.widgets.layout import button, clear, column, label, row, sho
 
 @dataclass(frozen=True)
 class Choice:
-    """A reply to a question: its button, the action after the bar has closed, and whether the button has the focus."""
+    """A reply to a question: name and text of its button, its action, and whether the button receives the focus."""
 
     name: str
     words: Words
@@ -36,7 +36,7 @@ class NoticeBar(QFrame):
         self._title: Words = ""
         self._text: Words = ""
         self._choices: Sequence[Choice] = ()
-        self._answers: dict[str, QPushButton] = {}
+        self._choice_buttons: dict[str, QPushButton] = {}
         self._icon = StateIcon(28)
         self.title_label, self.text_label = label(kind="section", wrap=True), label(wrap=True)
         self._buttons = row()
@@ -63,9 +63,9 @@ class NoticeBar(QFrame):
         self._icon.set_kind(kind)
         for choice in choices:
             kind = "primary" if choice.primary else ""
-            answer = button(choice.name, choice.words, lambda _, choice=choice: self._choose(choice), kind=kind)
-            self._answers[choice.name] = answer
-            self._buttons.addWidget(answer)
+            widget = button(choice.name, choice.words, lambda _, choice=choice: self._choose(choice), kind=kind)
+            self._choice_buttons[choice.name] = widget
+            self._buttons.addWidget(widget)
         self.refresh()
         self.show()
         for choice in choices:
@@ -81,22 +81,22 @@ class NoticeBar(QFrame):
         self.inform("bad", title, error.as_text, then)
 
     def report_failures(self, watch: JobWatch, title: Words, then: Callable[[], None]) -> None:
-        """Show every error of the jobs of a watch."""
+        """Report every error of a watch's jobs."""
         watch.failed.connect(lambda error: self.report(title, error, then))
 
     def button(self, name: str) -> QPushButton:
         """Return the button of a choice by its object name."""
-        return self._answers[name]
+        return self._choice_buttons[name]
 
     def dismiss(self) -> None:
         """Hide the bar."""
         self.hide()
         self._choices = ()
-        self._answers.clear()
+        self._choice_buttons.clear()
         clear(self._buttons)
 
     def refresh(self) -> None:
-        """Update the title, text and buttons after their texts have changed."""
+        """Update the texts of the title, the text and the buttons."""
         show_text(self.title_label, say(self._title))
         show_text(self.text_label, say(self._text))
         for choice in self._choices:

@@ -1,4 +1,4 @@
-"""Tables with one parameter per row: a model defined by its columns, and a view that copies or saves rows."""
+"""Tables with one parameter per row: a model defined by its columns, and views whose rows can be copied and saved."""
 
 import csv
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,10 +18,10 @@ from calstation.physics import INDEX, NAMES, aligned
 
 Index = QModelIndex | QPersistentModelIndex
 
-#: Smallest width of an elided column, px.
+#: Minimum width of an elided column, px.
 _MIN_WIDTH = 15 * theme.GRID
 
-#: Height of a row of a table of texts, px.
+#: Height of a row, px.
 ROW = 26
 
 #: Differences above this number of sigmas are highlighted.
@@ -60,15 +60,15 @@ def align_columns(cells: Mapping[str, dict[str, str]], columns: Iterable[str]) -
 
 
 class ParameterModel(QAbstractTableModel):
-    """Parameters as rows with their names as the vertical header; `grouped` shades every second group.
+    """A table model with parameters as rows and their names as the vertical header.
 
-    The tooltip of a name is the name in files; `tsv` contains names and numbers as in files.
+    The tooltip of a name is the name in files. If `grouped`, every second group of parameters is shaded.
     """
 
     def __init__(self, columns: Sequence[Column], *, grouped: bool = True) -> None:
         super().__init__()
         self._grouped = grouped
-        self._columns = tuple(columns)
+        self.columns = tuple(columns)
         self._names: tuple[str, ...] = ()
         self._shaded: tuple[bool, ...] = ()
 
@@ -76,14 +76,10 @@ class ParameterModel(QAbstractTableModel):
         """Show other columns of the same parameters."""
         self.show(columns, self._names)
 
-    def set_names(self, names: Sequence[str]) -> None:
-        """Show these parameters."""
-        self.show(self._columns, names)
-
     def show(self, columns: Sequence[Column], names: Sequence[str]) -> None:
-        """Show other columns of other parameters."""
+        """Show these columns of these parameters."""
         self.beginResetModel()
-        self._columns = tuple(columns)
+        self.columns = tuple(columns)
         self._names = tuple(names)
         groups = [name.rpartition("_")[0] for name in self._names]
         order = list(dict.fromkeys(groups))
@@ -91,19 +87,19 @@ class ParameterModel(QAbstractTableModel):
         self.endResetModel()
 
     def lines(self, rows: Iterable[int]) -> list[list[str]]:
-        """Return headings and rows in the format of a spreadsheet, with the parameter names in the first column."""
-        lines = [["parameter", *(say(column.heading) for column in self._columns)]]
+        """Return the headings and rows as in a spreadsheet, with the parameter names in the first column."""
+        lines = [["parameter", *(say(column.heading) for column in self.columns)]]
         for name in (self._names[row] for row in rows):
-            lines.append([name, *(without_minus(column.text(name)).strip() for column in self._columns)])
+            lines.append([name, *(without_minus(column.text(name)).strip() for column in self.columns)])
         return lines
 
     def refresh(self) -> None:
         """Update all cells and headings."""
         if self._names:
-            last = self.index(len(self._names) - 1, len(self._columns) - 1)
+            last = self.index(len(self._names) - 1, len(self.columns) - 1)
             self.dataChanged.emit(self.index(0, 0), last)
         self.headerDataChanged.emit(Qt.Orientation.Vertical, 0, max(0, len(self._names) - 1))
-        self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, max(0, len(self._columns) - 1))
+        self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, max(0, len(self.columns) - 1))
 
     def rowCount(self, parent: Index = QModelIndex()) -> int:  # noqa: B008 - Qt's own signature
         """Return the number of parameters."""
@@ -111,11 +107,11 @@ class ParameterModel(QAbstractTableModel):
 
     def columnCount(self, parent: Index = QModelIndex()) -> int:  # noqa: B008
         """Return the number of columns."""
-        return 0 if parent.isValid() else len(self._columns)
+        return 0 if parent.isValid() else len(self.columns)
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Return the text, alignment, colour, icon or tooltip of a cell."""
-        name, column = self._names[index.row()], self._columns[index.column()]
+        name, column = self._names[index.row()], self.columns[index.column()]
         match role:
             case Qt.ItemDataRole.DisplayRole:
                 return with_minus(column.text(name)) if column.number else column.text(name)
@@ -143,8 +139,8 @@ class ParameterModel(QAbstractTableModel):
                 return name
             return parameter_text(name) if role == Qt.ItemDataRole.DisplayRole else None
         if role == Qt.ItemDataRole.DisplayRole:
-            return say(self._columns[section].heading)
-        return self._columns[section].alignment if role == Qt.ItemDataRole.TextAlignmentRole else None
+            return say(self.columns[section].heading)
+        return self.columns[section].alignment if role == Qt.ItemDataRole.TextAlignmentRole else None
 
 
 class ParameterTable(QTableView):
@@ -164,27 +160,27 @@ class ParameterTable(QTableView):
         self.verticalHeader().setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         self.horizontalHeader().setHighlightSections(False)
-        model.modelReset.connect(self.spread)
-        model.headerDataChanged.connect(self.spread)
+        model.modelReset.connect(self.fit_columns)
+        model.headerDataChanged.connect(self.fit_columns)
         theme.on_appearance_change(self, model.refresh)
 
-    def spread(self) -> None:
-        """Fit the columns to their contents, and distribute the remaining width; if there is none, elide texts."""
+    def fit_columns(self) -> None:
+        """Fit the columns to their contents and distribute the free width, or shrink the widest column if there is none."""
         self.resizeColumnsToContents()
-        shown = [i for i in range(self.parameters.columnCount()) if not self.isColumnHidden(i)]
-        left = self.viewport().width() - sum(map(self.columnWidth, shown))
-        if shown and left > 0:
-            share, more = divmod(left, len(shown))
-            for k, i in enumerate(shown):
-                self.setColumnWidth(i, self.columnWidth(i) + share + (k < more))
-        elif shown:
-            widest = max(shown, key=self.columnWidth)
-            self.setColumnWidth(widest, max(self.columnWidth(widest) + left, _MIN_WIDTH))
+        visible = [i for i in range(self.parameters.columnCount()) if not self.isColumnHidden(i)]
+        free = self.viewport().width() - sum(map(self.columnWidth, visible))
+        if visible and free > 0:
+            share, remainder = divmod(free, len(visible))
+            for k, i in enumerate(visible):
+                self.setColumnWidth(i, self.columnWidth(i) + share + (k < remainder))
+        elif visible:
+            widest = max(visible, key=self.columnWidth)
+            self.setColumnWidth(widest, max(self.columnWidth(widest) + free, _MIN_WIDTH))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Fit the columns to the new width."""
         super().resizeEvent(event)
-        self.spread()
+        self.fit_columns()
 
     def copy(self) -> None:
         """Copy the selected rows, or all if none is selected, as tab-separated text."""
@@ -216,7 +212,7 @@ class ParameterTable(QTableView):
 
 @dataclass(frozen=True)
 class Cell:
-    """A column of a `CellTable`: its heading, and the keys of its texts, symbols and tooltips, "" for none."""
+    """A column of a `CellTable`: its heading, and the keys of its texts, symbols and tooltips; "" for none."""
 
     heading: Words
     key: str
@@ -226,7 +222,7 @@ class Cell:
 
 
 class CellTable(ParameterTable):
-    """Table of the texts in `cells`, by row name and column key; a missing text is shown as a dash.
+    """A table of the texts in `cells`, by row name and column key; a missing text is shown as a dash.
 
     Parameters
     ----------
@@ -271,22 +267,16 @@ class CellTable(ParameterTable):
         return Column(heading, lambda name: self.cells[name].get(key, "–"), number, hint=hint)
 
     def show_cells(
-        self,
-        cells: Mapping[str, dict[str, str]],
-        numbers: Iterable[str] = (),
-        columns: Sequence[Cell] = (),
+        self, cells: Mapping[str, dict[str, str]], numbers: Iterable[str] = (), columns: Sequence[Cell] = ()
     ) -> None:
         """Show these rows, in other `columns` if given; the columns `numbers` are aligned at the decimal point."""
         self.cells = dict(cells)
         align_columns(self.cells, numbers)
-        if columns:
-            self.parameters.show(self._columns_of(columns), list(self.cells))
-        else:
-            self.parameters.set_names(list(self.cells))
+        self.parameters.show(self._columns_of(columns) or self.parameters.columns, list(self.cells))
 
     @property
-    def chosen(self) -> str:
-        """Name of the current row, "" for none."""
+    def current_name(self) -> str:
+        """Name of the current row, or ""."""
         return dict(enumerate(self.cells)).get(self.currentIndex().row(), "")
 
     def _columns_of(self, columns: Sequence[Cell]) -> list[Column]:

@@ -23,10 +23,10 @@ from calstation.gui.widgets.layout import ask_file
 class ZoomBox(pg.ViewBox):  # type: ignore[misc]
     """A zoomable view box; while it is zoomed, ranges set by the program are stored until a double click ends the zoom.
 
-    The middle button pans. `sig_whole` is emitted by the double click.
+    The middle button pans. `sig_reset` is emitted by the double click.
     """
 
-    sig_whole = Signal()
+    sig_reset = Signal()
 
     def __init__(self) -> None:
         super().__init__(enableMenu=False)
@@ -103,7 +103,7 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
         self.reset()
         if (leader := self.linkedView(pg.ViewBox.XAxis)) is not None:
             leader.reset()
-        self.sig_whole.emit()
+        self.sig_reset.emit()
         ev.accept()
 
     def reset(self) -> None:
@@ -147,7 +147,7 @@ class TimeBox(ZoomBox):
 
 pg.setConfigOptions(antialias=False)
 
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class NumberAxis(pg.AxisItem):  # type: ignore[misc]
@@ -181,7 +181,7 @@ def _plain(exponent: float) -> str:
         return ""
     if -4 <= power <= 5:
         return f"{mantissa * 10.0**power:.6g}"
-    return ("" if mantissa == 1.0 else f"{mantissa:g}·") + f"10{str(power).translate(_RAISED)}"
+    return ("" if mantissa == 1.0 else f"{mantissa:g}·") + f"10{str(power).translate(_SUPERSCRIPTS)}"
 
 
 class PlotMenu(QMenu):
@@ -194,13 +194,10 @@ class PlotMenu(QMenu):
     def open(self, event: QContextMenuEvent) -> None:
         """Open the menu at the position of the click."""
         self.clear()
-        self.addAction(say("common.copy_picture"), self._copy)
+        self.addAction(say("common.copy_picture"), lambda: QGuiApplication.clipboard().setPixmap(self._plot.grab()))
         self.addAction(say("common.save_as"), self._ask_file)
         self.popup(event.globalPos())
         event.accept()
-
-    def _copy(self) -> None:
-        QGuiApplication.clipboard().setPixmap(self._plot.grab())
 
     def _ask_file(self) -> None:
         kinds = ["PNG (*.png)", "SVG (*.svg)", "CSV (*.csv)"]
@@ -222,9 +219,9 @@ class PlotMenu(QMenu):
 
 
 class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
-    """A plot with two axes in the colours of the current theme, which its menu copies and saves.
+    """A plot with two axes in the colours of the current theme, with a menu to copy and save it.
 
-    It can be zoomed, see `ZoomBox`, unless `zoom` is False.
+    The user can zoom it (see `ZoomBox`), unless `zoom` is False.
     """
 
     def __init__(self, parent: QWidget | None = None, *, zoom: bool = True) -> None:
@@ -232,11 +229,11 @@ class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
         box = {"viewBox": ZoomBox()} if zoom else {}
         super().__init__(parent, enableMenu=False, axisItems=axes, **box)
         self.hideButtons()
-        self.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)  # half a label at the top of the left axis
+        self.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)  # space for half a label at the top of the left axis
         self.menu = PlotMenu(self, self.write_csv)
         for side in ("left", "bottom"):
             axis = self.getAxis(side)
-            # lines of a third level of ticks would take half of the time of drawing
+            # drawing the lines of a third level of ticks would double the drawing time
             axis.setStyle(tickFont=theme.font(), maxTickLevel=1)
             axis.label.setFont(theme.font())
             axis.enableAutoSIPrefix(False)
@@ -260,8 +257,8 @@ class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
             self.getAxis(side).setTextPen(QColor(c.text))
 
 
-#: Space for a note at the top of a plot, px.
-_NOTE = 28
+#: Height of the note at the top of a plot, px.
+_NOTE_HEIGHT = 28
 
 
 class PlotNote(pg.TextItem):  # type: ignore[misc]
@@ -279,16 +276,16 @@ class PlotNote(pg.TextItem):  # type: ignore[misc]
         self.setHtml("&nbsp;&nbsp; ".join(spans))
 
 
-def fit_below_note(plot: pg.PlotItem, low: float, high: float, least_span: float) -> None:
+def fit_below_note(plot: pg.PlotItem, low: float, high: float, min_span: float) -> None:
     """Set the vertical range so that values from `low` to `high` are drawn below the note of the plot."""
-    span = max(high - low, least_span)
+    span = max(high - low, min_span)
     bottom, top = low - 0.06 * span, low + 1.06 * span
-    height = max(float(plot.getViewBox().height()), 3.0 * _NOTE)
-    plot.setYRange(bottom, top + (top - bottom) * _NOTE / (height - _NOTE), padding=0)
+    height = max(float(plot.getViewBox().height()), 3.0 * _NOTE_HEIGHT)
+    plot.setYRange(bottom, top + (top - bottom) * _NOTE_HEIGHT / (height - _NOTE_HEIGHT), padding=0)
 
 
 #: Width of the leader lines from the end of a curve to its label, px.
-_LEADER = 2 * theme.GRID
+_LEADER_WIDTH = 2 * theme.GRID
 
 
 @dataclass(frozen=True)
@@ -303,7 +300,7 @@ class LineLabel:
 
 
 def spread(heights: Sequence[float], distance: float, top: float, bottom: float) -> list[float]:
-    """Space ascending heights at least `distance` apart, or less if `top` to `bottom` is too short, all in px."""
+    """Space ascending heights at least `distance` apart between `top` and `bottom`, or evenly if they are too close."""
     if len(heights) > 1:
         distance = min(distance, (bottom - top) / (len(heights) - 1))
     positions = []
@@ -343,8 +340,8 @@ class LineLabels(QWidget):
         positions = spread([label.y for label in self._labels], line, half, self.height() - half)
         for label, y in zip(self._labels, positions, strict=True):
             painter.setPen(QPen(label.colour, 1))
-            painter.drawLine(QPointF(0, label.y), QPointF(_LEADER - 6, y))
-            left = float(_LEADER)
+            painter.drawLine(QPointF(0, label.y), QPointF(_LEADER_WIDTH - 6, y))
+            left = float(_LEADER_WIDTH)
             if label.state:
                 draw_state(painter, label.state, QRectF(left, y - 6, 12, 12))
                 left += 18

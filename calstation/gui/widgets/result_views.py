@@ -50,8 +50,8 @@ class ChecksTable(CellTable):
 
 
 @dataclass(frozen=True)
-class Compared:
-    """A set of parameters, its heading, and the symbols of its values and sigmas by parameter."""
+class ParameterSet:
+    """Parameters to compare, their heading, and the symbols of their values and sigmas."""
 
     heading: Words
     parameters: Mapping[str, Parameter]
@@ -61,10 +61,16 @@ class Compared:
 
 
 class ComparisonTable(CellTable):
-    """Shows value and sigma of every parameter in each set, and the difference from the first set in sigmas.
+    """Shows the value and sigma of every parameter in each set, and the difference from the first set in sigmas.
 
-    The sets are estimates from `independent` data, or else from the same data, see `in_sigma`; with `differences`, the
-    differences themselves are shown too.
+    Parameters
+    ----------
+    name, words
+        Object name and accessible name.
+    independent
+        Whether the sets are estimated from independent data instead of the same data; see `in_sigma`.
+    differences
+        Whether the differences are also shown in the unit of the parameter.
     """
 
     def __init__(self, name: str, words: Words, *, independent: bool, differences: bool = False) -> None:
@@ -74,8 +80,8 @@ class ComparisonTable(CellTable):
         #: Difference from the first set in sigmas by parameter, for each further set.
         self.in_sigma: list[dict[str, float]] = []
 
-    def show_sets(self, sets: Sequence[Compared]) -> None:
-        """Show these sets; the first is the reference."""
+    def show_sets(self, sets: Sequence[ParameterSet]) -> None:
+        """Show these sets of parameters; the first is the reference."""
         self.names = ordered({name: None for each in sets for name in each.parameters})
         first = sets[0].parameters
         self.in_sigma = [
@@ -92,27 +98,24 @@ class ComparisonTable(CellTable):
                 cells[name] |= self._texts(name, new, first.get(name) if k else None, k, each)
         columns = [Cell("common.unit_column", "unit", number=False)]
         for k, each in enumerate(sets):
-            columns += self._set_columns(k, each)
+            columns.append(Cell(each.heading, f"value{k}", state=f"value_state{k}"))
+            columns.append(Cell("common.plus_minus", f"sigma{k}", state=f"sigma_state{k}"))
+            if k and self._differences:
+                columns.append(Cell("common.difference_column", f"difference{k}"))
+            if k:
+                columns.append(Cell("common.in_sigma", f"in_sigma{k}", state=f"notable{k}"))
         self.show_cells(cells, [each.key for each in columns[1:] if not each.key.startswith("in_sigma")], columns)
 
-    def _set_columns(self, k: int, shown: Compared) -> list[Cell]:
-        columns = [
-            Cell(shown.heading, f"value{k}", state=f"value_state{k}"),
-            Cell("common.plus_minus", f"sigma{k}", state=f"sigma_state{k}"),
-        ]
-        if k and self._differences:
-            columns.append(Cell("common.difference_column", f"difference{k}"))
-        if k:
-            columns.append(Cell("common.in_sigma", f"in_sigma{k}", state=f"notable{k}"))
-        return columns
-
-    def _texts(self, name: str, new: Parameter, reference: Parameter | None, k: int, shown: Compared) -> dict[str, str]:
+    def _texts(
+        self, name: str, new: Parameter, reference: Parameter | None, k: int, group: ParameterSet
+    ) -> dict[str, str]:
         """Return the cells of a parameter in a set, each with as many digits as its sigma justifies."""
         value, sigma = display(name, new.value)[0], display(name, new.sigma)[0]
-        cells = {f"value{k}": number(value, sigma), f"sigma{k}": number(sigma, sigma)}
-        cells |= {
-            f"value_state{k}": shown.value_state.get(name, ""),
-            f"sigma_state{k}": shown.sigma_state.get(name, ""),
+        cells = {
+            f"value{k}": number(value, sigma),
+            f"sigma{k}": number(sigma, sigma),
+            f"value_state{k}": group.value_state.get(name, ""),
+            f"sigma_state{k}": group.sigma_state.get(name, ""),
         }
         if reference is not None:
             larger = display(name, max(new.sigma, reference.sigma))[0]
@@ -120,17 +123,17 @@ class ComparisonTable(CellTable):
             same, sigmas = new.value == reference.value, self.in_sigma[k - 1][name]
             cells[f"difference{k}"] = "0" if same else number(difference, larger)
             cells[f"in_sigma{k}"] = "0" if same else f"{sigmas:+.2f}"
-            cells[f"notable{k}"] = "caution" if shown.marked and abs(sigmas) > NOTABLE_SIGMAS else ""
+            cells[f"notable{k}"] = "caution" if group.marked and abs(sigmas) > NOTABLE_SIGMAS else ""
         return cells
 
 
 class MissingState(QWidget):
-    """Shown next to a result only if one of its failed checks names such an effect; `wanted(name)` asks to add it.
+    """Shows an effect that a failed check reports as missing in the error model; its button emits `requested(effect)`.
 
-    The jobs of `watch` replace the button while they run.
+    The row is hidden without such an effect. The job of `watch` replaces the button while it runs.
     """
 
-    wanted = Signal(str)
+    requested = Signal(str)
 
     def __init__(self, watch: JobWatch, name: str) -> None:
         super().__init__()
@@ -143,14 +146,14 @@ class MissingState(QWidget):
         on_language_change(self, self._refresh)
 
     def show_result(self, result: Result | None) -> None:
-        """Show the effect that is missing in a result's model, if any."""
+        """Show the effect that the model of a result lacks, if any."""
         self._check = None if result is None else result.missing_state
         self.setVisible(self._check is not None)
         self._refresh()
 
     def _add(self) -> None:
         if self._check is not None and self._check.diagnosis is not None:
-            self.wanted.emit(self._check.diagnosis.cause)
+            self.requested.emit(self._check.diagnosis.cause)
 
     def _refresh(self) -> None:
         cause = None if self._check is None else self._check.cause_text

@@ -11,7 +11,7 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import Data, DataView
 from calstation.gui.widgets.plot import ThemedPlot
 
-#: Name of a stage, and the start and end of its band on the horizontal axis.
+#: Name of a stage, and the start and the end of its band on the horizontal axis.
 Band = tuple[str, float, float]
 
 #: Minimum width per character of a band's name, as a fraction of the plot's width.
@@ -35,7 +35,7 @@ class StackedPlots(QWidget, DataView[Data]):
             if number < count - 1:
                 plot.getAxis("bottom").setStyle(showValues=False)
                 plot.getAxis("bottom").setHeight(4)
-            plot.getViewBox().sig_whole.connect(self._show_whole)
+            plot.getViewBox().sig_reset.connect(self._reset)
             if number:
                 plot.setXLink(self.plots[0])
         theme.on_appearance_change(self, self.refresh)
@@ -63,8 +63,7 @@ class StackedPlots(QWidget, DataView[Data]):
         span = max((end for _, _, end in bands), default=0.0) - min((b for _, b, _ in bands), default=0.0)
         for plot in self.plots:
             for number, (name, begin, end) in enumerate(bands):
-                shade = QColor(c.text)
-                shade.setAlpha(16 if number % 2 == 0 else 0)
+                shade = theme.faint(c.text, 16 if number % 2 == 0 else 0)
                 region = pg.LinearRegionItem((begin, end), movable=False, brush=shade, pen=pg.mkPen(c.line))
                 region.setZValue(-20)
                 self.add(plot, region, scaled=False)
@@ -73,7 +72,7 @@ class StackedPlots(QWidget, DataView[Data]):
                     label.setColor(QColor(c.muted))
                     label.setFont(theme.font())
 
-    def _show_whole(self) -> None:
+    def _reset(self) -> None:
         for plot in self.plots:
             plot.getViewBox().reset()
 

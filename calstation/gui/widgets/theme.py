@@ -1,4 +1,4 @@
-"""Appearance of the window: light and dark palette, sizes on an 8 px grid, axis colours, style sheet."""
+"""Appearance of the window: light and dark colours, sizes on an 8 px grid, fonts and style sheet."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ AXIS_COLOURS = {"x": "#0072B2", "y": "#D55E00", "z": "#009E73"}
 #: letters need more contrast than lines.
 _AXIS_TEXT = {"x": ("#0072B2", "#4DA3D9"), "y": ("#A84A00", "#E8741A"), "z": ("#007A59", "#10B284")}
 
-#: The shipped font. Qt takes characters that it lacks from the fonts of the system.
+#: The shipped font. Qt takes characters that it does not contain from the system fonts.
 FAMILY = "Calstation Sans"
 
 
@@ -151,14 +151,14 @@ def on_appearance_change(owner: QObject, show: Callable[[], object]) -> None:
 
 def faint(colour: str, alpha: int) -> QColor:
     """Return a colour with an opacity `alpha` of 0..255."""
-    made = QColor(colour)
-    made.setAlpha(alpha)
-    return made
+    result = QColor(colour)
+    result.setAlpha(alpha)
+    return result
 
 
 def palette(c: Colours) -> QPalette:
     """Return the Qt palette of a theme."""
-    made = QPalette()
+    result = QPalette()
     for colour, roles in (
         (c.window, "Window"),
         (c.field, "Base"),
@@ -171,7 +171,7 @@ def palette(c: Colours) -> QPalette:
         (c.line, "Midlight Mid Shadow"),
     ):
         for role in roles.split():
-            made.setColor(QPalette.ColorRole[role], QColor(colour))
+            result.setColor(QPalette.ColorRole[role], QColor(colour))
     disabled = (
         (c.muted, "WindowText Text ButtonText"),
         (c.window, "Base Button"),
@@ -180,8 +180,8 @@ def palette(c: Colours) -> QPalette:
     )
     for colour, roles in disabled:
         for role in roles.split():
-            made.setColor(QPalette.ColorGroup.Disabled, QPalette.ColorRole[role], QColor(colour))
-    return made
+            result.setColor(QPalette.ColorGroup.Disabled, QPalette.ColorRole[role], QColor(colour))
+    return result
 
 
 def style_sheet(c: Colours) -> str:
@@ -197,11 +197,11 @@ def font(size: int = BODY, *, bold: bool = False) -> QFont:
 @cache
 def _font(size: int, bold: bool) -> QFont:
     _load_font()
-    made = QFont(FAMILY)
-    made.setPixelSize(size)
+    result = QFont(FAMILY)
+    result.setPixelSize(size)
     if bold:
-        made.setWeight(QFont.Weight.DemiBold)
-    return made
+        result.setWeight(QFont.Weight.DemiBold)
+    return result
 
 
 @cache
@@ -212,13 +212,13 @@ def _load_font() -> None:
 
 def painter(widget: QWidget) -> QPainter:
     """Return a painter that draws smooth lines on a widget."""
-    made = QPainter(widget)
-    made.setRenderHint(QPainter.RenderHint.Antialiasing)
-    return made
+    result = QPainter(widget)
+    result.setRenderHint(QPainter.RenderHint.Antialiasing)
+    return result
 
 
 def set_kind(widget: QWidget, kind: str) -> None:
-    """Set the kind of a widget, such as primary, panel or muted, which selects its style in the style sheet."""
+    """Set the kind of a widget, such as primary, panel or muted, by which the style sheet selects its style."""
     widget.setProperty("kind", kind)
     widget.style().unpolish(widget)
     widget.style().polish(widget)

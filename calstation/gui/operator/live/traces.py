@@ -76,7 +76,7 @@ class Traces(QFrame):
         for plot in (self._gyro, self._accel):
             box = plot.plot.getViewBox()
             box.sigRangeChangedManually.connect(lambda *_: self.hold_button.setChecked(True))
-            box.sig_whole.connect(lambda: self.hold_button.setChecked(False))
+            box.sig_reset.connect(lambda: self.hold_button.setChecked(False))
         self._spans = QButtonGroup(self)
         for number, words in enumerate(("operator.seconds_10", "operator.minute_1", "operator.minutes_10")):
             span_button = button("", words)
