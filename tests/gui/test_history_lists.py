@@ -199,7 +199,7 @@ def test_selected_runs_are_compared_side_by_side(page: HistoryPage, runs: dict[s
     assert len({item.opts["symbol"] for item in drawn}) == 3
     qtbot.mouseClick(button(page, "comparison_back_button"), Qt.MouseButton.LeftButton)
     assert page.table.isVisible()
-    assert len(page.table.chosen) == 3
+    assert len(page.table.selected_runs) == 3
 
 
 def test_value_missing_in_one_run_has_no_difference(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
@@ -282,15 +282,15 @@ def test_selection_is_kept_when_the_list_is_updated(
     shown(page, qtbot)
     select_row(page, 1, qtbot)
     ctrl_click(page, 3, qtbot)
-    chosen = [run.log for run in page.table.chosen]
+    chosen = [run.log for run in page.table.selected_runs]
     write_run(folder, "SN-000009", "passed", timedelta(minutes=1))
     page.refresh()
     qtbot.waitUntil(lambda: not page.busy and rows(page)[0][0] == "SN-000009", timeout=WAIT)
-    assert [run.log for run in page.table.chosen] == chosen
+    assert [run.log for run in page.table.selected_runs] == chosen
     page.table.selectionModel().clearSelection()
     page.table.selectionModel().clearCurrentIndex()
     page.show_runs()
-    assert [run.serial for run in page.table.chosen] == ["SN-000009"]
+    assert [run.serial for run in page.table.selected_runs] == ["SN-000009"]
 
 
 def test_stopped_and_partial_runs_are_not_shown_as_passed(

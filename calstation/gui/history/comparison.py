@@ -1,4 +1,4 @@
-"""Comparison of selected runs: their values side by side by parameter, and a plot relative to the limits."""
+"""The comparison of selected runs: a table of their parameters side by side, and a plot relative to the limits."""
 
 from collections.abc import Callable, Sequence
 
@@ -30,33 +30,34 @@ from calstation.results import Result
 _SYMBOLS = (("o", "●"), ("s", "■"), ("t1", "▲"), ("d", "◆"), ("t", "▼"), ("star", "★"), ("+", "✚"), ("x", "✖"))
 #: Maximum number of runs in a comparison.
 MAX_COMPARED = len(_SYMBOLS)
-#: Fraction of a row of the plot that is used for the symbols.
+#: Fraction of a plot row that the symbols occupy.
 _ROW_SHARE = 0.7
 #: Height of the horizontal axis with its label, px.
-_AXIS = 7 * theme.GRID
+_AXIS_HEIGHT = 7 * theme.GRID
 
-#: Low and high limit of each parameter, SI.
+#: Lower and upper limit of each parameter, SI.
 Limits = dict[str, tuple[float, float]]
 
 
 class RunComparison(QWidget):
-    """Shows runs, the first of which is the reference; `back` is called to return to the list."""
+    """Compares runs with the first of them; `back` is called to return to the list."""
 
     def __init__(self, back: Callable[[], None]) -> None:
         super().__init__()
         self._runs: Sequence[RunRecord] = ()
-        self._back_button = button("comparison_back_button", "history.back_to_list", back)
+        back_button = button("comparison_back_button", "history.back_to_list", back)
+        self.setFocusProxy(back_button)
         self._title = label(kind="section")
         self._note = label(kind="muted", wrap=True, name="comparison_note_label")
         self.table = ComparisonTable("run_comparison_table", "history.compared_parameters", independent=True)
         self.table.horizontalHeader().setMinimumHeight(6 * theme.GRID)  # serial number and time on two lines
         self.plot = ComparisonPlot()
         body = split((self.table, 13), (self.plot, 9), handle=2 * theme.GRID)
-        column(row(self._back_button, self._title, None, spacing=2 * theme.GRID), self._note, (body, 1), on=self)
+        column(row(back_button, self._title, None, spacing=2 * theme.GRID), self._note, (body, 1), on=self)
         on_language_change(self, self._refresh)
 
     def show_runs(self, runs: Sequence[RunRecord], results: Sequence[Result]) -> None:
-        """Show runs and their results; differences are relative to the first run."""
+        """Show these runs and their results."""
         self._runs = runs
         one = {run.serial for run in runs}
         self.table.show_sets(
@@ -67,10 +68,6 @@ class RunComparison(QWidget):
         )
         self.plot.show_results(self.table.names, results)
         self._refresh()
-
-    def focus(self) -> None:
-        """Move the focus to the Back button."""
-        self._back_button.setFocus()
 
     def _heading(self, k: int) -> Callable[[], str]:
         run = self._runs[k]
@@ -85,34 +82,30 @@ class RunComparison(QWidget):
         lines = [say("history.differences_to_first")]
         if len(serials) == 1:
             lines.append(say("history.large_differences"))
-        if self._runs and not self.plot.has_limits:
+        if self._runs and not self.plot.limits:
             lines.append(say("history.no_limits_to_draw"))
         show_text(self._note, " ".join(lines))
 
 
 class ComparisonPlot(ThemedPlot):
-    """Plots values and sigmas of several results relative to their limits, one row per parameter."""
+    """Plots the values and sigmas of several results relative to the limits, one row per parameter."""
 
     def __init__(self) -> None:
         super().__init__(zoom=True)
         self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self._names: list[str] = []
-        self._limits: Limits = {}
+        #: Limits of the plotted parameters.
+        self.limits: Limits = {}
         self._results: Sequence[Result] = ()
         bind(self.setAccessibleName, "history.relative_values")
         theme.on_appearance_change(self, self.draw)
 
-    @property
-    def has_limits(self) -> bool:
-        """Whether any parameter has limits."""
-        return bool(self._limits)
-
     def show_results(self, names: Sequence[str], results: Sequence[Result]) -> None:
-        """Plot these parameters of results, if one of the results has limits for them."""
+        """Plot those of the named parameters for which at least one of the results has limits."""
         self._results = results
-        self._limits = {name: limits for result in reversed(results) for name, limits in limits_of(result).items()}
-        self._names = [name for name in ordered(names) if name in self._limits]
-        self.setMinimumHeight(theme.BODY * len(self._names) + _AXIS)  # so that parameter names do not overlap
+        self.limits = {name: limits for result in reversed(results) for name, limits in limits_of(result).items()}
+        self._names = [name for name in ordered(names) if name in self.limits]
+        self.setMinimumHeight(theme.BODY * len(self._names) + _AXIS_HEIGHT)  # so that parameter names do not overlap
         self.getViewBox().reset()
         self.draw()
 
@@ -128,7 +121,7 @@ class ComparisonPlot(ThemedPlot):
             offset = _ROW_SHARE * ((k + 0.5) / count - 0.5)
             names = [(number, name) for number, name in enumerate(self._names) if name in result.parameters]
             y = np.array([number + offset for number, _ in names])
-            rows = [(result.parameters[name], *self._limits[name]) for _, name in names]
+            rows = [(result.parameters[name], *self.limits[name]) for _, name in names]
             x = np.array([(2.0 * p.value - low - high) / (high - low) for p, low, high in rows])
             sigma = np.array([2.0 * p.sigma / (high - low) for p, low, high in rows])
             self.addItem(pg.ErrorBarItem(x=x, y=y, left=sigma, right=sigma, beam=0.0, pen=pg.mkPen(colour)))
@@ -141,6 +134,6 @@ class ComparisonPlot(ThemedPlot):
 
 
 def limits_of(result: Result) -> Limits:
-    """Return the limits with which the values of a result were compared."""
+    """Return the limits of the parameters of a result."""
     checks = [check for check in result.checks if check.kind == "within"]
     return {check.subject: check.limit for check in checks if isinstance(check.limit, tuple)}

@@ -1,4 +1,4 @@
-"""Details of a run: outcome, facts, offline solutions, a parameter over the runs of the unit, and actions."""
+"""The details of a run: its outcome, facts and offline solutions, a trend over the runs of its unit, and actions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -53,16 +53,16 @@ from calstation.results import Result
 
 #: Maximum number of runs in the trend.
 MAX_TREND = 30
-
-#: Maximum numbers of failed checks listed, and of dates on the axis of the trend.
+#: Maximum number of failed checks in the list, and of dates on the axis of the trend.
 _MAX_FAILED, _MAX_DATES = 8, 4
-#: Vertical margin of the trend as a fraction of its range, and space for the first and last date per run.
+#: Vertical margin of the trend as a fraction of its range, and horizontal margin for the outer dates as a fraction of
+#: the number of runs.
 _MARGIN, _DATE_MARGIN = 0.1, 0.06
 
 
 @dataclass(frozen=True)
 class Actions:
-    """State that determines the possible actions: a run is in progress, one is being closed, this one can resume."""
+    """The state that determines the possible actions: a run is active, one is being closed, this one can resume."""
 
     running: bool = False
     closing: bool = False
@@ -70,7 +70,7 @@ class Actions:
 
 
 class Trend(QWidget):
-    """Plots a parameter over runs: passed runs as dots, failed runs as crosses, the selected run larger."""
+    """Plots a parameter over the runs of a unit: passed runs as dots, failed ones as crosses, the selected one larger."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -91,7 +91,7 @@ class Trend(QWidget):
         theme.themes.changed.connect(self.draw)
 
     def show_runs(self, runs: Sequence[IndexedRun], selected: str, limits: Mapping[str, tuple[float, float]]) -> None:
-        """Show a unit's solved runs, oldest first, with the run `selected` enlarged, and the parameter limits, SI."""
+        """Show the solved runs of a unit, the oldest first; `selected` is the name of a run, `limits` are in SI."""
         self._runs, self._selected, self._limits = tuple(runs), selected, limits
         names = ordered({name: None for run in self._runs for name in run.values})
         fill_combo(self._combo, [(parameter_text(name), name) for name in names])
@@ -136,7 +136,7 @@ class Trend(QWidget):
 
 
 class RunDetails(QFrame):
-    """Shows the details of a run; the page connects the buttons and adds those for label and certificate."""
+    """Shows the details of a run; the page connects the buttons, and passes those for the label and the certificate."""
 
     def __init__(self, label_button: LabelButton, certificate_button: CertificateButton, release: ReleaseBar) -> None:
         super().__init__()
@@ -176,14 +176,14 @@ class RunDetails(QFrame):
     def show_run(
         self, run: RunRecord, result: Result | None, unit_runs: Sequence[IndexedRun], actions: Actions
     ) -> None:
-        """Show a run with its result, the solved runs of the same unit, oldest first, and the possible actions."""
+        """Show a run, its result, the solved runs of its unit (the oldest first), and the possible actions."""
         self._run, self._result, self._actions = run, result, actions
         for document in (*self._documents, self._release):
             document.offer(result, run.result)
         self.trend.show_runs(unit_runs, run.log.stem, {} if result is None else limits_of(result))
         self._show()
 
-    def allow(self, actions: Actions) -> None:
+    def set_actions(self, actions: Actions) -> None:
         """Update the possible actions."""
         if actions != self._actions:
             self._actions = actions
@@ -235,7 +235,7 @@ class RunDetails(QFrame):
             text = rendered(fault.as_text)
             return "\n".join(filter(None, (text.text, text.remedy)))
         if result is not None and result.override is not None:
-            return ""  # stated in the note about the release
+            return ""  # the note about the override states it
         if run.verdict.judged and result is not None:
             if result.failed_checks:
                 return say("history.outside_limits")
@@ -278,7 +278,7 @@ class RunDetails(QFrame):
                 self._facts.addRow(label(code, "muted"), value)
 
     def _why_no_log(self, run: RunRecord) -> str:
-        """Return why the log cannot be opened, "" if it can; another station's log is copied from an archive."""
+        """Return why the log cannot be opened, or "" if it can; logs of other stations are copied from an archive."""
         if run.log.exists() or is_archived(run.location):
             return ""
         if not run.origin:
@@ -286,7 +286,7 @@ class RunDetails(QFrame):
         return say("history.log_elsewhere", station=run.station or "?", location=run.location or "?")
 
     def _cycle_text(self) -> str:
-        """Return the durations of the cycle and of its phases except the stages; "" for a result without them."""
+        """Return the duration of the cycle, and that of its phases other than stages; "" if the result has none."""
         seconds = {} if self._result is None else self._result.cycle_seconds
         if not seconds:
             return ""
@@ -315,8 +315,8 @@ class RunDetails(QFrame):
         )
 
 
-#: Number of rows visible without scrolling.
-_VISIBLE = 4
+#: Number of rows that are visible without scrolling.
+_VISIBLE_ROWS = 4
 _COLUMNS = (
     Cell("common.time", "time", number=False, hint="hint"),
     Cell("history.user", "user", number=False, hint="hint"),
@@ -328,7 +328,7 @@ _COLUMNS = (
 
 
 class ResolvesTable(QWidget):
-    """Lists when, by whom and how a log was solved again, the latest first; hidden if there are no solutions."""
+    """Lists the offline solutions of a log, the latest first; hidden if there are none."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -343,14 +343,14 @@ class ResolvesTable(QWidget):
         on_language_change(self, self._show)
 
     def show_records(self, records: Sequence[ResolveRecord], error: CalstationError | None) -> None:
-        """Show the records of a log, the oldest first, or the error if they cannot be read."""
+        """Show the records of a log, given the oldest first, or the error if they cannot be read."""
         self._records, self._error = records[::-1], error
         self._show()
 
     def _show(self) -> None:
         table = self.table
         table.show_cells({str(number): self._cells(record) for number, record in enumerate(self._records)})
-        rows = min(len(self._records), _VISIBLE)
+        rows = min(len(self._records), _VISIBLE_ROWS)
         bars = table.horizontalHeader().sizeHint().height() + table.horizontalScrollBar().sizeHint().height()
         table.setFixedHeight(ROW * rows + bars + 2)
         table.setVisible(bool(self._records))

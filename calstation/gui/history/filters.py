@@ -1,4 +1,4 @@
-"""Filters for the listed runs: text, outcome, product, station, operator and dates."""
+"""The filters of the list of runs: text, outcome, product, station, operator and dates."""
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -18,7 +18,7 @@ _VERDICTS = {
     "": "history.every_outcome",
     **{name: f"badge.{name}" for name in ("passed", "partial", "failed", "stopped", "fault", "incomplete")},
 }
-#: Numbers of past days that can be selected; None for all, 0 for the dates next to the list.
+#: Numbers of past days that can be selected; None for all runs, 0 for the dates that are entered.
 _PERIODS: dict[int | None, Words] = {
     None: "history.any_time",
     1: "history.today",
@@ -29,7 +29,7 @@ _DATE = "yyyy-MM-dd"
 
 
 class Filters(QWidget):
-    """Inputs that filter the runs; emits `changed` when a filter changes. `beside` is shown next to the dates."""
+    """The inputs of the filters; emits `changed` when one changes. The widget `beside` is shown next to the dates."""
 
     changed = Signal()
 
@@ -56,8 +56,8 @@ class Filters(QWidget):
             (self._to, "history.to_date"),
         ):
             bind(widget.setAccessibleName, words)
-        self._listed = self._verdict, self._product, self._station, self._operator
-        values = ((combo, 2) for combo in self._listed)
+        self._value_combos = self._verdict, self._product, self._station, self._operator
+        values = ((combo, 2) for combo in self._value_combos)
         column(
             row(caption, (self.search_edit, 3), *values),
             row(self._period, self._from, label("history.to"), self._to, (beside, 1)),
@@ -66,16 +66,16 @@ class Filters(QWidget):
         self._timer = QTimer(self, singleShot=True, interval=150)
         self._timer.timeout.connect(self.changed)
         self.search_edit.textChanged.connect(lambda _: self._timer.start())
-        for combo in self._listed:
+        for combo in self._value_combos:
             combo.currentIndexChanged.connect(lambda _: self.changed.emit())
         self._period.currentIndexChanged.connect(self._period_chosen)
         self._from.dateChanged.connect(lambda _: self._date_chosen(self._from, self._to))
         self._to.dateChanged.connect(lambda _: self._date_chosen(self._to, self._from))
-        on_language_change(self, self._name_entries)
+        on_language_change(self, self._fill_combos)
 
     @property
     def conditions(self) -> RunFilter:
-        """The conditions for the runs; dates are in this computer's time zone."""
+        """The conditions that runs must satisfy; dates are in the time zone of this computer."""
         days = self._period.currentData()
         first, last = self._from.date(), self._to.date()
         if days:
@@ -94,15 +94,15 @@ class Filters(QWidget):
         """Reset all filters."""
         with QSignalBlocker(self):
             self.search_edit.clear()
-            for combo in (*self._listed, self._period):
+            for combo in (*self._value_combos, self._period):
                 combo.setCurrentIndex(0)
         self.changed.emit()
 
     def show_choices(self, choices: RunChoices) -> None:
-        """Offer these values; selected ones remain selected."""
+        """Offer these values; the selection is kept."""
         if choices != self._choices:
             self._choices = choices
-            self._name_entries()
+            self._fill_combos()
         self._show_dates()
 
     def _date_edit(self, name: str) -> QDateEdit:
@@ -116,7 +116,7 @@ class Filters(QWidget):
         calendar.setVerticalHeaderFormat(QCalendarWidget.VerticalHeaderFormat.NoVerticalHeader)
         calendar.setMinimumSize(36 * theme.GRID, 32 * theme.GRID)
         for day in (Qt.DayOfWeek.Saturday, Qt.DayOfWeek.Sunday):
-            calendar.setWeekdayTextFormat(day, QTextCharFormat())  # not red, which is the colour of a failure
+            calendar.setWeekdayTextFormat(day, QTextCharFormat())  # not in red, the colour of failures
         return edit
 
     def _period_chosen(self) -> None:
@@ -124,7 +124,7 @@ class Filters(QWidget):
         self.changed.emit()
 
     def _date_chosen(self, changed: QDateEdit, other: QDateEdit) -> None:
-        """Filter by the dates, keeping them in order."""
+        """Filter by the dates; if they are out of order, set the other to the changed one."""
         if self._from.date() > self._to.date():
             with QSignalBlocker(other):
                 other.setDate(changed.date())
@@ -139,11 +139,11 @@ class Filters(QWidget):
             return
         earliest = QDate.fromString(local_time(self._choices.first_utc)[:10], _DATE)
         first = today.addDays(1 - days) if days else earliest
-        for edit, shown in ((self._from, first if first.isValid() else today), (self._to, today)):
+        for edit, day in ((self._from, first if first.isValid() else today), (self._to, today)):
             with QSignalBlocker(edit):
-                edit.setDate(shown)
+                edit.setDate(day)
 
-    def _name_entries(self) -> None:
+    def _fill_combos(self) -> None:
         choices = self._choices
         products = ((product_text(name), name) for name in choices.products)
         fill_combo(self._product, [(say("history.every_product"), ""), *products])
@@ -159,6 +159,6 @@ class Filters(QWidget):
 
 
 def _midnight(day: QDate) -> str:
-    """Return the start of a local day, ISO 8601 in UTC without an offset."""
+    """Return the start of a local day in ISO 8601, in UTC without an offset."""
     begin = datetime(day.year(), day.month(), day.day()).astimezone(UTC)
     return begin.replace(tzinfo=None).isoformat()

@@ -38,18 +38,18 @@ from calstation.results import History, Result, load_result, refresh_history
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Finalized
 
-#: Maximum number of runs listed.
+#: Maximum number of runs in the list.
 _MAX_RUNS = 300
 
 
 class HistoryPage(Page):
-    """Lists the runs in the runs folder, with the details of the selected run."""
+    """The page that lists the runs in the runs folder, with the details of the selected run."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app, "history")
         unread = "common.runs_not_read"
         self._refresher = self.job(refresh_history, self._show_refreshed, failure=unread)
-        self._offers = self.job(find_resumable, self._show_resumable, failure=unread)
+        self._resumable_finder = self.job(find_resumable, self._show_resumable, failure=unread)
         self._closer = self.job(
             close_incomplete_job, self._show_closed, failure="common.run_not_closed", failed=self._show_closed
         )
@@ -59,7 +59,7 @@ class HistoryPage(Page):
         self._resumable: frozenset[Path] = frozenset()
         self._index: tuple[Path, History] | None = None
         self._compared: tuple[RunRecord, ...] = ()
-        self._count = 0
+        self._match_count = 0
         self.table = RunTable()
         bind(self.table.setAccessibleName, "history.run_table")
         self.setFocusProxy(self.table)
@@ -89,27 +89,27 @@ class HistoryPage(Page):
             self.show_runs()
         elif not self._refresher.busy:
             self._refresher.start(self.app.runs_folder)
-            self._offers.start(self.app.runs_folder)
+            self._resumable_finder.start(self.app.runs_folder)
 
     def show_runs(self) -> None:
         """List the indexed runs that match the filters."""
         runs: list[RunRecord] = []
-        self._count = 0
+        self._match_count = 0
         if self.app.runs_folder.is_dir():
             conditions = self._filters.conditions
             runs = self._history().runs(conditions, _MAX_RUNS)
-            self._count = self._history().count(conditions) if len(runs) == _MAX_RUNS else len(runs)
+            self._match_count = self._history().count(conditions) if len(runs) == _MAX_RUNS else len(runs)
         self._stack.setCurrentWidget(self._split if runs else self._nothing)
         self.table.show_runs(runs)
         self._show_texts()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """List the indexed runs immediately, and update the list after the folder has been read."""
+        """List the indexed runs, and update the list after the folder has been read."""
         super().showEvent(event)
         self._list_visible()
 
     def _build_actions(self) -> QWidget:
-        """Return the number of runs and the actions on all or several of them, or the progress of their job."""
+        """Create the row with the number of runs and the actions on several of them, or the progress of a job."""
         self._count_label = ElidedLabel("muted")
         self._count_label.setObjectName("history_count_label")
         self._count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
@@ -119,13 +119,11 @@ class HistoryPage(Page):
         versions = button(
             "history_versions_button", "history.versions", self._show_versions, tip="history.versions_tip"
         )
-        actions = QWidget()
         buttons = (self._clear_button, self._compare_button, versions, self._export_button)
-        row((self._count_label, 1), *buttons, on=actions)
-        loading = JobRow(self._loader, "comparison_cancel_button")
+        actions = box(row((self._count_label, 1), *buttons))
         return JobStack(
             actions,
-            loading,
+            JobRow(self._loader, "comparison_cancel_button"),
             JobRow(self._logs, "log_cancel_button", "history.copying_log"),
             JobRow(self._results, "result_cancel_button", "history.reading_result"),
             JobRow(self.exports.watch, "history_export_cancel_button"),
@@ -142,16 +140,16 @@ class HistoryPage(Page):
         details.resume_button.clicked.connect(lambda: self._emit_log(app.resume_run))
         details.close_button.clicked.connect(self._close_run)
         details.batch_button.clicked.connect(self._show_batch)
-        self.table.chosen_changed.connect(self._show_texts)
+        self.table.selection_changed.connect(self._show_texts)
         self.exports.watch.busy_changed.connect(self.notice.dismiss)
-        app.engine_link.event.connect(self._follow)
+        app.engine_link.event.connect(self._handle_event)
         app.runs_folder_changed.connect(self._list_visible)
         app.released.connect(lambda _: self._list_visible())
         app.engine_link.running_changed.connect(lambda _: self._update())
         finder = QShortcut(QKeySequence.StandardKey.Find, self, self._filters.search_edit.setFocus)
         finder.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
 
-    def _follow(self, event: Event) -> None:
+    def _handle_event(self, event: Event) -> None:
         """Update the list when a run has ended."""
         if isinstance(event, Finalized) and self.isVisible():
             self.refresh()
@@ -168,7 +166,7 @@ class HistoryPage(Page):
         self.show_runs()
 
     def _history(self) -> History:
-        """Return the index of the current folder; it stays open because opening takes longer than a query."""
+        """Return the index of the current folder, which stays open because opening it takes longer than a query."""
         folder = self.app.runs_folder
         if self._index is None or self._index[0] != folder:
             self._index = (folder, History(folder))
@@ -189,7 +187,7 @@ class HistoryPage(Page):
         return Actions(self.app.engine_link.running, self._closer.busy, resumable)
 
     def _update(self) -> None:
-        self.details.allow(self._actions())
+        self.details.set_actions(self._actions())
 
     def _show_resumable(self, offers: list[Resumable]) -> None:
         self._resumable = frozenset(offer.log for offer in offers)
@@ -202,7 +200,7 @@ class HistoryPage(Page):
     # ---- actions on the selected run
 
     def _open_result(self) -> None:
-        """Open the result of a run; another station's result is first read from the shared database."""
+        """Open the result of the selected run; that of another station is first read from the shared database."""
         run = self.table.run
         if run is None:
             return
@@ -216,7 +214,7 @@ class HistoryPage(Page):
         self.app.open_run.emit(result)
 
     def _open_log(self) -> None:
-        """Open the log of a run; another station's log is first copied from the archive."""
+        """Open the log of the selected run; that of another station is first copied from the archive."""
         run = self.table.run
         if run is None:
             return
@@ -236,7 +234,7 @@ class HistoryPage(Page):
             folder = str(self.table.run.log.parent.absolute())
             if QDesktopServices.openUrl(QUrl.fromLocalFile(folder)):
                 return
-            copy = partial(QGuiApplication.clipboard().setText, folder)  # this computer cannot open folders
+            copy = partial(QGuiApplication.clipboard().setText, folder)  # if this computer cannot open folders
             choices = (
                 Choice("copy_folder_button", "history.copy_path", copy, primary=True),
                 Choice("folder_close_button", "common.close", self.table.setFocus),
@@ -244,7 +242,7 @@ class HistoryPage(Page):
             self.notice.ask("none", "history.run_folder", lambda: folder, choices)
 
     def _show_batch(self) -> None:
-        """List the units that were on the table together with the selected one."""
+        """List the runs of the batch of the selected run."""
         run = self.table.run
         if run is not None and run.batch is not None:
             self._filters.search_edit.setText(run.batch)
@@ -260,14 +258,14 @@ class HistoryPage(Page):
 
     def _compare(self) -> None:
         """Read the results of the selected runs, and compare them in chronological order."""
-        self._compared = self.table.chosen[::-1]
+        self._compared = self.table.selected_runs[::-1]
         self._loader.start(self.app.station_path, self.app.runs_folder, self._compared)
 
     def _show_comparison(self, results: list[Result]) -> None:
         self.notice.dismiss()
         self._comparison.show_runs(self._compared, results)
         self._views.setCurrentWidget(self._comparison)
-        self._comparison.focus()
+        self._comparison.setFocus()
 
     def _show_versions(self) -> None:
         self._views.setCurrentWidget(self.versions)
@@ -278,10 +276,10 @@ class HistoryPage(Page):
         self.table.setFocus()
 
     def _export(self) -> None:
-        """Export the selected runs if there are several, otherwise all that match the filters."""
+        """Export the selected runs if there are several, or else all runs that match the filters."""
         folder, conditions = self.app.runs_folder, self._filters.conditions
-        if len(self.table.chosen) > 1:
-            conditions = RunFilter(names=tuple(run.log.stem for run in self.table.chosen))
+        if len(self.table.selected_runs) > 1:
+            conditions = RunFilter(names=tuple(run.log.stem for run in self.table.selected_runs))
         self.exports.ask(
             say("history.export_runs"),
             folder.absolute().parent / "runs.csv",
@@ -290,7 +288,7 @@ class HistoryPage(Page):
         )
 
     def _why_not_compare(self) -> str:
-        chosen = self.table.chosen
+        chosen = self.table.selected_runs
         if not 2 <= len(chosen) <= MAX_COMPARED:
             return say("history.select_runs", largest=MAX_COMPARED)
         if any(run.verdict is Verdict.INCOMPLETE for run in chosen):
@@ -298,17 +296,17 @@ class HistoryPage(Page):
         return ""
 
     def _show_texts(self) -> None:
-        """Show the number of runs, the possible actions on them, and the text of an empty list."""
-        listed, chosen = len(self.table.runs), len(self.table.chosen)
+        """Show the number of runs, the possible actions, and the text of an empty list."""
+        listed, chosen = len(self.table.runs), len(self.table.selected_runs)
         code = "history.runs_shown"
-        if self._count == listed:
+        if self._match_count == listed:
             code = "history.one_run" if listed == 1 else "history.run_count"
-        self._count_label.setText(say(code, count=self._count, shown=listed))
+        self._count_label.setText(say(code, count=self._match_count, shown=listed))
         filtered = self._filters.conditions != RunFilter()
         self._clear_button.setVisible(filtered)
         enable(self._compare_button, self._why_not_compare(), say("history.compare_tip"))
         self._export_button.setText(say("history.export_selection" if chosen > 1 else "history.export_list"))
-        count = chosen if chosen > 1 else self._count
+        count = chosen if chosen > 1 else self._match_count
         tip = say("history.export_tip", count=count)
         enable(self._export_button, "" if count else say("history.nothing_to_export"), tip)
         if filtered:
@@ -318,9 +316,9 @@ class HistoryPage(Page):
 
 
 def _result(run: RunRecord) -> Result | None:
-    """Return the result of a run, None if it is missing or unreadable.
+    """Return the result of a run, or None if it is missing or unreadable.
 
-    The result of another station's run is available once it has been opened; it may be outdated after a release.
+    The result of a run of another station is available after it has been opened once, and outdated after an override.
     """
     path = run.log.with_suffix(".json") if run.origin else run.result
     if path is None:

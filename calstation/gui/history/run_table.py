@@ -26,17 +26,17 @@ _COLUMNS: tuple[tuple[str, Callable[[RunRecord], str]], ...] = (
     ("common.stages", lambda run: stages_text(run)),
 )
 _OUTCOME, _STARTED, _DURATION, _STATION, _SLOT, _BATCH, _STAGES = 0, 2, 6, 7, 8, 9, 10
-#: Columns hidden first if there is too little space: attempt, operator, product; the details also show them.
+#: Columns that are hidden first if the table is narrow: attempt, operator, product. The details also show them.
 _HIDDEN_FIRST = (4, 5, 3)
-#: Right-aligned columns of numbers: attempt, duration.
+#: Columns of numbers, which are right-aligned: attempt, duration.
 _NUMBERS = (4, 6)
 
 
 class RunTable(QTableWidget):
-    """Lists runs, the latest first; emits `selected(run)`, with None if there is no run, and `chosen_changed`."""
+    """Lists runs, the latest first; emits `selected(run)`, with None if there is no run, and `selection_changed`."""
 
     selected = Signal(object)
-    chosen_changed = Signal()
+    selection_changed = Signal()
 
     def __init__(self) -> None:
         super().__init__(0, _STAGES + 1)
@@ -58,25 +58,25 @@ class RunTable(QTableWidget):
         header.setStretchLastSection(True)
         header.setResizeContentsPrecision(0)  # columns are as wide as the visible rows need
         self.selectionModel().currentRowChanged.connect(self._row_changed)
-        self.selectionModel().selectionChanged.connect(lambda *_: self.chosen_changed.emit())
+        self.selectionModel().selectionChanged.connect(lambda *_: self.selection_changed.emit())
         theme.themes.changed.connect(self._fill_rows)
         on_language_change(self, self._refresh)
 
     @property
     def run(self) -> RunRecord | None:
-        """The run selected last, None if there is none."""
+        """The current run, or None."""
         number = self.currentRow()
         return self.runs[number] if 0 <= number < len(self.runs) else None
 
     @property
-    def chosen(self) -> tuple[RunRecord, ...]:
+    def selected_runs(self) -> tuple[RunRecord, ...]:
         """All selected runs, the latest first."""
         return tuple(self.runs[number] for number in sorted({index.row() for index in self.selectedIndexes()}))
 
     def show_runs(self, runs: Sequence[RunRecord]) -> None:
-        """Show these runs; selected runs among them stay selected, otherwise the latest is selected."""
+        """Show these runs. The selection is kept, or else the latest run is selected."""
         log = self.run.log if self.run is not None else None
-        chosen = {run.log for run in self.chosen}
+        selected_logs = {run.log for run in self.selected_runs}
         self.setRowCount(0)
         self.runs = tuple(runs)
         self.setRowCount(len(runs))
@@ -85,7 +85,7 @@ class RunTable(QTableWidget):
         if runs:
             self._select(
                 next((i for i, run in enumerate(runs) if run.log == log), 0),
-                [i for i, run in enumerate(runs) if run.log in chosen],
+                [i for i, run in enumerate(runs) if run.log in selected_logs],
             )
         else:
             self.selected.emit(None)
@@ -113,10 +113,10 @@ class RunTable(QTableWidget):
             self.show_runs(self.runs)
 
     def _share_width(self) -> None:
-        """Fit the columns to their contents, the stages to the remaining width; hide columns if there is too little.
+        """Fit the columns to their contents and the stages to the remaining width; hide columns if the table is narrow.
 
-        The station is shown only for runs of several stations, batch and slot only for runs in batches; duration and
-        stages are then hidden before them.
+        The station is shown only for runs of several stations, and batch and slot only for runs in batches, for which
+        duration and stages are hidden first.
         """
         hidden = {_STATION} if len({run.station for run in self.runs if run.station}) < 2 else set()
         batches = any(run.batch for run in self.runs)
@@ -127,18 +127,18 @@ class RunTable(QTableWidget):
         self.resizeColumnsToContents()
         for column in range(_STAGES):
             self.setColumnWidth(column, self.columnWidth(column) + 2 * theme.GRID)
-        left = self.viewport().width() - sum(self.columnWidth(column) for column in range(_STAGES))
+        free = self.viewport().width() - sum(self.columnWidth(column) for column in range(_STAGES))
         for column in (*_HIDDEN_FIRST, *([_DURATION] if batches else [])):
-            if left >= 30 * theme.GRID:  # sufficient width for the stages
+            if free >= 30 * theme.GRID:  # sufficient width for the stages
                 break
-            left += self.columnWidth(column)
+            free += self.columnWidth(column)
             self.setColumnHidden(column, True)
-        least = 10 * theme.GRID
-        self.setColumnHidden(_STAGES, batches and left < least)
-        self.setColumnWidth(_STAGES, max(left, least))
+        minimum = 10 * theme.GRID
+        self.setColumnHidden(_STAGES, batches and free < minimum)
+        self.setColumnWidth(_STAGES, max(free, minimum))
 
     def _select(self, current: int, rows: Sequence[int]) -> None:
-        """Make a row the current one, and select it or these rows, regardless of pressed keys."""
+        """Make a row the current one, and select `rows`, by default that row, regardless of pressed keys."""
         model, selected, flag = self.model(), QItemSelection(), QItemSelectionModel.SelectionFlag
         for number in rows or (current,):
             selected.select(model.index(number, 0), model.index(number, _STAGES))

@@ -1,4 +1,4 @@
-"""Comparison of two versions of the solutions of all logs: changed verdicts, and changes of the parameters."""
+"""The comparison of two versions of the solutions of all logs: changed verdicts, and parameter changes."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -38,9 +38,9 @@ from calstation.messages import known, local_time
 
 #: Version of the results stored by the runs.
 _ONLINE = "online"
-#: Rows of the plot: parameters, or the groups of one parameter.
+#: Choices for the rows of the plot: parameters, or the groups of logs for the selected parameter.
 _GROUPS = {"": "history.by_parameter", **{kind: f"history.by_{kind}" for kind in GROUPS}}
-#: Largest number of changed verdicts listed; an export contains all.
+#: Maximum number of changed verdicts in the list; an export contains all.
 _MAX_CHANGES = 1000
 _CHANGES = (
     Cell("common.serial_number", "serial", number=False, hint="log"),
@@ -60,7 +60,7 @@ _MOVES = (
 
 
 class VersionsView(QWidget):
-    """Selects two versions, compares them by a job and shows the result; `back` is called to return to the list."""
+    """Compares two versions selected by the user; `back` is called to return to the list."""
 
     def __init__(self, page: Page, back: Callable[[], None]) -> None:
         super().__init__()
@@ -68,10 +68,12 @@ class VersionsView(QWidget):
         self._versions: list[str] = []
         self._comparison: Comparison | None = None
         self._reader = page.job(versions_job, self._offer, failure="history.versions_not_read", then=back)
-        self._worker = page.job(compare_job, self._show_comparison, failure="history.versions_not_compared", then=back)
+        self._comparer = page.job(
+            compare_job, self._show_comparison, failure="history.versions_not_compared", then=back
+        )
         self.back_button = button("versions_back_button", "history.back_to_list", back)
         self.exports = FileExport(page, self.back_button.setFocus)
-        for watch in (self._worker, self.exports.watch):
+        for watch in (self._comparer, self.exports.watch):
             watch.busy_changed.connect(page.notice.dismiss)
         self._reader.busy_changed.connect(self._show_texts)
         self._summary = label(wrap=True, name="versions_summary_label")
@@ -85,9 +87,9 @@ class VersionsView(QWidget):
         self._group.currentIndexChanged.connect(lambda _: self._draw())
         left = box(self._changes_title, (self.changes, 2), (self.moves, 3))
         right = box(row(None, self._group), (self.plot, 1))
-        answer = box(self._summary, (split((left, 5), (right, 4), handle=2 * theme.GRID), 1))
+        self._result = box(self._summary, (split((left, 5), (right, 4), handle=2 * theme.GRID), 1))
         self._nothing = EmptyState()
-        self._body, self._answer = stack(self._nothing, answer), answer
+        self._body = stack(self._nothing, self._result)
         column(self._make_choice(), (self._body, 1), on=self)
         on_language_change(self, self._show_texts)
 
@@ -108,7 +110,7 @@ class VersionsView(QWidget):
         progress = JobStack(
             idle,
             JobRow(self._reader, "versions_read_cancel_button"),
-            JobRow(self._worker, "versions_cancel_button"),
+            JobRow(self._comparer, "versions_cancel_button"),
             JobRow(self.exports.watch, "versions_export_cancel_button"),
         )
         before = label("history.before", buddy=self._before)
@@ -118,7 +120,7 @@ class VersionsView(QWidget):
     # ---- choosing and comparing
 
     def _offer(self, versions: list[str]) -> None:
-        """Offer the versions; by default select the results of the runs, or the first version, and the last one."""
+        """Offer the versions, and select the first, such as the results of the runs, and the last."""
         if versions == self._versions:
             self._show_texts()
             return
@@ -130,14 +132,14 @@ class VersionsView(QWidget):
     def _name(self, version: str) -> str:
         return say("history.original_results") if version == _ONLINE else version
 
-    def _chosen(self) -> tuple[str, str]:
+    def _selected(self) -> tuple[str, str]:
         return self._before.currentData() or "", self._after.currentData() or ""
 
     def _compare(self) -> None:
-        self._worker.start(self._app.station_path, *self._chosen())
+        self._comparer.start(self._app.station_path, *self._selected())
 
     def _export(self) -> None:
-        station, (before, after) = self._app.station_path, self._chosen()
+        station, (before, after) = self._app.station_path, self._selected()
         self.exports.ask(
             say("history.export_comparison"),
             self._app.runs_folder.absolute().parent / "comparison.json",
@@ -152,7 +154,7 @@ class VersionsView(QWidget):
     # ---- showing
 
     def _why_not(self) -> str:
-        before, after = self._chosen()
+        before, after = self._selected()
         if len(self._versions) < 2:
             return say("history.no_two_versions")
         return say("history.choose_different") if before == after else ""
@@ -165,11 +167,11 @@ class VersionsView(QWidget):
             for index in range(combo.count()):
                 combo.setItemText(index, self._name(combo.itemData(index)))
         comparison = self._comparison
-        if comparison is None or (comparison.before, comparison.after) != self._chosen():
+        if comparison is None or (comparison.before, comparison.after) != self._selected():
             self._body.setCurrentWidget(self._nothing)
             self._nothing.say(*self._empty_words())
             return
-        self._body.setCurrentWidget(self._answer)
+        self._body.setCurrentWidget(self._result)
         down, up = len(comparison.pass_to_fail), len(comparison.fail_to_pass)
         lines = [say("history.logs_in_both", count=comparison.logs)]
         if comparison.only_before or comparison.only_after:
@@ -181,7 +183,7 @@ class VersionsView(QWidget):
         self._draw()
 
     def _empty_words(self) -> tuple[Words, ...]:
-        """Return title and text of the area in which the result will be shown."""
+        """Return the title and text that are shown instead of a result."""
         if self._app.exchange_state is None:
             return "history.nothing_shared", "history.no_database"
         if self._reader.busy:
@@ -191,11 +193,11 @@ class VersionsView(QWidget):
         return "history.choose_versions", "history.about_versions"
 
     def _fill_changes(self, changes: Sequence[VerdictChange]) -> None:
-        table, shown = self.changes, changes[:_MAX_CHANGES]
+        table, listed = self.changes, changes[:_MAX_CHANGES]
         code = "history.no_verdict_changed"
         if changes:
-            code = "history.changed_count" if len(shown) == len(changes) else "history.changed_listed"
-        self._changes_title.setText(say(code, count=len(changes), shown=len(shown)))
+            code = "history.changed_count" if len(listed) == len(changes) else "history.changed_listed"
+        self._changes_title.setText(say(code, count=len(changes), shown=len(listed)))
         table.setVisible(bool(changes))
         table.show_cells(
             {
@@ -209,7 +211,7 @@ class VersionsView(QWidget):
                     "checks": _checks_text(change.failed_after or change.failed_before),
                     "log": change.log,
                 }
-                for number, change in enumerate(shown)
+                for number, change in enumerate(listed)
             }
         )
 
@@ -248,14 +250,14 @@ def _checks_text(names: str) -> str:
     return ", ".join(map(parameter_text, quantities))
 
 
-#: Smallest change that is distinguished from zero, and smallest upper end of the axis, sigmas.
+#: Lower end of the axis, to which smaller changes are rounded up, and minimum of its upper end, sigmas.
 _MIN_CHANGE, _MIN_END = 1e-3, 10.0
 #: Height of the horizontal axis with its label, px.
-_AXIS = 7 * theme.GRID
+_AXIS_HEIGHT = 7 * theme.GRID
 
 
 class MovesPlot(ThemedPlot, DataView[Mapping[str, Move]]):
-    """Median, 95th percentile and maximum of the change, one row for each parameter or group of logs."""
+    """Plots the median, 95th percentile and maximum of the changes, one row per parameter or group of logs."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -267,8 +269,8 @@ class MovesPlot(ThemedPlot, DataView[Mapping[str, Move]]):
         theme.on_appearance_change(self, self.refresh)
 
     def show_data(self, data: Mapping[str, Move]) -> None:
-        """Plot changes by the text of their row."""
-        self.setMinimumHeight(theme.BODY * len(data) + _AXIS)
+        """Plot changes; the keys are the labels of the rows."""
+        self.setMinimumHeight(theme.BODY * len(data) + _AXIS_HEIGHT)
         self.getViewBox().reset()
         super().show_data(data)
 

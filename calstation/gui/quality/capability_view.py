@@ -1,4 +1,4 @@
-"""Process capability of every parameter with limits, and the distribution of the selected one."""
+"""The process capability of every parameter with limits, and the distribution of the selected parameter."""
 
 from collections.abc import Sequence
 
@@ -12,10 +12,10 @@ from calstation.messages import Text
 from calstation.physics import display, number
 from calstation.quality import ParameterQuality
 
-#: Smallest capability index that is usually required.
-_REQUIRED = 1.33
-#: Half width of the drawn normal distribution, in standard deviations.
-_DRAWN = 4.0
+#: Capability index that is usually required.
+_REQUIRED_INDEX = 1.33
+#: Half the width of the normal distribution in the plot, in standard deviations.
+_HALF_WIDTH = 4.0
 _COLUMNS = (
     Cell("quality.mean", "mean"),
     Cell("quality.sigma_within", "within"),
@@ -36,21 +36,18 @@ class CapabilityView(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._charts: dict[str, ParameterQuality] = {}
-        name, words = "capability_table", "quality.capability_by_parameter"
-        self.table = table = CellTable(name, words, _COLUMNS, grouped=True, single=True)
+        self.table = table = CellTable(
+            "capability_table", "quality.capability_by_parameter", _COLUMNS, grouped=True, single=True
+        )
         self.plot = Histogram()
         table.selectionModel().currentRowChanged.connect(lambda *_: self._draw())
-        note = label(Text.of("quality.about_capability", required=_REQUIRED), kind="muted", wrap=True)
-        column(
-            note,
-            (split((table, 2), (self.plot, 1), handle=2 * theme.GRID), 1),
-            on=self,
-            margins=(0, theme.GRID, 0, 0),
-        )
+        note = label(Text.of("quality.about_capability", required=_REQUIRED_INDEX), kind="muted", wrap=True)
+        parts = split((table, 2), (self.plot, 1), handle=2 * theme.GRID)
+        column(note, (parts, 1), on=self, margins=(0, theme.GRID, 0, 0))
         on_language_change(self, self._fill)
 
     def show_charts(self, charts: Sequence[ParameterQuality]) -> None:
-        """Show the capability of quantities that have limits."""
+        """Show the capability of the parameters that have limits."""
         self._charts = {each.parameter: each for each in charts if each.capability is not None}
         self._fill()
         if self._charts:
@@ -58,7 +55,7 @@ class CapabilityView(QWidget):
 
     @property
     def empty(self) -> bool:
-        """Return whether there is nothing to show."""
+        """Whether there is nothing to show."""
         return not self._charts
 
     def _fill(self) -> None:
@@ -70,13 +67,13 @@ class CapabilityView(QWidget):
             size, unit = display(name, 1.0)
             digits = size * capability.sigma_overall
             indices = {"cp": capability.cp, "cpk": capability.cpk, "pp": capability.pp, "ppk": capability.ppk}
-            lines = [f"{name.title()}: {i.low:.2f} … {i.value:.2f} … {i.high:.2f}" for name, i in indices.items()]
+            lines = [f"{key.title()}: {i.low:.2f} … {i.value:.2f} … {i.high:.2f}" for key, i in indices.items()]
             cells[name] = {
                 "mean": number(size * capability.mean, digits),
                 "within": number(size * capability.sigma_within, digits),
                 "overall": number(digits, digits),
                 "unit": unit,
-                **{name: f"{index.value:.2f}" for name, index in indices.items()},
+                **{key: f"{index.value:.2f}" for key, index in indices.items()},
                 "outside": str(capability.outside),
                 "normal": say("quality.yes" if capability.normal else "quality.no"),
                 "hint": "\n".join([*lines, say("quality.normality", probability=capability.normality_p)]),
@@ -89,14 +86,14 @@ class CapabilityView(QWidget):
 
 
 class Histogram(ThemedPlot, DataView[ParameterQuality]):
-    """Histogram of a parameter with its limits and the normal distribution of its mean and scatter."""
+    """A histogram of a parameter with its limits and the normal distribution with its mean and standard deviation."""
 
     def __init__(self) -> None:
         super().__init__()
         theme.on_appearance_change(self, self.refresh)
 
     def draw(self, data: ParameterQuality) -> None:
-        """Draw the values of a quantity with limits."""
+        """Draw the values of a parameter with limits."""
         name, capability = data.parameter, data.capability
         if capability is None:
             return
@@ -110,7 +107,7 @@ class Histogram(ThemedPlot, DataView[ParameterQuality]):
         width = edges[1] - edges[0]
         bars = pg.BarGraphItem(x0=edges[:-1], width=width, height=counts, brush=theme.faint(c.accent, 110), pen=c.line)
         self.addItem(bars)
-        x = np.linspace(mean - _DRAWN * sigma, mean + _DRAWN * sigma, 200)
+        x = np.linspace(mean - _HALF_WIDTH * sigma, mean + _HALF_WIDTH * sigma, 200)
         density = np.exp(-0.5 * ((x - mean) / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi)) * len(values) * width
         self.addItem(pg.PlotDataItem(x, density, pen=pg.mkPen(c.text, width=1)))
         for limit in (capability.low, capability.high):

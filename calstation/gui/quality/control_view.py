@@ -1,4 +1,4 @@
-"""Control charts: a list of quantities, the charts of the selected one, and the runs that signal."""
+"""The view of control charts: a list of parameters, the charts of the selected one, and the runs that signal."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -7,19 +7,19 @@ import numpy as np
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.quality.control_charts import ControlCharts, Shown
+from calstation.gui.quality.control_charts import ControlCharts, ParameterCharts
 from calstation.gui.text import on_language_change, parameter_text, say
-from calstation.gui.widgets import Cell, CellTable, column, combo_box, label, row, split, theme
+from calstation.gui.widgets import Cell, CellTable, box, column, combo_box, label, row, split, theme
 from calstation.messages import local_time
 from calstation.physics import IntArray, display
 from calstation.quality import ParameterQuality
 
-#: Largest number of signalling runs that are listed, the latest first.
+#: Maximum number of signalling runs in the list, the latest first.
 _MAX_LISTED = 200
-#: Number of rows used to determine the width of a column.
-_MEASURED = 20
-#: Number of the latest runs whose signals make a quantity notable.
-_LATEST = 10
+#: Number of rows that determine the width of a column.
+_ROWS_FOR_WIDTH = 20
+#: Number of the latest runs whose signals mark a parameter as bad.
+_LATEST_RUNS = 10
 _QUANTITIES = (
     Cell("quality.runs", "runs"),
     Cell("quality.signals", "signals", state="kind"),
@@ -32,84 +32,77 @@ _SIGNALS = (
 
 
 class ControlView(QWidget):
-    """Shows the charts of quantities; emits `run_wanted(name)` for a run that the user opens."""
+    """Shows the charts of the parameters; emits `run_requested(name)` for a run that the user opens."""
 
-    run_wanted = Signal(str)
+    run_requested = Signal(str)
 
     def __init__(self) -> None:
         super().__init__()
         self._charts: dict[str, ParameterQuality] = {}
-        self._signals: dict[str, IntArray] = {}  #: Signals of the selected quantity, see `Charts.signals`.
+        #: Signals of the selected parameter; see `Charts.signals`.
+        self._signals: dict[str, IntArray] = {}
         self._relative = False
         self.plots = ControlCharts()
         self._slow = combo_box("quality_slow_combo", {"ewma": "quality.ewma", "cusum": "quality.cusum"})
         self._slow.currentIndexChanged.connect(lambda _: self.plots.show_slow(self._slow.currentData()))
         self.quantities = CellTable("quality_quantities_table", "quality.quantities", _QUANTITIES, single=True)
-        name, words = "quality_signals_table", "quality.signalling_runs"
-        self.signals = CellTable(name, words, _SIGNALS, named=False, single=True)
+        self.signals = CellTable("quality_signals_table", "quality.signalling_runs", _SIGNALS, named=False, single=True)
         for table in (self.quantities, self.signals):
-            table.horizontalHeader().setResizeContentsPrecision(_MEASURED)
+            table.horizontalHeader().setResizeContentsPrecision(_ROWS_FOR_WIDTH)
         self.quantities.selectionModel().currentRowChanged.connect(lambda *_: self._draw())
         self.signals.selectionModel().currentRowChanged.connect(lambda *_: self.plots.choose(self._index))
         self.signals.doubleClicked.connect(lambda _: self._open())
         self.note = label(kind="muted", name="quality_signals_label", wrap=True)
-        self._side, right = QWidget(), QWidget()
-        column((self.quantities, 3), self.note, (self.signals, 2), on=self._side)
-        caption = label("quality.slow_chart", buddy=self._slow)
-        column((self.plots, 1), row(None, caption, self._slow), on=right)
-        column((split((self._side, 3), (right, 7), handle=2 * theme.GRID), 1), on=self, margins=(0, theme.GRID, 0, 0))
+        left = box((self.quantities, 3), self.note, (self.signals, 2))
+        right = box((self.plots, 1), row(None, label("quality.slow_chart", buddy=self._slow), self._slow))
+        column((split((left, 3), (right, 7), handle=2 * theme.GRID), 1), on=self, margins=(0, theme.GRID, 0, 0))
         on_language_change(self, self._draw)
 
     def show_charts(self, charts: Sequence[ParameterQuality], *, relative: bool) -> None:
-        """Show charts of the quantities of one product; `relative` values are in standard deviations."""
-        chosen = self._quantity
+        """Show the charts of one product; `relative` values are in standard deviations."""
+        current = self.quantities.current_name
         self._charts, self._relative = {each.parameter: each for each in charts}, relative
-        self._fill()
-        names = list(self._charts)
-        if names:
-            self.quantities.selectRow(names.index(chosen) if chosen in names else 0)
-
-    @property
-    def empty(self) -> bool:
-        """Return whether there is nothing to show."""
-        return not self._charts
-
-    @property
-    def _quantity(self) -> str:
-        return self.quantities.current_name
-
-    def _fill(self) -> None:
         self.quantities.show_cells(
             {
                 name: {"runs": str(len(each.names)), "signals": str(sum(each.alarms.values())), "kind": _state(each)}
                 for name, each in self._charts.items()
             }
         )
+        names = list(self._charts)
+        if names:
+            self.quantities.selectRow(names.index(current) if current in names else 0)
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to show."""
+        return not self._charts
 
     def _draw(self) -> None:
-        name = self._quantity
+        name = self.quantities.current_name
         if not name:
             return
-        shown, text = self._charts[name], parameter_text(name)
+        parameter = self._charts[name]
         size, unit = (1.0, "σ") if self._relative else display(name, 1.0)
-        charts = shown.charts()
+        charts = parameter.charts()
         self._signals = charts.signals()
-        self.plots.show_data(Shown(shown, charts, text, unit, size))
+        self.plots.show_data(ParameterCharts(parameter, charts, parameter_text(name), unit, size))
         runs = np.unique(np.concatenate([*self._signals.values()]))
         latest = runs[::-1][:_MAX_LISTED].tolist()
         words = {signal: (say(f"chart.{signal}_short"), say(f"chart.{signal}")) for signal in self._signals}
-        self.signals.show_cells({str(index): self._signal_cells(shown, index, words) for index in latest})
+        self.signals.show_cells({str(index): self._signal_cells(parameter, index, words) for index in latest})
         code = "chart.signals" if len(runs) else "chart.no_signals"
-        self.note.setText(say(code, count=len(runs), total=len(shown.names)))
+        self.note.setText(say(code, count=len(runs), total=len(parameter.names)))
 
-    def _signal_cells(self, shown: ParameterQuality, index: int, words: dict[str, tuple[str, str]]) -> dict[str, str]:
-        started = datetime.fromtimestamp(shown.started[index], UTC).isoformat()
+    def _signal_cells(
+        self, parameter: ParameterQuality, index: int, words: dict[str, tuple[str, str]]
+    ) -> dict[str, str]:
+        started = datetime.fromtimestamp(parameter.started[index], UTC).isoformat()
         here = [words[signal] for signal, runs in self._signals.items() if index in runs[-_MAX_LISTED:]]
         return {
             "run": str(index + 1),
             "started": local_time(started),
             "rules": ", ".join(short for short, _ in here),
-            "hint": "\n".join([shown.names[index], *(text for _, text in here)]),
+            "hint": "\n".join([parameter.names[index], *(text for _, text in here)]),
         }
 
     @property
@@ -119,11 +112,11 @@ class ControlView(QWidget):
 
     def _open(self) -> None:
         if self._index is not None:
-            self.run_wanted.emit(self._charts[self._quantity].names[self._index])
+            self.run_requested.emit(self._charts[self.quantities.current_name].names[self._index])
 
 
 def _state(charts: ParameterQuality) -> str:
-    """Return the symbol of a quantity: whether one of its latest runs, or any run, signals."""
+    """Return the symbol of a parameter: bad if one of its latest runs signals, caution if an earlier run does."""
     if charts.latest is None:
         return "good"
-    return "bad" if charts.latest >= len(charts.names) - _LATEST else "caution"
+    return "bad" if charts.latest >= len(charts.names) - _LATEST_RUNS else "caution"

@@ -1,4 +1,4 @@
-"""The Quality page: statistics on units, stations and the process over many runs."""
+"""The Quality page: statistics of units, stations and the process over many runs."""
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -45,22 +45,23 @@ _PERIODS: dict[int | None, Words] = {
 
 
 class QualityPage(Page):
-    """Shows statistics of the runs in the runs folder."""
+    """The page with statistics of the runs in the runs folder."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app, "quality")
         self._summary: QualitySummary | None = None
-        self._outdated: set[QWidget] = set()  #: Views that do not show the summary yet.
+        #: Views that do not show the summary yet.
+        self._outdated: set[QWidget] = set()
         unread = "common.runs_not_read"
-        self._refresher = self.job(refresh_history, self._refreshed, failure=unread)
+        self._refresher = self.job(refresh_history, self._show_refreshed, failure=unread)
         self._watch = self.job(summarise_quality, self._show, failure=unread)
         self._station_watch = self.job(station_quality, self._show_station, failure=unread)
         self._fetcher = self.job(fetch_result, app.open_run.emit, failure="common.result_not_opened")
         scales = {False: "common.numeric_value", True: "quality.deviation"}
         self.product, self.unit = (combo_box(f"quality_{name}_combo", fit=True) for name in ("product", "unit"))
         self.period = combo_box("quality_period_combo", _PERIODS, fit=True)
-        self.shown_as = combo_box("quality_scale_combo", scales, fit=True)
-        bind(self.shown_as.setToolTip, "quality.about_deviations")
+        self.scale = combo_box("quality_scale_combo", scales, fit=True)
+        bind(self.scale.setToolTip, "quality.about_deviations")
         self.count_label = label(kind="muted", name="quality_count_label")
         self.count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.control, self.capability, self.yields = ControlView(), CapabilityView(), YieldView()
@@ -78,11 +79,11 @@ class QualityPage(Page):
         self._lay_out()
         self.tabs.currentChanged.connect(lambda _: self._show_view())
         self.product.currentIndexChanged.connect(lambda _: self._product_chosen())
-        for combo in (self.unit, self.period, self.shown_as):
+        for combo in (self.unit, self.period, self.scale):
             combo.currentIndexChanged.connect(lambda _: self.read())
         for view in (self.control, self.standards):
-            view.run_wanted.connect(self._open_run)
-        app.engine_link.event.connect(self._follow)
+            view.run_requested.connect(self._open_run)
+        app.engine_link.event.connect(self._handle_event)
         app.runs_folder_changed.connect(self._refresh_visible)
         for changed in (app.station_changed, app.product_changed):
             changed.connect(lambda: self._offer_products(app.product_path))
@@ -96,11 +97,11 @@ class QualityPage(Page):
             return
         days = self.period.currentData()
         since = None if days is None else datetime.now(UTC) - timedelta(days=days)
-        unit, relative = self.unit.currentData() or None, self.shown_as.currentData()
+        unit, relative = self.unit.currentData() or None, self.scale.currentData()
         self._watch.start(folder, product, unit, since=since, relative=relative)
 
     def _read_all(self) -> None:
-        """Read the selected runs, then the data independent of this selection: the station, and an open study."""
+        """Read the selected runs, and the data that do not depend on the selection: the station and an open study."""
         self.read()
         folder, product = self.app.runs_folder, self.product.currentData()
         if folder.is_dir() and product is not None:
@@ -118,7 +119,7 @@ class QualityPage(Page):
             (self.product, "common.product"),
             (self.unit, "quality.units"),
             (self.period, "common.time"),
-            (self.shown_as, "quality.shown_as"),
+            (self.scale, "quality.shown_as"),
         ):
             fields.append(column(label(words, buddy=combo), combo, spacing=theme.GRID // 2))
             bind(combo.setAccessibleName, words)
@@ -147,7 +148,7 @@ class QualityPage(Page):
             self._read_all()
 
     def _offer_units(self) -> None:
-        """Offer all units together, and every check standard of the product individually."""
+        """Offer all units together, and each check standard of the product."""
         try:
             product = load_product(self.product.currentData())[1]
             serials = [each.serial for each in product.check_standards]
@@ -157,17 +158,17 @@ class QualityPage(Page):
         fill_combo(self.unit, [(say("quality.all_units"), ""), *standards])
 
     def _refresh_visible(self) -> None:
-        """Show the indexed runs immediately, and again if the folder has changed."""
+        """Show the indexed runs immediately, and show them again if the folder has changed."""
         if self.isVisible():
             self._read_all()
             if self.app.runs_folder.is_dir():
                 self._refresher.start(self.app.runs_folder)
 
-    def _refreshed(self, changed: int) -> None:
+    def _show_refreshed(self, changed: int) -> None:
         if changed:
             self._read_all()
 
-    def _follow(self, event: Event) -> None:
+    def _handle_event(self, event: Event) -> None:
         if isinstance(event, Finalized):
             self._refresh_visible()
 
@@ -182,7 +183,7 @@ class QualityPage(Page):
         """Show the summary in a view; hidden views are updated when they are shown."""
         if view is self.control:
             charts = summary.parameters if summary.serial is None else summary.golden
-            self.control.show_charts(charts, relative=self.shown_as.currentData())
+            self.control.show_charts(charts, relative=self.scale.currentData())
         elif view is self.capability:
             self.capability.show_charts(summary.parameters)
         else:
@@ -197,17 +198,17 @@ class QualityPage(Page):
         if summary is not None and view in self._outdated:
             self._outdated.remove(view)
             self._fill(view, summary)
-        some = summary is not None and summary.yields.overall is not None
-        shown, code = some or view is self.study, "few_runs" if some else "no_runs"
+        judged = summary is not None and summary.yields.overall is not None
+        visible, code = judged or view is self.study, "few_runs" if judged else "no_runs"
         if view is self.control:
-            shown = not self.control.empty
+            visible = not self.control.empty
         elif view is self.capability and summary is not None:
-            shown = not self.capability.empty
+            visible = not self.capability.empty
             code = "no_limits" if summary.parameters else code
         elif view is self.standards:
-            shown, code = not self.standards.empty, "no_standards"
+            visible, code = not self.standards.empty, "no_standards"
         self._empty.say(f"chart.{code}", Text.of(f"chart.{code}_about", least=LEAST_VALUES))
-        self._stack.setCurrentWidget(view if shown else self._empty)
+        self._stack.setCurrentWidget(view if visible else self._empty)
         overall = None if summary is None else summary.yields.overall
         self.count_label.setText("" if overall is None else say("chart.judged_runs", count=overall.count))
 
@@ -222,6 +223,6 @@ class QualityPage(Page):
                 self._fetcher.start(self.app.station_path, run)
 
     def _show_texts(self) -> None:
-        self.shown_as.setItemData(1, say("quality.about_deviations"), Qt.ItemDataRole.ToolTipRole)
+        self.scale.setItemData(1, say("quality.about_deviations"), Qt.ItemDataRole.ToolTipRole)
         self._offer_products(self.product.currentData() or self.app.product_path)
         self._show_view()

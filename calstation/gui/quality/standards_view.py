@@ -1,4 +1,4 @@
-"""Check standards and instruments of the station, the errors of the last check, and the geometry of the table."""
+"""The check standards and instruments of a station, the errors of a check, and the geometry of the table."""
 
 import math
 from collections.abc import Mapping
@@ -16,6 +16,7 @@ from calstation.gui.widgets import (
     ElidedLabel,
     StackedPlots,
     ThemedPlot,
+    box,
     column,
     dashed,
     label,
@@ -28,10 +29,12 @@ from calstation.messages import Text, local_time
 from calstation.physics import ARCSECOND, display
 from calstation.quality import BASELINE, StandardHistory, StationQuality, TableChart
 
-#: Quantities of the table's geometry in the order of the plots.
+#: Quantities of the table geometry, in the order of the plots.
 _QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
 _STATE = Cell("quality.state", "state", number=False, state="kind")
-#: Object name, accessible name and columns of the tables: standards, runs, instruments, and detectable errors.
+#: State of an instrument by its symbol.
+_INSTRUMENT_STATES = {"bad": "overdue", "good": "good", "none": "undated"}
+#: Object name, accessible name and columns of the tables of standards, runs, instruments and detectable errors.
 _TABLES = (
     (
         "standards_table",
@@ -78,9 +81,9 @@ _TABLES = (
 
 
 class StandardsView(QWidget, DataView[StationQuality]):
-    """Shows the check standards of a station; emits `run_wanted(name)` for a run that the user opens."""
+    """Shows the check standards of a station; emits `run_requested(name)` for a run that the user opens."""
 
-    run_wanted = Signal(str)
+    run_requested = Signal(str)
 
     def __init__(self) -> None:
         super().__init__()
@@ -104,15 +107,11 @@ class StandardsView(QWidget, DataView[StationQuality]):
         titles = [ElidedLabel("muted") for _ in words]
         for title, text in zip(titles, words, strict=True):
             bind(title, text)
-        left, middle, right = QWidget(), QWidget(), QWidget()
-        column(titles[0], (self.standards, 2), titles[1], (self.runs, 4), titles[2], (self.instruments, 3), on=left)
-        column(titles[3], (self.errors, 3), titles[5], (self.power, 2), on=middle)
-        column(titles[4], self.waiting, self.alarm, (self.table, 1), on=right)
-        column(
-            (split((left, 7), (middle, 7), (right, 6), handle=2 * theme.GRID), 1),
-            on=self,
-            margins=(0, theme.GRID, 0, 0),
-        )
+        left = box(titles[0], (self.standards, 2), titles[1], (self.runs, 4), titles[2], (self.instruments, 3))
+        middle = box(titles[3], (self.errors, 3), titles[5], (self.power, 2))
+        right = box(titles[4], self.waiting, self.alarm, (self.table, 1))
+        body = split((left, 7), (middle, 7), (right, 6), handle=2 * theme.GRID)
+        column((body, 1), on=self, margins=(0, theme.GRID, 0, 0))
         on_language_change(self, self.refresh)
 
     def show_data(self, data: StationQuality) -> None:
@@ -124,7 +123,7 @@ class StandardsView(QWidget, DataView[StationQuality]):
 
     @property
     def empty(self) -> bool:
-        """Return whether there is nothing to show."""
+        """Whether there is nothing to show."""
         data = self.data
         return data is None or not (data.standards or data.instruments or data.table)
 
@@ -135,8 +134,7 @@ class StandardsView(QWidget, DataView[StationQuality]):
 
     def draw(self, data: StationQuality) -> None:
         """Fill the tables."""
-        known = min((data.table[name].baseline if name in data.table else 0) for name in _QUANTITIES)
-        missing = BASELINE - known
+        missing = BASELINE - min((data.table[name].baseline if name in data.table else 0) for name in _QUANTITIES)
         text = say("quality.baseline_missing", missing=missing, runs=BASELINE) if missing > 0 else ""
         show_text(self.waiting, text)
         moved = [name for name in _QUANTITIES if name in data.table and data.table[name].alarms]
@@ -153,16 +151,17 @@ class StandardsView(QWidget, DataView[StationQuality]):
             }
         self.standards.show_cells(cells)
         overdue = {due.name for due in data.overdue}
+        kinds = [("bad" if i.name in overdue else "good" if i.due is not None else "none") for i in data.instruments]
         self.instruments.show_cells(
             {
                 str(k): {
-                    "kind": "bad" if each.name in overdue else "good" if each.due is not None else "none",
-                    "state": say(f"chart.instrument_{_instrument_state(each.name in overdue, each.due is not None)}"),
+                    "kind": kind,
+                    "state": say(f"chart.instrument_{_INSTRUMENT_STATES[kind]}"),
                     "name": each.name,
                     "certificate": each.certificate or "–",
                     "due": "–" if each.due is None else each.due.isoformat(),
                 }
-                for k, each in enumerate(data.instruments)
+                for k, (each, kind) in enumerate(zip(data.instruments, kinds, strict=True))
             }
         )
         self._show_runs()
@@ -197,11 +196,11 @@ class StandardsView(QWidget, DataView[StationQuality]):
     def _open(self) -> None:
         standard, run = self._standard, self.runs.current_name
         if standard is not None and run:
-            self.run_wanted.emit(standard.names[int(run)])
+            self.run_requested.emit(standard.names[int(run)])
 
 
 class ErrorBars(ThemedPlot, DataView[tuple[Mapping[str, float], float]]):
-    """Normalised errors by parameter as horizontal bars, and their limit."""
+    """Plots the normalised errors of the parameters as horizontal bars, with their limit."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -236,7 +235,7 @@ class ErrorBars(ThemedPlot, DataView[tuple[Mapping[str, float], float]]):
 
 
 class TableCharts(StackedPlots[Mapping[str, TableChart]]):
-    """EWMA charts of the table's geometry."""
+    """Plots the EWMA charts of the table geometry."""
 
     def __init__(self) -> None:
         super().__init__(len(_QUANTITIES), 9 * theme.GRID)
@@ -252,22 +251,19 @@ class TableCharts(StackedPlots[Mapping[str, TableChart]]):
                 continue
             quantity = data[name]
             chart = quantity.ewma
-            every = np.arange(1, len(quantity.values) + 1)
-            run, alarms = every[quantity.baseline :], chart.signals
-            values = pg.ScatterPlotItem(every, quantity.values / ARCSECOND, size=4, pen=None, brush=c.line)
+            all_runs = np.arange(1, len(quantity.values) + 1)
+            run, alarms = all_runs[quantity.baseline :], chart.signals
+            values = pg.ScatterPlotItem(all_runs, quantity.values / ARCSECOND, size=4, pen=None, brush=c.line)
             self.add(plot, values)
             for limit in (chart.low, chart.high):
                 self.add(plot, pg.PlotDataItem(run, limit / ARCSECOND, pen=dashed(c.bad)))
             self.add(plot, pg.PlotDataItem(run, chart.average / ARCSECOND, pen=pg.mkPen(c.accent, width=1)))
-            mark = pg.ScatterPlotItem(
-                run[alarms], chart.average[alarms] / ARCSECOND, symbol="s", size=10, pen=pg.mkPen(c.bad, width=2)
-            )
-            mark.setBrush(None)
-            self.add(plot, mark)
+            style = {"symbol": "s", "size": 10, "pen": pg.mkPen(c.bad, width=2), "brush": None}
+            self.add(plot, pg.ScatterPlotItem(run[alarms], chart.average[alarms] / ARCSECOND, **style))
 
 
 def _power_cells(standard: StandardHistory, k: int) -> dict[str, dict[str, str]]:
-    """Return the cells of the errors that a run detects, by parameter."""
+    """Return the cells of the smallest errors that a run detects, by parameter."""
     cells = {}
     verdict = standard.verdicts[k]
     for name, error in verdict.detectable.items():
@@ -277,7 +273,3 @@ def _power_cells(standard: StandardHistory, k: int) -> dict[str, dict[str, str]]
         named = {"parameter": parameter_text(name), "e_n": e_n}
         cells[name] = {**named, "error": f"{value:.3g}", "unit": unit, "share": share}
     return cells
-
-
-def _instrument_state(overdue: bool, dated: bool) -> str:
-    return "overdue" if overdue else "good" if dated else "undated"

@@ -1,4 +1,4 @@
-"""Repeatability study: its plan, the missing runs, and finally the analysis of variance."""
+"""The repeatability study: its plan, the missing runs, and finally the analysis of variance."""
 
 import secrets
 from collections import Counter
@@ -19,6 +19,7 @@ from calstation.gui.widgets import (
     EmptyState,
     StateBadge,
     ask_file,
+    box,
     button,
     column,
     combo_box,
@@ -35,7 +36,7 @@ from calstation.gui.widgets import (
 from calstation.physics import display, number
 from calstation.quality import AnovaRow, GaugePlan, GaugeStudy, StudyState, Variation, evaluate_study
 
-#: State of each verdict.
+#: Symbol of each verdict.
 _STATES = {"acceptable": "good", "marginal": "caution", "unacceptable": "bad"}
 _ORDER = (
     Cell("quality.run", "run"),
@@ -61,7 +62,7 @@ _ANOVA = (
 
 
 class StudyView(QWidget):
-    """Makes and opens plans of studies, and shows their evaluation; `product` is the product of new plans."""
+    """Creates and opens study plans, and shows their evaluation; `product` returns the product file of a new plan."""
 
     def __init__(self, page: Page, product: Callable[[], Path | None]) -> None:
         super().__init__()
@@ -74,22 +75,20 @@ class StudyView(QWidget):
         self._quantity.currentIndexChanged.connect(lambda _: self._show_study())
         self._plan_label = label(kind="muted", name="study_plan_label")
         self._problem = label(kind="error", name="study_problem_label", wrap=True)
-        self.form = PlanForm(product, self._planned)
+        self.form = PlanForm(product, self._ask_plan_file)
         self.form.hide()
         self.order = CellTable("study_order_table", "quality.plan_runs", _ORDER, named=False)
         self.components = CellTable("study_components_table", "quality.variation_components", _COMPONENTS, named=False)
         self.anova = CellTable("study_anova_table", "quality.analysis_of_variance", _ANOVA, named=False)
         self.badge, self.about_label = StateBadge(theme.SECTION), label(name="study_about_label", wrap=True)
-        self._left_label = label(kind="section", name="study_left_label", wrap=True)
-        self._empty, self._waiting, self._answer = EmptyState(), QWidget(), QWidget()
-        column(self._left_label, (self.order, 1), on=self._waiting)
+        self._next_label = label(kind="section", name="study_left_label", wrap=True)
+        self._empty, self._missing_runs = EmptyState(), box(self._next_label, (self.order, 1))
         caption = label("quality.quantity", buddy=self._quantity)
-        column(
+        self._evaluation = box(
             row(caption, self._quantity, 2 * theme.GRID, self.badge, 2 * theme.GRID, (self.about_label, 1)),
             (split((self.components, 5), (self.anova, 4), handle=2 * theme.GRID), 1),
-            on=self._answer,
         )
-        self._stack = stack(self._empty, self._waiting, self._answer)
+        self._stack = stack(self._empty, self._missing_runs, self._evaluation)
         open_button = button("study_open_button", "quality.open_plan", self._open)
         new_button = button("study_new_button", "quality.new_plan", self.form.show)
         column(
@@ -115,13 +114,12 @@ class StudyView(QWidget):
             self.open_plan(Path(name))
 
     def open_plan(self, path: Path) -> None:
-        """Show a plan and its evaluation from the runs."""
+        """Open a plan and evaluate it from the runs."""
         self._path = path
         self.read()
 
-    def _planned(self, plan: GaugePlan) -> None:
-        save = partial(self._save, plan)
-        ask_file(self, say("quality.save_plan"), Path("gauge.json"), ["JSON (*.json)"], save)
+    def _ask_plan_file(self, plan: GaugePlan) -> None:
+        ask_file(self, say("quality.save_plan"), Path("gauge.json"), ["JSON (*.json)"], partial(self._save, plan))
 
     def _save(self, plan: GaugePlan, path: Path) -> None:
         plan.save(path)
@@ -148,21 +146,21 @@ class StudyView(QWidget):
             self._stack.setCurrentWidget(self._empty)
         elif state.left:
             self._show_order(state)
-            self._stack.setCurrentWidget(self._waiting)
+            self._stack.setCurrentWidget(self._missing_runs)
         else:
             self._show_study()
-            self._stack.setCurrentWidget(self._answer)
+            self._stack.setCurrentWidget(self._evaluation)
 
     def _show_order(self, state: StudyState) -> None:
-        following, count = state.left[0], {"left": len(state.left), "runs": len(state.plan.order)}
-        following_text = say("gauge.left", **count, unit=following.unit, by=following.appraiser)
-        self._left_label.setText("\n".join([following_text, *_kept(state)]))
+        next_run, count = state.left[0], {"left": len(state.left), "runs": len(state.plan.order)}
+        next_text = say("gauge.left", **count, unit=next_run.unit, by=next_run.appraiser)
+        self._next_label.setText("\n".join([next_text, *_order_notes(state)]))
         missing = Counter(state.left)
         cells = {}
         for k, each in enumerate(state.plan.order):
             kind, code = "good", "done"
             if missing[each]:
-                kind, code = ("running", "next") if each == following else ("none", "waiting")
+                kind, code = ("running", "next") if each == next_run else ("none", "waiting")
             cells[str(k)] = {
                 "run": str(k + 1),
                 "trial": str(each.trial),
@@ -181,7 +179,7 @@ class StudyView(QWidget):
         self.badge.show_state(_STATES[study.verdict], say(f"gauge.{study.verdict}"))
         sizes = " × ".join(say(f"gauge.count_{factor}", count=count) for factor, count in study.levels.items())
         about = say("gauge.answer", sizes=sizes, trials=study.trials, categories=study.categories, unit=unit)
-        self.about_label.setText("\n".join([about, *_kept(state)]))
+        self.about_label.setText("\n".join([about, *_order_notes(state)]))
         digits = size * study.gauge.sigma
         cells = {key: {"name": _source(key), **_cells(each, size, digits)} for key, each in _components(study).items()}
         self.components.show_cells(cells, ("sigma",))
@@ -194,7 +192,7 @@ class StudyView(QWidget):
 
 
 class PlanForm(QWidget):
-    """Inputs of a new plan for the product whose file `product` returns; `then` is called with the plan."""
+    """The inputs of a new plan for the product file that `product` returns; `then` is called with the plan."""
 
     def __init__(self, product: Callable[[], Path | None], then: Callable[[GaugePlan], object]) -> None:
         super().__init__()
@@ -222,11 +220,16 @@ class PlanForm(QWidget):
         on_language_change(self, lambda: show_text(self._problem, ""))
 
     def _make(self) -> None:
-        units, people, places = (_split(e.text()) for e in (self.units_edit, self.operators_edit, self.stations_edit))
+        edits = (self.units_edit, self.operators_edit, self.stations_edit)
+        units, operators, stations = (
+            [part.strip() for part in edit.text().replace("，", ",").split(",") if part.strip()] for edit in edits
+        )
         now = datetime.now(UTC).replace(microsecond=0)
         try:
             product = load_product(self._product())[1].name
-            plan = GaugePlan.random(product, units, people, places, self._trials.value(), secrets.randbits(32), now)
+            plan = GaugePlan.random(
+                product, units, operators, stations, self._trials.value(), secrets.randbits(32), now
+            )
         except CalstationError as error:
             show_text(self._problem, say(error.as_text))
             return
@@ -234,30 +237,22 @@ class PlanForm(QWidget):
         self._then(plan)
 
 
-def _split(text: str) -> list[str]:
-    return [part.strip() for part in text.replace("，", ",").split(",") if part.strip()]
-
-
 def _cells(variation: Variation, size: float, digits: float) -> dict[str, str]:
     sigma, low, high = (number(size * value, digits) for value in (variation.sigma, variation.low, variation.high))
-    cells = {
-        "sigma": sigma,
-        "interval": f"{low} … {high}",
-        "study": f"{variation.percent_study:.1f}",
-    }
+    cells = {"sigma": sigma, "interval": f"{low} … {high}", "study": f"{variation.percent_study:.1f}"}
     if variation.percent_tolerance is not None:
         cells["tolerance"] = f"{variation.percent_tolerance:.1f}"
     return cells
 
 
-def _kept(state: StudyState) -> list[str]:
-    """Return the sentence that the planned order was not kept, or nothing."""
+def _order_notes(state: StudyState) -> list[str]:
+    """Return a sentence about runs out of the planned order, if there are any."""
     values = {"count": state.out_of_order, "runs": len(state.plan.order) - len(state.left)}
     return [say("quality.order_not_kept", **values)] if state.out_of_order else []
 
 
 def _components(study: GaugeStudy) -> dict[str, Variation]:
-    """Return the components, with the parts of each sum before the sum."""
+    """Return the components of variation, each sum after its parts."""
     parts = {name: each for name, each in study.components.items() if len(study.levels) > 2 and name != "unit"}
     components = {
         "repeatability": study.repeatability,
@@ -271,7 +266,7 @@ def _components(study: GaugeStudy) -> dict[str, Variation]:
 
 
 def _source(source: str) -> str:
-    """Return the name of a source of variation, whose factors are joined by ``*``."""
+    """Return the name of a source of variation, a product of factors separated by ``*``."""
     return " × ".join(say(f"gauge.{name}") for name in source.split("*"))
 
 

@@ -1,4 +1,4 @@
-"""Yield of the runs: fraction passed by day, failed checks by frequency, and fractions by station and operator."""
+"""The yield of the runs by day, product, station and operator, and the most frequent failed checks."""
 
 from collections.abc import Mapping, Sequence
 from datetime import UTC, date, datetime, timedelta
@@ -10,14 +10,14 @@ from PySide6.QtCore import QLocale
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.text import check_name, language, on_language_change, product_text, say
-from calstation.gui.widgets import Cell, CellTable, DataView, ThemedPlot, column, label, row, split, theme
+from calstation.gui.widgets import Cell, CellTable, DataView, ThemedPlot, box, column, label, row, split, theme
 from calstation.quality import FailedCheck, Share, Yields
 
-#: Largest number of failed checks drawn.
+#: Maximum number of failed checks in the plot.
 _MAX_CHECKS = 7
-#: Largest number of days that are drawn individually.
+#: Maximum number of days that are plotted individually; more days are plotted by week.
 _MAX_DAYS = 60
-#: Smallest fraction shown on the yield axis.
+#: Lower end of the yield axis, unless a yield is smaller.
 _MIN_SHARE = 0.5
 _COLUMNS = (
     Cell("quality.by", "by", number=False),
@@ -38,15 +38,11 @@ class YieldView(QWidget, DataView[Yields]):
         self.first_label = label(name="yield_first_label")
         self.days, self.pareto = DailyYield(), Pareto()
         self.table = CellTable("yield_table", "quality.yield_table", _COLUMNS, named=False)
-        plots = QWidget()
         titles = label("quality.yield_by_day", "muted"), label("quality.failed_checks", "muted")
-        column(titles[0], (self.days, 4), titles[1], (self.pareto, 5), on=plots, spacing=theme.GRID // 2)
-        column(
-            row(self.overall_label, 2 * theme.GRID, self.first_label, None),
-            (split((plots, 5), (self.table, 4), handle=2 * theme.GRID), 1),
-            on=self,
-            margins=(0, theme.GRID, 0, 0),
-        )
+        plots = box(titles[0], (self.days, 4), titles[1], (self.pareto, 5), spacing=theme.GRID // 2)
+        head = row(self.overall_label, 2 * theme.GRID, self.first_label, None)
+        body = split((plots, 5), (self.table, 4), handle=2 * theme.GRID)
+        column(head, (body, 1), on=self, margins=(0, theme.GRID, 0, 0))
         on_language_change(self, self.refresh)
 
     def show_data(self, data: Yields) -> None:
@@ -56,7 +52,7 @@ class YieldView(QWidget, DataView[Yields]):
         super().show_data(data)
 
     def draw(self, data: Yields) -> None:
-        """Show the fractions."""
+        """Show the yields."""
         if data.overall is None or data.first_pass is None:
             return
         self.overall_label.setText(say("quality.overall_yield", percent=_text(data.overall)))
@@ -94,7 +90,7 @@ class DayAxis(pg.DateAxisItem):  # type: ignore[misc]
 
 
 class DailyYield(ThemedPlot, DataView[Mapping[str, Share]]):
-    """The fraction that passed on each day or in each week, by date, with its confidence interval."""
+    """Plots the yield of each day or week, by date, with its confidence interval."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -105,9 +101,9 @@ class DailyYield(ThemedPlot, DataView[Mapping[str, Share]]):
         theme.on_appearance_change(self, self.refresh)
 
     def draw(self, data: Mapping[str, Share]) -> None:
-        """Draw the fractions."""
+        """Draw the yields."""
         self.setLabel("left", say("quality.yield_percent"))
-        self.getAxis("bottom").setStyle(tickFont=theme.font())  # draws the months again in the current language
+        self.getAxis("bottom").setStyle(tickFont=theme.font())  # redraws the names of months in the current language
         self.getPlotItem().clear()
         if not data:
             return
@@ -116,18 +112,14 @@ class DailyYield(ThemedPlot, DataView[Mapping[str, Share]]):
         x = 86_400.0 * np.array(noon)
         value, low, high = (100.0 * np.array([getattr(s, k) for s in data.values()]) for k in ("value", "low", "high"))
         bars = pg.ErrorBarItem(x=x, y=value, top=high - value, bottom=value - low, beam=0.0, pen=pg.mkPen(c.line))
-        line = pg.PlotDataItem(x, value, pen=pg.mkPen(c.accent, width=1))
-        line.setSymbol("o")
-        line.setSymbolSize(6)
-        line.setSymbolBrush(c.accent)
-        line.setSymbolPen(None)
+        symbol = {"symbol": "o", "symbolSize": 6, "symbolBrush": c.accent, "symbolPen": None}
         self.addItem(bars)
-        self.addItem(line)
+        self.addItem(pg.PlotDataItem(x, value, pen=pg.mkPen(c.accent, width=1), **symbol))
         self.setYRange(min(100.0 * _MIN_SHARE, float(low.min())), 100.0)
 
 
 class Pareto(ThemedPlot, DataView[tuple[FailedCheck, ...]]):
-    """Failed checks, the most frequent first, and their cumulative fraction of all failed runs."""
+    """Plots the failed checks, the most frequent first, with their cumulative fraction of all failed runs."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -154,7 +146,7 @@ class Pareto(ThemedPlot, DataView[tuple[FailedCheck, ...]]):
 
 
 def _by_week(days: Mapping[str, Share]) -> dict[str, Share]:
-    """Return the fractions by week, with the date of its Monday."""
+    """Return the yields by week, each with the date of its Monday."""
     weeks: dict[str, list[Share]] = {}
     for day, share in days.items():
         local = date.fromisoformat(day)

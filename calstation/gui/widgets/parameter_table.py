@@ -165,7 +165,7 @@ class ParameterTable(QTableView):
         theme.on_appearance_change(self, model.refresh)
 
     def fit_columns(self) -> None:
-        """Fit the columns to their contents and distribute the free width, or shrink the widest column if there is none."""
+        """Fit the columns to their contents and distribute the free width; without any, elide the widest column."""
         self.resizeColumnsToContents()
         visible = [i for i in range(self.parameters.columnCount()) if not self.isColumnHidden(i)]
         free = self.viewport().width() - sum(map(self.columnWidth, visible))
