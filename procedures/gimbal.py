@@ -14,21 +14,28 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation import BatchStage, Method, Solution
-from calstation.estimation.common import Posterior, SolveContext, StageData, filter_noise, nis_consistency, restricted
+from calstation.estimation.common import (
+    Posterior,
+    SolveContext,
+    StageData,
+    consider_update,
+    filter_noise,
+    nis_consistency,
+)
 from calstation.estimation.gimbal import (
     BIAS_TIME,
-    TURNED,
+    MIN_JOINT_TURN,
     AxisTurns,
     GimbalFit,
     GimbalIteration,
     Motion,
     contraction,
+    correction_sign,
     drift_matrix,
     find_motions,
     fit_gimbal,
     largest_gain,
-    others,
-    sign_of,
+    other_axes,
 )
 from calstation.estimation.positions import require_changing
 from calstation.physics import AXES, CHANNELS, INDEX, NAMES, FloatArray, GimbalTurn, GimbalZero, Step, TableGeometry
@@ -121,7 +128,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     mask = np.array([name in ESTIMATED for name in NAMES])
     return Solution(
         stage="gimbal",
-        posterior=restricted(prior, _measured(prior, solved), mask),
+        posterior=consider_update(prior, _measured(prior, solved), mask),
         estimated=ESTIMATED,
         consistency=nis_consistency(fit.chi2, max(round(fit.freedom), 1), 1),
         gaps=data.gaps,
@@ -157,7 +164,7 @@ def _replayed(
         cross = m.cross_rotation(m.axis, iteration.correction)
         if m.to_zero:
             expected = float(np.sqrt(np.mean(np.square(stabilised)))) if stabilised else 0.0
-            zero = np.linalg.norm(m.after[others(m.axis)]) * expected < cross * encoder_sigma
+            zero = np.linalg.norm(m.after[other_axes(m.axis)]) * expected < cross * encoder_sigma
             if zero and cross > SAME_ROTATION * expected:
                 continue
         else:
@@ -171,7 +178,7 @@ def _require_all_turns(data: StageData, motions: list[Motion]) -> None:
     """Check that no turn is missing between two motions, as happens if the following rest is too short."""
     for m, following in itertools.pairwise(motions):
         jump = float(np.abs(following.before - m.after).max())
-        if jump > TURNED and np.abs(following.before).max() > TURNED:
+        if jump > MIN_JOINT_TURN and np.abs(following.before).max() > MIN_JOINT_TURN:
             span = {"first": int(data.seq[m.stop - 1]), "last": int(data.seq[following.start])}
             raise InputError("recording.joint_turn_lost", angle_deg=float(np.rad2deg(jump)), **span)
 
@@ -241,7 +248,7 @@ def _axis_solution(
         random = noise.rate * (m.duration + 1.2 * m.duration**2 / m.rest) * np.eye(2)
         random += 2.0 * encoder * convert @ convert.T
         drift = J @ P @ J.T + random
-        correct = sign_of(m.angle) * schedule.gain
+        correct = correction_sign(m.angle) * schedule.gain
         step = np.eye(2) + correct * J
         mixed = correct * step @ shared @ convert.T
         P = step @ P @ step.T - mixed - mixed.T + correct**2 * random
@@ -249,7 +256,7 @@ def _axis_solution(
         remaining = step @ remaining
     mount = np.deg2rad(schedule.mount_sigma_deg)
     scale = float(prior.mean[INDEX[f"gyro_scale_{name}"]])
-    names = [f"gyro_misalign_{AXES[row]}{name}" for row in others(course.axis)]
+    names = [f"gyro_misalign_{AXES[row]}{name}" for row in other_axes(course.axis)]
     initial = fit.posterior.mean[[INDEX[name] for name in names]]
     covariance = P + np.diag((remaining @ initial) ** 2)
     return _AxisSolution(
@@ -302,7 +309,7 @@ def _axis(course: AxisTurns, schedule: Schedule) -> dict[str, Any]:
     angle = float(np.mean(np.abs(course.angles)))
     return {
         "axis": AXES[course.axis],
-        "rows": [AXES[k] for k in others(course.axis)],
+        "rows": [AXES[k] for k in other_axes(course.axis)],
         "angles": course.angles,
         "drifts": [d.tolist() for d in course.drifts],
         "corrections": [k.tolist() for k in course.corrections],

@@ -19,9 +19,9 @@ from calstation.estimation.common import (
     SolveContext,
     StageData,
     Stillness,
+    consider_update,
     find_stillness,
     nis_consistency,
-    restricted,
 )
 from calstation.estimation.positions import (
     MAX_ITERATIONS,
@@ -120,7 +120,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     fit = fit_positions(data, rests, links, context, prior, mask)
     return Solution(
         stage="multi_position",
-        posterior=restricted(prior, fit.posterior, mask),
+        posterior=consider_update(prior, fit.posterior, mask),
         estimated=estimated,
         consistency=nis_consistency(fit.chi2, max(round(fit.freedom), 1), 1),
         gaps=data.gaps,

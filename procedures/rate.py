@@ -21,14 +21,14 @@ from calstation.estimation.common import (
     Posterior,
     SolveContext,
     StageData,
+    consider_update,
     filter_noise,
     find_rests,
     map_estimate,
     mean_angles,
     rest_mean_variance,
     rest_noise,
-    restricted,
-    widened,
+    with_measured_noise,
 )
 from calstation.estimation.effects import StageEffects
 from calstation.messages import Text
@@ -134,7 +134,7 @@ def _first_rotation(geometry: TableGeometry, joint: int, sign: int, at: float, t
 
 def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Schedule) -> Solution:
     """Solve the stage from its whole turns. Raises InsufficientDataError if some are missing."""
-    context = widened(context, rest_noise(data, context, prior.gyro_bias))
+    context = with_measured_noise(context, rest_noise(data, context, prior.gyro_bias))
     turns, assumed = find_turns(data, context, prior)
     _require_turns(turns, data.gaps)
     return _solve(data, turns, context, prior, assumed)
@@ -274,7 +274,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Pos
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="rate",
-        posterior=restricted(prior, result.posterior, mask),
+        posterior=consider_update(prior, result.posterior, mask),
         estimated=ESTIMATED,
         consistency=result.redundancy.consistency,
         gaps=data.gaps,

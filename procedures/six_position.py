@@ -19,14 +19,14 @@ from calstation.estimation.common import (
     Posterior,
     SolveContext,
     StageData,
+    consider_update,
     find_rests,
     find_stillness,
     map_estimate,
     mean_angles,
     rest_force,
     rest_noise,
-    restricted,
-    widened,
+    with_measured_noise,
 )
 from calstation.estimation.effects import StageEffects
 from calstation.physics import (
@@ -101,7 +101,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Schedule) -> Solution:
     """Solve the stage from its rests. Raises InsufficientDataError if faces are missing."""
-    context = widened(context, rest_noise(data, context, prior.gyro_bias))
+    context = with_measured_noise(context, rest_noise(data, context, prior.gyro_bias))
     positions = find_positions(data, context, prior)
     _require_faces(positions, prior)
     return _solve(data, positions, context, prior)
@@ -177,7 +177,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="six_position",
-        posterior=restricted(prior, result.posterior, mask),
+        posterior=consider_update(prior, result.posterior, mask),
         estimated=ESTIMATED,
         consistency=result.redundancy.consistency,
         gaps=data.gaps,

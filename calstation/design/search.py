@@ -13,7 +13,7 @@ from itertools import cycle, pairwise
 import numpy as np
 
 from calstation.design.segments import REST_UNIT, Position, SegmentLibrary
-from calstation.estimation.navigation import advanced, joined, sigmas
+from calstation.estimation.navigation import advance_information, join_segments, sigmas
 from calstation.physics import COUNT, FloatArray
 
 #: Largest sum of the angles of both joints in a move, in units of the lattice.
@@ -215,7 +215,7 @@ class Beam:
                     after.append((node.position, time, rest))
         if not before:
             return
-        states = advanced(np.array([node.information for node in before]), np.array(segments))
+        states = advance_information(np.array([node.information for node in before]), np.array(segments))
         ratios = self._problem.ratios(states)
         left = missing(ratios)
         # A schedule that does not detect all effects is not a point of the front.
@@ -273,13 +273,13 @@ def _walk(problem: Problem, pattern: Sequence[int], seed: int) -> tuple[Stops, F
         for a, b in pairwise((first, *loop))
         for part in (library.move(a.position, b.position)[0], library.rest(b.position, b.rest - 1))
     ]
-    segment = reduce(lambda a, b: joined(a, b, library.states), parts)
+    segment = reduce(lambda a, b: join_segments(a, b, library.states), parts)
     times, seconds = 1, durations(library, (first, *loop))[-1] - durations(library, (first,))[0]
     while True:
-        ratios = problem.ratios(advanced(state[None], segment[None]))[0]
+        ratios = problem.ratios(advance_information(state[None], segment[None]))[0]
         if ratios.max() <= 1.0 or times * seconds > _HOUR:
             return (first, *(times * loop)), ratios
-        times, segment = 2 * times, joined(segment, segment, library.states)
+        times, segment = 2 * times, join_segments(segment, segment, library.states)
 
 
 def durations(library: SegmentLibrary, stops: Stops) -> list[float]:
@@ -294,9 +294,9 @@ def states(library: SegmentLibrary, stops: Stops) -> list[FloatArray]:
     """Return the information at the end of every stop."""
     ends = [library.begin(stops[0].position, stops[0].rest)]
     for a, b in pairwise(stops):
-        state = advanced(ends[-1][None], library.move(a.position, b.position)[0][None])
+        state = advance_information(ends[-1][None], library.move(a.position, b.position)[0][None])
         if b.rest > 1:
-            state = advanced(state, library.rest(b.position, b.rest - 1)[None])
+            state = advance_information(state, library.rest(b.position, b.rest - 1)[None])
         ends.append(state[0])
     return ends
 
@@ -385,11 +385,11 @@ class Exchange:
         for k in range(cut, max(len(stops) for stops in tried)):
             active = [i for i, stops in enumerate(tried) if k < len(stops)]
             moves = [library.move(tried[i][k - 1].position, tried[i][k].position) for i in active]
-            state[active] = advanced(state[active], np.array([segment for segment, _ in moves]))
+            state[active] = advance_information(state[active], np.array([segment for segment, _ in moves]))
             times[active] += [seconds for _, seconds in moves]
             longer = [i for i in active if tried[i][k].rest > 1]
             if longer:
                 rests = [library.rest(tried[i][k].position, tried[i][k].rest - 1) for i in longer]
-                state[longer] = advanced(state[longer], np.array(rests))
+                state[longer] = advance_information(state[longer], np.array(rests))
                 times[longer] += [(tried[i][k].rest - 1) * REST_UNIT for i in longer]
         return state, times

@@ -7,7 +7,13 @@ from typing import Final
 import numpy as np
 
 from calstation.estimation.common import PlannedSamples, Posterior, SolveContext, stage_data, starts
-from calstation.estimation.navigation import ClosedLoopFilter, Segment, advanced, joined, segment_information
+from calstation.estimation.navigation import (
+    ClosedLoopFilter,
+    Segment,
+    advance_information,
+    join_segments,
+    segment_information,
+)
 from calstation.physics import Dwell, Effect, FloatArray, Move, Step
 from calstation.sequencer import step_time
 
@@ -50,7 +56,7 @@ class SegmentLibrary:
     def begin(self, position: Position, rest: int) -> FloatArray:
         """Return the information about states and parameters, shape (m + 30, m + 30), after the first rest."""
         segment, _ = self._pass(position, [Dwell(rest * REST_UNIT)])
-        return np.asarray(advanced(segment.start[None], segment.motion[None])[0])
+        return np.asarray(advance_information(segment.start[None], segment.motion[None])[0])
 
     def move(self, at: Position, to: Position) -> tuple[FloatArray, float]:
         """Return information and duration, s, of a move with its settling and the shortest rest."""
@@ -71,7 +77,7 @@ class SegmentLibrary:
                 self._rests[key] = self._pass((key[0], key[1]), [Dwell(REST_UNIT)])[0].motion
             else:
                 half = self.rest(at, units // 2)
-                self._rests[key] = joined(half, self.rest(at, units - units // 2), self.states)
+                self._rests[key] = join_segments(half, self.rest(at, units - units // 2), self.states)
         return self._rests[key]
 
     def _pass(self, at: Position, steps: Sequence[Step]) -> tuple[Segment, float]:

@@ -100,7 +100,7 @@ class Trial:
         names = method(STAGE).estimates(self._context)
         mask = np.array([name in names for name in NAMES])
         data = stage_data(list(blocks), self._context.imu)
-        solution = solve_navigation(STAGE, data, self._context, self._prior, mask)
+        solution = solve_navigation(data, self._context, self._prior, mask)
         tests = EffectTests(self._prior.sigma)
         tests.add(STAGE, result_sensitivity(solution, data, self._context, mask), names)
         largest: dict[tuple[str, str], EffectLimit] = {}

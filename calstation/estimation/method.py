@@ -73,7 +73,7 @@ class Solution:
     estimated: tuple[str, ...]  #: Names of the parameters that the stage estimated.
     consistency: Consistency  #: Innovation test of the stage.
     gaps: int = 0  #: Number of gaps and resets.
-    observability: Mapping[str, Any] = field(default_factory=dict)  #: See `observability_analysis`, JSON values.
+    observability: Mapping[str, Any] = field(default_factory=dict)  #: See `ObservabilityAnalysis.result`, JSON values.
     details: Mapping[str, Any] = field(default_factory=dict)  #: Other results such as residuals, JSON values.
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: Messages for the user, (message id, values).
     innovations: Innovations | None = None  #: For diagnostics; not part of a result file.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calstation.errors import InputError
-from calstation.estimation.common import SampleBlock, runs
+from calstation.estimation.common import SampleBlock, true_intervals
 from calstation.messages import os_reason
 from calstation.records.files import TEST_TIMEOUT, held
 from calstation.records.log import DamagedRows, Log
@@ -94,7 +94,7 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
             columns = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
             sound = (columns["stage"] < len(names)) & (row_checks(columns) == columns[CHECK])
             sound &= _rising(columns["seq"], sound, last)
-            for a, b in runs(sound):
+            for a, b in true_intervals(sound):
                 if damaged is not None and start + a > good_end:
                     after = None if last < 0 else last
                     damaged.append(DamagedRows(good_end, start + a - good_end, after, int(columns["seq"][a])))

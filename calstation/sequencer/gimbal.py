@@ -7,7 +7,7 @@ import numpy as np
 
 from calstation.devices import Gimbal, TableStatus
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.estimation.gimbal import BIAS_TIME, GimbalIteration, Motion, drift_matrix, turned_motion
+from calstation.estimation.gimbal import BIAS_TIME, GimbalIteration, Motion, drift_matrix, joint_turn
 from calstation.physics import AXES, FloatArray, GimbalJoints, GimbalTurn, GimbalZero
 from calstation.sequencer.context import RunInBackground
 from calstation.sequencer.control_loop import ControlLoop
@@ -152,7 +152,7 @@ class GimbalLoop:
             loop.rest(step.rest)
 
             try:
-                motion: Motion = self._run_in_background(lambda: turned_motion(blocks, model, begin, axis))
+                motion: Motion = self._run_in_background(lambda: joint_turn(blocks, model, begin, axis))
             except CalstationError as error:
                 raise DeviceFaultError("motion.turn_unusable", axis=AXES[axis], reason=error.as_text) from error
         self._ready = True

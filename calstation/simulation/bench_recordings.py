@@ -31,7 +31,7 @@ from calstation.bench.truth import GradeName as GradeName
 from calstation.config import site_folder
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import ImuModel, SampleBlock, snap_angles
-from calstation.estimation.gimbal import BIAS_TIME, GimbalIteration, turned_motion
+from calstation.estimation.gimbal import BIAS_TIME, GimbalIteration, joint_turn
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.physics import AXES, NAMES, PARAMETERS, FloatArray, group_indices, pair_name
@@ -203,7 +203,7 @@ def turn_gimbal(
         begin = int(blocks[-1].seq[-1])
         take(bench.turn(turn.axis, turn.angle, rate, turn.correction))
         take(bench.hold(dwell, turn.correction))
-        motion = turned_motion(blocks, imu, begin, turn.axis)
+        motion = joint_turn(blocks, imu, begin, turn.axis)
         iteration.add_drift(turn.axis, turn.angle, motion.joint_drift(turn.axis, schedule.order))
     take(bench.home(rate))
     take(bench.hold(dwell, iteration.correction))

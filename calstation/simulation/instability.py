@@ -35,8 +35,8 @@ class MismatchedCovariance:
 
     def advance(self, run: ReferencePass) -> None:
         """Propagate over one group of observations with the transition, gain and Jacobian just used by `run`."""
-        group, root = run.group, run.last.root[0]
-        gain = np.linalg.solve(root.T, run.last.gain[0]).T
+        group, root = run.group, run.last_updates.root[0]
+        gain = np.linalg.solve(root.T, run.last_updates.gain[0]).T
         decay = np.exp(-len(group.z) // 3 * run.stride * run.dt / self._times)
         size = len(run.state.x)
         I_KH = np.eye(size) - gain @ group.H
@@ -64,10 +64,10 @@ def instability_ratio(block: SampleBlock, context: SolveContext, prior: Posterio
     The mean of `prior` must be the true parameters.
     """
     data: StageData = stage_data([block], context.imu)
-    settled = solve_navigation("excitation", data, context, prior, np.zeros(len(NAMES), dtype=np.bool_))
+    settled = solve_navigation(data, context, prior, np.zeros(len(NAMES), dtype=np.bool_))
     run = ReferencePass(context, prior, prior.mean)
     start, attitude = settled.starts[0], settled.attitudes[0]
-    steps = run.steps(data, start, attitude, together=1)
+    steps = run.steps(data, start, attitude, batch=1)
     next(steps)
     true = MismatchedCovariance(run, context)
     for _ in steps:

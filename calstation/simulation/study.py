@@ -22,7 +22,7 @@ from calstation.estimation.common import (
     Site,
     SolveContext,
     TableModel,
-    restricted,
+    consider_update,
     stage_data,
 )
 from calstation.estimation.navigation import solve_navigation
@@ -247,10 +247,9 @@ def _solve(
         added = joint.covariance - posterior.covariance
         mask = np.array([n in solution.estimated for n in NAMES])
         if stage in NAVIGATION_STAGES:
-            at_truth = solve_navigation(
-                stage, stage_data([samples], context.imu), context, bound, np.zeros_like(mask)
-            ).posterior
-            bound = restricted(bound, at_truth, mask)
+            samples_data = stage_data([samples], context.imu)
+            at_truth = solve_navigation(samples_data, context, bound, np.zeros_like(mask)).posterior
+            bound = consider_update(bound, at_truth, mask)
         else:
             other = m.solver(context, bound, schedule)
             other.feed(samples)

@@ -16,8 +16,8 @@ from calstation.estimation.common import (
 from calstation.estimation.effects import EffectTests
 from calstation.estimation.navigation import (
     ClosedLoopFilter,
-    advanced,
-    joined,
+    advance_information,
+    join_segments,
     result_sensitivity,
     segment_information,
     sigmas,
@@ -55,7 +55,7 @@ def setting():
 def test_segment_information_gives_the_covariance_of_the_filter(setting):
     context, prior, data, start = setting
     segment = segment_information(ClosedLoopFilter(context, prior, prior.mean), data, start, context, ())
-    end = advanced(segment.start[None], segment.motion[None])
+    end = advance_information(segment.start[None], segment.motion[None])
     run = ClosedLoopFilter(context, prior, prior.mean)
     list(run.steps(data, start, start.attitude))
     np.testing.assert_allclose(sigmas(end, segment.states)[0], run.posterior.sigma, rtol=1e-5)
@@ -65,13 +65,13 @@ def test_joining_segments_is_associative(setting):
     context, prior, data, start = setting
     segment = segment_information(ClosedLoopFilter(context, prior, prior.mean), data, start, context, ())
     m, part = segment.states, segment.motion
-    left = joined(joined(part, part, m), part, m)
-    right = joined(part, joined(part, part, m), m)
+    left = join_segments(join_segments(part, part, m), part, m)
+    right = join_segments(part, join_segments(part, part, m), m)
     stepwise = segment.start[None]
     for _ in range(3):
-        stepwise = advanced(stepwise, part[None])
+        stepwise = advance_information(stepwise, part[None])
     for triple in (left, right):
-        found = sigmas(advanced(segment.start[None], triple[None]), m)
+        found = sigmas(advance_information(segment.start[None], triple[None]), m)
         np.testing.assert_allclose(found, sigmas(stepwise, m), rtol=1e-6)
 
 
@@ -79,9 +79,9 @@ def test_undetectable_effect_sizes_agree_with_the_score_tests(setting):
     context, prior, data, start = setting
     effects = tuple(c for c in EFFECTS if c.cause in ("gyro_asymmetry", "accel_cubic", "g_sensitivity"))
     segment = segment_information(ClosedLoopFilter(context, prior, prior.mean), data, start, context, effects)
-    found = sigmas(advanced(segment.start[None], segment.motion[None]), segment.states)[0, COUNT:]
+    found = sigmas(advance_information(segment.start[None], segment.motion[None]), segment.states)[0, COUNT:]
     mask = np.ones(COUNT, dtype=bool)
-    result = solve_navigation("s", data, context, prior, mask)
+    result = solve_navigation(data, context, prior, mask)
     tests = EffectTests(prior.sigma)
     tests.add("s", result_sensitivity(result, data, context, mask), NAMES)
     limits = [

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.estimation.common import Posterior, map_estimate, nis_consistency, restricted
-from calstation.estimation.common.least_squares import MAX_ITERATIONS, redundant
+from calstation.estimation.common import Posterior, consider_update, map_estimate, nis_consistency
+from calstation.estimation.common.least_squares import MAX_ITERATIONS, redundant_part
 from calstation.physics import COUNT, PARAMETERS
 
 ALL = np.ones(COUNT, dtype=bool)
@@ -83,7 +83,7 @@ def test_redundancy_with_free_unknowns_equals_the_least_squares_residual(seed):
     observed = random.normal(size=len(H)) * 3.0
     weight = np.linalg.inv(N)
     residual = observed - H @ np.linalg.solve(H.T @ weight @ H, H.T @ weight @ observed)
-    found = redundant(H @ P @ H.T, N, observed)
+    found = redundant_part(H @ P @ H.T, N, observed)
     assert found.freedom == len(H) - H.shape[1]
     assert found.total == pytest.approx(residual @ weight @ residual, rel=1e-4)
 
@@ -92,14 +92,14 @@ def test_redundancy_with_free_unknowns_equals_the_least_squares_residual(seed):
 def test_redundancy_with_known_parameters_uses_every_observation(seed):
     H, P, N, random = redundancy_case(seed, width=1e-6)
     observed = random.normal(size=len(H)) * 3.0
-    found = redundant(H @ P @ H.T, N, observed)
+    found = redundant_part(H @ P @ H.T, N, observed)
     assert found.freedom == len(H)
     assert found.total == pytest.approx(observed @ np.linalg.solve(N, observed), rel=1e-6)
 
 
 def test_equal_numbers_of_unknowns_and_observations_leave_no_redundancy():
     H, P, N, random = redundancy_case(4, 14, width=1e4)
-    found = redundant(H @ P @ H.T, N, random.normal(size=14))
+    found = redundant_part(H @ P @ H.T, N, random.normal(size=14))
     assert found.freedom == 0
     assert found.total == 0.0
     assert np.all(np.isnan(found.normalised))
@@ -116,7 +116,7 @@ def test_redundancy_bounds_contain_999_of_1000_cases(width):
     outside, total = 0, 0.0
     for _ in range(4000):
         observed = H @ prior @ random.normal(size=H.shape[1]) + noise @ random.normal(size=len(H))
-        found = redundant(H @ P @ H.T, N, observed)
+        found = redundant_part(H @ P @ H.T, N, observed)
         outside += not found.consistency.passed or found.consistency.warning
         total += found.consistency.nis_mean
     assert total / 4000 == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / found.freedom / 4000))
@@ -131,7 +131,9 @@ def test_every_tested_innovation_has_a_variance_of_one(unknowns):
     H[1:, 0] = 0.0  # nothing else shows the first unknown
     explained, noise = H @ P @ H.T, np.diag(np.diag(N))
     root = np.sqrt(noise)
-    found = np.stack([redundant(explained, noise, unit).normalised for unit in root], axis=1)  # linear in its noise
+    found = np.stack(
+        [redundant_part(explained, noise, unit).normalised for unit in root], axis=1
+    )  # linear in its noise
     assert np.isnan(found[0]).all()
     np.testing.assert_allclose(np.linalg.norm(found[1:], axis=1), 1.0, rtol=1e-6)
 
@@ -225,7 +227,7 @@ def test_consider_posterior_equals_schmidts_update(seed, count):
     prior = correlated_prior(random)
     H, noise, observed = random.normal(size=(12, COUNT)), random.uniform(0.1, 1.0, 12), random.normal(size=12)
     full = map_estimate("test", lambda p, n: H @ p, observed, noise, prior, np.zeros(0), np.zeros(0), ALL).posterior
-    found = restricted(prior, full, estimated)
+    found = consider_update(prior, full, estimated)
     mean, covariance = schmidt(prior, H, noise, observed, estimated)
     assert found.mean == pytest.approx(mean, abs=1e-5)
     assert found.covariance == pytest.approx(covariance, abs=1e-5)
@@ -240,10 +242,10 @@ def test_consider_posterior_has_the_correct_limit_cases():
     model, arguments, *_ = linear_case(8)
     prior = arguments[2]
     full = map_estimate("test", model, *arguments, ALL).posterior
-    nothing = restricted(prior, full, ~ALL)
+    nothing = consider_update(prior, full, ~ALL)
     assert np.array_equal(nothing.mean, prior.mean)
     assert nothing.covariance == pytest.approx(prior.covariance, rel=1e-12)
-    assert np.array_equal(restricted(prior, full, ALL).mean, full.mean)
+    assert np.array_equal(consider_update(prior, full, ALL).mean, full.mean)
 
 
 def test_nis_bounds_contain_999_of_1000_means():

@@ -45,7 +45,7 @@ def test_compiled_prediction_and_update_agree_with_filterpy(nav_stage, data, cou
     kf = KalmanFilter(dim_x=size, dim_z=3 * count)
     kf.x, kf.P = run.state.x.copy(), run.state.P.copy()
     run.observe(data, done, count)
-    group, last = run.group, run.last
+    group, last = run.group, run.last_updates
     kf.F, kf.Q, kf.M = group.transition, group.noise, group.M
     assert group.M.any() == (count > 1)
     kf.predict()
@@ -74,7 +74,7 @@ def test_closed_loop_agrees_with_a_compiled_pass_along_its_trajectory_over_a_who
     known = Posterior(nav_stage.truth.parameters, np.diag((1e-2 * nav_stage.prior.sigma) ** 2))
     (start,) = starts(data, context, known)
     closed = ClosedLoopFilter(context, known, known.mean)
-    steps = closed.steps(data, start, start.attitude, together=1)
+    steps = closed.steps(data, start, start.attitude, batch=1)
     states = [[x.copy() for x in closed.work[1:3]] for _ in steps]
     # attitude and velocity at every observation, before the feedback that follows it
     trajectory, work, edges = [states[0]], interval_work(), [start.begin, *closed.history.index]
@@ -103,7 +103,7 @@ def test_filterpy_agrees_with_the_compiled_algebra_over_a_whole_stage(nav_stage,
     context = replace(nav_stage.context, imu=replace(nav_stage.context.imu, **noise))
     run = ClosedLoopFilter(context, nav_stage.prior, nav_stage.prior.mean)
     (start,) = starts(data, context, nav_stage.prior)
-    steps = run.steps(data, start, start.attitude, together=1)
+    steps = run.steps(data, start, start.attitude, batch=1)
     next(steps)
     state, innovations = State(run.state.x.copy(), run.state.P.copy()), []
     for _ in steps:
@@ -155,14 +155,14 @@ def test_covariance_in_closed_loop_stays_symmetric_and_positive_definite_for_an_
     context = replace(nav_stage.context, imu=replace(nav_stage.context.imu, sample_rate=20.0))
     prior = Posterior(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
     samples, blocks, joints = PlannedSamples(context, prior.mean, np.full(3, 0.005)), [], np.zeros(2)
-    while samples.time < 3600.0:
+    while sum(map(len, blocks)) < 3600 * 20:
         joints[samples.step % 2] += 0.5 * np.pi
         blocks += samples.run(Dwell(10.0), 10.0, "excitation")
         blocks += samples.run(Move(*joints, 0.4, 0.4), 6.0, "excitation")
     hour = stage_data(blocks, context.imu)
     (start,) = starts(hour, context, prior)
     run, groups = ClosedLoopFilter(context, prior, prior.mean), 0
-    for groups, _ in enumerate(run.steps(hour, start, start.attitude, together=1)):
+    for groups, _ in enumerate(run.steps(hour, start, start.attitude, batch=1)):
         P = run.state.P
         assert np.array_equal(P, P.T)
         if groups % 20 == 0:

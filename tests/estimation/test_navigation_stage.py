@@ -150,7 +150,7 @@ def test_unknown_start_attitude_is_found_from_the_data(nav_stage, azimuth, angle
 def test_all_passes_linearise_about_the_prior_if_no_parameter_is_estimated(nav_stage, solution):
     known = Posterior(nav_stage.truth.parameters, nav_stage.prior.covariance)
     data = stage_data([nav_stage.block], nav_stage.context.imu)
-    found = solve_navigation("excitation", data, nav_stage.context, known, np.zeros(COUNT, np.bool_))
+    found = solve_navigation(data, nav_stage.context, known, np.zeros(COUNT, np.bool_))
     assert found.converged
     np.testing.assert_array_equal(found.point, known.mean)
     assert found.posterior.sigma == pytest.approx(solution.posterior.sigma, rel=0.02)
@@ -164,16 +164,16 @@ def passes_of(stage, prior, monkeypatch, fits):
         ways.append(isinstance(self, ReferencePass))
         return steps(self, *arguments, **others)
 
-    monkeypatch.setattr(relinearise, "FITS", fits)
+    monkeypatch.setattr(relinearise, "MAX_FIRST_NIS", fits)
     monkeypatch.setattr(NavigationPass, "steps", watched)
     data = stage_data([stage.block], stage.context.imu)
-    found = solve_navigation("excitation", data, stage.context, prior, np.ones(COUNT, np.bool_))
+    found = solve_navigation(data, stage.context, prior, np.ones(COUNT, np.bool_))
     monkeypatch.undo()
     return ways, found
 
 
 def test_consistent_first_pass_is_not_repeated_in_closed_loop(nav_stage, monkeypatch):
-    ways, found = passes_of(nav_stage, nav_stage.prior, monkeypatch, relinearise.FITS)
+    ways, found = passes_of(nav_stage, nav_stage.prior, monkeypatch, relinearise.MAX_FIRST_NIS)
     both_ways, both = passes_of(nav_stage, nav_stage.prior, monkeypatch, 0.0)
     assert ways == [True, True]
     assert both_ways == [True, False, True]
@@ -190,10 +190,10 @@ def test_diverged_closed_loop_pass_is_discarded(nav_stage, solution, monkeypatch
             return run, ends
         return SimpleNamespace(history=SimpleNamespace(nis=np.array([np.nan]))), ends
 
-    monkeypatch.setattr(relinearise, "FITS", 0.0)
+    monkeypatch.setattr(relinearise, "MAX_FIRST_NIS", 0.0)
     monkeypatch.setattr(relinearise._Relinearisation, "one_pass", astray)
     data = stage_data([nav_stage.block], nav_stage.context.imu)
-    found = solve_navigation("excitation", data, nav_stage.context, nav_stage.prior, np.ones(COUNT, np.bool_))
+    found = solve_navigation(data, nav_stage.context, nav_stage.prior, np.ones(COUNT, np.bool_))
     np.testing.assert_array_equal(found.posterior.mean, solution.posterior.mean)
 
 
@@ -201,7 +201,7 @@ def test_inconsistent_first_pass_is_repeated_in_closed_loop(nav_stage, monkeypat
     wrong = nav_stage.prior.mean.copy()
     wrong[INDEX["gyro_scale_z"]] += 0.05  # a quarter turn ends 4.5° away
     posterior = Posterior(wrong, nav_stage.prior.covariance + np.diag((wrong - nav_stage.prior.mean) ** 2))
-    ways, found = passes_of(nav_stage, posterior, monkeypatch, relinearise.FITS)
+    ways, found = passes_of(nav_stage, posterior, monkeypatch, relinearise.MAX_FIRST_NIS)
     assert ways[:3] == [True, False, True]
     assert found.converged
     assert np.abs(errors_in_sigma(found.posterior, nav_stage.truth)).max() < 4.0

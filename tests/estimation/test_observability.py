@@ -10,9 +10,9 @@ from simulated_stages import SCHEDULES, block_of, cut, geometry_of, solved
 from calstation.estimation.common import stage_data, starts
 from calstation.estimation.navigation import ClosedLoopFilter
 from calstation.estimation.navigation.observability import (
-    LARGEST_TURN,
+    MAX_PIECE_ANGLE,
     STATE_NAMES,
-    observability_analysis,
+    ObservabilityAnalysis,
     pieces,
 )
 from calstation.estimation.navigation.stage import LiveFilter
@@ -28,8 +28,9 @@ def passed(nav_stage):
     run = ClosedLoopFilter(nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
     (start,) = starts(data, nav_stage.context, nav_stage.prior)
     list(run.steps(data, start, start.attitude))
-    found = observability_analysis(data, run.history, nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
-    return data, run.history, found
+    analysis = ObservabilityAnalysis(nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
+    analysis.add(data, run.history)
+    return data, run.history, analysis.result()
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +130,7 @@ def test_pieces_cover_every_observation_and_rotate_at_most_five_degrees(passed):
     interval = 0.1
     for a, b in found:
         turned = np.sum(rate[a + 1 : b]) * interval
-        assert turned <= LARGEST_TURN + 1e-6 or rate[a:b].max() <= np.deg2rad(0.5)
+        assert turned <= MAX_PIECE_ANGLE + 1e-6 or rate[a:b].max() <= np.deg2rad(0.5)
 
 
 def test_observability_of_a_solution_can_be_written_as_json(nav_stage):

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from calstation.estimation.common import (
     ImuModel,
     SampleBlock,
+    blocks_from,
     find_rests,
     mean_angles,
-    since,
     slope_weights,
     snap_angles,
     stage_data,
@@ -186,7 +186,7 @@ def test_snapped_angles_survive_a_file_in_degrees(angle):
 
 @pytest.mark.parametrize(("seq", "left"), [(0, 50), (7, 43), (30, 20), (45, 5), (50, 0)])
 def test_since_returns_unconsumed_blocks(seq, left):
-    kept = since([block(30), block(20, first=30)], seq)
+    kept = blocks_from([block(30), block(20, first=30)], seq)
     assert sum(len(b) for b in kept) == left
     assert left == 0 or kept[0].seq[0] == seq
 

@@ -5,7 +5,7 @@ from hand_recordings import prior_of
 
 from calstation.bench.truth import GimbalBench, GimbalSamples, ImuTruth, draw_imu
 from calstation.estimation import Solution
-from calstation.estimation.common import ImuModel, SampleBlock, Site, SolveContext, TableModel, joined
+from calstation.estimation.common import ImuModel, SampleBlock, Site, SolveContext, TableModel, join_blocks
 from calstation.estimation.gimbal import GimbalIteration
 from calstation.physics import group_matrix
 from calstation.simulation.bench_recordings import turn_gimbal
@@ -37,7 +37,7 @@ def recorded(
     settings, blocks = method("gimbal").schedule(**schedule), []
     gimbal = (GimbalBench if corrected else Uncorrected)(imu, seed, order=settings.order, encoder_sigma=ENCODER)
     iteration = turn_gimbal(gimbal, settings, context_of(imu).imu, blocks.append)
-    return iteration, joined(blocks)
+    return iteration, join_blocks(blocks)
 
 
 def context_of(imu: ImuTruth) -> SolveContext:

@@ -1,6 +1,12 @@
 """Code that all solvers share: samples, rests, noise, alignment and least squares."""
 
-from calstation.estimation.common.alignment import AMBIGUOUS_AZIMUTH_SIGMA, FREE_AZIMUTH_SIGMA, Start, levelled, starts
+from calstation.estimation.common.alignment import (
+    AMBIGUOUS_AZIMUTH_SIGMA,
+    FREE_AZIMUTH_SIGMA,
+    Start,
+    align_vertical,
+    starts,
+)
 from calstation.estimation.common.by_position import (
     EXCESSIVE,
     NOTABLE,
@@ -26,10 +32,10 @@ from calstation.estimation.common.least_squares import (
     BatchGain,
     Consistency,
     chi_square_quantile,
+    consider_update,
     gauss_newton,
     map_estimate,
     nis_consistency,
-    restricted,
 )
 from calstation.estimation.common.model_test import Diagnosis, ModelTest, stage_agreement
 from calstation.estimation.common.noise import (
@@ -42,11 +48,11 @@ from calstation.estimation.common.noise import (
     rest_force,
     rest_mean_variance,
     rest_noise,
-    widened,
+    with_measured_noise,
 )
 from calstation.estimation.common.planned import PlannedSamples, profile
 from calstation.estimation.common.residuals import RestResiduals, before_after, rest_residuals
-from calstation.estimation.common.samples import SampleBlock, has_gyros, joined, since, snap_angles
+from calstation.estimation.common.samples import SampleBlock, blocks_from, has_gyros, join_blocks, snap_angles
 from calstation.estimation.common.sequence import SequenceError, SequenceUnwrapper, unwrap_counter
 from calstation.estimation.common.stage import (
     BIAS_SIGMAS,
@@ -58,13 +64,13 @@ from calstation.estimation.common.stage import (
     StageData,
     find_rests,
     group_means,
-    largest,
     mean_angles,
     means,
     no_rest_error,
-    runs,
+    row_maxima,
     slope_weights,
     stage_data,
+    true_intervals,
     window_mean,
 )
 from calstation.estimation.common.stillness import Link, Stillness, find_stillness

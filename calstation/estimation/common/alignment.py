@@ -21,7 +21,7 @@ from calstation.physics import (
 FREE_AZIMUTH_SIGMA = np.pi / np.sqrt(3.0)
 #: Prior sigma of a tilt found from the accelerometers alone, rad: wide, so that the data dominate.
 FREE_TILT_SIGMA = 0.2
-#: Above this sigma, rad, a gyrocompassed azimuth is not used as linearisation point; several headings are tried.
+#: Largest sigma of a gyrocompassed azimuth that is used as linearisation point, rad; otherwise headings are compared.
 AMBIGUOUS_AZIMUTH_SIGMA = 0.35
 #: Longest part of a rest that is used for alignment, s.
 LONGEST_REST = 20.0
@@ -42,8 +42,8 @@ class Start:
 def starts(data: StageData, context: SolveContext, posterior: Posterior) -> list[Start]:
     """Align every segment that contains a rest of at least `SHORTEST_REST`; omit the other segments.
 
-    The rate at an observation is the mean of the samples before and after it. One sample is therefore omitted on
-    either side of a gap, so that a rotation beyond the gap does not count as motion at rest.
+    The rate at an observation is the mean of the samples before and after it. One sample is therefore omitted on either
+    side of a gap, so that a rotation beyond the gap does not affect the rate at rest.
     """
     aligned = []
     for first, last in data.segments:
@@ -70,13 +70,13 @@ def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, pos
         home = geometry.body_to_home(*angles)
         prior = axis_rotation((0.0, 0.0, 1.0), _heading_offset(home @ rate_b)) @ home
         prior_sigma = np.array([tilt, tilt, FREE_AZIMUTH_SIGMA])
-        return Start(a, end, prior, prior_sigma, levelled(prior, up_b), sigma)
+        return Start(a, end, prior, prior_sigma, align_vertical(prior, up_b), sigma)
     prior = geometry.body_to_level(angles[0], angles[1], site.azimuth)
     azimuth = np.sqrt(table.azimuth_sigma**2 + table.mount_sigma**2 + table.encoder_sigma**2)
-    return Start(a, end, prior, np.array([tilt, tilt, azimuth]), levelled(prior, up_b), None)
+    return Start(a, end, prior, np.array([tilt, tilt, azimuth]), align_vertical(prior, up_b), None)
 
 
-def levelled(attitude: FloatArray, up_b: FloatArray) -> FloatArray:
+def align_vertical(attitude: FloatArray, up_b: FloatArray) -> FloatArray:
     """Rotate `attitude` by the smallest angle that makes the measured up direction vertical; return shape (3, 3)."""
     up_n = attitude @ up_b / np.linalg.norm(up_b)
     axis = np.cross(up_n, UP)
@@ -96,8 +96,8 @@ def gyrocompass(
 ) -> tuple[FloatArray, float]:
     """Return C_bn from the mean specific force (level) and the mean rate (north), and the azimuth's sigma, rad.
 
-    The azimuth's sigma equals the sigma of the gyro bias divided by Ω cos φ (IEEE Std 1780). `rate_b` is in rad/s,
-    `up_b` in m/s², shape (3,) each, and `latitude` in rad.
+    The azimuth sigma equals the gyro bias sigma divided by Ω cos φ (IEEE Std 1780). `rate_b` is in rad/s, `up_b` in
+    m/s², shape (3,) each, and `latitude` in rad.
     """
     level = level_attitude(up_b)
     attitude = axis_rotation((0.0, 0.0, 1.0), _heading_offset(level @ rate_b)) @ level

@@ -1,7 +1,7 @@
 """Residuals of a stage per rest and move, and where they exceed their expected variance.
 
-Each rest and move has the innovations during it, and the constant channel error confined to it that fits them best. The
-excess is in one rest or move, in all of one kind, or in the whole stage.
+For each rest and move, the innovations during it are tested, and the constant channel error that explains them best is
+estimated. The excess is in one rest or move, in all of one kind, or in the whole stage.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -17,29 +17,29 @@ from calstation.estimation.common.stage import StageData
 from calstation.messages import Text
 from calstation.physics import CHANNELS, JOINTS, FloatArray, IntArray
 
-#: A rotation smaller than this, rad, does not count as a move; earth rate is 0.25° per minute.
+#: Smallest rotation of a move, rad; earth rate is 0.25° per minute.
 SMALLEST_MOVE = np.deg2rad(1.0)
 #: Sigmas above which a rest or move is notable, and above which its data contradict the model.
 NOTABLE, EXCESSIVE = 4.0, 5.0
-#: Share of the excess above which rests or moves are named.
+#: Smallest share of the excess that is attributed to rests or moves.
 _MIN_SHARE = 0.5
 #: Scatter is attributed to some rests or moves if their excess per component is this many times the excess elsewhere.
 _MIN_DENSITY_RATIO = 2.0
-#: If a constant error leaves a larger fraction of the share unexplained than this, the excess is scatter.
+#: Fraction of the share that a constant error may leave unexplained; if it leaves more, the excess is scatter.
 _SCATTER = 0.15
-#: A single rest or move is named if its share is this many times the share of any other.
+#: The excess is attributed to one rest or move if its share is this many times the share of any other.
 _MIN_LEAD = 1.5
-#: For innovations that are not independent: rests or moves within this many sigmas of the worst are named with it.
+#: For innovations that are not independent, rests or moves within this many sigmas of the worst are reported with it.
 _WITHIN_SIGMAS = 1.0
-#: One rest or move, those with a common axis, all rests, all moves, or the whole stage.
+#: Location of an excess: one rest or move, those with a common axis, all rests, all moves, or the whole stage.
 Location = Literal["rest", "move", "rests_up", "moves_about", "rests", "moves", "stage"]
-#: Locations of rests or moves with a common axis, and for all of them.
+#: Location of rests or moves with a common axis, and location of all of them, by kind.
 _LOCATIONS: dict[str, tuple[Location, Location]] = {"rest": ("rests_up", "rests"), "move": ("moves_about", "moves")}
 
 
 @dataclass(frozen=True)
 class LocalScores:
-    """Score tests of constant errors of the channels, gyro x y z and accel x y z, each during one of k spans.
+    """Score tests for constant errors of the channels, gyro x y z and accel x y z, each during one of k spans.
 
     An error θ decreases the sum of the squared innovations by 2 θᵀ score − θᵀ information θ.
     """
@@ -47,45 +47,42 @@ class LocalScores:
     score: FloatArray  #: SI, shape (6 k,).
     information: FloatArray  #: SI, shape (6 k, 6 k).
     shift: FloatArray  #: Shift of the 30 parameters per unit of each error, SI, shape (30, 6 k).
-    own_score: FloatArray  #: `score` from the innovations of the same span alone, SI, shape (k, 6).
-    own_information: FloatArray  #: `information` from the innovations of the same span alone, SI, shape (k, 6, 6).
+    span_score: FloatArray  #: `score` from the innovations of the same span only, SI, shape (k, 6).
+    span_information: FloatArray  #: `information` from the innovations of the same span only, SI, shape (k, 6, 6).
 
     def common(self, spans: Sequence[int], signs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return score, shape (6,), and information, shape (6, 6), of errors that are common to n spans.
-
-        They change their signs with `signs` of the spans, shape (n,).
-        """
-        chosen = np.asarray(spans)
-        blocks = self.information.reshape(len(self.own_score), 6, -1, 6)[chosen][:, :, chosen]
-        score = np.asarray(signs @ self.score.reshape(-1, 6)[chosen])
+        """Return score, shape (6,), and information, shape (6, 6), of errors common to n spans, with n `signs`."""
+        indices = np.asarray(spans)
+        blocks = self.information.reshape(len(self.span_score), 6, -1, 6)[indices][:, :, indices]
+        score = np.asarray(signs @ self.score.reshape(-1, 6)[indices])
         return score, np.asarray(np.einsum("a,aibj,b->ij", signs, blocks, signs))
 
     def explained(self, spans: Sequence[int], signs: FloatArray) -> float:
-        """Return how much more than by chance common errors decrease the sum of squares, see `common`."""
+        """Return the decrease of the sum of squares by common errors, minus the decrease expected by chance."""
         score, information = self.common(spans, signs)
         return float(score @ np.linalg.pinv(information, hermitian=True) @ score) - len(score)
 
-    def own_explained(self, span: int) -> float:
-        """Return how much errors during a span decrease the sum of squares of the innovations of this span."""
+    def span_explained(self, span: int) -> float:
+        """Return the decrease of the sum of squares of a span's innovations by errors during the span."""
         score, information = self.common([span], np.ones(1))
         error = np.linalg.pinv(information, hermitian=True) @ score
-        return float(2.0 * error @ self.own_score[span] - error @ self.own_information[span] @ error)
+        return float(2.0 * error @ self.span_score[span] - error @ self.span_information[span] @ error)
 
     def single(self, spans: Sequence[int], signs: FloatArray) -> tuple[int, float, float]:
-        """Return the channel whose own common error is most significant, with that error and its sigma, SI."""
+        """Return the channel whose common error, estimated alone, is most significant, the error and its sigma, SI."""
         score, information = self.common(spans, signs)
-        one = np.maximum(np.diag(information), np.finfo(float).tiny)
-        channel = int(np.argmax(np.abs(score) / np.sqrt(one)))
-        return channel, float(score[channel] / one[channel]), float(1.0 / np.sqrt(one[channel]))
+        diagonal = np.maximum(np.diag(information), np.finfo(float).tiny)
+        channel = int(np.argmax(np.abs(score) / np.sqrt(diagonal)))
+        return channel, float(score[channel] / diagonal[channel]), float(1.0 / np.sqrt(diagonal[channel]))
 
 
-#: Function that returns the score tests for spans (start, stop) of a stage's samples, in the order given.
-ScoreFunction = Callable[[StageData, Sequence[tuple[int, int]]], LocalScores]
+#: Function that returns the score tests for spans (start, stop) of a stage's samples, in the same order.
+ScoreFunction = Callable[[Sequence[tuple[int, int]]], LocalScores]
 
 
 @dataclass(frozen=True)
 class PositionResidual:
-    """Residuals of one rest or one move of a stage, in sigmas; NaN where there is nothing to test."""
+    """Residuals of one rest or one move of a stage, in sigmas; NaN without observations."""
 
     kind: Literal["rest", "move"]
     number: int  #: Number of the rest, or of the move, within the stage, from 1.
@@ -101,8 +98,7 @@ class PositionResidual:
     angles: tuple[float, float]  #: Outer and inner encoder angle at the end, rad, NaN without encoders.
     freedom: int  #: Number of innovation components.
     total: float  #: Sum of their squares.
-    #: `total` as a standard normal deviate that is exceeded with the same probability.
-    excess: float
+    excess: float  #: `total` as a standard normal deviate of the same probability.
     component: int  #: Component with the largest mean: 0, 1 or 2.
     mean: float  #: Mean of that component, in sigmas of the mean.
     channel: int | None  #: Channel with the most significant error here, 0 to 5 (gyro x y z, accel x y z).
@@ -125,22 +121,22 @@ class PositionResidual:
 
     @property
     def error_unit(self) -> str:
-        """SI unit of `error`."""
+        """Unit of `error`, SI."""
         return "rad/s" if self.channel is not None and self.channel < 3 else "m/s²"
 
     @property
     def channel_name(self) -> str:
-        """Name of `channel`, "" if there is none."""
+        """Name of `channel`; "" if there is none."""
         return "" if self.channel is None else CHANNELS[self.channel]
 
     @property
     def component_name(self) -> str:
-        """Name of `component`: of the velocity in the level frame, or the body axis in a stage without the filter."""
+        """Name of `component`: a velocity component in the level frame, or a body axis without the 39-state filter."""
         return "xyz"[self.component] if self.channel is None else ("east", "north", "up")[self.component]
 
     @property
     def text(self) -> Text:
-        """Name of the rest or move: its number, axis and angles."""
+        """Text that identifies the rest or move by its number, axis and angles."""
         outer, inner, turned = np.rad2deg([*self.angles, self.turned]).tolist()
         code = f"residual.{self.kind}" if np.isnan(outer) else f"residual.{self.kind}_at"
         return Text(code, {"number": self.number, **self.axis_values, "outer": outer, "inner": inner, "turned": turned})
@@ -159,10 +155,10 @@ class PositionResidual:
 
 @dataclass(frozen=True)
 class StageResiduals:
-    """Residuals of a stage per rest and move, in chronological order."""
+    """Residuals of a stage by rest and move, in chronological order."""
 
     rows: tuple[PositionResidual, ...] = ()
-    scores: LocalScores | None = None  #: Score tests of the rows; None for a stage without the 39-state filter.
+    scores: LocalScores | None = None  #: Score tests of the rows; None without the 39-state filter.
 
 
 def position_residuals(
@@ -175,22 +171,22 @@ def position_residuals(
     white: bool,
     score: ScoreFunction | None,
 ) -> StageResiduals:
-    """Aggregate the innovations of a stage per rest and move.
+    """Aggregate the innovations of a stage by rest and move.
 
     Parameters
     ----------
     rests : residuals of the stage's rests, with the parameters `posterior`
     seq, normalised : as in `Innovations`
-    white : whether the components are independent; if not, `excess` is the largest component instead of their sum
-    score : computes the score tests; None for a stage without the 39-state filter
+    white : whether the components are independent; otherwise `excess` is the largest component instead of the sum
+    score : function that computes the score tests; None without the 39-state filter
     """
     spans = _spans(data, rests, posterior)
-    scores = None if score is None else score(data, [(start, stop) for start, stop, _ in spans])
+    scores = None if score is None else score([(start, stop) for start, stop, _ in spans])
     stops = np.array([data.seq[stop - 1] for _, stop, _ in spans], dtype=np.int64)
-    owner = np.searchsorted(stops, seq)
+    span_of = np.searchsorted(stops, seq)
     rows: list[PositionResidual] = []
     for index, (start, stop, rest) in enumerate(spans):
-        z = normalised[owner == index]
+        z = normalised[span_of == index]
         count = np.sum(np.isfinite(z), axis=0)
         means = np.nansum(z, axis=0) / np.sqrt(np.maximum(count, 1))
         freedom, total = int(count.sum()), float(np.nansum(z**2))
@@ -201,10 +197,10 @@ def position_residuals(
         kind: Literal["rest", "move"]
         if rest is None:
             kind, residual = "move", (np.nan, np.nan, np.nan)
-            axis, turned, body = _rotation(data, start, stop, posterior)
+            axis, angle, body = _rotation(data, start, stop, posterior)
         else:
             kind, residual = "rest", rests.in_sigma(rest)
-            axis, turned, body = rests.axis(rest), 0.0, ""
+            axis, angle, body = rests.axis(rest), 0.0, ""
         polled = np.flatnonzero(np.isfinite(data.angles[start:stop]).all(axis=1))
         outer, inner = data.angles[start + polled[-1]].tolist() if len(polled) else (np.nan, np.nan)
         excess = np.nan
@@ -219,7 +215,7 @@ def position_residuals(
                 int(data.seq[stop - 1]),
                 (stop - start) * data.dt,
                 axis,
-                turned,
+                angle,
                 body,
                 (outer, inner),
                 freedom,
@@ -235,7 +231,7 @@ def position_residuals(
 
 
 def normal_deviate(total: float, freedom: int) -> float:
-    """Return the standard normal deviate that is as improbable as a χ² of `total`.
+    """Return the standard normal deviate with the same probability as a χ² of `total`.
 
     E. B. Wilson, M. M. Hilferty, *The distribution of chi-square*, PNAS 17(12), 1931.
     """
@@ -244,7 +240,7 @@ def normal_deviate(total: float, freedom: int) -> float:
 
 
 def _spans(data: StageData, rests: RestResiduals, posterior: Posterior) -> list[tuple[int, int, int | None]]:
-    """Divide the samples into rests and moves: (start, stop, index of the rest or None), without the gaps.
+    """Divide the samples between gaps into rests and moves: (start, stop, index of the rest, or None for a move).
 
     Samples between two rests without a rotation, for example while the table creeps, belong to the preceding span.
     """
@@ -259,39 +255,39 @@ def _spans(data: StageData, rests: RestResiduals, posterior: Posterior) -> list[
     for first, last in data.segments:
         inside = np.flatnonzero((begin >= first) & (end <= last))
         cuts = np.unique([first, last, *begin[inside], *end[inside], *changed[(changed > first) & (changed < last)]])
-        here: list[tuple[int, int, int | None]] = []
+        segment_spans: list[tuple[int, int, int | None]] = []
         for start, stop in pairwise(cuts.tolist()):
             rest = next((int(k) for k in inside if begin[k] <= start and stop <= end[k]), None)
-            if here:
-                last_start, last_stop, last_rest = here[-1]
+            if segment_spans:
+                last_start, last_stop, last_rest = segment_spans[-1]
                 if rest is None and still(start, stop):
-                    here[-1] = (last_start, stop, last_rest)
+                    segment_spans[-1] = (last_start, stop, last_rest)
                     continue
                 if rest is not None and (last_rest == rest or (last_rest is None and still(last_start, last_stop))):
-                    here[-1] = (last_start, stop, rest)
+                    segment_spans[-1] = (last_start, stop, rest)
                     continue
-            here.append((start, stop, rest))
-        spans += here
+            segment_spans.append((start, stop, rest))
+        spans += segment_spans
     return spans
 
 
 def _rotation(data: StageData, start: int, stop: int, posterior: Posterior) -> tuple[str, float, str]:
     """Return axis, angle, rad, and signed body axis of a rotation, see `PositionResidual`."""
-    body = (data.gyro[start:stop] - posterior.gyro_bias[0]).sum(axis=0) * data.dt
-    k = int(np.argmax(np.abs(body)))
-    signed = ("-" if body[k] < 0.0 else "+") + "xyz"[k]
+    rotation = (data.gyro[start:stop] - posterior.gyro_bias[0]).sum(axis=0) * data.dt
+    k = int(np.argmax(np.abs(rotation)))
+    signed = ("-" if rotation[k] < 0.0 else "+") + "xyz"[k]
     polled = np.flatnonzero(np.isfinite(data.angles[start:stop]).all(axis=1))
     if len(polled) > 1:
-        turned = data.angles[start + polled[-1]] - data.angles[start + polled[0]]
-        names = [name for name, angle in zip(JOINTS, turned, strict=True) if abs(angle) >= SMALLEST_MOVE]
+        angles = data.angles[start + polled[-1]] - data.angles[start + polled[0]]
+        names = [name for name, angle in zip(JOINTS, angles, strict=True) if abs(angle) >= SMALLEST_MOVE]
         if names:
-            return "+".join(names), float(turned[np.argmax(np.abs(turned))]), signed
-    return "xyz"[k], float(body[k]), signed
+            return "+".join(names), float(angles[np.argmax(np.abs(angles))]), signed
+    return "xyz"[k], float(rotation[k]), signed
 
 
 @dataclass(frozen=True)
 class Concentration:
-    """Rests and moves that contain most of the excess, and the kind of error."""
+    """Rests and moves with most of the excess, and the kind of error."""
 
     location: Location
     rows: tuple[int, ...]  #: Indices of the rests and moves, the worst first.
@@ -303,23 +299,23 @@ class Concentration:
 def concentration(residuals: StageResiduals, *, white: bool) -> Concentration:
     """Find the fewest rests or moves of a stage that contain most of its excess.
 
-    The excess is either scatter, which is confined to these rests or moves, or the result of a constant channel error
-    during them, whose effect the filter spreads over all later ones. If the innovations are not `white`, the rests or
-    moves with the largest ones are named.
+    The excess is either scatter during these rests or moves, or the result of a constant channel error during them,
+    whose effect the filter spreads over all later ones. If the innovations are not `white`, the rests or moves with the
+    largest innovations are returned.
     """
     rows = residuals.rows
     if not white:
         worst = np.array([np.nan_to_num(row.excess) for row in rows])
-        named = _sorted(np.flatnonzero(worst > worst.max() - _WITHIN_SIGMAS), rows)
-        return Concentration(rows[named[0]].kind if 2 * len(named) < len(rows) else "stage", named, 1.0)
-    one = sorted(_single(residuals), key=lambda c: -c.share)
-    if one[0].share > _MIN_SHARE and one[0].share > _MIN_LEAD * max((c.share for c in one[1:]), default=0.0):
-        return one[0]
+        indices = _worst_first(np.flatnonzero(worst > worst.max() - _WITHIN_SIGMAS), rows)
+        return Concentration(rows[indices[0]].kind if 2 * len(indices) < len(rows) else "stage", indices, 1.0)
+    best, *others = sorted(_single(residuals), key=lambda c: -c.share)
+    if best.share > _MIN_SHARE and best.share > _MIN_LEAD * max((c.share for c in others), default=0.0):
+        return best
     for candidates in (_common(residuals), _scattered(rows, by_axis=True), _scattered(rows)):
-        best = max(candidates, key=lambda c: c.share, default=None)
-        if best is not None and best.share > _MIN_SHARE:
-            return best
-    return Concentration("stage", _sorted(range(len(rows)), rows), 1.0)
+        largest = max(candidates, key=lambda c: c.share, default=None)
+        if largest is not None and largest.share > _MIN_SHARE:
+            return largest
+    return Concentration("stage", _worst_first(range(len(rows)), rows), 1.0)
 
 
 def _excess(rows: Sequence[PositionResidual]) -> float:
@@ -333,14 +329,14 @@ def _single(residuals: StageResiduals) -> Iterator[Concentration]:
         remaining = _excess([row])
         shift = 0.0
         if scores is not None:
-            remaining -= scores.own_explained(k)
+            remaining -= scores.span_explained(k)
             shift = max(scores.explained([k], np.ones(1)), 0.0)
         share = (shift + max(remaining, 0.0)) / total
         yield Concentration(row.kind, (k,), share, np.ones(1) if remaining < _SCATTER * share * total else None)
 
 
 def _common(residuals: StageResiduals) -> Iterator[Concentration]:
-    """Yield the rests with the same axis up, and the moves about the same joint or body axis, with a common error."""
+    """Yield common errors of the rests with the same axis up, and of the moves about the same joint or body axis."""
     rows, scores = residuals.rows, residuals.scores
     if scores is None:
         return
@@ -349,9 +345,9 @@ def _common(residuals: StageResiduals) -> Iterator[Concentration]:
     for k, row in enumerate(rows):
         for axis in dict.fromkeys((row.axis, row.body[1:] or row.axis)):
             sets.setdefault((_LOCATIONS[row.kind][0], axis), []).append(k)
-    for (location, axis), chosen in sets.items():
-        if len(chosen) > 1:
-            ordered = _sorted(chosen, rows)
+    for (location, axis), members in sets.items():
+        if len(members) > 1:
+            ordered = _worst_first(members, rows)
             signs = np.array([-1.0 if rows[k].body.startswith("-") else 1.0 for k in ordered])
             for sign in (np.ones(len(ordered)), signs):
                 share = scores.explained(ordered, sign) / total
@@ -359,17 +355,17 @@ def _common(residuals: StageResiduals) -> Iterator[Concentration]:
 
 
 def _scattered(rows: Sequence[PositionResidual], *, by_axis: bool = False) -> Iterator[Concentration]:
-    """Yield the rests with the same axis up and the moves about a joint, or all rests or moves, if they scatter."""
+    """Yield the scatter of the rests with the same axis up and of the moves about a joint, or of all rests or moves."""
     total, freedom = _excess(rows), sum(row.freedom for row in rows)
     sets: dict[tuple[Location, str], list[int]] = {}
     for k, row in enumerate(rows):
-        with_axis, every = _LOCATIONS[row.kind]
-        sets.setdefault((with_axis, row.axis) if by_axis else (every, ""), []).append(k)
-    for (location, axis), chosen in sets.items():
-        inside, share = _excess([rows[k] for k in chosen]), sum(rows[k].freedom for k in chosen) / freedom
+        with_axis, all_rows = _LOCATIONS[row.kind]
+        sets.setdefault((with_axis, row.axis) if by_axis else (all_rows, ""), []).append(k)
+    for (location, axis), members in sets.items():
+        inside, share = _excess([rows[k] for k in members]), sum(rows[k].freedom for k in members) / freedom
         if inside * (1.0 - share) > _MIN_DENSITY_RATIO * (total - inside) * share:
-            yield Concentration(location, _sorted(chosen, rows), inside / total, axis=axis)
+            yield Concentration(location, _worst_first(members, rows), inside / total, axis=axis)
 
 
-def _sorted(chosen: Sequence[int] | np.ndarray, rows: Sequence[PositionResidual]) -> tuple[int, ...]:
-    return tuple(sorted((int(k) for k in chosen), key=lambda k: -np.nan_to_num(rows[k].worst)))
+def _worst_first(indices: Sequence[int] | np.ndarray, rows: Sequence[PositionResidual]) -> tuple[int, ...]:
+    return tuple(sorted((int(k) for k in indices), key=lambda k: -np.nan_to_num(rows[k].worst)))

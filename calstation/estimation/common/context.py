@@ -1,4 +1,4 @@
-"""Models of site, IMU and table that a solver needs in addition to the samples: immutable values in SI units."""
+"""Models of the site, the IMU and the table for the solvers: immutable values in SI units."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -22,9 +22,7 @@ class Site:
     height: float  #: m
     azimuth: float | None = None  #: Heading of platform +y at home, rad clockwise from true north; None if unknown.
     gravity: float | None = None  #: Surveyed gravity, m/s²; None for the normal gravity of the site.
-
-    #: Standard deviation of gravity, m/s²; None for the default of surveyed or of normal gravity.
-    gravity_sigma: float | None = None
+    gravity_sigma: float | None = None  #: Standard deviation of gravity, m/s²; None for the default.
 
     @property
     def local_gravity(self) -> float:
@@ -33,9 +31,9 @@ class Site:
 
     @property
     def relative_gravity_sigma(self) -> float:
-        """Relative standard deviation of gravity, which enters the accelerometer scale factors one to one."""
-        usual = NORMAL_GRAVITY_SIGMA if self.gravity is None else SURVEYED_GRAVITY_SIGMA
-        return (self.gravity_sigma or usual) / self.local_gravity
+        """Relative standard deviation of gravity, which is added to that of the accelerometer scale factors."""
+        default = NORMAL_GRAVITY_SIGMA if self.gravity is None else SURVEYED_GRAVITY_SIGMA
+        return (self.gravity_sigma or default) / self.local_gravity
 
 
 @dataclass(frozen=True)
@@ -78,11 +76,11 @@ class ImuModel:
 
 @dataclass(frozen=True)
 class TableModel:
-    """Axes of the table, and the uncertainty of its angles and of its motion at rest."""
+    """Axes of the table, uncertainties of its angles, and its vibration at rest."""
 
     outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)  #: Unit vector in platform axes at home.
     inner_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)  #: Unit vector in platform axes at home.
-    outer_lever: str = "estimated"  #: "estimated" or "fixed" (at 0).
+    outer_lever: str = "estimated"  #: "estimated", or "fixed" to 0.
     encoder_sigma: float = np.deg2rad(0.05)  #: rad
     mount_sigma: float = np.deg2rad(1.0)  #: rad
     azimuth_sigma: float = np.deg2rad(0.5)  #: rad
@@ -108,12 +106,12 @@ class StoredPair:
 
     #: Pair parameters, SI, by contract name without the IMU's number; missing ones have their neutral values.
     values: Mapping[str, float] = field(default_factory=dict)
-    gyro_static: float | None = None  #: Deviation at rest right after the calibration, rad/s.
-    accel_static: float | None = None  #: Deviation at rest right after the calibration, m/s².
+    gyro_static: float | None = None  #: Deviation at rest immediately after the calibration, rad/s.
+    accel_static: float | None = None  #: Deviation at rest immediately after the calibration, m/s².
 
     @property
     def static(self) -> dict[str, float | None]:
-        """Deviations at rest right after the calibration by sensor, rad/s and m/s²."""
+        """Deviations at rest immediately after the calibration by sensor, rad/s and m/s²."""
         return {"gyro": self.gyro_static, "accel": self.accel_static}
 
 
@@ -128,13 +126,13 @@ class Secondary:
 
 @dataclass(frozen=True)
 class SolveContext:
-    """Everything that a stage's solver needs in addition to its prior and its samples."""
+    """Models that a stage's solver uses in addition to its prior and its samples."""
 
     site: Site
     imu: ImuModel
     table: TableModel
     secondaries: tuple[Secondary, ...] = ()
-    #: Whether to also compute what tests the data and the model: observability, responses to effects, diagnoses.
+    #: Whether to compute the tests of data and model: observability, sensitivity to effects, and diagnoses.
     diagnostics: bool = True
 
 

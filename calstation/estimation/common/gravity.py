@@ -1,8 +1,8 @@
-"""Effect of an error of gravity on a solution; it is common to all stages and does not average out.
+"""Effect of a gravity error on a solution, which is common to all stages and does not average out.
 
-The data do not change if every force grows by a factor 1 + ε while the accelerometer matrix shrinks by the same factor,
-the quadratic terms shrink by its square, and the lever arms grow by it. Only the prior distinguishes the two cases. A
-stage therefore shifts its estimated parameters x along this direction u as if ε u were added to their prior: dx⁺/dε =
+The data do not change if every force is multiplied by 1 + ε, the accelerometer matrix divided by it, the quadratic
+terms divided by its square, and the lever arms multiplied by it. Only the prior distinguishes the two cases. A stage
+therefore shifts its estimated parameters x along this direction u as if ε u were added to their prior: dx⁺/dε =
 dx⁻/dε + (I − P⁺ (P⁻)⁻¹)(u − dx⁻/dε).
 """
 
@@ -13,12 +13,12 @@ import numpy as np
 from calstation.estimation.common.context import Posterior
 from calstation.physics import COUNT, INDEX, NAMES, FloatArray, group_indices
 
-#: Powers of the factor 1 + ε by which parameters change.
+#: Power of 1 + ε by which the parameters of each group are multiplied.
 _POWERS = {"accel_misalign": -1.0, "accel_quadratic": -2.0, "inner_lever": 1.0, "outer_lever": 1.0}
 
 
 def force_scaling(parameters: FloatArray) -> FloatArray:
-    """Return the parameter change u that compensates a relative change of all forces and leaves the data unchanged."""
+    """Return the parameter change u that compensates a relative change of all forces, with unchanged data."""
     u = np.zeros(COUNT)
     for group, power in _POWERS.items():
         at = list(group_indices(group))
@@ -31,32 +31,32 @@ def force_scaling(parameters: FloatArray) -> FloatArray:
 def gravity_sensitivity(
     before: Posterior, after: Posterior, estimated: Sequence[str], sensitivity: FloatArray
 ) -> FloatArray:
-    """Return the change of the estimate after a stage per relative error of gravity, shape (30,).
+    """Return the change of the estimate after a stage per relative gravity error, shape (30,).
 
-    `sensitivity` is the sensitivity before the stage, and `estimated` names the parameters that the stage estimates.
+    `sensitivity` is this change before the stage; `estimated` are the names of the parameters that it estimates.
     """
     known = np.flatnonzero(before.sigma > 0.0)
     scale = before.sigma[known]
-    to_go = (force_scaling(after.mean) - sensitivity)[known] / scale
-    both = np.outer(scale, scale)
-    prior, posterior = (posterior.covariance[np.ix_(known, known)] / both for posterior in (before, after))
-    moved = np.zeros(COUNT)
-    moved[known] = scale * (to_go - posterior @ np.linalg.lstsq(prior, to_go, rcond=None)[0])
-    kept = np.ones(COUNT, np.bool_)
-    kept[[INDEX[name] for name in estimated if name in NAMES]] = False
-    return sensitivity + np.where(kept, 0.0, moved)
+    difference = (force_scaling(after.mean) - sensitivity)[known] / scale
+    scales = np.outer(scale, scale)
+    prior, posterior = (posterior.covariance[np.ix_(known, known)] / scales for posterior in (before, after))
+    change = np.zeros(COUNT)
+    change[known] = scale * (difference - posterior @ np.linalg.lstsq(prior, difference, rcond=None)[0])
+    unchanged = np.ones(COUNT, np.bool_)
+    unchanged[[INDEX[name] for name in estimated if name in NAMES]] = False
+    return sensitivity + np.where(unchanged, 0.0, change)
 
 
 def with_gravity(posterior: Posterior, sensitivity: FloatArray, sigma: float) -> Posterior:
-    """Return the estimate with a relative standard deviation `sigma` of gravity included in its covariance."""
+    """Return the estimate with the relative standard deviation `sigma` of gravity included in its covariance."""
     shift = sensitivity * sigma
     return Posterior(posterior.mean, posterior.covariance + np.outer(shift, shift))
 
 
 def without_gravity(sigma: FloatArray, gravity: float) -> FloatArray:
-    """Return the sigmas, shape (30,), that together with the error of gravity amount to `sigma`.
+    """Return the sigmas, shape (30,), that amount to `sigma` together with the gravity error.
 
-    `gravity` is the relative standard deviation of gravity. A sigma is 0 if the error of gravity alone is larger.
+    `gravity` is the relative standard deviation of gravity. A sigma is 0 if the gravity error alone is larger.
     """
     common = np.zeros(COUNT)
     common[list(group_indices("accel_scale"))] = gravity

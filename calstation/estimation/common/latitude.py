@@ -1,4 +1,4 @@
-"""Latitude from a unit at rest, from the component of earth rate along the measured up direction.
+"""Latitude from the output of a unit at rest: the component of earth rate along the measured up direction.
 
 No other check of a calibration detects a wrong latitude, because both gravity and earth rate are computed from it.
 """
@@ -12,18 +12,18 @@ import numpy as np
 from calstation.estimation.common.context import ImuModel, Posterior
 from calstation.estimation.common.noise import bias_drift_sigmas
 from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage import FORCE_STEP, largest, runs
+from calstation.estimation.common.stage import FORCE_STEP, row_maxima, true_intervals
 from calstation.physics import RATE, BoolArray, FloatArray, IntArray, compensate, compensation, group_indices
 
 #: Deviation, in standard deviations, that indicates a different latitude; noise exceeds it once in 10^9 cases.
 SIGMAS = 6.0
-#: Allowance for the deflection of the vertical and for rounding of the latitude, rad.
+#: Tolerance for the deflection of the vertical and for rounding of the latitude, rad.
 DEFLECTION = np.deg2rad(0.02)
 #: Largest sigma of the vertical rate, in units of earth rate, that distinguishes latitudes 5° apart.
 _SUFFICIENT = np.sin(np.deg2rad(5.0)) / SIGMAS
 #: Averaging window, s.
 _WINDOW = 1.0
-#: Smallest number of windows in a rest; its first and last, during which the table may have moved, do not count.
+#: Smallest number of windows in a rest without the first and last one, during which the table may move.
 _MIN_WINDOWS = 3
 _MOVING = 3.0 * RATE
 _NEAR_POLE = 0.02
@@ -39,7 +39,7 @@ class LatitudeEstimate:
 
     @property
     def tolerance(self) -> float:
-        """Largest difference from a latitude that is still consistent with the estimate, rad."""
+        """Largest difference from a latitude that is consistent with the estimate, rad."""
         return float(SIGMAS * self.sigma + DEFLECTION)
 
 
@@ -50,12 +50,12 @@ def resolves_earth_rate(imu: ImuModel) -> bool:
 
 
 class RestOutput:
-    """Mean output over each second; it does not depend on how the samples are divided into blocks."""
+    """Collects the mean output over each second, independent of the division of the samples into blocks."""
 
     def __init__(self, imu: ImuModel) -> None:
         self._imu = imu
         self._width = max(round(_WINDOW * imu.sample_rate), 1)
-        #: Number of the second being summed, its number of samples, and their sum.
+        #: Number of the current second, its number of samples, and their sum.
         self._second, self._sum = np.array([-1, 0]), np.zeros(6)
         self._seconds: list[IntArray] = []
         self._means: list[FloatArray] = []
@@ -67,7 +67,7 @@ class RestOutput:
         self._means.append(means)
 
     def latitude(self, posterior: Posterior) -> LatitudeEstimate | None:
-        """Estimate the latitude from all rests so far; return None if they do not distinguish latitudes 5° apart.
+        """Estimate the latitude from all rests so far; return None if it is less accurate than 5° in `SIGMAS`.
 
         The constant gyro biases are unknowns; rests with the unit upright and inverted separate them from earth rate.
         `posterior` contains the parameters solved so far; the sigmas of its gyro matrix enter the result's sigma.
@@ -78,8 +78,8 @@ class RestOutput:
         output = np.concatenate(self._means) * imu.rate_factor * np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
         omega, force = compensate(compensation(posterior.mean), output[:, :3], output[:, 3:])
         noise = _noise(imu)
-        slack = 5.0 * noise + 3.0 * float(posterior.sigma[group_indices("gyro_bias")].max())
-        still = largest(omega) < _MOVING + slack
+        tolerance = 5.0 * noise + 3.0 * float(posterior.sigma[group_indices("gyro_bias")].max())
+        still = row_maxima(omega) < _MOVING + tolerance
         rests = _rests(second, still, force)
         if len(rests) < 4:
             return None
@@ -90,12 +90,12 @@ class RestOutput:
         length = np.array([b - a for a, b in rests])
         variance = white / length + bias_drift_sigmas(imu)[0] ** 2
         rows = np.array([[*up[a:b].mean(axis=0), 1.0] for a, b in rests])
-        seen = np.array([along[a:b].mean() for a, b in rests])
+        rates = np.array([along[a:b].mean() for a, b in rests])
         information = rows.T @ (rows / variance[:, None])
         if np.linalg.cond(information) > 1e8:
             return None
         covariance = np.linalg.inv(information)
-        rate = float((covariance @ rows.T @ (seen / variance))[3])
+        rate = float((covariance @ rows.T @ (rates / variance))[3])
         matrix = RATE * float(posterior.sigma[list(_COLUMNS)].max())
         sigma = float(np.hypot(np.sqrt(covariance[3, 3]), matrix))
         if sigma > _SUFFICIENT * RATE:
@@ -110,11 +110,11 @@ def _means(
 ) -> tuple[IntArray, FloatArray]:
     """Return the numbers of the whole seconds, `width` samples each, that end in a block, and their mean counts.
 
-    `second`, shape (2,), holds the number of the second being summed and its number of samples, and `total`, shape
-    (6,), their sum; both are updated in place.
+    `second`, shape (2,), contains the number of the current second and its number of samples, `total`, shape (6,),
+    their sum; both are updated in place.
     """
-    most = len(seq) // width + 1
-    seconds, means, whole = np.empty(most, np.int64), np.empty((most, 6)), 0
+    capacity = len(seq) // width + 1
+    seconds, means, count = np.empty(capacity, np.int64), np.empty((capacity, 6)), 0
     for k in range(len(seq)):
         if not valid[k]:
             continue
@@ -125,11 +125,11 @@ def _means(
         for i in range(6):
             total[i] += counts[k, i]
         if second[1] == width:
-            seconds[whole] = second[0]
+            seconds[count] = second[0]
             for i in range(6):
-                means[whole, i] = total[i] / width
-            whole += 1
-    return seconds[:whole], means[:whole]
+                means[count, i] = total[i] / width
+            count += 1
+    return seconds[:count], means[:count]
 
 
 def _noise(imu: ImuModel) -> float:
@@ -144,9 +144,9 @@ def _noise(imu: ImuModel) -> float:
 def _rests(second: IntArray, still: np.ndarray, force: FloatArray) -> list[tuple[int, int]]:
     """Return the windows (start, stop) of every rest, without its first and last window."""
     split = np.zeros(len(second), np.bool_)
-    split[1:] = (np.diff(second) != 1) | (largest(np.diff(force, axis=0)) > FORCE_STEP)
+    split[1:] = (np.diff(second) != 1) | (row_maxima(np.diff(force, axis=0)) > FORCE_STEP)
     rests = []
-    for a, b in runs(still):
+    for a, b in true_intervals(still):
         cuts = [a, *(a + 1 + np.flatnonzero(split[a + 1 : b])), b]
         rests += [(int(c) + 1, int(d) - 1) for c, d in itertools.pairwise(cuts)]
     return [(a, b) for a, b in rests if b - a >= _MIN_WINDOWS]

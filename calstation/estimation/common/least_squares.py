@@ -17,10 +17,10 @@ Result = TypeVar("Result")
 MAX_ITERATIONS = 60
 #: The iteration has converged when its step is below this, in sigmas.
 CONVERGED = 1e-3
-#: Largest variance that unknowns may explain in a tested direction, in units of the noise variance. Near 1, products of
+#: Largest variance explained by the unknowns in a tested direction, in units of the noise variance. Near 1, products of
 #: unknowns, which the covariance does not include, may be as large as the noise.
 MAX_EXPLAINED = 0.1
-#: Innovations with a smaller share than this in the tested directions are not tested.
+#: Smallest share of an innovation in the tested directions for which it is tested.
 MIN_SHARE = 1e-6
 
 
@@ -41,17 +41,17 @@ class MapResult:
     nuisance: FloatArray  #: Posterior mean of the nuisance parameters, shape (k,).
     residual: FloatArray  #: Observations minus model at the solution, shape (m,).
     redundancy: "Redundancy"  #: Test of the part of the innovations that the unknowns cannot explain, at the solution.
-    gain: BatchGain  #: Of the last iteration.
+    gain: BatchGain  #: Gain of the last iteration.
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: ``not_converged`` if the iteration did not converge.
 
 
 @dataclass(frozen=True)
 class Redundancy:
-    """Part of a fit's innovations that its unknowns cannot explain (`redundant`)."""
+    """Part of the innovations of a fit that its unknowns cannot explain, see `redundant_part`."""
 
     freedom: int  #: Number of independent directions in this part.
     total: float  #: Sum of the squares of the innovations in these directions, in units of sigma.
-    #: This part of each decorrelated innovation in units of its own sigma, shape (m,); NaN if the unknowns explain it.
+    #: This part of each decorrelated innovation in units of its sigma, shape (m,); NaN if the unknowns explain it.
     normalised: FloatArray
 
     @property
@@ -68,8 +68,8 @@ NIS_BAND = (0.0005, 0.99999)
 class Consistency:
     """Normalised innovation squared (NIS) of a stage: mean over `count` observations or degrees of freedom, and band.
 
-    If the model is correct, 1 stage in 2,000 lies below the band, which is a warning, and 1 in 100,000 above it, which
-    fails the unit. Without any observation to test, all values are 0.
+    If the model is correct, the mean is below the band in 1 of 2,000 stages, which is a warning, and above it in 1 of
+    100,000, which fails the unit. If no observation is tested, all values are 0.
     """
 
     nis_mean: float
@@ -79,30 +79,30 @@ class Consistency:
 
     @property
     def passed(self) -> bool:
-        """Whether the innovations are no larger than the model explains."""
+        """Whether the model explains the innovations."""
         return self.nis_mean <= self.nis_high
 
     @property
     def verdict(self) -> bool | None:
-        """Whether the innovations passed, or None without any observation to test."""
+        """Whether the innovations passed; None if no observation was tested."""
         return bool(self.passed) if self.count else None
 
     @property
     def warning(self) -> bool:
-        """Whether the innovations are smaller than predicted, which means that the model is too conservative."""
+        """Whether the innovations are smaller than predicted: the model is too conservative."""
         return self.nis_mean < self.nis_low
 
 
 def gauss_newton(
-    step: Callable[[Point], tuple[Point, Result, float]], start: Point, most: int = MAX_ITERATIONS
+    step: Callable[[Point], tuple[Point, Result, float]], start: Point, max_iterations: int = MAX_ITERATIONS
 ) -> tuple[Point, Result, bool]:
-    """Repeat a Gauss-Newton step until it changes the unknowns by less than `CONVERGED` sigmas, at most `most` times.
+    """Repeat a Gauss-Newton step until it changes the unknowns by less than `CONVERGED` sigmas.
 
     `step` returns the next linearisation point, the result at the last point, and the largest change of an unknown, in
-    sigmas. Return the last point and result, and whether the iteration has converged.
+    sigmas. Return the last point and result, and whether the iteration has converged within `max_iterations`.
     """
     point, result, change = step(start)
-    for _ in range(most - 1):
+    for _ in range(max_iterations - 1):
         if change < CONVERGED:
             break
         point, result, change = step(point)
@@ -131,15 +131,15 @@ def map_estimate(
     model : (parameters, shape (30,); nuisances, shape (k,)) -> predicted observations, shape (m,)
     observed, noise : observed values and their variances, shape (m,)
     nuisance, nuisance_sigma : prior mean and sigma of the nuisance parameters, shape (k,)
-    estimated : True for parameters that are relinearised; the others only enter the gain; shape (30,)
-    noisy : nuisance parameters that are measurement errors, part of the noise in the test of redundancy
+    estimated : True for parameters that are relinearised; the others only affect the gain; shape (30,)
+    noisy : nuisance parameters that are measurement errors, which the redundancy test treats as noise
     groups : parameter groups on which the model depends
     """
     prior_mean = np.concatenate([prior.mean, nuisance])
     P = np.zeros((len(prior_mean), len(prior_mean)))
     P[:COUNT, :COUNT] = prior.covariance
     P[COUNT:, COUNT:] = np.diag(nuisance_sigma**2)
-    free = np.concatenate([estimated, np.ones(len(nuisance), dtype=bool)])
+    relinearised = np.concatenate([estimated, np.ones(len(nuisance), dtype=bool)])
     scale = np.minimum(np.sqrt(np.diag(P)), 1e-3) * 1e-2
     scale[:COUNT] *= [p.group in groups for p in PARAMETERS]
     R = np.diag(noise)
@@ -152,17 +152,17 @@ def map_estimate(
         mean = prior_mean + K @ innovation
         I_KH = np.eye(len(prior_mean)) - K @ H
         covariance = I_KH @ P @ I_KH.T + K @ R @ K.T
-        sigma, target = np.sqrt(np.diag(covariance)), np.where(free, mean, prior_mean)
+        sigma, target = np.sqrt(np.diag(covariance)), np.where(relinearised, mean, prior_mean)
         change = float(np.max(np.abs(target - point) / np.where(sigma > 0.0, sigma, 1.0)))
         return target, (mean, covariance, BatchGain(H[:, :COUNT], K[:COUNT], S, innovation)), change
 
     _, (mean, covariance, gain), converged = gauss_newton(step, prior_mean)
     predicted, H = _linearised(model, mean, scale)
-    measured = np.zeros(len(prior_mean), dtype=bool)
-    measured[COUNT:][noisy] = True
-    unknown, error = np.where(measured, 0.0, H), np.where(measured, H, 0.0)
+    noisy_columns = np.zeros(len(prior_mean), dtype=bool)
+    noisy_columns[COUNT:][noisy] = True
+    unknown, error = np.where(noisy_columns, 0.0, H), np.where(noisy_columns, H, 0.0)
     residual = observed - predicted
-    redundancy = redundant(unknown @ P @ unknown.T, R + error @ P @ error.T, residual - H @ (prior_mean - mean))
+    redundancy = redundant_part(unknown @ P @ unknown.T, R + error @ P @ error.T, residual - H @ (prior_mean - mean))
     posterior = Posterior(mean[:COUNT], covariance[:COUNT, :COUNT])
     messages = () if converged else (("not_converged", {"stage": stage, "passes": MAX_ITERATIONS}),)
     return MapResult(posterior, mean[COUNT:], residual, redundancy, gain, messages)
@@ -171,7 +171,7 @@ def map_estimate(
 def _linearised(
     model: Callable[[FloatArray, FloatArray], FloatArray], point: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the predicted observations and their Jacobian by central differences with steps `scale`; 0: no column."""
+    """Return predicted observations and Jacobian, by central differences with steps `scale`; a step of 0 is omitted."""
     predicted = model(point[:COUNT], point[COUNT:])
     columns = np.zeros((len(predicted), len(point)))
     for i in np.flatnonzero(scale):
@@ -182,35 +182,38 @@ def _linearised(
     return predicted, columns
 
 
-def redundant(explained: FloatArray, noise: FloatArray, innovation: FloatArray) -> Redundancy:
+def redundant_part(explained: FloatArray, noise: FloatArray, innovation: FloatArray) -> Redundancy:
     """Return the part of `innovation`, shape (m,), in the directions that the unknowns do not explain.
 
     `explained` = H P Hᵀ is the covariance due to the unknowns and their priors, `noise` the covariance of the
-    measurement, both of shape (m, m). In the other directions (`MAX_EXPLAINED`) the unknowns absorb any innovation,
-    and a wide prior would count as a test that always passes: twelve free tilts and six parameters leave nothing of 18
-    observations to test. The directions are independent, and their squares are χ² distributed. They are the classical
+    measurement, both of shape (m, m). In the other directions (`MAX_EXPLAINED`) the unknowns absorb any innovation, and
+    a test with a wide prior would always pass: twelve free tilts and six parameters leave no redundancy in 18
+    observations. The tested directions are independent, and their squares are χ² distributed. They are the classical
     parity space (J. E. Potter, M. C. Suman, *Thresholdless redundancy management with arrays of skewed instruments*,
-    AGARDograph 224, 1977), in which an unknown with an accurate prior counts as known. `normalised` is the w-test (W.
-    Baarda, *A testing procedure for use in geodetic networks*, 1968): each component has a variance of 1, but they are
-    correlated.
+    AGARDograph 224, 1977), in which an unknown with an accurate prior is treated as known. `normalised` contains the
+    statistics of the w-test (W. Baarda, *A testing procedure for use in geodetic networks*, 1968), each with a variance
+    of 1, but correlated.
     """
     root = np.linalg.cholesky(noise)
     white = solve_triangular(root, innovation, lower=True)
     half = solve_triangular(root, explained, lower=True)
     size, directions = np.linalg.eigh(solve_triangular(root, half.T, lower=True))
     tested = size < MAX_EXPLAINED
-    chosen = directions[:, tested]
-    tests = chosen.T @ white / np.sqrt(1.0 + np.maximum(size[tested], 0.0))
-    share = np.sum(chosen**2, axis=1)
-    normalised = np.divide(chosen @ tests, np.sqrt(share), out=np.full(len(share), np.nan), where=share > MIN_SHARE)
+    tested_directions = directions[:, tested]
+    tests = tested_directions.T @ white / np.sqrt(1.0 + np.maximum(size[tested], 0.0))
+    share = np.sum(tested_directions**2, axis=1)
+    normalised = np.divide(
+        tested_directions @ tests, np.sqrt(share), out=np.full(len(share), np.nan), where=share > MIN_SHARE
+    )
     return Redundancy(int(tested.sum()), float(tests @ tests), normalised)
 
 
-def restricted(prior: Posterior, posterior: Posterior, estimated: BoolArray) -> Posterior:
+def consider_update(prior: Posterior, posterior: Posterior, estimated: BoolArray) -> Posterior:
     """Return the posterior of a consider (Schmidt) estimator, in which only the `estimated` parameters change.
 
-    The others keep their mean and covariance; the cross-covariances are updated. For data processed in one batch the
-    estimated part equals the full estimator's (S. F. Schmidt, *Application of State-Space Methods*, 1966).
+    The other parameters keep their mean and covariance, and the cross-covariances are updated. For data processed in
+    one batch the estimated part equals that of the full estimator (S. F. Schmidt, *Application of State-Space Methods*,
+    1966).
     """
     mean = np.where(estimated, posterior.mean, prior.mean)
     considered = np.ix_(~estimated, ~estimated)

@@ -1,7 +1,7 @@
-"""Tests of the model against the data and the meaning of their failure; agreement of a stage with earlier ones.
+"""Tests of the model against the data, diagnoses of their failure, and the agreement of a stage with earlier ones.
 
-The change of an optimal estimate by new data has the covariance P_before − P_after and is independent of P_after, as
-long as the model is right (J. A. Hausman, *Specification tests in econometrics*, Econometrica 46(6), 1978).
+If the model is correct, the change of an optimal estimate by new data has the covariance P_before − P_after and is
+independent of P_after (J. A. Hausman, *Specification tests in econometrics*, Econometrica 46(6), 1978).
 """
 
 import math
@@ -15,13 +15,13 @@ from scipy.special import gammaincc
 from calstation.estimation.common.context import Posterior
 from calstation.physics import NAMES, PARAMETERS
 
-#: A direction in which the variance decreases by a smaller fraction than this is not resolved.
-_RESOLVED = 1e-4
+#: Smallest relative decrease of the variance in a direction for which the change in this direction is tested.
+_MIN_DECREASE = 1e-4
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Meaning of a failed test of the model: the cause, its size, and its effect on the result."""
+    """Diagnosis of a failed model test: the cause, its size, and its effect on the result."""
 
     cause: str  #: Code of the cause in the message catalogue, without the family ``cause``.
     size: float = math.nan  #: Estimated size, in `unit`; NaN if there is none.
@@ -46,7 +46,7 @@ class Diagnosis:
 
 @dataclass(frozen=True)
 class ModelTest:
-    """A test of the model against the data of a stage, and the meaning of a failure."""
+    """A test of the model against the data of a stage, and the diagnosis if it fails."""
 
     kind: str  #: Kind of the check in the result, see `calstation.records.CheckKind`.
     value: float
@@ -67,7 +67,7 @@ class Agreement:
 def stage_agreement(before: Posterior, after: Posterior, names: Sequence[str]) -> Agreement | None:
     """Return the least probable change of a parameter group; None if no group has become more accurate.
 
-    `names` are the parameters that the stage and an earlier one have estimated.
+    `names` are the parameters that both the stage and an earlier one have estimated.
     """
     agreements = []
     for group in dict.fromkeys(PARAMETERS[NAMES.index(name)].group for name in names):
@@ -76,12 +76,12 @@ def stage_agreement(before: Posterior, after: Posterior, names: Sequence[str]) -
         change = (after.mean[i] - before.mean[i]) / scale
         variance = (before.covariance - after.covariance)[np.ix_(i, i)] / np.outer(scale, scale)
         size, direction = np.linalg.eigh(0.5 * (variance + variance.T))
-        resolved = size > _RESOLVED
-        if not resolved.any():
+        determined = size > _MIN_DECREASE
+        if not determined.any():
             continue
-        total = float(np.sum((direction[:, resolved].T @ change) ** 2 / size[resolved]))
-        probability = float(gammaincc(0.5 * resolved.sum(), 0.5 * total))
-        variances = np.maximum(np.diag(variance), _RESOLVED)
+        total = float(np.sum((direction[:, determined].T @ change) ** 2 / size[determined]))
+        probability = float(gammaincc(0.5 * determined.sum(), 0.5 * total))
+        variances = np.maximum(np.diag(variance), _MIN_DECREASE)
         shift = {NAMES[k]: float(m) for k, m in zip(i, change / np.sqrt(variances), strict=True)}
         agreements.append(Agreement(group, probability, shift))
     return min(agreements, key=lambda a: a.probability, default=None)

@@ -16,25 +16,25 @@ from calstation.physics import CHANNELS, FloatArray
 BIAS_DRIFT_TIME = 200.0
 #: Sigma of that process in units of B, so that its Allan deviation at 100 s, half the correlation time, is 0.664 B.
 BIAS_DRIFT_PER_INSTABILITY = 1.375
-#: A rounding step above this many sigmas of a sample's noise leaves an error that averaging does not reduce.
+#: Rounding step, in sigmas of a sample's noise, above which averaging does not reduce the rounding error.
 _COARSE = 2.5
-#: Time for which such an error stays constant, s: the duration of a rest or of a turn at constant rate.
+#: Time for which such an error is constant, s: the duration of a rest or of a turn at constant rate.
 _COARSE_TIME = 20.0
-#: Noise above this multiple of the profile's fails a unit or a table; a smaller excess widens the sigmas.
+#: Ratio to the profile's noise above which a unit or a table fails; a smaller excess increases the sigmas.
 MAX_NOISE = 3.0
-#: Averaging times, s: white noise dominates at the first, and the second shows slower noise.
+#: Averaging times, s: white noise dominates at the first, slower noise at the second.
 _TIMES = (1.0, 4.0)
-#: Averaging time, s, at which few rests suffice for the gyros if their resolution is fine.
+#: Averaging time for gyros with a fine resolution, s, for which a few rests suffice.
 _SHORT_TIME = 0.2
-#: Largest share of rounding in the Allan variance at that time.
+#: Largest share of rounding in the Allan variance at this time.
 _FINE = 0.05
 #: Median of the χ² distribution with 1 degree of freedom.
 _MEDIAN = 0.4549
-#: Uncertain fraction of the table's part of an Allan variance, because the table's velocity is not quite white.
+#: Relative uncertainty of the table's contribution to an Allan variance, because its velocity is not quite white.
 _NOT_WHITE = 0.3
-#: Smallest number of differences for an estimate of a variance.
+#: Smallest number of differences from which a variance is estimated.
 _MIN_COUNT = 10
-#: An excess below this many standard deviations, or below this ratio, counts as measurement scatter.
+#: Smallest significant excess, in standard deviations and as a ratio; a smaller one is measurement scatter.
 _SIGMAS, _MIN_EXCESS = 5.0, 1.05
 
 
@@ -58,7 +58,7 @@ def filter_noise(context: SolveContext) -> FilterNoise:
     sample rate. An increment output carries its remainder over to the next sample, so the error is one count per
     observation interval. Bias instability B has an Allan floor of 0.664 B (IEEE Std 952-2020, annex C). It is modelled
     as a first-order Gauss-Markov process about the constant bias, so that the estimate of the constant never degrades.
-    Rounding that is coarse (see `bias_drift_sigmas`) also counts as white noise that is constant for `_COARSE_TIME`.
+    Coarse rounding (see `coarse_rounding`) is also modelled as white noise that is constant for `_COARSE_TIME`.
     """
     imu, table = context.imu, context.table
     interval = table.velocity_interval
@@ -74,11 +74,11 @@ def filter_noise(context: SolveContext) -> FilterNoise:
 
 
 def coarse_rounding(imu: ImuModel) -> tuple[float, float]:
-    """Return the sigma of a rate, rad/s, and of a force, m/s², due to rounding that averaging cannot reduce, else 0.
+    """Return the sigmas of rate, rad/s, and force, m/s², due to rounding that averaging does not reduce, otherwise 0.
 
-    The rounding errors of a constant input are independent only if the noise of a sample exceeds a part of the step (B.
-    Widrow and I. Kollár, *Quantization Noise*, Cambridge 2008, chapter 4); an increment output carries them over to the
-    next sample.
+    The rounding errors of a constant input are independent only if the noise of a sample exceeds a fraction of the step
+    (B. Widrow and I. Kollár, *Quantization Noise*, Cambridge 2008, chapter 4); an increment output carries them over to
+    the next sample.
     """
     if imu.output == "increment":
         return 0.0, 0.0
@@ -96,7 +96,7 @@ def bias_drift_sigmas(imu: ImuModel) -> FloatArray:
 
 
 def rest_mean_variance(context: SolveContext, duration: float) -> float:
-    """Return the variance, (m/s²)², of the mean specific force of a rest of `duration` s weighted with `slope_weights`.
+    """Return the variance, (m/s²)², of the mean force of a rest of `duration` s, weighted with `slope_weights`.
 
     It is the sum of three terms: the slope through m + 1 velocities τ apart, 12 σ_v²/(τ² m (m+1) (m+2)); the white
     force noise, q/τ Σw², which approaches 6/5 q/T; and the bias drift.
@@ -123,7 +123,7 @@ class NoiseRatio:
 
     time: float  #: Averaging time, s.
     value: FloatArray  #: Shape (k,).
-    limit: FloatArray  #: Limit that the profile's noise practically never exceeds, shape (k,).
+    limit: FloatArray  #: Largest ratio explained by the profile's noise, shape (k,).
 
     @property
     def excess(self) -> FloatArray:
@@ -133,7 +133,7 @@ class NoiseRatio:
 
 @dataclass(frozen=True)
 class RestNoise:
-    """Measured noise at rest as a ratio to the profiles' noise."""
+    """Noise measured at rest as a ratio to the profiles' noise."""
 
     gyro: tuple[NoiseRatio, ...]  #: Angle random walk of each gyro, at every averaging time.
     accel: tuple[NoiseRatio, ...]  #: Velocity random walk of each accelerometer, at every averaging time.
@@ -149,11 +149,11 @@ class RestNoise:
 
 
 def rest_noise(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArray, float]) -> RestNoise:
-    """Measure the noise at all rests, which are found with `gyro_bias`, see `find_rests`.
+    """Measure the noise at all rests, which `find_rests` finds with `gyro_bias`.
 
-    The table's velocity noise is white, so successive velocity changes have a covariance of −σ_v²; the accelerometers'
-    own noise contributes none. The Allan variance at time T is the sum of the white noise q/T, the bias drift and, for
-    an accelerometer, the table's 3 σ_v²/T² (IEEE Std 952-2020, annex C).
+    The table's velocity noise is white, so successive velocity changes have a covariance of −σ_v², to which the noise
+    of the accelerometers does not contribute. The Allan variance at time T is the sum of the white noise q/T, the bias
+    drift and, for an accelerometer, the table's 3 σ_v²/T² (IEEE Std 952-2020, annex C).
     """
     noise = filter_noise(context)
     rests = [slice(*rest) for rest in find_rests(data, context.imu, gyro_bias)]
@@ -175,10 +175,9 @@ def rest_noise(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArr
 
 
 def gyro_excess(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArray, float]) -> float:
-    """Return the largest significant ratio of a gyro's noise to its profile over short times at rest, at least 1.
+    """Return the largest significant ratio of a gyro's noise to its profile's over short times at rest, at least 1.
 
-    Rests of a few seconds suffice, so that a stage that may end early can use it. The arguments are as for
-    `rest_noise`.
+    Rests of a few seconds suffice, as in a stage that may end early. The arguments are as for `rest_noise`.
     """
     noise = filter_noise(context)
     expected = noise.rate / _SHORT_TIME
@@ -193,7 +192,7 @@ def gyro_excess(data: StageData, context: SolveContext, gyro_bias: tuple[FloatAr
 def _vibration(rests: list[FloatArray], noise: FilterNoise, dt: float) -> tuple[FloatArray, int]:
     """Return the velocity variance along each accelerometer at rest, (m/s)², shape (3,), and its number of values.
 
-    With too few values, the variance of the profile is returned.
+    If there are too few values, return the variance of the profile and 0.
     """
     stride = max(round(noise.interval / dt), 1)
     changes = (group_means(rest, stride) * stride * dt for rest in rests)
@@ -224,20 +223,20 @@ def _ratio(
 ) -> NoiseRatio:
     """Return the noise of three channels from the Allan variance of means of `width` samples.
 
-    `expected` is the profile's variance, `table` the table's variance, shape (3,), with its uncertainty. The median is
-    insensitive to creep after a move; expressed as a sigma, the median of n values exceeds 1 + 5 √(2/n) less than once
-    in 10⁵ cases.
+    `expected` is the profile's variance, `table` the table's variance, shape (3,), and `uncertain` its uncertainty. The
+    median is insensitive to creep after a move; expressed as a sigma, the median of n values exceeds 1 + 5 √(2/n) less
+    than once in 10⁵ cases.
     """
     steps = np.concatenate([np.empty((0, 3)), *(np.diff(group_means(rest, width), axis=0) for rest in rests)])
     if len(steps) < _MIN_COUNT:
         return NoiseRatio(time, np.ones(3), np.full(3, np.inf))
     variance = 0.5 * np.median(steps**2, axis=0) / _MEDIAN - table
-    most = (1.0 + _SIGMAS * np.sqrt(2.0 / len(steps))) ** 2 * (expected + table) - table + _SIGMAS * uncertain
-    value, limit = (np.sqrt(np.maximum(x, 0.0) / expected) for x in (variance, most))
+    largest = (1.0 + _SIGMAS * np.sqrt(2.0 / len(steps))) ** 2 * (expected + table) - table + _SIGMAS * uncertain
+    value, limit = (np.sqrt(np.maximum(x, 0.0) / expected) for x in (variance, largest))
     return NoiseRatio(time, value, np.broadcast_to(limit, 3))
 
 
-def widened(context: SolveContext, measured: RestNoise) -> SolveContext:
+def with_measured_noise(context: SolveContext, measured: RestNoise) -> SolveContext:
     """Return the context with the measured noise of the IMU, and of the table at rest, wherever it is larger."""
     noise, imu = filter_noise(context), context.imu
     gyro, accel = (float(np.max([ratio.excess for ratio in ratios])) for ratios in (measured.gyro, measured.accel))

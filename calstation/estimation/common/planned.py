@@ -1,4 +1,4 @@
-"""Noise-free samples of a plan, from which a covariance analysis predicts the sigmas of a run."""
+"""Simulation of noise-free samples of a plan, from which a covariance analysis predicts the sigmas of a run."""
 
 from collections.abc import Iterator
 
@@ -24,7 +24,7 @@ LONGEST_BLOCK = 20_000
 
 
 class PlannedSamples:
-    """Simulates an ideal table and unit through steps; time, joints, counter and step number continue between calls.
+    """Simulates an ideal table and unit; time, joint angles, counter and step number continue from step to step.
 
     An unknown azimuth is assumed to be north. `mount` is the rotation vector of the unit on the inner platform, rad;
     `joints` are the angles of the joints at the start, rad.
@@ -49,35 +49,20 @@ class PlannedSamples:
         self._levers = tuple(group_vector(parameters, f"{kind}_lever") for kind in ("outer", "inner"))
         per_count = self._dt if imu.output == "increment" else 1.0
         self._per_count = per_count / np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
-        self._joints = joints
-        self._produced = 0
-        self._step = 0
-
-    @property
-    def time(self) -> float:
-        """Time at the end of the last sample, s."""
-        return self._produced * self._dt
-
-    @property
-    def step(self) -> int:
-        """Number of the last move."""
-        return self._step
-
-    @property
-    def joints(self) -> tuple[float, float]:
-        """Outer and inner joint angle, rad."""
-        return self._joints
+        self.joints = joints  #: Outer and inner joint angle, rad.
+        self.step = 0  #: Number of the last move.
+        self._count = 0  # number of samples so far
 
     def run(self, step: Step, seconds: float, stage: str) -> Iterator[SampleBlock]:
         """Generate the samples of a step that lasts `seconds`; only moves and dwells have samples."""
-        last = round((self.time + seconds) / self._dt)
-        begin, start, target = self.time, self._joints, self._joints
+        begin, start, target = self._count * self._dt, self.joints, self.joints
+        last = round((begin + seconds) / self._dt)
         if isinstance(step, Move):
-            self._step += 1
+            self.step += 1
             target = (step.outer, step.inner)
         elif not isinstance(step, Dwell):
             return
-        for a in range(self._produced, last, LONGEST_BLOCK):
+        for a in range(self._count, last, LONGEST_BLOCK):
             b = min(a + LONGEST_BLOCK, last)
             joints = np.tile(start, (2 * (b - a) + 1, 1))
             if isinstance(step, Move):
@@ -85,15 +70,15 @@ class PlannedSamples:
                 for joint in range(2):
                     joints[:, joint] = profile(halves, start[joint], target[joint], step.rate, step.acceleration)
             yield self._block(stage, a, joints)
-            self._produced = b
-        self._joints = target
+            self._count = b
+        self.joints = target
 
     def _block(self, stage: str, first: int, joints: FloatArray) -> SampleBlock:
         """Return a block for the joint angles at the ends and midpoints of its samples, rad, shape (2 n + 1, 2)."""
-        rate, turning = self._rates(joints)
+        rate, angular_acceleration = self._rates(joints)
         level = self._level(joints[1::2])
         omega = rate + level.transpose(0, 2, 1) @ self._earth
-        force = self._gravity * level[:, 2, :] + self._lever_force(rate, turning)
+        force = self._gravity * level[:, 2, :] + self._lever_force(rate, angular_acceleration)
         gyro, accel = self._matrices
         counts = np.hstack(
             [omega @ gyro.T + self._biases[0], force @ accel.T + self._quadratic * force**2 + self._biases[1]]
@@ -106,7 +91,7 @@ class PlannedSamples:
             time=np.asarray((seq + 1) * self._dt, dtype=np.float64),
             counts=counts * self._per_count,
             angles=joints[2::2],
-            step=np.full(n, self._step, dtype=np.int64),
+            step=np.full(n, self.step, dtype=np.int64),
             valid=np.ones(n, dtype=np.bool_),
             temperature=np.full(n, np.nan),
         )
@@ -124,8 +109,8 @@ class PlannedSamples:
         rate = mean_axis * joint_rate[:, :1] + inner_axis * joint_rate[:, 1:]
         half_rate = np.diff(joints, axis=0) / (0.5 * self._dt)
         halves = 0.5 * (axes[1:] + axes[:-1]) * half_rate[:, :1] + inner_axis * half_rate[:, 1:]
-        turning = (halves[1::2] - halves[::2]) / (0.5 * self._dt)
-        return rate @ self._mount, turning @ self._mount
+        acceleration = (halves[1::2] - halves[::2]) / (0.5 * self._dt)
+        return rate @ self._mount, acceleration @ self._mount
 
     def _outer_axis(self, inner: FloatArray) -> FloatArray:
         """Return the outer axis in platform axes, shape (n, 3), at inner joint angles, rad, shape (n,)."""
@@ -140,22 +125,22 @@ class PlannedSamples:
         inner = axis_rotations(self._geometry.inner_axis, joints[:, 1])
         return np.asarray(heading @ outer @ inner @ self._mount)
 
-    def _lever_force(self, rate: FloatArray, turning: FloatArray) -> FloatArray:
+    def _lever_force(self, rate: FloatArray, alpha: FloatArray) -> FloatArray:
         """Return the specific force due to the lever arms, α × r + ω × (ω × r), of each axis, m/s², shape (n, 3)."""
         outer, inner = self._levers
         square = rate**2
         along = inner * (square - square.sum(axis=1, keepdims=True))
-        return np.asarray(np.cross(turning, outer) + np.cross(rate, np.cross(rate, outer)) + along)
+        return np.asarray(np.cross(alpha, outer) + np.cross(rate, np.cross(rate, outer)) + along)
 
 
 def profile(time: FloatArray, start: float, end: float, rate: float, acceleration: float) -> FloatArray:
-    """Return the joint angle, rad, shape (n,), in a trapezoidal or triangular move at times since its start, s."""
+    """Return the joint angles, rad, shape (n,), of a trapezoidal or triangular move at times since its start, s."""
     distance = abs(end - start)
     ramp = min(rate / acceleration, float(np.sqrt(distance / acceleration)))
     cruise = max(distance - acceleration * ramp**2, 0.0) / rate
     t = np.clip(time, 0.0, 2.0 * ramp + cruise)
-    begun = 0.5 * acceleration * np.minimum(t, ramp) ** 2
+    accelerated = 0.5 * acceleration * np.minimum(t, ramp) ** 2
     cruised = acceleration * ramp * np.clip(t - ramp, 0.0, cruise)
     braking = np.clip(t - ramp - cruise, 0.0, ramp)
-    ended = acceleration * (ramp * braking - 0.5 * braking**2)
-    return np.asarray(start + np.sign(end - start) * (begun + cruised + ended))
+    decelerated = acceleration * (ramp * braking - 0.5 * braking**2)
+    return np.asarray(start + np.sign(end - start) * (accelerated + cruised + decelerated))

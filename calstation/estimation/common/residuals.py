@@ -1,7 +1,7 @@
-"""Output compensated with the parameters before and after calibration, and the residuals at every rest.
+"""Residuals at every rest, and the output compensated with the parameters before and after calibration.
 
-At rest the magnitude of the specific force equals gravity; the rate components along it and perpendicular to it are
-the vertical and horizontal earth rate.
+At rest the magnitude of the specific force equals gravity, and the rate components along it and perpendicular to it
+equal the vertical and the horizontal earth rate.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from calstation.physics import FloatArray, IntArray, compensate, compensation, r
 
 #: Time omitted at the start of a rest, s, because the last microradians of table settling bias the mean rate.
 CREEP = 0.5
-#: Cosine of 30°; a rest is named after the body axis within this angle of up.
+#: Cosine of the largest angle between up and the body axis after which a rest is named, 30°.
 _UPWARD = np.cos(np.deg2rad(30.0))
 
 
@@ -49,7 +49,7 @@ class RestResiduals:
 
 
 def upward_axis(up: FloatArray) -> str:
-    """Return the signed body axis within 30° of `up`, such as "-z", or else the axes `up` lies between, such as "+x+y".
+    """Return the signed body axis within 30° of `up`, such as "-z", or the axes on either side of it, such as "+x+y".
 
     `up` is a unit vector in b, shape (3,).
     """
@@ -103,8 +103,8 @@ class BeforeAfter:
     rate_after: FloatArray  #: rad/s, shape (n, 3)
     force_before: FloatArray  #: m/s², shape (n, 3)
     force_after: FloatArray  #: m/s², shape (n, 3)
-    length_before: FloatArray  #: Magnitude of the force minus gravity, m/s², shape (n,); at rest this is the error.
-    length_after: FloatArray  #: The same with the solved parameters, m/s², shape (n,).
+    length_before: FloatArray  #: Magnitude of the force minus gravity, which is its error at rest, m/s², shape (n,).
+    length_after: FloatArray  #: As `length_before`, after calibration, m/s², shape (n,).
 
 
 def before_after(

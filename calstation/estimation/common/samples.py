@@ -1,4 +1,4 @@
-"""`SampleBlock`, which transfers samples from the sequencer to log and solver."""
+"""Blocks of samples, which are passed from the sequencer to the log and the solver."""
 
 from dataclasses import dataclass, field, fields
 
@@ -64,19 +64,19 @@ def has_gyros(output: FloatArray) -> bool:
     return not (np.isnan(output[:, :3]).all() and np.isfinite(output[:, 3:]).any())
 
 
-def joined(blocks: list[SampleBlock]) -> SampleBlock:
+def join_blocks(blocks: list[SampleBlock]) -> SampleBlock:
     """Join consecutive blocks into one with the stage of the first; a single block is returned unchanged."""
     if len(blocks) <= 1:
         return blocks[0] if blocks else _NOTHING
     return SampleBlock(blocks[0].stage, *(np.concatenate([getattr(b, name) for b in blocks]) for name in COLUMNS))
 
 
-def since(blocks: list[SampleBlock], seq: int) -> list[SampleBlock]:
-    """Return the blocks from sequence number `seq` on; the first one starts at `seq`."""
-    kept = [b for b in blocks if len(b) and b.seq[-1] >= seq]
-    if kept:
-        kept[0] = kept[0].part(int(kept[0].seq.searchsorted(seq)), len(kept[0]))
-    return kept
+def blocks_from(blocks: list[SampleBlock], seq: int) -> list[SampleBlock]:
+    """Return the part of successive blocks from sequence number `seq` on."""
+    remaining = [b for b in blocks if len(b) and b.seq[-1] >= seq]
+    if remaining:
+        remaining[0] = remaining[0].part(int(remaining[0].seq.searchsorted(seq)), len(remaining[0]))
+    return remaining
 
 
 def snap_angles(angles: FloatArray) -> FloatArray:

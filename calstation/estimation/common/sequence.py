@@ -1,4 +1,4 @@
-"""Unwrapping of sample counters; wraps, resets and gaps are distinguished (docs/contract.md, "CSV import")."""
+"""Unwrapping of sample counters, which distinguishes wraps, resets and gaps (docs/contract.md, "CSV import")."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ _RESTART_SECONDS = 1.0
 
 
 class SequenceError(InputError):
-    """A row whose counter repeats or is out of order."""
+    """Error of a row whose counter repeats or is out of order."""
 
     @property
     def row(self) -> int:
@@ -24,13 +24,13 @@ class SequenceUnwrapper:
     """Converts a logged counter to a strictly increasing one, chunk by chunk.
 
     A drop from near 2^8, 2^16 or 2^32 to near 0 with continuous time is a wrap. A drop with a jump in time is a reset,
-    after which the count advances by the number of samples in the jump (at least one lost). If the unit's clock
-    restarted together with its counter, time is continued in the same way. Any other decrease is an error.
+    after which the count advances by the number of samples in the jump, with at least one missing. If the unit's clock
+    restarted together with its counter, the time continues in the same way. Any other decrease is an error.
     """
 
     def __init__(self, sample_period: float) -> None:
         self._period = sample_period
-        self._near = max(16, round(_RESTART_SECONDS / sample_period))
+        self._restart_count = max(16, round(_RESTART_SECONDS / sample_period))
         self._last_raw: int | None = None
         self._last_time = 0.0
         self._offset = 0
@@ -52,11 +52,11 @@ class SequenceUnwrapper:
         previous_time = np.concatenate([np.array([last_time]), time[:-1]])
         if int(np.min(seq)) < 0:
             raise SequenceError("recording.seq_negative", row=int(np.argmax(seq < 0)))
-        odd = np.flatnonzero((seq <= previous_seq) | (time <= previous_time))
+        irregular = np.flatnonzero((seq <= previous_seq) | (time <= previous_time))
         offsets = np.full(len(seq), self._offset, dtype=np.int64)
         shifts = np.full(len(seq), self._time_offset)
         restarts = []
-        for row in odd:
+        for row in irregular:
             k = int(row)
             jump, shift = self._step(k, int(previous_seq[k]), int(seq[k]), float(previous_time[k]), float(time[k]))
             offsets[k:] += jump
@@ -76,13 +76,13 @@ class SequenceUnwrapper:
             raise SequenceError("recording.time_falls", row=row, before=last_time, time=now_time)
         for modulus in MODULI:
             steps = now - last + modulus
-            near = modulus // 4
-            if modulus - near <= last < modulus and now < near and abs(elapsed - steps) < 0.5 + 0.01 * steps:
+            margin = modulus // 4
+            if modulus - margin <= last < modulus and now < margin and abs(elapsed - steps) < 0.5 + 0.01 * steps:
                 return modulus, 0.0
-        if now < self._near and elapsed > 1.5:
+        if now < self._restart_count and elapsed > 1.5:
             return last + max(2, round(elapsed)) - now, 0.0
         clock_restarted = now_time <= (now + 1) * self._period + _RESTART_SECONDS
-        if now < self._near and clock_restarted and last_time - now_time > _RESTART_SECONDS:
+        if now < self._restart_count and clock_restarted and last_time - now_time > _RESTART_SECONDS:
             return last + 2 - now, last_time + 2 * self._period - now_time
         raise SequenceError("recording.seq_falls", row=row, before=last, seq=now)
 
@@ -90,8 +90,8 @@ class SequenceUnwrapper:
 def unwrap_counter(raw: Sequence[int] | IntArray, last: int | None, bits: int, last_raw: int | None = None) -> IntArray:
     """Continue a live counter of `bits` bits after the continuous count `last`, which was received as `last_raw`.
 
-    Forward steps are taken modulo 2^bits. A drop to the first eighth of the range that would mean a loss of more than
-    half the range is a reset, counted as one lost sample. A repeated value is a full cycle of the counter.
+    Forward steps are computed modulo 2^bits. A drop to the first eighth of the range that would imply a gap of more
+    than half the range is a reset, counted as one missing sample. A repeated value is a full cycle of the counter.
     """
     received = np.asarray(raw, dtype=np.int64)
     if len(received) == 0:

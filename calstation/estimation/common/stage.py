@@ -13,7 +13,7 @@ import numpy as np
 
 from calstation.errors import InsufficientDataError
 from calstation.estimation.common.context import ImuModel, Posterior
-from calstation.estimation.common.samples import SampleBlock, joined
+from calstation.estimation.common.samples import SampleBlock, join_blocks
 from calstation.physics import BoolArray, FloatArray, IntArray
 
 #: Width of the averaging window of rest detection, s.
@@ -22,16 +22,16 @@ REST_WINDOW = 0.5
 BIAS_SIGMAS = 3.0
 #: ... plus this rate, rad/s.
 REST_RATE = np.deg2rad(0.1)
-#: Time removed from both ends of a rest found in the data, s, because a table creeps before it settles.
+#: Time omitted at both ends of a rest, s, because a table creeps before it settles.
 REST_MARGIN = 0.3
-#: A shorter rest than this, s, is a pause during a rotation and not a position.
+#: Shortest rest, s; a shorter interval is a pause during a rotation.
 SHORTEST_REST = 1.0
-#: Number of samples that are joined, because many small blocks are slow, and number of such blocks kept in memory:
-#: 44 minutes at 200 Hz in 60 MB, since the file takes several percent of the time of a solution.
-_TOGETHER, _IN_MEMORY = 16_384, 32
-#: Number of samples before and after a jump in time whose medians show whether it is permanent.
+#: Number of samples of a joined block, because many small blocks are slow, and number of such blocks kept in memory:
+#: 44 minutes at 200 Hz in 60 MB. Reading them from the file would take several percent of the time of a solution.
+_BLOCK_SAMPLES, _BLOCKS_IN_MEMORY = 16_384, 32
+#: Number of samples before and after a jump in time whose medians determine whether it is permanent.
 _JITTER_SAMPLES = 20
-#: A larger change of mean specific force from one window to the next, m/s², indicates a new position.
+#: Change of the mean specific force from one window to the next that indicates a new position, m/s².
 FORCE_STEP = 0.5
 
 
@@ -66,7 +66,7 @@ class StageData:
 
 def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
     """Join the blocks of a stage; invalid samples are omitted and count as gaps, like missing ones."""
-    dt, block = 1.0 / imu.sample_rate, joined(blocks)
+    dt, block = 1.0 / imu.sample_rate, join_blocks(blocks)
     valid = slice(None) if block.valid.all() else block.valid  # a slice copies nothing
     seq, time, counts = block.seq[valid], block.time[valid], np.asarray(block.counts[valid], np.float64)
     broken = (np.diff(seq) != 1) | _time_jumps(seq, time, dt)
@@ -87,29 +87,29 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
 
 
 class StageBuffer:
-    """Samples of one stage until it is solved; of a long stage, all but the latest are in a temporary file."""
+    """Stores the samples of a stage until it is solved; all but the latest of a long stage are in a temporary file."""
 
     def __init__(self, imu: ImuModel) -> None:
         self._imu = imu
         self._file = tempfile.TemporaryFile(prefix="calstation-")  # noqa: SIM115 - open for the life of the buffer
         weakref.finalize(self, self._file.close)
         self._written = 0  # number of blocks in the file
-        self._latest: deque[SampleBlock] = deque()
-        self._waiting: list[SampleBlock] = []
-        self._waiting_samples = 0
+        self._in_memory: deque[SampleBlock] = deque()
+        self._pending: list[SampleBlock] = []
+        self._pending_samples = 0
         self._block: SampleBlock | None = None
         self._data: StageData | None = None
 
     def append(self, block: SampleBlock) -> None:
-        """Append samples; all blocks need the same columns. Raises OSError if the disk is full."""
+        """Append samples; all blocks must have the same columns. Raises OSError if the disk is full."""
         self._block = self._data = None
-        self._waiting.append(block)
-        self._waiting_samples += len(block)
-        if self._waiting_samples >= _TOGETHER:
-            self._latest.append(joined(self._waiting))
-            self._waiting, self._waiting_samples = [], 0
-        if len(self._latest) > _IN_MEMORY:
-            pickle.dump(self._latest.popleft(), self._file, pickle.HIGHEST_PROTOCOL)
+        self._pending.append(block)
+        self._pending_samples += len(block)
+        if self._pending_samples >= _BLOCK_SAMPLES:
+            self._in_memory.append(join_blocks(self._pending))
+            self._pending, self._pending_samples = [], 0
+        if len(self._in_memory) > _BLOCKS_IN_MEMORY:
+            pickle.dump(self._in_memory.popleft(), self._file, pickle.HIGHEST_PROTOCOL)
             self._written += 1
 
     def block(self) -> SampleBlock:
@@ -117,7 +117,7 @@ class StageBuffer:
         if self._block is None:
             self._file.seek(0)
             written = [pickle.load(self._file) for _ in range(self._written)]
-            self._block = joined([*written, *self._latest, *self._waiting])
+            self._block = join_blocks([*written, *self._in_memory, *self._pending])
         return self._block
 
     def data(self) -> StageData:
@@ -129,7 +129,7 @@ class StageBuffer:
 
 @nb.njit(cache=True)
 def _scaled(counts: FloatArray, size: float) -> FloatArray:
-    """Return n samples of three channels in units of `size`, shape (n, 3); NumPy is slow on short rows."""
+    """Return n samples of three channels times `size`, shape (n, 3); NumPy is slow for short rows."""
     scaled = np.empty(counts.shape)
     for k in range(len(counts)):
         for j in range(counts.shape[1]):
@@ -138,7 +138,7 @@ def _scaled(counts: FloatArray, size: float) -> FloatArray:
 
 
 def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
-    """Return the steps of time, shape (n − 1,), that are permanent; jitter of arrival times does not count."""
+    """Return whether each step of the time is a permanent jump instead of jitter of arrival times, shape (n − 1,)."""
     jumps = np.abs(np.diff(time) - dt) > 0.5 * dt
     late = time - seq * dt
     for k in np.flatnonzero(jumps & (np.diff(seq) == 1)):
@@ -149,21 +149,20 @@ def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
 
 @nb.njit(cache=True)
 def window_mean(values: FloatArray, offset: FloatArray, width: int) -> FloatArray:
-    """Return the mean, less `offset`, of the `width` samples ending at each index from width − 1.
+    """Return the moving mean of `width` samples minus `offset`, shape (n − width + 1, 3).
 
-    `values` has the shape (n, 3), `offset` (3,), and the result (n − width + 1, 3). A mean is computed as the
-    difference of two running totals.
+    `values` has the shape (n, 3), `offset` (3,). A mean is computed as the difference of two running totals.
     """
     mean = np.empty((max(len(values) - width + 1, 0), 3))
     for j in range(3):
-        ahead = behind = 0.0
-        less = offset[j]
+        total = subtracted = 0.0
+        shift = offset[j]
         for k in range(min(width - 1, len(values))):
-            ahead += values[k, j] - less
+            total += values[k, j] - shift
         for k in range(len(mean)):
-            ahead += values[k + width - 1, j] - less
-            mean[k, j] = (ahead - behind) / width
-            behind += values[k, j] - less
+            total += values[k + width - 1, j] - shift
+            mean[k, j] = (total - subtracted) / width
+            subtracted += values[k, j] - shift
     return mean
 
 
@@ -182,21 +181,21 @@ def means(values: FloatArray, counts: IntArray) -> FloatArray:
 
 
 def group_means(values: FloatArray, width: int) -> FloatArray:
-    """Return the means of consecutive groups of `width` rows, without a remainder."""
+    """Return the means of consecutive groups of `width` rows; an incomplete last group is omitted."""
     return means(values, np.full(len(values) // width, width))
 
 
 @nb.njit(cache=True)
-def largest(values: FloatArray) -> FloatArray:
-    """Return the largest magnitude in each row, shape (n,), NaN if the row has one; NumPy is slow on short rows."""
+def row_maxima(values: FloatArray) -> FloatArray:
+    """Return the largest magnitude in each row, shape (n,), NaN for a row with NaN; NumPy is slow for short rows."""
     sizes = np.empty(len(values))
     for k in range(len(values)):
-        most = 0.0
+        largest = 0.0
         for j in range(values.shape[1]):
             size = abs(values[k, j])
-            if size > most or size != size:
-                most = size
-        sizes[k] = most
+            if size > largest or size != size:
+                largest = size
+        sizes[k] = largest
     return sizes
 
 
@@ -206,7 +205,7 @@ def find_rests(
     gyro_bias: tuple[FloatArray, float],
     segments: Sequence[tuple[int, int]] | None = None,
 ) -> list[tuple[int, int]]:
-    """Find the rests (start, stop) of a stage, or of some segments, from its data.
+    """Find the rests (start, stop) of a stage, or of some of its segments.
 
     Rates are averaged over `REST_WINDOW`. The median of the windows in which they are small (`BIAS_SIGMAS`, 5 sigma of
     noise, `REST_RATE`) and constant is the rate at rest, the sum of bias and earth rate. A rest is an interval in which
@@ -221,13 +220,13 @@ def find_rests(
         if stop - start < 2 * width:
             continue
         mean = window_mean(data.gyro[start:stop], gyro_bias[0], width)
-        constant = _small_and_constant(mean, width, *_limits_of_rest(imu, width, data.dt, gyro_bias[1]))
+        constant = _small_and_constant(mean, width, *_rest_limits(imu, width, data.dt, gyro_bias[1]))
         if not constant.shape[1]:
             continue
         at_rest = np.array([_median(rates) for rates in constant])
         still = _still(mean, at_rest, 5.0 * _window_noise(imu, width, data.dt) + np.deg2rad(0.03))
         _split(data.accel[start:stop], width, still)
-        for first, last in runs(still):
+        for first, last in true_intervals(still):
             begin = start + first + (margin if first > 0 else 0)
             end = start + last + width - 1
             end -= margin if end < stop else 0
@@ -239,21 +238,21 @@ def find_rests(
 def no_rest_error(data: StageData, imu: ImuModel, posterior: Posterior) -> InsufficientDataError:
     """Return the error for a recording without a rest.
 
-    Its values show why: the smallest rate and rate change of a window, NaN if it is shorter than two windows, and the
+    Its values are the smallest rate and rate change of a window, NaN for a recording shorter than two windows, and the
     largest ones accepted by `find_rests`, °/s.
     """
     bias, sigma = posterior.gyro_bias
     width, rate, change = max(round(REST_WINDOW / data.dt), 2), np.nan, np.nan
     if len(data) >= 2 * width:
         mean = window_mean(data.gyro, bias, width)
-        rate, change = float(largest(mean).min()), float(largest(mean[width:] - mean[:-width]).min())
-    most = _limits_of_rest(imu, width, data.dt, sigma)
-    values = dict(zip(("rate", "change", "largest_rate", "largest_change"), (rate, change, *most), strict=True))
+        rate, change = float(row_maxima(mean).min()), float(row_maxima(mean[width:] - mean[:-width]).min())
+    limits = _rest_limits(imu, width, data.dt, sigma)
+    values = dict(zip(("rate", "change", "largest_rate", "largest_change"), (rate, change, *limits), strict=True))
     in_degrees = {name: float(np.rad2deg(value)) for name, value in values.items()}
     return InsufficientDataError("solve.no_rest_to_align", seconds=len(data) * data.dt, **in_degrees)
 
 
-def _limits_of_rest(imu: ImuModel, width: int, dt: float, bias_sigma: float) -> tuple[float, float]:
+def _rest_limits(imu: ImuModel, width: int, dt: float, bias_sigma: float) -> tuple[float, float]:
     """Return the largest rate of a window at rest, and its largest change to the next window, rad/s."""
     noise = 5.0 * _window_noise(imu, width, dt)
     return BIAS_SIGMAS * bias_sigma + noise + REST_RATE, noise + np.deg2rad(0.01)
@@ -265,63 +264,63 @@ def _window_noise(imu: ImuModel, width: int, dt: float) -> float:
 
 
 @nb.njit(cache=True)
-def _small_and_constant(rate: FloatArray, width: int, most: float, most_change: float) -> FloatArray:
+def _small_and_constant(rate: FloatArray, width: int, max_rate: float, max_change: float) -> FloatArray:
     """Return the windows whose mean rate is small and close to the mean of the preceding window, shape (3, k)."""
-    chosen, count = np.empty((3, len(rate))), 0
+    windows, count = np.empty((3, len(rate))), 0
     for k in range(width, len(rate)):
         agrees = True
         for j in range(3):
-            agrees &= abs(rate[k, j]) < most and abs(rate[k, j] - rate[k - width, j]) < most_change
-            chosen[j, count] = rate[k, j]
+            agrees &= abs(rate[k, j]) < max_rate and abs(rate[k, j] - rate[k - width, j]) < max_change
+            windows[j, count] = rate[k, j]
         count += agrees
-    return chosen[:, :count]
+    return windows[:, :count]
 
 
 def _median(values: FloatArray) -> float:
-    """Return the same as `np.median`, which takes five times as long because it partitions about several elements."""
+    """Return the median; `np.median` takes five times as long, because it partitions about several elements."""
     half = len(values) // 2
-    parted = np.partition(values, half)
-    return float(parted[half] if len(values) % 2 else 0.5 * (parted[:half].max() + parted[half]))
+    partitioned = np.partition(values, half)
+    return float(partitioned[half] if len(values) % 2 else 0.5 * (partitioned[:half].max() + partitioned[half]))
 
 
 @nb.njit(cache=True)
-def _still(rate: FloatArray, at_rest: FloatArray, most: float) -> BoolArray:
+def _still(rate: FloatArray, at_rest: FloatArray, max_difference: float) -> BoolArray:
     """Return whether each window has the rate at rest, shape (n,)."""
     still = np.ones(len(rate), dtype=np.bool_)
     for k in range(len(rate)):
         for j in range(3):
-            still[k] &= abs(rate[k, j] - at_rest[j]) < most
+            still[k] &= abs(rate[k, j] - at_rest[j]) < max_difference
     return still
 
 
 @nb.njit(cache=True)
 def _split(accel: FloatArray, width: int, still: BoolArray) -> None:
-    """Mark as not still the windows whose mean force differs from the preceding or following window."""
+    """Clear `still` for the windows whose mean force differs from that of the preceding or following window."""
     step = FORCE_STEP * width
     for j in range(3):
-        ahead = behind = 0.0  # sums over a window and over the one before it
+        current = previous = 0.0  # sums over a window and over the preceding one
         for k in range(width):
-            ahead += accel[width + k, j]
-            behind += accel[k, j]
+            current += accel[width + k, j]
+            previous += accel[k, j]
         for k in range(width, len(still)):
-            if abs(ahead - behind) > step:
+            if abs(current - previous) > step:
                 still[k] = still[k - width] = False
             if k + width < len(accel):
-                ahead += accel[k + width, j] - accel[k, j]
-                behind += accel[k, j] - accel[k - width, j]
+                current += accel[k + width, j] - accel[k, j]
+                previous += accel[k, j] - accel[k - width, j]
 
 
-def runs(flags: BoolArray) -> list[tuple[int, int]]:
+def true_intervals(flags: BoolArray) -> list[tuple[int, int]]:
     """Return the intervals (first, last + 1) in which `flags` is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def slope_weights(count: int, stride: int) -> FloatArray:
-    """Return weights, shape (count,), sum 1, with which the mean force is the slope of a line fitted to velocity.
+    """Return weights for the mean force of a rest, shape (count,), equivalent to fitting a line to the velocity.
 
-    Velocity is sampled every `stride` samples, the interval at which its noise is independent; the remainder of a rest
-    is not used. For white velocity noise this is the best linear unbiased estimate of the mean.
+    The velocity is sampled every `stride` samples, the interval at which its noise is independent; the remainder of a
+    rest is omitted. For white velocity noise this is the best linear unbiased estimate of the mean.
     """
     blocks = max(count // stride, 1)
     used = min(blocks * stride, count)

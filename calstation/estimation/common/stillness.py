@@ -1,6 +1,6 @@
-"""Rests of a recording and the motions between them, found from the data alone.
+"""Detection of the rests of a recording and the motions between them.
 
-Noise and rate at rest are taken from the quietest windows. If the force jumps between two quiet intervals without a
+The noise and rate at rest are those of the quietest windows. If the force jumps between two quiet intervals without a
 rotation, samples were cut out, and no motion connects the rests on either side.
 """
 
@@ -16,26 +16,26 @@ from calstation.estimation.common.stage import (
     SHORTEST_REST,
     StageData,
     find_rests,
-    runs,
+    true_intervals,
     window_mean,
 )
 from calstation.physics import FloatArray
 
 #: Fraction of all windows, the quietest ones, whose noise defines the noise at rest.
 QUIET_FRACTION = 0.1
-#: Windows with noise up to this multiple of the quietest windows' noise also count as quiet.
+#: Largest noise of a quiet window, relative to the quietest windows.
 QUIET_RATIO = 1.5
-#: A window with more gyro noise than this, rad/s rms, is in motion.
+#: Largest gyro noise of a window at rest, rad/s rms.
 MAX_GYRO_NOISE = np.deg2rad(1.0)
-#: Duration that must be quiet on each side of a cut, s.
+#: Duration of the quiet intervals on both sides of a cut, s.
 CUT_WINDOW = 0.15
 #: Smallest jump of the force across a cut, m/s².
 CUT_STEP = 2.0
-#: Without gyros: noise of a rest relative to the quietest windows' noise, rms over the axes; ...
+#: Largest noise of a rest without gyros, relative to the quietest windows, rms over the axes.
 MAX_FORCE_NOISE = 2.0
-#: ... change of mean force from one window to the next, in sigmas of its noise; ...
+#: Largest change of the mean force from one window to the next at rest without gyros, in sigmas of its noise, ...
 STEADY_FORCE = 6.0
-#: ... and change of mean force that does not count as a motion, m/s².
+#: ... plus this change, m/s².
 CREEP_FORCE = 0.02
 #: Standard deviation of the rate at rest about the mean rate of the quietest windows, rad/s.
 RESTING_RATE_SIGMA = np.deg2rad(0.2)
@@ -60,13 +60,13 @@ class Stillness:
     gyro_noise: float  #: White noise at rest, rad/√s.
     accel_noise: float  #: White noise at rest, m/s/√s.
     rate: FloatArray  #: Mean raw rate at rest, rad/s, shape (3,).
-    cuts: tuple[int, ...] = ()  #: Index of the first sample after each cut, which leaves no gap in the counter.
+    cuts: tuple[int, ...] = ()  #: Index of the first sample after each cut, which is not a gap in the counter.
 
 
 def find_stillness(data: StageData, imu: ImuModel, shortest: float = SHORTEST_REST) -> Stillness:
     """Find the rests of at least `shortest` s and the motions of all segments; the noise of `imu` is a lower bound.
 
-    Without gyros, only rests are found, from the accelerometers, and no motions.
+    Without gyros, rests are found from the accelerometers, and motions are not found.
     """
     windows = _windows(data)
     if not data.has_gyros:
@@ -79,24 +79,25 @@ def find_stillness(data: StageData, imu: ImuModel, shortest: float = SHORTEST_RE
     noise = max(imu.gyro_arw, float(np.median(gyro_std[quiet])) * np.sqrt(data.dt))
     accel_noise = max(imu.accel_vrw, float(np.median(accel_std[quiet])) * np.sqrt(data.dt))
     resting = np.median(rate[quiet], axis=0)
-    seen = replace(imu, gyro_arw=noise)
+    measured_imu = replace(imu, gyro_arw=noise)
     rests: list[tuple[int, int]] = []
     links: list[Link] = []
     cuts = _find_cuts(data, noise, accel_noise, resting)
-    for segment in _cut(data.segments, cuts):
-        here = [
-            (a, b)
-            for a, b in find_rests(data, seen, (resting, RESTING_RATE_SIGMA), [segment])
-            if (b - a) * data.dt >= shortest
-        ]
-        for k, ((_, end), (start, _)) in enumerate(itertools.pairwise(here), len(rests)):
-            links.append(Link(k, k + 1, end, start))
-        rests += here
+    for start, stop in data.segments:
+        for part in itertools.pairwise([start, *(c for c in cuts if start < c < stop), stop]):
+            part_rests = [
+                (a, b)
+                for a, b in find_rests(data, measured_imu, (resting, RESTING_RATE_SIGMA), [part])
+                if (b - a) * data.dt >= shortest
+            ]
+            for k, ((_, end), (begin, _)) in enumerate(itertools.pairwise(part_rests), len(rests)):
+                links.append(Link(k, k + 1, end, begin))
+            rests += part_rests
     return Stillness(tuple(rests), tuple(links), noise, accel_noise, resting, cuts)
 
 
 def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std: FloatArray) -> Stillness:
-    """Return the rests with constant specific force, given the noise of the quietest windows, m/s², shape (k,).
+    """Find the rests from the specific force; `accel_std` is the noise of each window, m/s², shape (k,).
 
     A window is at rest if it is as quiet as the quietest ones and its mean agrees with the windows before and after it.
     """
@@ -113,10 +114,12 @@ def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std:
         square = window_mean((data.accel[start:stop] - force.mean(axis=0)) ** 2, np.zeros(3), width)
         power = (square - (force - force.mean(axis=0)) ** 2).mean(axis=1)
         still = power < (MAX_FORCE_NOISE * noise) ** 2
-        moved = np.abs(force[width:] - force[:-width]).max(axis=1) > STEADY_FORCE * noise / np.sqrt(width) + CREEP_FORCE
-        still[width:] &= ~moved
-        still[:-width] &= ~moved
-        for first, last in runs(still):
+        changes = (
+            np.abs(force[width:] - force[:-width]).max(axis=1) > STEADY_FORCE * noise / np.sqrt(width) + CREEP_FORCE
+        )
+        still[width:] &= ~changes
+        still[:-width] &= ~changes
+        for first, last in true_intervals(still):
             a, b = start + first + margin, start + last + width - 1 - margin
             if (b - a) * data.dt >= shortest:
                 rests.append((a, b))
@@ -139,17 +142,9 @@ def _find_cuts(data: StageData, gyro_noise: float, accel_noise: float, resting: 
         still &= np.sqrt(np.maximum(square - force**2, 0.0)).max(axis=1) < loud
         step = np.linalg.norm(force[width:] - force[:-width], axis=1)
         jump = still[width:] & still[:-width] & (step > CUT_STEP)
-        for first, last in runs(jump):
+        for first, last in true_intervals(jump):
             cuts.append(start + width + first + int(np.argmax(step[first:last])))
     return tuple(cuts)
-
-
-def _cut(segments: tuple[tuple[int, int], ...], cuts: tuple[int, ...]) -> list[tuple[int, int]]:
-    parts = []
-    for start, stop in segments:
-        edges = [start, *(c for c in cuts if start < c < stop), stop]
-        parts += list(itertools.pairwise(edges))
-    return parts
 
 
 def _windows(data: StageData) -> FloatArray:

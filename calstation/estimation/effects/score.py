@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.estimation.common import Diagnosis, ModelTest, Posterior
-from calstation.estimation.effects.sensitivity import Sensitivity, drifted
+from calstation.estimation.effects.sensitivity import Sensitivity, drift_functions
 from calstation.physics import AXES, COUNT, EFFECTS, INDEX, Effect, FloatArray, IntArray
 
 #: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect shifts a parameter by
@@ -54,11 +54,11 @@ def effect_tests(evidence: Sequence[EffectEvidence]) -> tuple[ModelTest | None, 
         return None, None
     significant = evidence[0].excess > MAX_EXCESS
     likely = (
-        each
-        for each in evidence
-        if each.excess > evidence[0].excess - _AS_LIKELY and (each.excess > MAX_EXCESS) == significant
+        effect
+        for effect in evidence
+        if effect.excess > evidence[0].excess - _AS_LIKELY and (effect.excess > MAX_EXCESS) == significant
     )
-    harmful = next((each for each in likely if each.largest_shift > MIN_SHIFT), None)
+    harmful = next((effect for effect in likely if effect.largest_shift > MIN_SHIFT), None)
     if harmful is not None:
         return _test(harmful), None
     return None, _test(evidence[0]) if significant else None
@@ -87,7 +87,7 @@ class EffectLimit:
 
 
 @dataclass
-class _Tested:
+class _EffectTest:
     """An effect with its score, information and accumulated parameter error."""
 
     effect: Effect
@@ -98,12 +98,12 @@ class _Tested:
     error: FloatArray
 
     @classmethod
-    def begun(cls, effect: Effect, stage: str, constants: int) -> "_Tested":
+    def initial(cls, effect: Effect, stage: str, constants: int) -> "_EffectTest":
         """Return a test before any stage."""
         k = len(effect.components)
         return cls(effect, stage, np.zeros(k), np.zeros((k, k)), np.zeros((k, constants)), np.zeros((COUNT, k)))
 
-    def follow(self, s: Sensitivity, constant: FloatArray, direct: FloatArray | None = None) -> None:
+    def add_stage(self, s: Sensitivity, constant: FloatArray, direct: FloatArray | None = None) -> None:
         """Add a stage.
 
         The effect also contributes `direct` times the columns after the parameters and `EFFECTS`. `constant` is the
@@ -118,15 +118,15 @@ class _Tested:
         self.cross = self.cross + error.T @ s.information[:n, :both] @ constant
         self.error = s.error[:, :n] @ error
 
-    def change(self, amount: FloatArray | float) -> None:
-        """Change the parameters themselves by `amount` per unit of each size, shape (k,)."""
-        self.error[[INDEX[name] for name in self.effect.parameters], range(len(self.score))] += amount
+    def add_to_parameters(self, change_per_size: FloatArray | float) -> None:
+        """Change the parameters themselves by `change_per_size` per unit of each size, shape (k,)."""
+        self.error[[INDEX[name] for name in self.effect.parameters], range(len(self.score))] += change_per_size
 
-    def in_units_of(self, sizes: FloatArray) -> "_Tested":
+    def in_units_of(self, sizes: FloatArray) -> "_EffectTest":
         """Return the same test with its sizes in other units, shape (k,)."""
         information = self.information * np.outer(sizes, sizes)
         scaled = self.score * sizes, information, self.cross * sizes[:, None], self.error * sizes
-        return _Tested(self.effect, self.stage, *scaled)
+        return _EffectTest(self.effect, self.stage, *scaled)
 
     def limits(self, chi_square: float, sigma: FloatArray, names: Sequence[str]) -> Iterator[EffectLimit]:
         """Yield the limit of each component."""
@@ -135,12 +135,12 @@ class _Tested:
             information = float(self.information[k, k])
             size = float(np.sqrt(chi_square / information)) if information > 0.0 else np.inf
             moves = {name: abs(float(self.error[INDEX[name], k])) / float(sigma[INDEX[name]]) for name in names}
-            moved = max(moves, key=moves.__getitem__)
-            move = size * moves[moved] if moves[moved] > 0.0 else 0.0
-            yield EffectLimit(c.cause, component, c.parameter_of(k), self.stage, size, c.unit, moved, move)
+            largest = max(moves, key=moves.__getitem__)
+            shift = size * moves[largest] if moves[largest] > 0.0 else 0.0
+            yield EffectLimit(c.cause, component, c.parameter_of(k), self.stage, size, c.unit, largest, shift)
 
     def evaluate(
-        self, known: "Estimated", before: FloatArray, sigma: FloatArray, names: Sequence[str]
+        self, known: "EffectEstimate", before: FloatArray, sigma: FloatArray, names: Sequence[str]
     ) -> EffectEvidence:
         """Evaluate the test together with the effects in the model; `before` and `sigma` refer to the 30 parameters."""
         shared = self.cross[:, known.columns]
@@ -152,17 +152,17 @@ class _Tested:
         covariance = plausible @ np.linalg.inv(plausible @ information @ plausible + np.eye(len(score))) @ plausible
         size, sigmas = covariance @ score, np.sqrt(np.diag(covariance))
         freedom = float(np.sum(covariance * information))
-        best, at = int(np.argmax(np.abs(size) / sigmas)), [INDEX[name] for name in names]
-        moved = error @ size / np.where(sigma > 0.0, sigma, np.inf)
+        best, indices = int(np.argmax(np.abs(size) / sigmas)), [INDEX[name] for name in names]
+        shift = error @ size / np.where(sigma > 0.0, sigma, np.inf)
         c = self.effect
         return EffectEvidence(
             c.cause, c.components[best], c.parameter_of(best), self.stage, float(score @ size) - freedom,
-            float(size[best]), float(sigmas[best]), c.unit, dict(zip(names, moved[at].tolist(), strict=True)),
+            float(size[best]), float(sigmas[best]), c.unit, dict(zip(names, shift[indices].tolist(), strict=True)),
         )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Estimated:
+class EffectEstimate:
     """Estimate of the effects in the model of the unit."""
 
     columns: IntArray  #: Indices of the components within `EFFECTS`, shape (k,).
@@ -200,9 +200,9 @@ class EffectTests:
         self._score, self._information = np.zeros(count), np.zeros((count, count))
         self._last, self._noise_ratio = (self._score, self._information), 1.0
         self._error = np.zeros((COUNT, count))
-        self._changes: list[_Tested] = []
+        self._changes: list[_EffectTest] = []
         #: Drifts throughout the run, in units of their time functions, and the time since the start, s.
-        self._drifts: list[_Tested] = []
+        self._drifts: list[_EffectTest] = []
         self._begin = self._elapsed = 0.0
         self._parameters: dict[str, None] = {}
 
@@ -220,7 +220,7 @@ class EffectTests:
         if self._parameters:  # before the first stage, a jump is an error of the prior
             self._changes += [_jump_before(stage, group, count) for group in _JUMPING]
         for change in self._changes:
-            change.follow(s, into)
+            change.add_stage(s, into)
         self._add_changing(stage, s, into)
         self._parameters |= dict.fromkeys(estimated)
 
@@ -231,23 +231,23 @@ class EffectTests:
         units = np.split(np.eye(sum(widths)), np.cumsum(widths)[:-1], axis=1)
         count = len(self._score)
         for effect, unit in zip(changing, units, strict=True):
-            test = _Tested.begun(effect, stage, count)
-            test.follow(s, into, unit)
-            test.change(1.0)
+            test = _EffectTest.initial(effect, stage, count)
+            test.add_stage(s, into, unit)
+            test.add_to_parameters(1.0)
             self._changes.append(test)
         drifts = [(effect, unit) for effect, unit in zip(changing, units, strict=True) if effect.cause == "drift"]
         if not self._drifts:
             self._begin = s.effects.begin
-            self._drifts = [_Tested.begun(replace(e, cause="drift_throughout"), "", count) for e, _ in drifts]
+            self._drifts = [_EffectTest.initial(replace(e, cause="drift_throughout"), "", count) for e, _ in drifts]
         start = max(s.effects.begin - self._begin, self._elapsed)
-        last, first, end = drifted(np.array([self._elapsed, start, start + duration]))
+        last, first, end = drift_functions(np.array([self._elapsed, start, start + duration]))
         for test, (_, unit) in zip(self._drifts, drifts, strict=True):
-            test.change(np.tile(first - last, 3))
-            test.follow(s, into, unit * np.tile(end - first, 3))
-            test.change(np.tile(end - first, 3))
+            test.add_to_parameters(np.tile(first - last, 3))
+            test.add_stage(s, into, unit * np.tile(end - first, 3))
+            test.add_to_parameters(np.tile(end - first, 3))
         self._elapsed = start + duration
 
-    def estimated(self) -> Estimated:
+    def estimated(self) -> EffectEstimate:
         """Return the estimate of the effects in the model."""
         at = self._columns
         information = self._information[np.ix_(at, at)]
@@ -255,7 +255,7 @@ class EffectTests:
         size = np.asarray(covariance @ self._score[at], np.float64)
         score, last = self._last[0][at], self._last[1][np.ix_(at, at)]
         explained = self._noise_ratio * float(2.0 * score @ size - size @ last @ size)
-        return Estimated(at, self._names, self._units, size, covariance, self._error[:, at], explained)
+        return EffectEstimate(at, self._names, self._units, size, covariance, self._error[:, at], explained)
 
     def evidence(self, posterior: Posterior) -> list[EffectEvidence]:
         """Return the evidence for every effect outside the model, the likeliest first.
@@ -264,16 +264,16 @@ class EffectTests:
         every stage for each group of parameters; its likelihood is divided by their number.
         """
         known, names = self.estimated(), tuple(self._parameters)
-        evidence = [t.evaluate(known, self._before, posterior.sigma, names) for t in self._tested()]
+        evidence = [t.evaluate(known, self._before, posterior.sigma, names) for t in self._tests()]
         chances = 2.0 * np.log(max(len(self._changes), 1))
         return sorted(evidence, key=lambda f: (chances if f.stage else 0.0) - f.excess)
 
     def limits(self, posterior: Posterior, chi_square: float) -> list[EffectLimit]:
         """Return, for every effect outside the model, the size at which its test is expected to reach `chi_square`."""
         names = tuple(self._parameters)
-        return [limit for t in self._tested() for limit in t.limits(chi_square, posterior.sigma, names)]
+        return [limit for t in self._tests() for limit in t.limits(chi_square, posterior.sigma, names)]
 
-    def _tested(self) -> Iterator[_Tested]:
+    def _tests(self) -> Iterator[_EffectTest]:
         """Yield the effects outside the model."""
         at = 0
         for effect in EFFECTS:
@@ -285,17 +285,17 @@ class EffectTests:
                 self._error[:, columns],
             )
             if effect.cause not in self._states:
-                yield _Tested(effect, "", *parts)
-        at_end = np.tile(drifted(np.array([self._elapsed]))[0], 3)
+                yield _EffectTest(effect, "", *parts)
+        at_end = np.tile(drift_functions(np.array([self._elapsed]))[0], 3)
         yield from (drift.in_units_of(1.0 / at_end) for drift in self._drifts)
         yield from self._changes
 
 
-def _jump_before(stage: str, group: str, count: int) -> _Tested:
+def _jump_before(stage: str, group: str, count: int) -> _EffectTest:
     """Return the test for a jump of the parameters of a group before a stage."""
     unit = {"gyro_bias": "rad/s", "accel_bias": "m/s²"}.get(group, "1")
     names = tuple(f"{group}_{axis}" for axis in AXES)
     effect = Effect("jump_before", unit, None, 3 * ("",), lambda motion: np.empty((0, 0)), (), parameters=names)
-    test = _Tested.begun(effect, stage, count)
-    test.change(1.0)
+    test = _EffectTest.initial(effect, stage, count)
+    test.add_to_parameters(1.0)
     return test

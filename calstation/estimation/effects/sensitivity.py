@@ -59,17 +59,17 @@ class StageEffects:
         error = np.where(estimated[:, None], remaining, np.eye(COUNT, len(score)))
         return Sensitivity(score, information, error, self, noise_ratio)
 
-    def of_batch(self, gain: BatchGain, added: FloatArray, estimated: BoolArray) -> "Sensitivity":
+    def of_batch(self, gain: BatchGain, contributions: FloatArray, estimated: BoolArray) -> "Sensitivity":
         """Return the sensitivity of an estimate from m observations in one batch.
 
         Parameters
         ----------
         gain : gain of the 30 parameters
-        added : contribution of each component of `tested` to the observations, shape (m, components)
+        contributions : contribution of each component of `tested` to the observations, shape (m, components)
         estimated : True for the parameters that the gain corrects, shape (30,)
         """
         jacobian, K, covariance, innovation = gain
-        response = np.hstack([jacobian, added])
+        response = np.hstack([jacobian, contributions])
         weighted = np.linalg.solve(covariance, response)
         remaining = np.eye(COUNT, response.shape[1]) - K @ response
         return self.sensitivity(weighted.T @ innovation, response.T @ weighted, remaining, estimated)
@@ -131,14 +131,14 @@ def changing(duration: float) -> Iterator[Effect]:
 
     The size of a component is the change of its parameter at the end of the stage.
     """
-    at_end = drifted(np.array([duration]))
-    yield from _changes("drift", 2, lambda time: np.asarray(drifted(time) / at_end))
+    at_end = drift_functions(np.array([duration]))
+    yield from _changes("drift", 2, lambda time: np.asarray(drift_functions(time) / at_end))
     for share in JUMPS:
         begin = share * duration
         yield from _changes("jump", 1, partial(_step, begin), begin)
 
 
-def drifted(time: FloatArray) -> FloatArray:
+def drift_functions(time: FloatArray) -> FloatArray:
     """Return the time functions of a drift: a ramp, s, and a warm-up that ends at 1, shape (n, 2)."""
     return np.stack([time, -np.expm1(-time / WARM_UP)], axis=1)
 

@@ -5,9 +5,9 @@ from calstation.estimation.gimbal.iteration import (
     AxisTurns,
     GimbalIteration,
     contraction,
+    correction_sign,
     drift_matrix,
     largest_gain,
-    others,
-    sign_of,
+    other_axes,
 )
-from calstation.estimation.gimbal.motions import TURNED, GimbalFit, Motion, find_motions, fit_gimbal, turned_motion
+from calstation.estimation.gimbal.motions import MIN_JOINT_TURN, GimbalFit, Motion, find_motions, fit_gimbal, joint_turn

@@ -50,12 +50,14 @@ def gimbal_joints(order: str, C: FloatArray) -> FloatArray:
     return joints
 
 
-def others(axis: int) -> list[int]:
+def other_axes(axis: int) -> list[int]:
     """Return the indices of the other two axes."""
     return [k for k in range(3) if k != axis]
 
 
-def turned_joints(order: str, start: FloatArray, axis: int, angle: float, tilt: FloatArray | None = None) -> FloatArray:
+def joints_after_turn(
+    order: str, start: FloatArray, axis: int, angle: float, tilt: FloatArray | None = None
+) -> FloatArray:
     """Return the joints x, y, z, rad, shape (3,), after a turn from `start` by `angle` about a body axis.
 
     `tilt` is the deviation of the axis of rotation from the body axis, rad, shape (3,).
@@ -69,16 +71,16 @@ def drift_matrix(order: str, axis: int, angle: float, start: FloatArray | None =
 
     `start` are the joints x, y, z at the start of the turn, rad, shape (3,); zero if None.
     """
-    rest, start = others(axis), np.zeros(3) if start is None else start
+    rest, start = other_axes(axis), np.zeros(3) if start is None else start
     J = np.empty((2, 2))
     for column, lean in enumerate(rest):
         tilt = _DERIVATIVE_STEP * np.eye(3)[lean]
-        plus, minus = (turned_joints(order, start, axis, angle, sign * tilt)[rest] for sign in (1.0, -1.0))
+        plus, minus = (joints_after_turn(order, start, axis, angle, sign * tilt)[rest] for sign in (1.0, -1.0))
         J[:, column] = (plus - minus) / (2.0 * _DERIVATIVE_STEP)
     return J
 
 
-def sign_of(angle: float) -> float:
+def correction_sign(angle: float) -> float:
     """Return the sign s of a turn: −1 for a positive turn, +1 for a negative one."""
     return -1.0 if angle > 0.0 else 1.0
 
@@ -87,7 +89,7 @@ def largest_gain(order: str, axis: int, angle: float) -> float:
     """Return the gain below which turns by ± `angle` converge: the smallest 2 Re λ/|λ|² of J; 0 if they never do."""
     limits = []
     for way in (angle, -angle):
-        for value in np.linalg.eigvals(-sign_of(way) * drift_matrix(order, axis, way)):
+        for value in np.linalg.eigvals(-correction_sign(way) * drift_matrix(order, axis, way)):
             limits.append(2.0 * value.real / abs(value) ** 2)
     return max(float(min(limits)), 0.0)
 
@@ -96,7 +98,7 @@ def contraction(order: str, axis: int, angle: float, gain: float) -> float:
     """Return the factor by which a turn by `angle` and a turn back reduce an error, per turn."""
     both = np.eye(2)
     for way in (angle, -angle):
-        both = (np.eye(2) + sign_of(way) * gain * drift_matrix(order, axis, way)) @ both
+        both = (np.eye(2) + correction_sign(way) * gain * drift_matrix(order, axis, way)) @ both
     return float(np.sqrt(np.abs(np.linalg.eigvals(both)).max()))
 
 
@@ -168,8 +170,8 @@ class GimbalIteration:
         """Correct K by the drift of the other joints, rad, shape (2,), in a turn about `axis` by `angle`, rad."""
         course = next((c for c in self.courses if c.axis == axis), AxisTurns(axis))
         self.courses = [*(c for c in self.courses if c is not course), course]
-        rows = others(axis)
-        self.correction[rows, axis] += sign_of(angle) * self.gain * drift
+        rows = other_axes(axis)
+        self.correction[rows, axis] += correction_sign(angle) * self.gain * drift
         self.position += angle
         course.angles.append(angle)
         course.drifts.append(np.array(drift))

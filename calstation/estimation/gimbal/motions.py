@@ -22,14 +22,14 @@ from calstation.estimation.common import (
     gauss_newton,
     stage_data,
 )
-from calstation.estimation.gimbal.iteration import drift_matrix, gimbal_attitude, others, turned_joints
+from calstation.estimation.gimbal.iteration import drift_matrix, gimbal_attitude, joints_after_turn, other_axes
 from calstation.estimation.positions import GYRO_COLUMNS, gyro_derivative, integrate_rotation, square_root
 from calstation.physics import AXES, COUNT, GYRO_BIAS, RATE, FloatArray, compensation, rotation_matrix, rotation_vector
 
 #: Joints within this angle of zero count as at zero, rad.
 AT_ZERO = np.deg2rad(2.0)
 #: A joint that moved by more than this was turned; one that moved by less has drifted, rad.
-TURNED = np.deg2rad(5.0)
+MIN_JOINT_TURN = np.deg2rad(5.0)
 #: Duration, next to the motion, of the part of a rest from which the joint rates are determined, s.
 RATE_FIT = 3.0
 #: Duration, next to the motion, of the part of a rest whose mean gyro output is subtracted, s. It equals the shortest
@@ -58,7 +58,7 @@ class Motion:
     def axis(self) -> int | None:
         """The joint that moved most; None if no joint moved."""
         moved = np.abs(self.after - self.before)
-        return int(np.argmax(moved)) if moved.max() > TURNED else None
+        return int(np.argmax(moved)) if moved.max() > MIN_JOINT_TURN else None
 
     @property
     def to_zero(self) -> bool:
@@ -77,21 +77,21 @@ class Motion:
         A gimbal that stabilises on these rates keeps it at zero.
         """
         corrected = np.linalg.solve(np.eye(3) + correction, self.rotation)
-        return float(np.linalg.norm(corrected[others(axis)]))
+        return float(np.linalg.norm(corrected[other_axes(axis)]))
 
     def joint_drift(self, axis: int, order: str) -> FloatArray:
         """Return D, the drift of the joints other than `axis` in the same turn from zero, rad, shape (2,).
 
         The drift is the difference from the ideal turn about the body axis, minus the drift at rest.
         """
-        rest, angle = others(axis), self.angle
+        rest, angle = other_axes(axis), self.angle
         J = drift_matrix(order, axis, angle, self.before)
         start = gimbal_attitude(order, self.before)
         at_rest = rotation_vector(start.T @ gimbal_attitude(order, self.before + self.drift * self.duration))
-        deviation = self.after - turned_joints(order, self.before, axis, angle)
+        deviation = self.after - joints_after_turn(order, self.before, axis, angle)
         deviation = (deviation + np.pi) % (2.0 * np.pi) - np.pi
         drift = deviation[rest] - J @ at_rest[rest] / angle
-        if np.abs(deviation[rest]).max() > TURNED:
+        if np.abs(deviation[rest]).max() > MIN_JOINT_TURN:
             raise InputError("recording.two_joints_turned", axis=AXES[axis])
         return np.asarray(drift_matrix(order, axis, angle) @ np.linalg.solve(J, drift))
 
@@ -120,7 +120,7 @@ def find_motions(data: StageData, imu: ImuModel) -> list[Motion]:
     return motions
 
 
-def turned_motion(blocks: list[SampleBlock], imu: ImuModel, begin: int, axis: int) -> Motion:
+def joint_turn(blocks: list[SampleBlock], imu: ImuModel, begin: int, axis: int) -> Motion:
     """Return the only motion after sequence number `begin`, which must be a turn about `axis`. Raises InputError."""
     data = stage_data(blocks, imu)
     motions = [m for m in find_motions(data, imu) if data.seq[m.stop - 1] > begin]

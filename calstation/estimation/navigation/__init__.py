@@ -1,6 +1,12 @@
 """The 39-state navigation filter, its relinearisation and its observability analysis."""
 
-from calstation.estimation.navigation.information import Segment, advanced, joined, segment_information, sigmas
+from calstation.estimation.navigation.information import (
+    Segment,
+    advance_information,
+    join_segments,
+    segment_information,
+    sigmas,
+)
 from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter, NavigationPass, ReferencePass
 from calstation.estimation.navigation.relinearise import solve_navigation
 from calstation.estimation.navigation.response import result_sensitivity

@@ -1,6 +1,6 @@
-"""Compiled Kalman algebra of a pass along a reference: prediction and update with groups of correlated observations.
+"""Compiled Kalman filter of a pass along a reference: prediction and update with groups of correlated observations.
 
-Only the navigation states change, and the bias drift decays, so that prediction changes nine rows of the covariance. An
+Only the navigation states change, and the bias drift decays, so the prediction changes nine rows of the covariance. An
 observation whose noise is correlated with the process noise (M) updates it by
 
     V = H P + Mᵀ,   S = V Hᵀ + H M + R = L Lᵀ,   W = L⁻¹ V,   P⁺ = P − Wᵀ W,   x⁺ = x + Wᵀ L⁻¹ (z − H x)
@@ -69,7 +69,7 @@ def process(
     state: State,
     out: Updates,
 ) -> None:
-    """Process the groups of observations in `out` from sample `start` along a reference: strapdown, prediction, update.
+    """Process groups of observations along a reference: strapdown integration, prediction and update.
 
     Parameters
     ----------
@@ -78,55 +78,55 @@ def process(
     start : index of the first sample
     reference : trajectory at the ends of the g k intervals
     arm_velocity : C (ω_nb × outer_lever) at the last observation, m/s, shape (3,); updated in place
-    work, state : state of navigation and filter; updated in place
-    group : decay and noise of the bias drift on input; the last group on output
-    out : output
+    work, state : states of the navigation and of the filter; updated in place
+    group : decay and noise of the bias drift on input, the last group on output
+    out : output; its length is the number of groups
     """
-    count, moved = group.attitude.shape[0], np.empty((NAVIGATION, len(state.x)))
+    count, FP = group.attitude.shape[0], np.empty((NAVIGATION, len(state.x)))
     for g in range(len(out.H)):
-        part = slice(g * count, (g + 1) * count)
+        rows = slice(g * count, (g + 1) * count)
         first = start + g * count * s.stride
-        near = Reference(reference.attitude[part], reference.velocity[part])
-        observe(c, s, motion, first, near, arm_velocity, work, group)
-        predict(group, state, moved)
+        group_reference = Reference(reference.attitude[rows], reference.velocity[rows])
+        observe(c, s, motion, first, group_reference, arm_velocity, work, group)
+        predict(group, state, FP)
         for i in range(NAVIGATION):
             state.x[i] += group.shift[i]
         update(group, state, out.root[g], out.gain[g], out.innovation[g])
         out.transition[g], out.H[g] = group.transition[:NAVIGATION], group.H
-        out.rate[part], out.attitude[part] = group.rate, group.attitude
+        out.rate[rows], out.attitude[rows] = group.rate, group.attitude
 
 
 @nb.njit(cache=True)
-def predict(group: VelocityGroup, state: State, moved: FloatArray) -> None:
-    """Predict mean and covariance over a group; `moved`, shape (9, n), receives intermediate results."""
+def predict(group: VelocityGroup, state: State, FP: FloatArray) -> None:
+    """Predict the mean and covariance over a group; `FP`, shape (9, n), is overwritten by F P."""
     x, P, F, Q = state.x, state.P, group.transition, group.noise
     size = len(x)
-    across, mean = np.zeros((NAVIGATION, NAVIGATION)), np.zeros(NAVIGATION)
+    covariance, mean = np.zeros((NAVIGATION, NAVIGATION)), np.zeros(NAVIGATION)
     for i in range(NAVIGATION):
         for k in range(size):
             mean[i] += F[i, k] * x[k]
         for j in range(size):
-            moved[i, j] = 0.0
-    add_product(F[:NAVIGATION], P, moved)
+            FP[i, j] = 0.0
+    add_product(F[:NAVIGATION], P, FP)
     for i in range(NAVIGATION):
         for j in range(i + 1):
             t = Q[i, j]
             for k in range(size):
-                t += moved[i, k] * F[j, k]
-            across[i, j] = t
-            across[j, i] = t
+                t += FP[i, k] * F[j, k]
+            covariance[i, j] = t
+            covariance[j, i] = t
     for i in range(STATES, size):
         decay = F[i, i]
         x[i] *= decay
         for j in range(NAVIGATION):
-            moved[j, i] *= decay
+            FP[j, i] *= decay
         for j in range(NAVIGATION, size):
             P[i, j] *= decay
             P[j, i] *= decay
         P[i, i] += Q[i, i]
-    x[:NAVIGATION], P[:NAVIGATION, :NAVIGATION] = mean, across
-    P[:NAVIGATION, NAVIGATION:] = moved[:, NAVIGATION:]
-    P[NAVIGATION:, :NAVIGATION] = moved[:, NAVIGATION:].T
+    x[:NAVIGATION], P[:NAVIGATION, :NAVIGATION] = mean, covariance
+    P[:NAVIGATION, NAVIGATION:] = FP[:, NAVIGATION:]
+    P[NAVIGATION:, :NAVIGATION] = FP[:, NAVIGATION:].T
 
 
 @nb.njit(cache=True)
@@ -175,7 +175,7 @@ def _subtract_square(gain: FloatArray, P: FloatArray) -> None:
 
 @nb.njit(cache=True)
 def update(group: VelocityGroup, state: State, root: FloatArray, gain: FloatArray, innovation: FloatArray) -> None:
-    """Update mean and covariance with a group; write L, W and the normalised innovations."""
+    """Update the mean and covariance with a group; write L, W and the normalised innovations."""
     x, P, H, M = state.x, state.P, group.H, group.M
     rows, size = H.shape
     S = np.empty((rows, rows))

@@ -1,9 +1,9 @@
-"""Information that a motion gives about parameters and effects, from the filter's own linearisation.
+"""Information matrices of motions for parameters and effects, from the linearisation of the filter.
 
-A segment begins and ends at rest. Its observations depend on the boundary states (φ, δv and the drift of the biases) at
-both ends, the 30 parameters, and the sizes of effects outside the model; all states between are eliminated. Segments
-that follow each other are joined by eliminating the boundary states between them, so that a schedule is evaluated
-without another pass over its samples. The covariance equals the filter's.
+A segment begins and ends at rest. Its observations depend on the boundary states (φ, δv and the bias drift) at both
+ends, on the 30 parameters, and on the sizes of effects outside the model; all states in between are eliminated.
+Successive segments are joined by eliminating the boundary states between them, so that a schedule is evaluated without
+another pass over its samples. The covariance equals the filter's.
 
 With m boundary states and c columns of parameters and effects, the information at the end of a motion has shape (m + c,
 m + c). The information of a segment, about m states at its start and m at its end, has shape (2 m + c, 2 m + c). All
@@ -23,13 +23,13 @@ from calstation.estimation.navigation.response import motion_between_observation
 from calstation.estimation.navigation.velocity_group import BIAS, OBSERVED
 from calstation.physics import COUNT, PARAMETER_START, PARAMETERS, STATES, Effect, FloatArray, IntArray
 
-#: Variance of a known parameter, in units of its usual prior variance.
-_KNOWN = 1e-12
+#: Variance of a parameter with a fixed value, in units of its default prior variance.
+_FIXED_VARIANCE = 1e-12
 _PARAMETERS = np.arange(PARAMETER_START, STATES)
 
 
 class Segment(NamedTuple):
-    """Information at the start of a motion, and from the motion itself; the start gives none about effects."""
+    """Information matrices of the start of a motion, which contains none about effects, and of the motion itself."""
 
     start: FloatArray
     motion: FloatArray
@@ -39,18 +39,18 @@ class Segment(NamedTuple):
 def segment_information(
     run: ClosedLoopFilter, data: StageData, start: Start, context: SolveContext, effects: Sequence[Effect]
 ) -> Segment:
-    """Pass a new filter over samples from `start`; return their information."""
-    steps = run.steps(data, start, start.attitude, together=1)
+    """Run a new filter over the samples from `start`; return their information matrices."""
+    steps = run.steps(data, start, start.attitude, batch=1)
     next(steps)
-    begin = _start_information(run)
+    start_information = _start_information(run)
     groups = [_group(run) for _ in steps]
-    moved = motion_between_observations(run.history, data, (start,), context, run.posterior.mean)
-    errors = mean_errors(moved, effects, np.array([group.rows // 3 for group in groups]))
+    motion = motion_between_observations(run.history, data, (start,), context, run.posterior.mean)
+    errors = mean_errors(motion, effects, np.array([group.rows // 3 for group in groups]))
     parts = (_information(group, error) for group, error in zip(groups, errors, strict=True))
-    m = len(begin) - COUNT
-    padded = np.zeros((len(begin) + errors.shape[2],) * 2)
-    padded[: len(begin), : len(begin)] = begin
-    return Segment(padded, reduce(lambda total, part: joined(total, part, m), parts), m)
+    m = len(start_information) - COUNT
+    padded = np.zeros((len(start_information) + errors.shape[2],) * 2)
+    padded[: len(start_information), : len(start_information)] = start_information
+    return Segment(padded, reduce(lambda total, part: join_segments(total, part, m), parts), m)
 
 
 class _Group(NamedTuple):
@@ -68,12 +68,12 @@ def _boundary(run: ClosedLoopFilter) -> IntArray:
 
 
 def _start_information(run: ClosedLoopFilter) -> FloatArray:
-    """Return the information about the boundary states and the parameters at the start."""
-    both = np.r_[_boundary(run), _PARAMETERS]
-    covariance = run.state.P[np.ix_(both, both)]
-    known = np.diag(covariance) == 0.0  # parameters with fixed values
-    prior = np.array([*np.zeros(len(both) - COUNT), *(p.prior_sigma**2 for p in PARAMETERS)])
-    covariance[known, known] = _KNOWN * prior[known]
+    """Return the information matrix of the boundary states and the parameters at the start."""
+    states = np.r_[_boundary(run), _PARAMETERS]
+    covariance = run.state.P[np.ix_(states, states)]
+    fixed = np.diag(covariance) == 0.0
+    prior = np.array([*np.zeros(len(states) - COUNT), *(p.prior_sigma**2 for p in PARAMETERS)])
+    covariance[fixed, fixed] = _FIXED_VARIANCE * prior[fixed]
     return np.asarray(np.linalg.inv(covariance))
 
 
@@ -93,27 +93,29 @@ def _group(run: ClosedLoopFilter) -> _Group:
 
 
 def _information(group: _Group, error: FloatArray) -> FloatArray:
-    """Return the information of a group; `error` are the channel errors due to effects, shape (6, effects)."""
+    """Return the information matrix of a group; `error` contains the channel errors of effects, shape (6, effects)."""
     scale = 1.0 / np.sqrt(np.diag(group.noise))
     root = np.linalg.cholesky(group.noise * np.outer(scale, scale))
     white = np.linalg.solve(root, np.hstack([group.jacobian, group.bias @ error]) * scale[:, None])
     return np.asarray(white.T @ white)
 
 
-def joined(first: FloatArray, second: FloatArray, states: int) -> FloatArray:
-    """Return the information of two segments, the second following the first, with m boundary states."""
+def join_segments(first: FloatArray, second: FloatArray, states: int) -> FloatArray:
+    """Return the information matrix of two successive segments with `states` boundary states."""
     m, columns = states, len(first) - 2 * states
     begin, middle, end, common = np.split(np.arange(3 * m + columns), [m, 2 * m, 3 * m])
     total = np.zeros((3 * m + columns,) * 2)
     for segment, at in ((first, (begin, middle, common)), (second, (middle, end, common))):
         total[np.ix_(np.concatenate(at), np.concatenate(at))] += segment
-    kept = np.concatenate([begin, end, common])
-    cross = total[np.ix_(kept, middle)]
-    return np.asarray(total[np.ix_(kept, kept)] - cross @ np.linalg.solve(total[np.ix_(middle, middle)], cross.T))
+    remaining = np.concatenate([begin, end, common])
+    cross = total[np.ix_(remaining, middle)]
+    return np.asarray(
+        total[np.ix_(remaining, remaining)] - cross @ np.linalg.solve(total[np.ix_(middle, middle)], cross.T)
+    )
 
 
-def advanced(before: FloatArray, segments: FloatArray) -> FloatArray:
-    """Return the information at the ends of n segments from the information at their starts, both of shape (n, ...)."""
+def advance_information(before: FloatArray, segments: FloatArray) -> FloatArray:
+    """Return the information matrices at the ends of n segments from those at their starts, shape (n, ...) each."""
     m = segments.shape[-1] - before.shape[-1]
     total = segments.copy()
     at = np.r_[0:m, 2 * m : segments.shape[-1]]
@@ -123,19 +125,19 @@ def advanced(before: FloatArray, segments: FloatArray) -> FloatArray:
 
 
 def sigmas(information: FloatArray, states: int) -> FloatArray:
-    """Return the sigmas of the parameters and of each effect alone, shape (n, c), from information (n, m + c, m + c).
+    """Return the sigmas of parameters and effects, shape (n, c), from information matrices, shape (n, m + c, m + c).
 
     The parameters are estimated without the effects, and each effect together with all parameters, but without other
     effects.
     """
-    known = states + COUNT
-    scale = 1.0 / np.sqrt(np.diagonal(information[:, :known, :known], axis1=1, axis2=2))
-    covariance = np.linalg.inv(information[:, :known, :known] * scale[:, :, None] * scale[:, None, :])
+    size = states + COUNT
+    scale = 1.0 / np.sqrt(np.diagonal(information[:, :size, :size], axis1=1, axis2=2))
+    covariance = np.linalg.inv(information[:, :size, :size] * scale[:, :, None] * scale[:, None, :])
     variances = np.diagonal(covariance, axis1=1, axis2=2)[:, -COUNT:]
     parameters = np.sqrt(variances) * scale[:, -COUNT:]
-    if information.shape[-1] == known:
+    if information.shape[-1] == size:
         return np.asarray(parameters)
-    cross = information[:, :known, known:] * scale[:, :, None]
-    alone = np.diagonal(information[:, known:, known:], axis1=1, axis2=2)
+    cross = information[:, :size, size:] * scale[:, :, None]
+    alone = np.diagonal(information[:, size:, size:], axis1=1, axis2=2)
     remaining = alone - np.einsum("nik,nij,njk->nk", cross, covariance, cross, optimize=True)
     return np.hstack([parameters, 1.0 / np.sqrt(np.maximum(remaining, 1e-12 * alone + 1e-300))])

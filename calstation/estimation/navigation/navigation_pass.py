@@ -64,8 +64,8 @@ POSITION_SIGMA = 1e-3
 START_VELOCITY_SIGMA = 1.0
 #: Duration of a group of observations that are processed together, s.
 GROUP_TIME = 0.5
-#: The closed loop follows no reference.
-_NONE = Reference(np.empty((0, 3, 3)), np.empty((0, 3)))
+#: An empty reference, for the closed loop, which follows none.
+_NO_REFERENCE = Reference(np.empty((0, 3, 3)), np.empty((0, 3)))
 #: Prior sigma of the initial heading, rad: small, because the parameters may be too inaccurate for gyrocompassing.
 HEADING_SIGMA = 1e-4
 
@@ -75,7 +75,7 @@ class History:
     """The m observations of a pass, used for consistency tests, observability analysis, residuals and plots."""
 
     index: IntArray  #: Number of samples before each observation, shape (m,).
-    attitude: FloatArray  #: Attitude C_bn of the linearisation, shape (m, 3, 3).
+    attitude: FloatArray  #: C_bn about which the pass linearises, shape (m, 3, 3).
     rate: FloatArray  #: Angular rate, rad/s, shape (m, 3).
     innovation: FloatArray  #: Decorrelated innovations in units of their sigmas, shape (m, 3).
 
@@ -86,9 +86,9 @@ class History:
 
 
 class NavigationPass(ABC):
-    """One pass over a stage: processes groups of observations in order; provides `posterior`, `history` and `attitude`.
+    """A pass over a stage, which processes groups of observations in order.
 
-    `point` contains the parameters of the linearisation, SI, shape (30,).
+    `point` contains the parameters about which the pass linearises, SI, shape (30,).
     """
 
     def __init__(self, context: SolveContext, prior: Posterior, point: FloatArray) -> None:
@@ -103,7 +103,7 @@ class NavigationPass(ABC):
         self.work = interval_work()
         #: C (ω_nb × outer_lever) at the last observation, m/s, shape (3,).
         self.arm_velocity = np.zeros(3)
-        self._moved: tuple[StageData, Increments] | None = None
+        self._increments: tuple[StageData, Increments] | None = None
         self._history: list[tuple[FloatArray | IntArray, ...]] = [
             (np.empty(0, np.int64), np.empty((0, 3, 3)), np.empty((0, 3)), np.empty((0, 3)))
         ]
@@ -151,39 +151,36 @@ class NavigationPass(ABC):
 
     @abstractmethod
     def begin(self, data: StageData, start: Start, attitude: FloatArray) -> None:
-        """Start or restart at rest: reset the navigation states and keep the parameters.
-
-        `attitude` is the C_bn of the linearisation.
-        """
+        """Start or restart at rest: reset the navigation states about C_bn `attitude`, and keep the parameters."""
 
     @abstractmethod
     def observe(self, data: StageData, first: int, count: int, groups: int = 1) -> None:
         """Process groups of `count` observations from sample `first`."""
 
-    def steps(self, data: StageData, start: Start, attitude: FloatArray, together: int = 200) -> Iterator[int]:
-        """Process a whole segment in intervals of the stride; a remainder shorter than an interval is omitted.
+    def steps(self, data: StageData, start: Start, attitude: FloatArray, batch: int = 200) -> Iterator[int]:
+        """Process a whole segment in intervals of the stride; omit a remainder that is shorter than an interval.
 
-        Yields 0 after the start, and then the number of groups that were processed, `together` or fewer.
+        Yield 0 after the start, and then the number of groups processed, at most `batch`.
 
         Parameters
         ----------
         data, start : samples of the stage, and start of the segment
-        attitude : C_bn of the linearisation at the start, shape (3, 3)
-        together : number of groups that are processed at a time
+        attitude : C_bn at the start about which the pass linearises, shape (3, 3)
+        batch : number of groups to process at a time
         """
         self.begin(data, start, attitude)
         yield 0
         observations = (start.end - start.begin) // self.stride
-        done = 0
-        while done < observations:
-            count = min(self.group_size, observations - done)
-            groups = min(together, (observations - done) // count)
-            self.observe(data, start.begin + done * self.stride, count, groups)
-            done += groups * count
+        processed = 0
+        while processed < observations:
+            count = min(self.group_size, observations - processed)
+            groups = min(batch, (observations - processed) // count)
+            self.observe(data, start.begin + processed * self.stride, count, groups)
+            processed += groups * count
             yield groups
 
     def _reset(self, start: Start, attitude: FloatArray) -> None:
-        """Reset the navigation states to the prior of a start, relative to the attitude of the linearisation."""
+        """Reset the navigation states to the prior of a start, relative to the linearisation's attitude."""
         x, P = self.state
         x[NAVIGATION] = 0.0
         x[PHI] = rotation_vector(start.prior @ attitude.T)
@@ -195,15 +192,13 @@ class NavigationPass(ABC):
         self.work.velocity[:] = 0.0
 
     def _observe_start(self, data: StageData, begin: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Observe the velocity at rest; return Jacobian, Cholesky factor of the innovations and gain, as in `Updates`.
+        """Observe the velocity at rest; return Jacobian, Cholesky factor and gain as in `Updates`.
 
-        The velocity is initially unknown and is observed immediately. Assuming zero would ignore the effect of the gyro
-        bias uncertainty on the velocity of the lever arm.
+        The velocity is initially unknown and is observed immediately. If it were assumed to be zero, the effect of the
+        gyro bias uncertainty on the velocity of the lever arm would be ignored.
         """
         x, P = self.state
-        propagate(
-            self.constants, self.earth, self.gravity, self.dt, self._motion(data), begin, begin, self.work
-        )  # fmt: skip
+        propagate(self.constants, self.earth, self.gravity, self.dt, self._motion(data), begin, begin, self.work)
         z, H = np.zeros(3), np.zeros((3, len(x)))
         self.arm_velocity[:] = observation(self.work, self.earth, self.constants, z, H)
         if self._has_drift:
@@ -220,9 +215,9 @@ class NavigationPass(ABC):
 
     def _motion(self, data: StageData) -> Increments:
         """Return the increments of all samples, computed once for the same data."""
-        if self._moved is None or self._moved[0] is not data:
-            self._moved = data, increments(self.constants, self.dt, data.gyro, data.accel)
-        return self._moved[1]
+        if self._increments is None or self._increments[0] is not data:
+            self._increments = data, increments(self.constants, self.dt, data.gyro, data.accel)
+        return self._increments[1]
 
     def _group(self, count: int) -> VelocityGroup:
         """Return the arrays for a group of `count` observations, including the decay of bias drift over the group."""
@@ -242,11 +237,11 @@ if TYPE_CHECKING:
 
 
 class ClosedLoopFilter(NavigationPass):
-    """A pass that closes the loop on the observations only, not on the mean of the prior.
+    """A pass that feeds back the corrections by the observations, but not the mean of the prior.
 
     The mean x is the sum of an offset and a correction. The offset is the mean that would result if every observation
     agreed with the linearisation point; it remains in x and decays with each observation. Only the correction is
-    applied to the strapdown solution, which therefore stays near the levelled start from the first sample on.
+    applied to the strapdown solution, which therefore remains near the level start attitude from the first sample on.
     """
 
     def begin(self, data: StageData, start: Start, attitude: FloatArray) -> None:
@@ -261,7 +256,7 @@ class ClosedLoopFilter(NavigationPass):
         for g in range(groups):
             start = first + g * count * self.stride
             motion = self._motion(data)
-            observe(self.constants, self.setting, motion, start, _NONE, self.arm_velocity, self.work, group)
+            observe(self.constants, self.setting, motion, start, _NO_REFERENCE, self.arm_velocity, self.work, group)
             innovation = self._update(group)
             index = start + self.stride * np.arange(1, count + 1)
             self._history.append((index, group.attitude.copy(), group.rate.copy(), innovation.reshape(-1, 3)))
@@ -302,7 +297,7 @@ class ClosedLoopFilter(NavigationPass):
         kalman.M = white[:, size : 2 * size].T
         kalman.update_correlated(white[:, 2 * size], R, H)
         x[:], P[:] = kalman.x, 0.5 * (kalman.P + kalman.P.T)
-        # the loop
+        # feedback
         offset = group.transition @ self._offset
         self._offset = offset - kalman.K @ (H @ offset)
         correction = x - self._offset
@@ -322,7 +317,7 @@ def smoothed_reference(
     tilt_sigma: float,
     work: IntervalWork,
 ) -> Reference:
-    """Compute the smoothed trajectory of a segment with fixed parameters, by a closed-loop filter and an RTS pass.
+    """Compute the smoothed trajectory of a segment with fixed parameters by a closed-loop filter and an RTS smoother.
 
     Parameters
     ----------
@@ -331,7 +326,7 @@ def smoothed_reference(
     motion : increments of all samples with these parameters
     span : index of the first sample, and index after the last
     tilt_sigma : prior sigma of the tilt at the start, rad
-    work : attitude at the start, whose heading is retained; overwritten
+    work : attitude at the start, whose heading is kept; overwritten
 
     Returns
     -------
@@ -415,25 +410,25 @@ def smoothed_reference(
 class ReferencePass(NavigationPass):
     """A pass that follows a smoothed trajectory and does not close the loop.
 
-    The transitions along a trajectory that jumps at every observation have unobservable directions that differ by the
-    size of the jumps, so a bias and a tilt of which only the sum is observable would appear to be observable separately
-    (Huang, Mourikis, Roumeliotis, *Observability-based rules for designing consistent EKF SLAM estimators*, IJRR 29(5),
-    2010).
+    If the trajectory jumped at every observation, the unobservable directions of its transitions would differ by the
+    size of the jumps, and a bias and a tilt of which only the sum is observable would appear to be separately
+    observable (Huang, Mourikis, Roumeliotis, *Observability-based rules for designing consistent EKF SLAM estimators*,
+    IJRR 29(5), 2010).
     """
 
-    #: How the last call of `observe` processed its groups.
-    last: Updates
+    #: The updates made by the last call of `observe`.
+    last_updates: Updates
     _reference: Reference
-    _begin: int  # index of its first sample
+    _first_sample: int
 
     def __init__(self, context: SolveContext, prior: Posterior, point: FloatArray) -> None:
         super().__init__(context, prior, point)
-        #: All updates, in order.
+        #: All updates of the pass, in order.
         self.updates: list[Updates] = []
 
     def begin(self, data: StageData, start: Start, attitude: FloatArray) -> None:
-        """Compute the reference of the segment, and start at rest: reset the navigation states, keep the parameters."""
-        self._begin = start.begin
+        """Compute the reference of the segment, and start as in `NavigationPass.begin`."""
+        self._first_sample = start.begin
         self.work.attitude[:] = attitude
         self._reference = smoothed_reference(
             self.constants, self.setting, self.noise.velocity, self._motion(data),
@@ -447,13 +442,15 @@ class ReferencePass(NavigationPass):
     def observe(self, data: StageData, first: int, count: int, groups: int = 1) -> None:
         """Process groups of `count` observations from sample `first`: strapdown, prediction and update."""
         self.group = group = self._group(count)
-        self.last = updates(groups, count, np.diag(group.transition)[STATES:].copy())
-        done = (first - self._begin) // self.stride + 1
-        reference = Reference(*(values[done : done + groups * count] for values in self._reference))
+        self.last_updates = updates(groups, count, np.diag(group.transition)[STATES:].copy())
+        begin = (first - self._first_sample) // self.stride + 1
+        reference = Reference(*(values[begin : begin + groups * count] for values in self._reference))
         process(
             self.constants, self.setting, self._motion(data), first, reference, self.arm_velocity, self.work, group,
-            self.state, self.last,
+            self.state, self.last_updates,
         )  # fmt: skip
-        self.updates.append(self.last)
+        self.updates.append(self.last_updates)
         index = first + self.stride * np.arange(1, groups * count + 1)
-        self._history.append((index, self.last.attitude, self.last.rate, self.last.innovation.reshape(-1, 3)))
+        self._history.append(
+            (index, self.last_updates.attitude, self.last_updates.rate, self.last_updates.innovation.reshape(-1, 3))
+        )

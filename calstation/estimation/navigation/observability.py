@@ -1,10 +1,10 @@
 """Piece-wise constant observability analysis of a navigation stage: stripped observability matrix and its SVD.
 
 Each piece with constant F contributes H, H F T, H (F T)²/2, ... (D. Goshen-Meskin and I. Y. Bar-Itzhack,
-*Observability analysis of piece-wise constant systems*, IEEE Trans. AES 28(4), 1992), with states scaled by their prior
-sigma and observations by their noise. Rotations are divided into pieces of 5° or less; a rest is one piece. The
-strength of a state is computed from the total matrix, whose rows refer to the state at the start of the stage: unlike
-the stripped matrix it contains the information in the angle of a rotation.
+*Observability analysis of piece-wise constant systems*, IEEE Trans. AES 28(4), 1992). States are scaled by their prior
+sigma and observations by their noise. Rotations are divided into pieces of at most 5°; a rest is one piece. The
+strength of a state is computed from the total matrix, whose rows refer to the state at the start of the stage. Unlike
+the stripped matrix, it contains the information in the angle of a rotation.
 """
 
 from itertools import groupby, pairwise
@@ -42,11 +42,11 @@ STATE_NAMES = (
 #: A slower rotation, rad/s, is rest.
 REST_RATE = np.deg2rad(0.5)
 #: Largest rotation of a piece, rad.
-LARGEST_TURN = np.deg2rad(5.0)
-#: First parameter, the parameters of the sensors, and the outer lever arm among the states.
+MAX_PIECE_ANGLE = np.deg2rad(5.0)
+#: State index of the first parameter, states of the sensor parameters, and states of the outer lever arm.
 _START, _SENSORS = PARAMETER_START, slice(PARAMETER_START, PARAMETER_START + SENSORS.stop)
 _LEVER = slice(PARAMETER_START + OUTER_LEVER.start, STATES)
-#: Number of powers of F used: φ → δv → δp and the biases need four; each further power adds a factor earth rate × T.
+#: Number of powers of F: φ, δv, δp and the biases need four; each further power adds a factor of earth rate × T.
 POWERS = 6
 
 
@@ -62,22 +62,22 @@ def pieces(data: StageData, history: History) -> list[tuple[int, int]]:
 def _edges(step: IntArray, rate: FloatArray, elapsed: FloatArray) -> IntArray:
     """Return the first observation of each piece, and the number of observations."""
     count = len(step)
-    edges, last, turned = np.zeros(count + 1, np.int64), 0, 0.0
+    edges, last, angle = np.zeros(count + 1, np.int64), 0, 0.0
     for k in range(1, count):
         first, moving = edges[last], rate[k] > REST_RATE
-        turned += rate[k] * elapsed[k] if moving else 0.0
+        angle += rate[k] * elapsed[k] if moving else 0.0
         same = step[k] == step[first] and moving == (rate[first] > REST_RATE)
-        if not (same and turned <= LARGEST_TURN):
-            last, turned = last + 1, 0.0
+        if not (same and angle <= MAX_PIECE_ANGLE):
+            last, angle = last + 1, 0.0
             edges[last] = k
     edges[last + 1] = count
     return edges[: last + 2]
 
 
 class ObservabilityAnalysis:
-    """Observability of the states after each step; takes the observations of a stage in order, all at once or live.
+    """Observability of the states after each step, from the observations of a stage, all at once or live.
 
-    `point` contains the parameters of the linearisation, SI, shape (30,).
+    `point` contains the parameters about which the filter linearises, SI, shape (30,).
     """
 
     def __init__(self, context: SolveContext, prior: Posterior, point: FloatArray) -> None:
@@ -88,13 +88,13 @@ class ObservabilityAnalysis:
         tilt = context.table.mount_sigma
         azimuth = np.hypot(tilt, context.table.azimuth_sigma)
         self._scale = np.array([tilt, tilt, azimuth, *[self._velocity] * 3, *[POSITION_SIGMA] * 3, *prior.sigma])
-        self._R, self._information, self._carried = np.zeros((STATES, STATES)), np.eye(STATES), np.eye(STATES)
+        self._R, self._information, self._start_transition = np.zeros((STATES, STATES)), np.eye(STATES), np.eye(STATES)
         self._step: int | None = None
         self._seqs, self._count = (0, 0), 0
         self._segments: list[dict[str, Any]] = []
         self._by_step: list[FloatArray] = []
 
-    def take(self, data: StageData, history: History) -> None:
+    def add(self, data: StageData, history: History) -> None:
         """Add observations, whose indices refer to `data`."""
         index = history.index
         if not len(index):
@@ -104,22 +104,22 @@ class ObservabilityAnalysis:
         first, last = np.array(result).T
         time = (index[last - 1] - np.where(first > 0, index[first - 1], index[0] - 1)) * data.dt
         middle = (first + last) // 2
-        rows, carried = _rows(
+        rows, start_rows = _rows(
             self._constants, self._earth, self._gravity, history.attitude[middle], history.rate[middle],
-            np.maximum(time, self._interval), self._carried,
+            np.maximum(time, self._interval), self._start_transition,
         )  # fmt: skip
         weight = np.sqrt(last - first)[:, None, None] / self._velocity * self._scale
         for step, group in groupby(range(len(result)), lambda k: int(steps[first[k]])):
-            chosen = list(group)
+            members = list(group)
             if step != self._step:
                 self._end_step()
-                self._step, self._seqs, self._count = step, (int(seqs[first[chosen[0]]]), 0), 0
-            part = slice(chosen[0], chosen[-1] + 1)
-            stripped, total = ((x[part] * weight[part]).reshape(-1, STATES) for x in (rows, carried))
+                self._step, self._seqs, self._count = step, (int(seqs[first[members[0]]]), 0), 0
+            part = slice(members[0], members[-1] + 1)
+            stripped, total = ((x[part] * weight[part]).reshape(-1, STATES) for x in (rows, start_rows))
             self._R = np.asarray(np.linalg.qr(np.vstack([self._R, stripped]), mode="r"))
             self._information += total.T @ total
-            self._count += len(chosen)
-            self._seqs = (self._seqs[0], int(seqs[last[chosen[-1]] - 1]))
+            self._count += len(members)
+            self._seqs = (self._seqs[0], int(seqs[last[members[-1]] - 1]))
 
     def _end_step(self) -> None:
         if self._step is not None:
@@ -164,22 +164,13 @@ class ObservabilityAnalysis:
         states = {}
         for i, name in enumerate(STATE_NAMES):
             strengths = [float(s[i]) for s in self._by_step]
-            seen = [k for k, s in enumerate(strengths) if s > 1.0 / OBSERVABLE]
+            observable = [k for k, s in enumerate(strengths) if s > 1.0 / OBSERVABLE]
             states[name] = {
-                "step": self._segments[seen[0]]["step"] if seen else None,
+                "step": self._segments[observable[0]]["step"] if observable else None,
                 "strength": float(f"{strengths[-1]:.4g}") if strengths else 1.0,
                 "by_step": [float(f"{s:.3g}") for s in strengths],
             }
         return {"segments": self._segments, "states": states}
-
-
-def observability_analysis(
-    data: StageData, history: History, context: SolveContext, prior: Posterior, point: FloatArray
-) -> dict[str, Any]:
-    """Analyse all observations of a stage, see `ObservabilityAnalysis.result`."""
-    analysis = ObservabilityAnalysis(context, prior, point)
-    analysis.take(data, history)
-    return analysis.result()
 
 
 @nb.njit(cache=True)
@@ -190,16 +181,17 @@ def _rows(
     attitude: FloatArray,
     rate: FloatArray,
     time: FloatArray,
-    carried: FloatArray,
+    start_transition: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the rows H (F T)^k / k! of k pieces, and these rows referred to the start, shape (k, 3 POWERS, 39) each.
 
-    `carried` is the transition from the start to the first piece, shape (39, 39); it is updated to the end of the last.
-    Nothing depends on δp, and only φ, δv and δp change, so that six columns and nine rows of a power of F are used.
+    `start_transition` is the transition from the start to the first piece, shape (39, 39); it is updated in place to
+    the end of the last piece. Nothing depends on δp, and only φ, δv and δp change, so six columns and nine rows of a
+    power of F suffice.
     """
     powers = np.zeros((len(time), 3 * POWERS, STATES))
     first = np.zeros((len(time), 3 * POWERS, STATES))
-    F, term, moved = np.zeros((_START, STATES)), np.zeros((_START, STATES)), np.zeros((_START, STATES))
+    F, term, change = np.zeros((_START, STATES)), np.zeros((_START, STATES)), np.zeros((_START, STATES))
     for n in range(len(time)):
         C, omega, T, rows = attitude[n], rate[n], time[n], powers[n]
         w = omega - C.T @ earth
@@ -219,20 +211,20 @@ def _rows(
             _add_product(rows[r - 3], F, T / (r // 3), rows[r])
         for r in range(3 * POWERS):
             first[n, r, _START:] = rows[r, _START:]
-            _add_product(rows[r], carried, 1.0, first[n, r])
+            _add_product(rows[r], start_transition, 1.0, first[n, r])
         transition = F * T
         term[:] = transition
         for k in range(2, POWERS + 1):
-            moved[:] = 0.0
+            change[:] = 0.0
             for i in range(_START):
-                _add_product(term[i], F, T / k, moved[i])
-            term[:] = moved
+                _add_product(term[i], F, T / k, change[i])
+            term[:] = change
             transition += term
         for i in range(_START):  # the transition minus identity
-            moved[i] = 0.0
-            moved[i, _START:] = transition[i, _START:]
-            _add_product(transition[i], carried, 1.0, moved[i])
-        carried[NAVIGATION] += moved
+            change[i] = 0.0
+            change[i, _START:] = transition[i, _START:]
+            _add_product(transition[i], start_transition, 1.0, change[i])
+        start_transition[NAVIGATION] += change
     return powers, first
 
 

@@ -2,7 +2,7 @@
 
 Every pass has the same prior; only the linearisation point changes. The problem is linear in an unknown azimuth only
 near the solution, so the likeliest of several headings is refined with a narrow prior before it is estimated freely. If
-the innovations show more table vibration than the table's profile, the stage is solved again with that noise.
+the innovations indicate more table vibration than the table's profile, the stage is solved again with that noise.
 """
 
 from dataclasses import dataclass, field, replace
@@ -35,32 +35,32 @@ from calstation.physics import (
 )
 
 MAX_PASSES = 20
-#: Passes about a fixed point, after which the attitudes no longer change significantly.
+#: Number of passes about a fixed point after which the attitudes no longer change significantly.
 PASSES_AT_POINT = 2
-#: A first pass follows the motion well enough if its mean normalised innovation squared, of 3 degrees of freedom, is
-#: below this: the errors of its linearisation point then add less than the noise.
-FITS = 1.25 * 3.0
-#: Number of passes that a solution usually needs, for the progress report.
+#: Largest mean normalised innovation squared, of 3 degrees of freedom, for which a first pass is accepted: the errors
+#: of its linearisation point then contribute less than the noise.
+MAX_FIRST_NIS = 1.25 * 3.0
+#: Usual number of passes of a solution, for the progress report.
 USUAL_PASSES = 2
 #: The iteration ends when the step of a pass, or the next step predicted from the last two, is below this many sigmas.
-CONVERGED = 0.01
-#: Number of equally spaced headings tried when the azimuth is ambiguous.
-AZIMUTHS_TRIED = 12
-#: Prior sigma, rad, of an azimuth found from the data while it is being refined.
+CONVERGED_STEP = 0.01
+#: Number of equally spaced headings that are compared if the azimuth is ambiguous.
+AZIMUTH_CANDIDATES = 12
+#: Prior sigma of an unknown azimuth while it is being refined, rad.
 NARROW_AZIMUTH_SIGMA = 0.3
 
 
 Pass = TypeVar("Pass", ClosedLoopFilter, ReferencePass)
 #: Ratio of the median normalised innovation squared to its expected median up to which the profile's noise is used.
-_AGREES = 1.25
+MAX_VARIANCE_RATIO = 1.25
 #: Median of the χ² distribution with 3 degrees of freedom.
 _MEDIAN = 2.366
 MAX_ADJUSTMENTS = 4
 #: Smallest fraction of the profile's variance that is used: other noise remains, and rounding errors grow.
 _MIN_RATIO = 0.01
-#: A rotation between two observations slower than this, rad/s, is rest.
-_AT_REST = np.deg2rad(0.1)
-#: Smallest number of observations at rest, or in motion, for which the median is used.
+#: Largest rate between two observations at rest, rad/s.
+REST_RATE = np.deg2rad(0.1)
+#: Smallest number of observations at rest, or in motion, whose median is used.
 _MIN_COUNT = 50
 
 
@@ -71,82 +71,75 @@ class NavigationResult:
     posterior: Posterior
     history: History
     starts: tuple[Start, ...]  #: Starts of the segments that were solved.
-    attitudes: tuple[FloatArray, ...]  #: Start attitudes of the linearisation, C_bn, shape (3, 3).
-    point: FloatArray  #: Parameters of the linearisation, SI, shape (30,).
+    attitudes: tuple[FloatArray, ...]  #: C_bn at the starts about which the pass linearised, shape (3, 3).
+    point: FloatArray  #: Parameters about which the pass linearised, SI, shape (30,).
     passes: int
     converged: bool  #: Whether the last pass made no significant change.
-    azimuth_free: bool  #: Whether the azimuth was found from the data alone.
+    azimuth_free: bool  #: Whether the azimuth was estimated from the data alone.
     updates: tuple[Updates, ...]  #: Every update of the last pass, in order.
 
 
 def solve_navigation(
-    stage: str,
     data: StageData,
     context: SolveContext,
     prior: Posterior,
     estimated: BoolArray,
     progress: Progress | None = None,
-    near: NavigationResult | None = None,
+    initial: NavigationResult | None = None,
 ) -> NavigationResult:
-    """Iterate passes, relinearising all parameters, until the `estimated` ones converge.
+    """Repeat passes, relinearising all parameters, until the `estimated` ones converge.
 
-    If none is estimated, the passes linearise about the mean of the prior and only the attitudes are updated. If `near`
-    is given, the first pass linearises about this solution. Raises InsufficientDataError if no segment contains a rest
-    for alignment.
+    If none is estimated, the passes linearise about the mean of the prior, and only the attitudes are updated. If
+    `initial` is given, the first pass linearises about this solution. Raises InsufficientDataError if no segment
+    contains a rest for alignment.
     """
-    if near is not None:
-        solver = _Relinearisation(data, context, prior, estimated, _Meter(progress, USUAL_PASSES), near.passes)
-        return replace(
-            solver.iterate(list(near.starts), list(near.attitudes), near.point), azimuth_free=near.azimuth_free
+    if initial is not None:
+        solver = _Relinearisation(
+            data, context, prior, estimated, _PassProgress(progress, USUAL_PASSES), initial.passes
         )
-    begun = starts(data, context, prior)
-    if not begun:
+        return replace(
+            solver.iterate(list(initial.starts), list(initial.attitudes), initial.point),
+            azimuth_free=initial.azimuth_free,
+        )
+    segments = starts(data, context, prior)
+    if not segments:
         raise no_rest_error(data, context.imu, prior)
-    free = any(s.azimuth_sigma is not None for s in begun)
-    ambiguous = any((s.azimuth_sigma or 0.0) > AMBIGUOUS_AZIMUTH_SIGMA for s in begun)
-    meter = _Meter(progress, USUAL_PASSES * (1 + free) + AZIMUTHS_TRIED * ambiguous)
-    solver = _Relinearisation(data, context, prior, estimated, meter)
-    point, attitudes = solver.first_point(begun[0]), [s.attitude for s in begun]
+    free = any(s.azimuth_sigma is not None for s in segments)
+    ambiguous = any((s.azimuth_sigma or 0.0) > AMBIGUOUS_AZIMUTH_SIGMA for s in segments)
+    pass_progress = _PassProgress(progress, USUAL_PASSES * (1 + free) + AZIMUTH_CANDIDATES * ambiguous)
+    solver = _Relinearisation(data, context, prior, estimated, pass_progress)
+    point, attitudes = solver.first_point(segments[0]), [s.attitude for s in segments]
     if free:
-        narrow = [replace(s, prior_sigma=np.append(s.prior_sigma[:2], NARROW_AZIMUTH_SIGMA)) for s in begun]
+        narrow = [replace(s, prior_sigma=np.append(s.prior_sigma[:2], NARROW_AZIMUTH_SIGMA)) for s in segments]
         if ambiguous:
             narrow = solver.best_azimuth(point, narrow)
-        near = solver.iterate(narrow, [s.attitude for s in narrow], point)
-        point, attitudes = near.point, list(near.attitudes)
-        begun = [replace(n, prior_sigma=s.prior_sigma) for n, s in zip(narrow, begun, strict=True)]
-    return replace(solver.iterate(begun, attitudes, point), azimuth_free=free)
-
-
-def pass_about(
-    data: StageData, context: SolveContext, prior: Posterior, estimated: BoolArray, near: NavigationResult
-) -> NavigationResult:
-    """Run one pass, with the noise of `context`, about the solution `near`."""
-    solver = _Relinearisation(data, context, prior, estimated, _Meter(None, USUAL_PASSES))
-    run, _ = solver.one_pass(ReferencePass, near.point, list(near.starts), list(near.attitudes))
-    return replace(near, posterior=run.posterior, history=run.history, updates=tuple(run.updates))
+        initial = solver.iterate(narrow, [s.attitude for s in narrow], point)
+        point, attitudes = initial.point, list(initial.attitudes)
+        segments = [replace(n, prior_sigma=s.prior_sigma) for n, s in zip(narrow, segments, strict=True)]
+    return replace(solver.iterate(segments, attitudes, point), azimuth_free=free)
 
 
 @dataclass
-class _Meter:
-    """Progress over the passes: the `expected` passes account for 0.9, each additional pass for half the remainder."""
+class _PassProgress:
+    """Progress of the passes: the `expected` passes account for 0.9, each additional pass for half the remainder."""
 
     report: Progress | None
     expected: int
     passes: int = field(default=0, init=False)
     groups: int = field(default=0, init=False)
-    seen: int = field(default=0, init=False)
+    processed: int = field(default=0, init=False)
 
     def begin(self, groups: int) -> None:
         """Begin a pass of `groups` groups of observations."""
-        self.groups, self.seen = groups, 0
+        self.groups, self.processed = groups, 0
 
     def advance(self, groups: int) -> None:
         """Count groups of observations."""
         if self.report is not None:
-            self.seen += groups
-            done = self.passes + min(1.0, self.seen / max(self.groups, 1))
-            beyond = max(0.0, done - self.expected)
-            self.report(0.9 * (done - beyond) / self.expected + 0.1 * (1.0 - 0.5**beyond))
+            self.processed += groups
+            passes = self.passes + min(1.0, self.processed / max(self.groups, 1))
+            additional = max(0.0, passes - self.expected)
+            self.report(0.9 * (passes - additional) / self.expected + 0.1 * (1.0 - 0.5**additional))
 
 
 def _chi2(run: NavigationPass) -> float:
@@ -156,17 +149,17 @@ def _chi2(run: NavigationPass) -> float:
 
 @dataclass
 class _Relinearisation:
-    """Passes over one stage; `passes` counts the passes made by `iterate`."""
+    """Passes over one stage; `passes` is the number of passes by `iterate`."""
 
     data: StageData
     context: SolveContext
     prior: Posterior
     estimated: BoolArray
-    meter: _Meter
+    pass_progress: _PassProgress
     passes: int = 0
 
     def first_point(self, start: Start) -> FloatArray:
-        """Return the first linearisation point: the prior mean, or the first rest's gyro bias where more accurate."""
+        """Return the first linearisation point: the prior mean, with the first rest's gyro bias if more accurate."""
         context, prior, dt = self.context, self.prior, self.data.dt
         point = prior.mean.copy()
         earth = rotation_rate(context.site.latitude)
@@ -179,48 +172,48 @@ class _Relinearisation:
                 point[index] = measured[axis]
         return point
 
-    def best_azimuth(self, point: FloatArray, begun: list[Start]) -> list[Start]:
-        """Return the starts for the heading, out of `AZIMUTHS_TRIED`, whose first pass fits the data best."""
+    def best_azimuth(self, point: FloatArray, segments: list[Start]) -> list[Start]:
+        """Return the starts for the heading, out of `AZIMUTH_CANDIDATES`, whose first pass fits the data best."""
         candidates = []
-        for k in range(AZIMUTHS_TRIED):
-            turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTHS_TRIED)
-            turned = [replace(s, prior=turn @ s.prior, attitude=turn @ s.attitude) for s in begun]
-            run, _ = self.one_pass(ClosedLoopFilter, point, turned, [s.attitude for s in turned])
-            candidates.append((_chi2(run), k, turned))
+        for k in range(AZIMUTH_CANDIDATES):
+            turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTH_CANDIDATES)
+            candidate = [replace(s, prior=turn @ s.prior, attitude=turn @ s.attitude) for s in segments]
+            run, _ = self.one_pass(ClosedLoopFilter, point, candidate, [s.attitude for s in candidate])
+            candidates.append((_chi2(run), k, candidate))
         return min(candidates, key=lambda c: c[:2])[2]
 
-    def iterate(self, begun: list[Start], attitudes: list[FloatArray], point: FloatArray) -> NavigationResult:
-        """Run passes until one makes no significant change.
+    def iterate(self, segments: list[Start], attitudes: list[FloatArray], point: FloatArray) -> NavigationResult:
+        """Repeat passes until one makes no significant change.
 
-        If the very first pass leaves innovations larger than their noise, it is repeated in closed loop, and the pass
-        with the smaller innovations is used: a closed loop follows large errors of the first point, but may diverge
-        while little has been observed.
+        If the innovations of the very first pass exceed their noise, it is repeated in closed loop, and the pass with
+        the smaller innovations is used: a closed loop follows large errors of the first point, but may diverge after
+        few observations.
         """
-        moved = 1.0  # the rate at which steps shrink is unknown before the first pass
+        step = 1.0  # the rate at which steps shrink is unknown before the first pass
         for _ in range(MAX_PASSES):
             self.passes += 1
-            smooth, ends = self.one_pass(ReferencePass, point, begun, attitudes)
+            smooth, ends = self.one_pass(ReferencePass, point, segments, attitudes)
             run: NavigationPass = smooth
             nis = run.history.nis
-            if self.passes == 1 and not np.sum(nis) < FITS * len(nis):
-                other, other_ends = self.one_pass(ClosedLoopFilter, point, begun, attitudes)
-                if _chi2(other) <= _chi2(run):
-                    run, ends = other, other_ends
+            if self.passes == 1 and not np.sum(nis) < MAX_FIRST_NIS * len(nis):
+                closed_loop, closed_loop_ends = self.one_pass(ClosedLoopFilter, point, segments, attitudes)
+                if _chi2(closed_loop) <= _chi2(run):
+                    run, ends = closed_loop, closed_loop_ends
             posterior = run.posterior
             sigma = np.where(posterior.sigma > 0.0, posterior.sigma, 1.0)
-            before, moved = moved, float(np.max((np.abs(posterior.mean - point) / sigma)[self.estimated], initial=0.0))
+            last_step, step = step, float(np.max((np.abs(posterior.mean - point) / sigma)[self.estimated], initial=0.0))
             # steps shrink at least as fast as the last two did, which bounds the next one
-            enough = self.passes > (1 if self.estimated.any() else PASSES_AT_POINT)
-            converged = enough and (moved < CONVERGED or moved * moved < CONVERGED * before)
+            enough_passes = self.passes > (1 if self.estimated.any() else PASSES_AT_POINT)
+            converged = enough_passes and (step < CONVERGED_STEP or step * step < CONVERGED_STEP * last_step)
             if converged:
                 break
             if self.estimated.any():
                 point = posterior.mean
-            attitudes = self._carry_back(run, point, begun, ends)
+            attitudes = self._start_attitudes(run, point, segments, ends)
         return NavigationResult(
             posterior,
             run.history,
-            tuple(begun),
+            tuple(segments),
             tuple(attitudes),
             point,
             self.passes,
@@ -230,69 +223,72 @@ class _Relinearisation:
         )
 
     def one_pass(
-        self, kind: type[Pass], point: FloatArray, begun: list[Start], attitudes: list[FloatArray]
+        self, kind: type[Pass], point: FloatArray, segments: list[Start], attitudes: list[FloatArray]
     ) -> tuple[Pass, list[FloatArray]]:
         """Run one pass of a kind about a point and start attitudes; also return the attitudes at the ends."""
         run = kind(self.context, self.prior, point)
         ends = []
-        self.meter.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) for s in begun))
-        for start, attitude in zip(begun, attitudes, strict=True):
+        self.pass_progress.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) for s in segments))
+        for start, attitude in zip(segments, attitudes, strict=True):
             for groups in run.steps(self.data, start, attitude):
-                self.meter.advance(groups)
+                self.pass_progress.advance(groups)
             ends.append(run.attitude)
-        self.meter.passes += 1
+        self.pass_progress.passes += 1
         return run, ends
 
-    def _carry_back(
-        self, run: NavigationPass, point: FloatArray, begun: list[Start], ends: list[FloatArray]
+    def _start_attitudes(
+        self, run: NavigationPass, point: FloatArray, segments: list[Start], ends: list[FloatArray]
     ) -> list[FloatArray]:
         """Compute start from end attitudes: C_end = Exp(−Ω T) C_start B, with B from the gyros and `point`."""
         constants, dt = compensation(point), self.data.dt
-        carried = []
-        for start, end in zip(begun, ends, strict=True):
+        attitudes = []
+        for start, end in zip(segments, ends, strict=True):
             stop = start.begin + (start.end - start.begin) // run.stride * run.stride
             B = body_rotation(constants, dt, self.data.gyro, start.begin, stop)
-            carried.append(rotation_matrix(run.earth * (stop - start.begin) * dt) @ end @ B.T)
-        return carried
+            attitudes.append(rotation_matrix(run.earth * (stop - start.begin) * dt) @ end @ B.T)
+        return attitudes
 
 
 def solve_with_table_noise(
-    stage: str,
     data: StageData,
     context: SolveContext,
     prior: Posterior,
     estimated: BoolArray,
     progress: Progress | None = None,
 ) -> tuple[NavigationResult, SolveContext]:
-    """Solve a stage, and again with the velocity noise found from its innovations if that exceeds the profile's.
+    """Solve a stage, and solve it again if its innovations indicate more velocity noise than the profile specifies.
 
-    Returns the result and the context with that noise. On a quieter table the profile's noise is kept, see `judged`.
-    The median is insensitive to an effect in a part of the stage; the larger of the medians of rests and motions is
-    used. Raises InsufficientDataError if no segment contains a rest.
+    Return the result and the context with that noise; for a quieter table, see `pass_with_actual_noise`. The noise is
+    the larger of the medians of rests and motions, because a median is insensitive to an effect in a part of the stage.
+    Raises InsufficientDataError if no segment contains a rest.
     """
-    result = solve_navigation(stage, data, context, prior, estimated, progress)
+    result = solve_navigation(data, context, prior, estimated, progress)
     for _ in range(MAX_ADJUSTMENTS):
         ratio = _ratio(result.history, data.dt)
-        if ratio < _AGREES:
+        if ratio < MAX_VARIANCE_RATIO:
             break
         context = _with_variance(context, ratio)
-        result = solve_navigation(stage, data, context, prior, estimated, near=result)
+        result = solve_navigation(data, context, prior, estimated, initial=result)
     return result, context
 
 
-def judged(
+def pass_with_actual_noise(
     data: StageData, context: SolveContext, prior: Posterior, estimated: BoolArray, result: NavigationResult
 ) -> NavigationResult:
-    """Return a pass about a solution with the actual noise, if the table is quieter than `context` specifies.
+    """Return a pass about a solution with the actual noise if the table is quieter than `context` specifies.
 
-    It serves to test the model. The estimate keeps the profile's noise, which also covers disturbances that occur only
-    in some moves.
+    This pass is used to test the model. The estimate uses the profile's noise, which also covers disturbances that
+    occur only in some moves.
     """
     ratio = _ratio(result.history, data.dt)
-    if ratio > 1.0 / _AGREES:
+    if ratio > 1.0 / MAX_VARIANCE_RATIO:
         return result
-    quieter = pass_about(data, _with_variance(context, max(ratio, _MIN_RATIO)), prior, estimated, result)
-    return quieter if np.isfinite(quieter.history.nis).all() else result
+    quieter, progress = _with_variance(context, max(ratio, _MIN_RATIO)), _PassProgress(None, USUAL_PASSES)
+    solver = _Relinearisation(data, quieter, prior, estimated, progress)
+    run, _ = solver.one_pass(ReferencePass, result.point, list(result.starts), list(result.attitudes))
+    if not np.isfinite(run.history.nis).all():
+        return result
+    return replace(result, posterior=run.posterior, history=run.history, updates=tuple(run.updates))
 
 
 def _with_variance(context: SolveContext, ratio: float) -> SolveContext:
@@ -303,9 +299,9 @@ def _with_variance(context: SolveContext, ratio: float) -> SolveContext:
 
 def _ratio(history: History, dt: float) -> float:
     """Return the ratio of the innovations' variance to the predicted one."""
-    turned = np.einsum("nij,nij->n", history.attitude[1:], history.attitude[:-1])
-    angle: FloatArray = np.arccos(np.clip(0.5 * (turned - 1.0), -1.0, 1.0))
-    still = angle < _AT_REST * dt * np.maximum(np.diff(history.index), 1)
+    trace = np.einsum("nij,nij->n", history.attitude[1:], history.attitude[:-1])
+    angle: FloatArray = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
+    still = angle < REST_RATE * dt * np.maximum(np.diff(history.index), 1)
     nis = history.nis[1:]
     parts = [part for part in (nis[still], nis[~still]) if len(part) >= _MIN_COUNT]
     return max((float(np.median(part)) / _MEDIAN for part in parts), default=1.0)

@@ -11,7 +11,7 @@ from calstation.estimation.common import LocalScores, SolveContext, StageData, S
 from calstation.estimation.effects import Sensitivity, StageEffects, mean_regressors
 from calstation.estimation.navigation.group_update import Updates
 from calstation.estimation.navigation.navigation_pass import History
-from calstation.estimation.navigation.relinearise import NavigationResult
+from calstation.estimation.navigation.relinearise import REST_RATE, NavigationResult
 from calstation.estimation.navigation.small_matrices import add_product, forward, subtract_transposed_product
 from calstation.estimation.navigation.velocity_group import BIAS, OBSERVED
 from calstation.physics import (
@@ -30,21 +30,19 @@ from calstation.physics import (
     rotation_rate,
 )
 
-#: A rotation between two observations slower than this, rad/s, is rest.
-AT_REST = np.deg2rad(0.1)
 #: Number of observation intervals over which slopes are smoothed.
 SMOOTHED = 5
 #: Number of groups of observations whose score tests are added together.
-_TOGETHER = 100
+_BATCH = 100
 
 
 def result_sensitivity(
     result: NavigationResult, data: StageData, context: SolveContext, estimated: BoolArray
 ) -> Sensitivity:
-    """Return the response of a solution to errors of the prior and to effects, through the updates of its last pass.
+    """Return the sensitivity of a solution to prior errors and to effects, from the updates of its last pass.
 
-    An effect is an additional sensor error, averaged over each group of observations. Jumps are followed from the
-    update in which they begin.
+    An effect is an additional sensor error, averaged over each group of observations. The effect of a jump is computed
+    from the update in which it begins.
     """
     effects = StageEffects(float(data.time[0]), len(data) * data.dt)
     motion = motion_between_observations(result.history, data, result.starts, context, result.point)
@@ -57,79 +55,77 @@ def result_sensitivity(
     error = np.zeros((updates[0].H.shape[2], columns - len(begin)))
     error[PARAMETER_STATES, :COUNT] = np.eye(COUNT)
     score, information = np.zeros(columns), np.zeros((columns, columns))
-    done = 0
+    group = 0
     for update in updates:
         if not update.transition.size:
             error[NAVIGATION] = 0.0
             error -= update.gain[0].T @ solve_triangular(update.root[0], update.H[0] @ error, lower=True)
             continue
-        first, done = done, done + len(update.H)
-        begun = columns - len(begin) + int(np.searchsorted(begin, ends[done - 1], side="right"))
-        error = np.hstack([error, np.zeros((len(error), begun - error.shape[1]))])
-        white = np.empty((update.innovation.size, begun))
-        _follow(update, regressors[first:done], terms[terms[:, 1] < begun - COUNT], error, white)
-        information[:begun, :begun] += white.T @ white
-        score[:begun] += white.T @ update.innovation.ravel()
+        first, group = group, group + len(update.H)
+        active = columns - len(begin) + int(np.searchsorted(begin, ends[group - 1], side="right"))
+        error = np.hstack([error, np.zeros((len(error), active - error.shape[1]))])
+        white = np.empty((update.innovation.size, active))
+        _propagate_errors(update, regressors[first:group], terms[terms[:, 1] < active - COUNT], error, white)
+        information[:active, :active] += white.T @ white
+        score[:active] += white.T @ update.innovation.ravel()
     error = np.hstack([error, np.zeros((len(error), columns - error.shape[1]))])
     return effects.sensitivity(score, information, error[PARAMETER_STATES], estimated)
 
 
 @nb.njit(cache=True)
-def _follow(update: Updates, regressors: FloatArray, terms: IntArray, error: FloatArray, white: FloatArray) -> None:
-    """Write the effect of the errors on the normalised innovations of g groups, shape (g r, columns).
+def _propagate_errors(
+    update: Updates, regressors: FloatArray, terms: IntArray, error: FloatArray, white: FloatArray
+) -> None:
+    """Write the effect of the errors on the normalised innovations of g groups to `white`, shape (g r, columns).
 
-    `regressors` and `terms` are the results of `mean_regressors` for these groups. `error`, the error of the states,
-    shape (n, columns), is updated in place, except for δp, on which nothing depends.
+    `regressors` and `terms` are the results of `mean_regressors` for these groups. `error`, the state errors, shape
+    (n, columns), is updated in place, except for δp, on which nothing depends.
     """
     groups, rows, _ = update.H.shape
     size, columns = error.shape
-    moved, added = np.empty((OBSERVED, columns)), np.zeros((len(BIAS), columns - COUNT))
+    predicted, bias_errors = np.empty((OBSERVED, columns)), np.zeros((len(BIAS), columns - COUNT))
     for g in range(groups):
         for k in range(len(terms)):
-            added[terms[k, 0], terms[k, 1]] = regressors[g, terms[k, 2]]
+            bias_errors[terms[k, 0], terms[k, 1]] = regressors[g, terms[k, 2]]
         F, H, response = update.transition[g], update.H[g], white[g * rows : (g + 1) * rows]
-        moved[:] = 0.0
-        add_product(F[:OBSERVED], error, moved)
-        error[:OBSERVED] = moved
+        predicted[:] = 0.0
+        add_product(F[:OBSERVED], error, predicted)
+        error[:OBSERVED] = predicted
         for i in range(STATES, size):
             for j in range(columns):
                 error[i, j] *= update.decay[i - STATES]
-        _add_bias(F[:OBSERVED], added, error)
+        _add_bias(F[:OBSERVED], bias_errors, error)
         response[:] = 0.0
         add_product(H, error, response)
-        _add_bias(H, added, response)
+        _add_bias(H, bias_errors, response)
         forward(update.root[g], response)
         subtract_transposed_product(update.gain[g], response, error)
 
 
 @nb.njit(cache=True)
-def _add_bias(A: FloatArray, added: FloatArray, out: FloatArray) -> None:
+def _add_bias(A: FloatArray, bias_errors: FloatArray, out: FloatArray) -> None:
     """Add the effect of the bias errors through A, shape (m, n), to the first m rows of `out`."""
     for i in range(len(A)):
         for k in range(len(BIAS)):
             t = A[i, BIAS[k]]
             if t != 0.0:
                 for j in range(out.shape[1] - COUNT):
-                    out[i, COUNT + j] += t * added[k, j]
+                    out[i, COUNT + j] += t * bias_errors[k, j]
 
 
-def local_scores(
-    data: StageData, spans: Sequence[tuple[int, int]], *, updates: Sequence[Updates], index: IntArray
-) -> LocalScores:
-    """Return the score tests of errors during spans (start, stop) of a stage's samples, in the order given.
+def local_scores(spans: Sequence[tuple[int, int]], *, updates: Sequence[Updates], index: IntArray) -> LocalScores:
+    """Return the score tests for errors during spans (start, stop) of a stage's samples, in the same order.
 
     A channel error during a span acts like an additional bias. Its effect on the innovations follows from the
     transitions and gains of the last pass (P. de Jong, J. Penzer, *Diagnosing shocks in time series*, JASA 93(442),
-    1998).
-
-    `updates` are the updates of the last pass, and `index` is the number of samples before each of its observations.
+    1998). `updates` are the updates of this pass, and `index` is the number of samples before each of its observations.
     """
     stops = np.array([stop for _, stop in spans])
     size, width = updates[0].H.shape[2], 6 * len(spans)
     effect = np.zeros((size, width))  # error of the states due to the channel errors
     score, information = np.zeros(width), np.zeros((width, width))
-    own_score, own_information = np.zeros((len(spans), 6)), np.zeros((len(spans), 6, 6))
-    together: list[FloatArray] = []  # effect on the innovations of the last groups, and these innovations
+    span_score, span_information = np.zeros((len(spans), 6)), np.zeros((len(spans), 6, 6))
+    batch: list[FloatArray] = []  # effect on the innovations of the last groups, and these innovations
     observed = 0
     for update in updates:
         if not update.transition.size:
@@ -141,26 +137,26 @@ def local_scores(
             count = len(innovation) // 3
             span = min(int(np.searchsorted(stops, index[observed + count // 2])), len(spans) - 1)
             observed += count
-            begun, now = 6 * (span + 1), slice(6 * span, 6 * span + 6)
-            moved = transition @ effect[:, :begun]
-            moved[:, now] += transition[:, BIAS]
-            effect[NAVIGATION, :begun] = moved
+            active, current = 6 * (span + 1), slice(6 * span, 6 * span + 6)
+            predicted = transition @ effect[:, :active]
+            predicted[:, current] += transition[:, BIAS]
+            effect[NAVIGATION, :active] = predicted
             effect[STATES:] *= update.decay[:, None]
             white = np.zeros((len(H), width + 1))
-            white[:, :begun] = H @ effect[:, :begun]
-            white[:, now] += H[:, BIAS]
+            white[:, :active] = H @ effect[:, :active]
+            white[:, current] += H[:, BIAS]
             white = np.linalg.inv(root) @ white
             white[:, -1] = innovation
-            effect[:, :begun] -= gain.T @ white[:, :begun]
-            own_score[span] += white[:, now].T @ white[:, -1]
-            own_information[span] += white[:, now].T @ white[:, now]
-            together.append(white)
-            if len(together) == _TOGETHER or observed == len(index):
-                rows = np.concatenate(together)
+            effect[:, :active] -= gain.T @ white[:, :active]
+            span_score[span] += white[:, current].T @ white[:, -1]
+            span_information[span] += white[:, current].T @ white[:, current]
+            batch.append(white)
+            if len(batch) == _BATCH or observed == len(index):
+                rows = np.concatenate(batch)
                 score += rows[:, :-1].T @ rows[:, -1]
                 information += rows[:, :-1].T @ rows[:, :-1]
-                together.clear()
-    return LocalScores(score, information, -effect[PARAMETER_STATES], own_score, own_information)
+                batch.clear()
+    return LocalScores(score, information, -effect[PARAMETER_STATES], span_score, span_information)
 
 
 def motion_between_observations(
@@ -176,20 +172,20 @@ def motion_between_observations(
     constants, lever = compensation(point), group_vector(point, "outer_lever")
     parts: list[tuple[FloatArray, ...]] = []
     for start in starts:
-        mine = (history.index > start.begin) & (history.index <= start.end)
-        index, C, rate = history.index[mine], history.attitude[mine], history.rate[mine]
+        inside = (history.index > start.begin) & (history.index <= start.end)
+        index, C, rate = history.index[inside], history.attitude[inside], history.rate[inside]
         stride = int(index[0]) - start.begin
         T = stride * data.dt
         stop = start.begin + stride * len(index)
         mean = group_means(data.gyro[start.begin : stop], stride)
         omega, _ = compensate(constants, mean, np.zeros_like(mean))
-        turning = rate - np.einsum("nji,j->ni", C, earth)
-        arm = np.einsum("nij,nj->ni", C, np.cross(turning, lever))
+        rate_nb = rate - np.einsum("nji,j->ni", C, earth)
+        arm = np.einsum("nij,nj->ni", C, np.cross(rate_nb, lever))
         acceleration = np.diff(arm, axis=0, prepend=arm[:1]) / T + gravity * UP
         before = np.concatenate([C[:1], C[:-1]])
         force = 0.5 * np.einsum("nji,nj->ni", C + before, acceleration)
-        turned = np.linalg.norm(np.einsum("nij,nik->njk", before, C) - np.eye(3), axis=(1, 2)) / np.sqrt(2.0)
-        still = turned < AT_REST * T
+        angle = np.linalg.norm(np.einsum("nij,nik->njk", before, C) - np.eye(3), axis=(1, 2)) / np.sqrt(2.0)
+        still = angle < REST_RATE * T
         omega[still] = np.einsum("nji,j->ni", C[still], earth)
         several = len(index) > 1
         slopes = [np.gradient(_smooth(x), T, axis=0) if several else np.zeros_like(x) for x in (omega, force)]

@@ -1,6 +1,6 @@
-"""Compiled products, Cholesky factor and triangular solves of small matrices, with sums in a fixed order.
+"""Compiled products, Cholesky factor and triangular solves for small matrices, with sums in a fixed order.
 
-BLAS takes twice as long for products of this size.
+BLAS takes twice as long for matrices of this size.
 """
 
 import numba as nb
@@ -11,7 +11,7 @@ from calstation.physics import FloatArray
 
 @nb.njit(cache=True)
 def cholesky(S: FloatArray, L: FloatArray) -> None:
-    """Write the lower Cholesky factor of a positive definite matrix, shape (n, n); NaN if it is not."""
+    """Write the lower Cholesky factor of a matrix, shape (n, n); NaN if it is not positive definite."""
     n = S.shape[0]
     L[:] = 0.0
     for i in range(n):
@@ -54,7 +54,7 @@ def backward(L: FloatArray, B: FloatArray) -> None:
 def add_product(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
     """Add A B, shape (n, k), to `out` for A of shape (n, m) and B of shape (m, k), where n and m are multiples of 3.
 
-    It works in blocks of three rows of each matrix, so that loaded values are reused.
+    It processes blocks of three rows of each matrix, so that loaded values are reused.
     """
     for i in range(0, len(A), 3):
         u, v, w = out[i], out[i + 1], out[i + 2]

@@ -1,4 +1,4 @@
-"""Solver of excitation and azimuth flips: stores the stage, updates sigmas live and solves by MAP at the end."""
+"""Solver of the stages with the 39-state filter, which updates the sigmas live and solves the stage at its end."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,25 +17,29 @@ from calstation.estimation.common import (
     SolveContext,
     StageData,
     TableModel,
+    blocks_from,
+    consider_update,
     gyro_excess,
     nis_consistency,
     noise_tests,
     rest_noise,
-    restricted,
-    since,
     stage_data,
     starts,
-    widened,
+    with_measured_noise,
 )
 from calstation.estimation.effects import Sensitivity
 from calstation.estimation.method import Innovations, Progress, Ranking, Solution, StageSolver, with_diagnosis
 from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter
-from calstation.estimation.navigation.observability import ObservabilityAnalysis, observability_analysis
-from calstation.estimation.navigation.relinearise import NavigationResult, judged, solve_with_table_noise
+from calstation.estimation.navigation.observability import ObservabilityAnalysis
+from calstation.estimation.navigation.relinearise import (
+    NavigationResult,
+    pass_with_actual_noise,
+    solve_with_table_noise,
+)
 from calstation.estimation.navigation.response import local_scores, result_sensitivity
 from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, reached
 
-#: Duration of data after a start that the live filter needs for alignment, s.
+#: Shortest duration of the data after a start for which the live filter aligns, s.
 LIVE_ALIGNMENT = 5.0
 
 
@@ -60,19 +64,19 @@ class LiveFilter:
         consumed = 0
         for first, last in data.segments:
             if first > 0 or not self._aligned:
-                begun = starts(replace(data, segments=((first, last),)), self._context, self._prior)
-                self._aligned = bool(begun) and (last - begun[0].begin) * data.dt >= LIVE_ALIGNMENT
+                segment_starts = starts(replace(data, segments=((first, last),)), self._context, self._prior)
+                self._aligned = bool(segment_starts) and (last - segment_starts[0].begin) * data.dt >= LIVE_ALIGNMENT
                 consumed = first
                 if not self._aligned:
                     continue
-                run.begin(data, begun[0], begun[0].attitude)
-                consumed = begun[0].begin
+                run.begin(data, segment_starts[0], segment_starts[0].attitude)
+                consumed = segment_starts[0].begin
             while consumed + run.group_size * run.stride < last:
                 run.observe(data, consumed, run.group_size)
                 consumed += run.group_size * run.stride
-        self._observability.take(data, run.take_history())
+        self._observability.add(data, run.take_history())
         if len(data):
-            self._pending = since(self._pending, int(data.seq[consumed]))
+            self._pending = blocks_from(self._pending, int(data.seq[consumed]))
         return run.posterior.sigma
 
     def ranking(self) -> Ranking | None:
@@ -81,7 +85,7 @@ class LiveFilter:
 
 
 class NavigationStage(StageSolver):
-    """Solves a stage with the 39-state filter; parameters outside `estimated` are consider states."""
+    """Solves a stage with the 39-state filter, in which the parameters outside `estimated` are consider states."""
 
     def __init__(
         self,
@@ -93,7 +97,9 @@ class NavigationStage(StageSolver):
     ) -> None:
         super().__init__(context, prior)
         self.stage, self.estimated, self._targets = stage, estimated, targets
-        self._measured: tuple[int, float] | None = None  # number of samples, and the excess of their noise at rest
+        self._measured_noise: tuple[int, float] | None = (
+            None  # number of samples, and the excess of their noise at rest
+        )
         self._live = LiveFilter(context, prior)
 
     def feed(self, block: SampleBlock) -> None:
@@ -104,15 +110,15 @@ class NavigationStage(StageSolver):
     def sigma(self) -> FloatArray:
         """Return the current standard deviations of the 30 parameters, SI, shape (30,).
 
-        Once they are all within their targets, they are computed with the noise measured at rest, if that is larger.
+        Once all of them are within their targets, they are computed with the noise measured at rest if it is larger.
         """
         sigma = self._live.sigma()
         if not self._targets or not reached(sigma, self._targets):
             return sigma
         data = self.buffer.data()
-        if self._measured is None or self._measured[0] != len(data):
-            self._measured = len(data), self._noise_excess(data)
-        return np.asarray(sigma * self._measured[1])
+        if self._measured_noise is None or self._measured_noise[0] != len(data):
+            self._measured_noise = len(data), self._noise_excess(data)
+        return np.asarray(sigma * self._measured_noise[1])
 
     def ranking(self) -> Ranking | None:
         """Return the observability at the last call of `sigma`; None before the first observation."""
@@ -123,8 +129,8 @@ class NavigationStage(StageSolver):
         data = self.buffer.data()
         mask = np.array([name in self.estimated for name in NAMES])
         measured = rest_noise(data, self.context, self.prior.gyro_bias)
-        before = widened(self.context, measured)
-        result, context = solve_with_table_noise(self.stage, data, before, self.prior, mask, progress)
+        context = with_measured_noise(self.context, measured)
+        result, context = solve_with_table_noise(data, context, self.prior, mask, progress)
         nis = result.history.nis
         messages: list[tuple[str, dict[str, Any]]] = []
         if result.azimuth_free:
@@ -135,7 +141,7 @@ class NavigationStage(StageSolver):
             messages.append(("not_converged", {"stage": self.stage, "passes": result.passes}))
         solution = Solution(
             stage=self.stage,
-            posterior=restricted(self.prior, result.posterior, mask),
+            posterior=consider_update(self.prior, result.posterior, mask),
             estimated=self.estimated,
             consistency=nis_consistency(float(np.sum(nis)), len(nis), 3),
             gaps=data.gaps,
@@ -144,9 +150,11 @@ class NavigationStage(StageSolver):
         )
         if not context.diagnostics:
             return solution
+        observability = ObservabilityAnalysis(context, self.prior, result.point)
+        observability.add(data, result.history)
         solution = replace(
             solution,
-            observability=observability_analysis(data, result.history, context, self.prior, result.point),
+            observability=observability.result(),
             innovations=Innovations(data.seq[result.history.index - 1], result.history.innovation),
             tests=noise_tests(self.context, context, measured),
             sensitivity=self._sensitivity(data, context, mask, result),
@@ -163,8 +171,8 @@ class NavigationStage(StageSolver):
     def _sensitivity(
         self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult
     ) -> Sensitivity:
-        """Return the response to effects, with the actual noise for tests and the assumed noise for the estimate."""
-        with_noise = judged(data, context, self.prior, mask, result)
+        """Return the sensitivity to effects, with the actual noise for tests and the assumed one for the estimate."""
+        with_noise = pass_with_actual_noise(data, context, self.prior, mask, result)
         tested = result_sensitivity(with_noise, data, context, mask)
         if with_noise is result:
             return tested

@@ -1,14 +1,14 @@
 """Compiled computation of transition, noise and Jacobian of a group of velocity observations.
 
 The matrix algebra of 39 states takes as long for three rows as for fifteen, so observations are processed in groups.
-With x_k = Φ_k x_(k−1) + w_k within the group, every observation z_k = H_k x_k + v_k is expressed in terms of the state
-at the end of the group:
+With x_k = Φ_k x_(k−1) + w_k within the group, each observation z_k = H_k x_k + v_k is expressed by the state at the end
+of the group:
 
     z_k = G_k x_n + v_k − G_k w_(k→n),      G_k = H_k Φ(n←k)⁻¹,
 
-which is equivalent to processing them one by one. The noise is then correlated between rows (R) and with the process
-noise of the group (M); the update uses both (Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to
-Tracking and Navigation*, 2001, section 8.3).
+which is equivalent to processing the observations one by one. Their noise is then correlated between rows (R) and with
+the process noise of the group (M). The update uses both (Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with
+Applications to Tracking and Navigation*, 2001, section 8.3).
 """
 
 from typing import NamedTuple
@@ -37,7 +37,7 @@ from calstation.physics import (
     write_navigation_block,
 )
 
-#: Number of navigation states, and of those that an observation depends on: φ and δv, which never depend on δp.
+#: Number of navigation states, and of those on which an observation depends: φ and δv, which never depend on δp.
 NAVIGATION, OBSERVED = PARAMETER_START, DV.stop
 #: Indices of the six biases in the state; with bias instability, six drift states follow the 39 states.
 BIAS = PARAMETER_START + np.r_[GYRO_BIAS, ACCEL_BIAS]
@@ -64,7 +64,7 @@ class Reference(NamedTuple):
 
 
 class VelocityGroup(NamedTuple):
-    """Output of `observe` for n observations of a filter with m states: 39, or 45 with bias drift."""
+    """Output of `observe` for n observations and a filter with m states, 39, or 45 with bias drift."""
 
     transition: FloatArray  #: Transition over the group, shape (m, m); the caller fills in the drift states.
     noise: FloatArray  #: Process noise over the group, shape (m, m); the caller fills in the drift states.
@@ -169,7 +169,7 @@ def write_attitude_columns(u: FloatArray, H: FloatArray) -> None:
 
 @nb.njit(cache=True)
 def _add_interval_noise(N: FloatArray, force: FloatArray, s: Setting, T: float, Q: FloatArray, W: FloatArray) -> None:
-    """Add the noise of one interval, referred to the end of the group, to W: W += N Q Nᵀ."""
+    """Add the noise of one interval, propagated to the end of the group, to W: W += N Q Nᵀ."""
     _process_noise(force, s.rate_noise, s.force_noise, T, Q)
     row, transposed = np.empty(NAVIGATION), N.T.copy()
     for i in range(NAVIGATION):
@@ -224,27 +224,27 @@ def observe(
     work : navigation state; updated in place
     group : output
     """
-    count, along = group.attitude.shape[0], len(reference.attitude) > 0
+    count, has_reference = group.attitude.shape[0], len(reference.attitude) > 0
     steps, forces = np.empty((count, NAVIGATION, STATES)), np.empty((count, 3))
-    shifts, step, turned = np.zeros((count + 1, NAVIGATION)), np.zeros(NAVIGATION), np.empty((3, 3))
+    shifts, step, rotation = np.zeros((count + 1, NAVIGATION)), np.zeros(NAVIGATION), np.empty((3, 3))
     group.H[:] = 0.0
     for k in range(count):
         first = start + k * s.stride
         propagate(c, s.earth, s.gravity, s.dt, motion, first, first + s.stride, work)
         forces[k] = work.force
-        if along:
+        if has_reference:
             attitude, velocity = reference.attitude[k], reference.velocity[k]
             for i in range(3):
                 for j in range(3):
-                    turned[i, j] = 0.0
+                    rotation[i, j] = 0.0
                     for m in range(3):
-                        turned[i, j] += attitude[i, m] * work.attitude[j, m]
-            step[PHI] = rotation_vector(turned)
+                        rotation[i, j] += attitude[i, m] * work.attitude[j, m]
+            step[PHI] = rotation_vector(rotation)
             for i in range(3):
                 step[_DV + i] = velocity[i] - work.velocity[i]
             work.attitude[:], work.velocity[:] = attitude, velocity
         _linearise(c, s, k, arm_velocity, work, group, steps)
-        if along:
+        if has_reference:
             for i in range(NAVIGATION):
                 t = -step[i]
                 for j in range(NAVIGATION):
@@ -281,11 +281,11 @@ def _linearise(
 
 @nb.njit(cache=True)
 def _refer_to_end(s: Setting, steps: FloatArray, forces: FloatArray, shifts: FloatArray, group: VelocityGroup) -> None:
-    """Express the observations of a group in terms of the state at its end, from the last interval to the first."""
+    """Express the observations of a group by the state at its end, from the last interval to the first."""
     count, T = len(steps), s.stride * s.dt
     N, B = np.eye(NAVIGATION), np.zeros((NAVIGATION, COUNT))
     W, Q = np.zeros((NAVIGATION, NAVIGATION)), np.zeros((NAVIGATION, NAVIGATION))
-    moved, row, end = np.empty(NAVIGATION), np.empty(OBSERVED), shifts[count]
+    product, row, end = np.empty(NAVIGATION), np.empty(OBSERVED), shifts[count]
     for k in range(count - 1, -1, -1):
         back = _inverse_transition(N)
         G = group.H[3 * k : 3 * k + 3]
@@ -305,32 +305,32 @@ def _refer_to_end(s: Setting, steps: FloatArray, forces: FloatArray, shifts: Flo
                     G[i, NAVIGATION + p] -= row[j] * B[j, p]
         # the noise W from here to the end enters this row as −G W; it shares with a later row l only the noise after l
         for i in range(3):
-            this = 3 * k + i
+            index = 3 * k + i
             for m in range(NAVIGATION):
                 t = 0.0
                 for j in range(OBSERVED):
                     t -= W[m, j] * G[i, j]
-                group.M[m, this] = t
+                group.M[m, index] = t
         for i in range(3):
-            this = 3 * k + i
+            index = 3 * k + i
             for r in range(3 * k, 3 * count):
-                t = s.variance if r == this else 0.0
+                t = s.variance if r == index else 0.0
                 for j in range(OBSERVED):
                     t -= G[i, j] * group.M[j, r]
-                group.R[this, r] = t
-                group.R[r, this] = t
+                group.R[index, r] = t
+                group.R[r, index] = t
         _add_interval_noise(N, forces[k], s, T, Q, W)
         for i in range(NAVIGATION):
             for j in range(NAVIGATION):
-                moved[j] = 0.0
+                product[j] = 0.0
             for m in range(NAVIGATION):
                 x = N[i, m]
                 if x != 0.0:
                     for j in range(NAVIGATION):
-                        moved[j] += x * steps[k, m, j]
+                        product[j] += x * steps[k, m, j]
                     for p in range(COUNT):
                         B[i, p] += x * steps[k, m, NAVIGATION + p]
-            N[i] = moved
+            N[i] = product
     group.shift[:] = end
     group.noise[:NAVIGATION, :NAVIGATION] = W
     group.transition[:NAVIGATION, :NAVIGATION] = N

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from calstation.estimation.common import ImuModel, StageData, runs
+from calstation.estimation.common import ImuModel, StageData, true_intervals
 from calstation.physics import BoolArray, Compensation, FloatArray, IntArray
 
 
@@ -31,7 +31,7 @@ def pair_data(data: StageData, index: int, imu: ImuModel) -> PairData:
     present: BoolArray = np.asarray(~np.isnan(counts).any(axis=1))
     segments: list[tuple[int, int]] = []
     for start, stop in data.segments:
-        segments += [(start + a, start + b) for a, b in runs(present[start:stop])]
+        segments += [(start + a, start + b) for a, b in true_intervals(present[start:stop])]
     return PairData(
         dt=data.dt,
         time=data.time,

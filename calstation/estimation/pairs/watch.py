@@ -14,7 +14,15 @@ from typing import Any, Literal
 import numpy as np
 
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation.common import ImuModel, SampleBlock, Secondary, StageData, StoredPair, joined, stage_data
+from calstation.estimation.common import (
+    ImuModel,
+    SampleBlock,
+    Secondary,
+    StageData,
+    StoredPair,
+    join_blocks,
+    stage_data,
+)
 from calstation.estimation.pairs.calibration import SENSORS, PairCalibration, PairResult, StaticCheck
 
 #: Time between evaluations while checking or calibrating, s.
@@ -130,7 +138,7 @@ class PairWatch:
         self._notes.clear()
         self._waiting.append(block)
         while sum(map(len, self._waiting)) >= second:
-            whole = joined(self._waiting)
+            whole = join_blocks(self._waiting)
             events += self._process(whole.part(0, second))
             self._waiting = [whole.part(second, len(whole))]
         return events

@@ -6,7 +6,7 @@ from calstation.estimation.positions.evidence import (
     RestEvidence,
     angle_errors,
     gather,
-    gravity_misses,
+    gravity_errors,
     turn_between,
 )
 from calstation.estimation.positions.fit import MAX_ITERATIONS, PositionFit, fit_positions

@@ -137,7 +137,7 @@ def angle_errors(
     """
     first, second = evidence.rests[turn.before], evidence.rests[turn.after]
     if axes is None or first.angles is None or second.angles is None:
-        return gravity_misses(evidence, turn, parameters)
+        return gravity_errors(evidence, turn, parameters)
     earth, _ = first.compensated(parameters)
     reference = axes.body_to_home(*first.angles).T @ axes.body_to_home(*second.angles)
     angles = [_angle(reference)]
@@ -145,7 +145,7 @@ def angle_errors(
     return abs(angles[1] - angles[0]), abs(angles[2] - angles[0])
 
 
-def gravity_misses(evidence: Evidence, turn: Turn, parameters: FloatArray) -> tuple[float, float]:
+def gravity_errors(evidence: Evidence, turn: Turn, parameters: FloatArray) -> tuple[float, float]:
     """Return the angles, rad, between gravity at the second rest and its gyro prediction, before and after calibration.
 
     In both cases gravity is measured by the accelerometers with the parameters `parameters`.

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from calstation.estimation.common import Link, Posterior, SolveContext, StageData, gauss_newton, levelled
+from calstation.estimation.common import Link, Posterior, SolveContext, StageData, align_vertical, gauss_newton
 from calstation.estimation.effects import Sensitivity, StageEffects
 from calstation.estimation.positions.rows import (
     LinearSolution,
@@ -125,7 +125,7 @@ def _first_attitudes(problem: PositionRows, point: FloatArray) -> FloatArray:
         if k in into:
             link = into[k]
             B, _, _ = integrate_rotation(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, link.start, link.stop)
-            attitudes[k] = levelled(attitudes[link.first] @ B, force[0])
+            attitudes[k] = align_vertical(attitudes[link.first] @ B, force[0])
         else:
             attitudes[k] = level_attitude(force[0])
     return attitudes

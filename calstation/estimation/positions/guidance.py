@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from calstation.estimation.common import REST_MARGIN, REST_WINDOW, ImuModel, SampleBlock, joined
+from calstation.estimation.common import REST_MARGIN, REST_WINDOW, ImuModel, SampleBlock, join_blocks
 from calstation.physics import FloatArray, rotation_matrix, rotation_vector
 
 #: Duration of a window, s.
@@ -91,7 +91,7 @@ class PositionGuide:
         """Add samples, in blocks of any length, and return the current instruction."""
         self._waiting.append(block)
         if sum(map(len, self._waiting)) >= self._width:
-            whole = joined(self._waiting)
+            whole = join_blocks(self._waiting)
             last = len(whole) // self._width * self._width
             for start in range(0, last, self._width):
                 part = whole.part(start, start + self._width)

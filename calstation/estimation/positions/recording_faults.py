@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
-from calstation.estimation.common import ImuModel, Link, Posterior, StageData, Stillness, find_stillness, runs
+from calstation.estimation.common import ImuModel, Link, Posterior, StageData, Stillness, find_stillness, true_intervals
 from calstation.estimation.positions.rows import integrate_rotation
 from calstation.messages import Text
 from calstation.physics import AXES, CHANNELS, BoolArray, FloatArray, compensate, compensation, group_indices
@@ -107,7 +107,7 @@ def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Itera
         same = np.diff(values[:, channel]) == 0.0
         if not same.any():
             continue
-        first, last = max(runs(same), key=lambda run: run[1] - run[0])
+        first, last = max(true_intervals(same), key=lambda run: run[1] - run[0])
         length = last - first
         others = max(len(values) - 1 - length, 0)
         again = (int(same.sum()) - length) / others if others else 0.0

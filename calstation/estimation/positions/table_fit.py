@@ -17,10 +17,10 @@ from calstation.estimation.common import (
     Posterior,
     SolveContext,
     StageData,
-    largest,
     mean_angles,
     rest_force,
-    runs,
+    row_maxima,
+    true_intervals,
     window_mean,
 )
 from calstation.physics import (
@@ -85,7 +85,7 @@ def table_rests(data: StageData, context: SolveContext, posterior: Posterior) ->
         if stop - start < width:
             continue
         mean = window_mean(data.gyro[start:stop], bias, width)
-        for first, last in runs(largest(mean) < slowest):
+        for first, last in true_intervals(row_maxima(mean) < slowest):
             a, b = start + first + margin, start + last + width - 1 - margin
             duration = (b - a) * data.dt
             encoder = mean_angles(data, a, b) if duration >= _SHORTEST else None

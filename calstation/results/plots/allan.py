@@ -7,7 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common import SHORTEST_REST, SampleBlock, StageData, find_stillness, runs, stage_data
+from calstation.estimation.common import (
+    SHORTEST_REST,
+    SampleBlock,
+    StageData,
+    find_stillness,
+    stage_data,
+    true_intervals,
+)
 from calstation.jobs import ProgressCallback
 from calstation.physics import CHANNELS, FloatArray
 from calstation.records import LogMeta, context_from_meta, open_log
@@ -150,7 +157,7 @@ def _power(slope: float) -> int:
 def _random_walk(tau: FloatArray, deviation: FloatArray, slope: FloatArray, freedom: FloatArray) -> float | None:
     """Return the value at 1 s of a line with slope −1/2 fitted to the longest part of the curve with that slope."""
     white = np.abs(slope + 0.5) < _WHITE_SLOPE
-    start, stop = max(runs(white), key=lambda part: part[1] - part[0], default=(0, 0))
+    start, stop = max(true_intervals(white), key=lambda part: part[1] - part[0], default=(0, 0))
     if stop - start < _FEWEST_WHITE:
         return None
     part = slice(start, stop)

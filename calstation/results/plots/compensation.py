@@ -7,7 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common import SHORTEST_REST, SampleBlock, before_after, find_stillness, joined, stage_data
+from calstation.estimation.common import (
+    SHORTEST_REST,
+    SampleBlock,
+    before_after,
+    find_stillness,
+    join_blocks,
+    stage_data,
+)
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, RATE, FloatArray
 from calstation.records import LogMeta, context_from_meta, open_log
@@ -66,7 +73,7 @@ class ImuOutput:
             before = after = np.zeros(len(NAMES))
         context = context_from_meta(self.meta)
         data = stage_data(self.blocks, context.imu)
-        whole = joined(self.blocks)
+        whole = join_blocks(self.blocks)
         rests = find_stillness(data, context.imu).rests
         if not rests:
             error = InsufficientDataError("solution.never_at_rest", shortest=SHORTEST_REST, seconds=len(data) * data.dt)

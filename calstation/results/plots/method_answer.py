@@ -10,7 +10,7 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.estimation.common import SolveContext, StageData, stage_data
 from calstation.estimation.gimbal import contraction, largest_gain
-from calstation.estimation.positions import gather, gravity_misses, turn_between
+from calstation.estimation.positions import gather, gravity_errors, turn_between
 from calstation.jobs import ProgressCallback
 from calstation.physics import AXES, INDEX, NAMES, FloatArray
 from calstation.records import (
@@ -165,7 +165,7 @@ def _position_plot_data(
     rests, motions = evidence.rests, evidence.motions
     lengths = [[float(np.linalg.norm(rest.compensated(p)[1])) - gravity for rest in rests] for p in (before, after)]
     turns = [turn_between(evidence, motion.before, motion.after, after) for motion in motions]
-    angles = np.array([gravity_misses(evidence, turn, after) for turn in turns if turn]).reshape(-1, 2)
+    angles = np.array([gravity_errors(evidence, turn, after) for turn in turns if turn]).reshape(-1, 2)
     force = np.array([rest.compensated(after)[1] for rest in rests]).reshape(-1, 3)
     checks = product.checks if product is not None else None
     force_check, angle_check = (checks.gravity_at_rest, checks.motion_angle) if checks is not None else (None, None)
