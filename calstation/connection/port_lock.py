@@ -19,7 +19,7 @@ from calstation.config import computer_user
 from calstation.devices.links import found_ports, resolve
 from calstation.errors import DeviceFaultError
 from calstation.messages import os_reason
-from calstation.records import take
+from calstation.records import acquire_lock
 
 #: Time to wait for another process that is closing to release its lock, host time in s.
 _WITHIN = 3.0
@@ -43,7 +43,7 @@ def _locked(device: str, port: str) -> Iterator[None]:
     except OSError as exc:
         raise DeviceFaultError("connection.lock_failed", port=port, path=str(path), cause=os_reason(exc)) from exc
     try:
-        if not take(handle, _WITHIN):
+        if not acquire_lock(handle, _WITHIN):
             raise _in_use(port, handle)
         owner = {
             "pid": os.getpid(),

@@ -115,7 +115,7 @@ class Outbox:
     def pages(self) -> Iterator[list[OutboxMessage]]:
         """Yield the messages to send after `refresh`, some at a time: runs, then copies of logs of sent runs."""
         while names := self._changed[:_AT_ONCE]:
-            runs = {run.name: run for run in self.index.own(names)}
+            runs = {run.name: run for run in self.index.named(names)}
             yield [self._run_message(runs[name]) for name in names if name in runs]
             self._changed = self._changed[_AT_ONCE:]
         stamps = self._stamps()

@@ -20,7 +20,7 @@ from calstation.records.check_id import MODEL_KINDS, CheckId, CheckKind, read_ch
 from calstation.records.columns import RecordingMeta
 from calstation.records.convert import export_corrected, export_csv
 from calstation.records.facts import LogFacts
-from calstation.records.files import locked, partial_path, sync_folder, take, write_atomic
+from calstation.records.files import acquire_lock, locked, partial_path, sync_folder, write_atomic
 from calstation.records.indexed_run import (
     Categories,
     IndexedRun,

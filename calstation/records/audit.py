@@ -50,23 +50,16 @@ def audit_path(folder: Path) -> Path:
     return folder / "audit.jsonl"
 
 
-class AuditWriter:
+class AuditWriter(ChainedFile[AuditEvent]):
     """An audit trail that is locked for other programs."""
 
-    def __init__(self, folder: Path) -> None:
-        self.file = ChainedFile[AuditEvent](audit_path(folder), AuditEvent)
-
-    def trail(self) -> AuditTrail:
-        """Read and verify the trail. Raises OSError."""
-        return self.file.read()
-
-    def append(
+    def append_event(
         self, event: AuditEventName, by: str, why: str = "", *, confirmed_by: str | None = None, **values: Any
     ) -> AuditEvent:
         """Append an event, see `append_audit`. Raises OSError."""
         utc = datetime.now(UTC).isoformat(timespec="seconds")
         row = {"utc": utc, "event": event, "by": by, "confirmed_by": confirmed_by, "why": why, "values": values}
-        return self.file.append(row)
+        return self.append(row)
 
 
 @contextmanager
@@ -75,12 +68,12 @@ def audit_writer(folder: Path) -> Iterator[AuditWriter]:
 
     Raises ConfigurationError if it cannot be written, or if another program keeps it locked.
     """
-    writer = AuditWriter(folder)
+    writer = AuditWriter(audit_path(folder), AuditEvent)
     try:
-        with writer.file.locked():
+        with writer.locked():
             yield writer
     except OSError as exc:
-        raise ConfigurationError("audit.unwritable", file=writer.file.path, reason=os_reason(exc)) from exc
+        raise ConfigurationError("audit.unwritable", file=writer.path, reason=os_reason(exc)) from exc
 
 
 def append_audit(
@@ -102,7 +95,7 @@ def append_audit(
     ConfigurationError : if the file cannot be written, or another program keeps it locked.
     """
     with audit_writer(folder) as audit:
-        return audit.append(event, by, why, confirmed_by=confirmed_by, **values)
+        return audit.append_event(event, by, why, confirmed_by=confirmed_by, **values)
 
 
 def read_audit(path: Path) -> AuditTrail:

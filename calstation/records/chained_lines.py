@@ -28,7 +28,7 @@ START = "0" * 64
 #: Longest time to wait for another program that appends a line, s.
 LOCK_TIMEOUT = 5.0
 
-_CLOSED = b"#incomplete"
+_INCOMPLETE = b"#incomplete"
 _ENDING = re.compile(rb'(, "previous": "[0-9a-f]{64}"), "digest": "([0-9a-f]{64})"\}')
 
 T = TypeVar("T")
@@ -36,22 +36,22 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Damage:
-    """The first line that was changed, removed or inserted later."""
+    """The first line that was changed, removed or inserted after it had been written."""
 
     number: int  #: Number of the line, from 1.
-    why: Text
+    reason: Text
 
 
 @dataclass(frozen=True)
 class Chain(Generic[T]):
-    """Content of a chained file."""
+    """Contents of a chained file."""
 
     entries: tuple[T, ...] = ()  #: Entries of all lines that agree with their own digest, the oldest first.
     numbers: tuple[int, ...] = ()  #: Numbers of their lines, from 1.
     incomplete: tuple[int, ...] = ()  #: Numbers of the lines left incomplete by a killed program.
-    torn: bool = False  #: Whether the last line is incomplete.
+    truncated: bool = False  #: Whether the last line is incomplete.
     damage: Damage | None = None
-    digest: str = START  #: Digest at the end; a copy stored elsewhere proves that nothing before it was changed.
+    digest: str = START  #: Digest of the last line; a copy stored elsewhere proves that no line was changed.
 
 
 class ChainedFile(Generic[T]):
@@ -63,7 +63,7 @@ class ChainedFile(Generic[T]):
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Lock the file for other programs, in a folder that is created. Raises OSError, also after `LOCK_TIMEOUT`."""
+        """Lock the file, whose folder is created if it is missing. Raises OSError, also after `LOCK_TIMEOUT`."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with locked(self.path.with_name(f".{self.path.stem}.lock"), LOCK_TIMEOUT):
             yield
@@ -76,29 +76,29 @@ class ChainedFile(Generic[T]):
             return Chain()
         if not content:
             return Chain(damage=Damage(1, Text("log.line_missing")))
-        *lines, rest = content.split(b"\n")
+        *lines, last_line = content.split(b"\n")
         entries: dict[int, T] = {}
         incomplete: list[int] = []
         unconfirmed: list[int] = []  # incomplete lines without a valid line after them
         damage: Damage | None = None
         digest = START
-        for number, line in enumerate([*lines, rest] if rest else lines, 1):
-            last = bool(rest) and number > len(lines)
-            if number > 1 and (line.endswith(_CLOSED) or (last and not _ENDING.search(line))):
+        for number, line in enumerate([*lines, last_line] if last_line else lines, 1):
+            is_last = bool(last_line) and number > len(lines)
+            if number > 1 and (line.endswith(_INCOMPLETE) or (is_last and not _ENDING.search(line))):
                 unconfirmed.append(number)
             else:
-                why = self._take(number, line, digest, entries)
-                if why is None:
+                reason = self._check_line(number, line, digest, entries)
+                if reason is None:
                     incomplete += unconfirmed
                 elif damage is None:
-                    damage = Damage(min([*unconfirmed, number]), why)
+                    damage = Damage(min([*unconfirmed, number]), reason)
                 unconfirmed.clear()
-            digest = _next(line, digest)
-        torn = bool(unconfirmed)
-        return Chain(tuple(entries.values()), tuple(entries), (*incomplete, *unconfirmed), torn, damage, digest)
+            digest = _next_digest(line, digest)
+        truncated = bool(unconfirmed)
+        return Chain(tuple(entries.values()), tuple(entries), (*incomplete, *unconfirmed), truncated, damage, digest)
 
-    def _take(self, number: int, line: bytes, digest: str, entries: dict[int, T]) -> Text | None:
-        """Add the entry of a line that agrees with its own digest; return what is wrong with the line."""
+    def _check_line(self, number: int, line: bytes, digest: str, entries: dict[int, T]) -> Text | None:
+        """Check a line and add its entry if it agrees with its own digest; return the damage, or None."""
         ending = _ENDING.search(line)
         if ending is None:
             return Text("log.line_incomplete")
@@ -112,7 +112,7 @@ class ChainedFile(Generic[T]):
         return None if content["previous"] == digest else Text("log.line_out_of_order")
 
     def entries(self, code: str) -> list[T]:
-        """Return all entries, the oldest first; none if the file is missing.
+        """Return all entries, the oldest first; an empty list if the file is missing.
 
         Raises InputError with `code` if a line is damaged, or if the file cannot be read.
         """
@@ -121,31 +121,31 @@ class ChainedFile(Generic[T]):
         except OSError as exc:
             raise InputError("result.unreadable", file=self.path, reason=os_reason(exc)) from exc
         if chain.damage is not None:
-            raise InputError(code, file=self.path, line=chain.damage.number, why=chain.damage.why)
+            raise InputError(code, file=self.path, line=chain.damage.number, why=chain.damage.reason)
         return list(chain.entries)
 
     def append(self, content: Mapping[str, Any]) -> T:
         """Append an entry given as JSON data, write it to disk and return it.
 
-        The file appears with its first line; one that was emptied remains damaged. The caller has locked the file, or
-        no other program can append to it. Raises OSError, and ValueError for content that is no entry.
+        The file is created with its first line; a file that was emptied remains damaged. The caller must lock the file
+        unless no other program can append to it. Raises OSError, and ValueError if the content is not an entry.
         """
         exists = self.path.exists()
-        *lines, rest = (self.path.read_bytes() if exists else b"").split(b"\n")
-        digest, begin = START, b""
-        if rest or (exists and not lines):
-            complete = _ENDING.search(rest) is not None or not lines
-            begin = b"\n" if complete else _CLOSED + b"\n"
-            lines.append(rest if complete else rest + _CLOSED)
+        *lines, last_line = (self.path.read_bytes() if exists else b"").split(b"\n")
+        digest, prefix = START, b""
+        if last_line or (exists and not lines):
+            complete = _ENDING.search(last_line) is not None or not lines
+            prefix = b"\n" if complete else _INCOMPLETE + b"\n"
+            lines.append(last_line if complete else last_line + _INCOMPLETE)
         for line in lines:
-            digest = _next(line, digest)
+            digest = _next_digest(line, digest)
         text = json.dumps({**content, "previous": digest}, ensure_ascii=False).encode()
         line = text[:-1] + f', "digest": "{_sha256(text)}"}}'.encode()
         entry = self._entry.validate_python(json.loads(line))
         if exists:
             handle = os.open(self.path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
             try:
-                _write(handle, begin + line + b"\n")
+                _write(handle, prefix + line + b"\n")
                 os.fsync(handle)
             finally:
                 os.close(handle)
@@ -160,8 +160,8 @@ def _sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def _next(line: bytes, digest: str) -> str:
-    """Return the digest that the line after `line` must name; `digest` is the one before `line`."""
+def _next_digest(line: bytes, digest: str) -> str:
+    """Return the digest that the line after `line` must contain; `digest` is the one before `line`."""
     ending = _ENDING.search(line)
     complete = ending is not None and ending.end() == len(line)
     return ending[2].decode() if ending and complete else _sha256(digest.encode() + line)

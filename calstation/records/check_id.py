@@ -1,4 +1,4 @@
-"""Identity of a check: its kind and subject, from which its name in results and lists follows."""
+"""Identity of a check: its kind and subject, which determine its name in results and lists."""
 
 import json
 from typing import Literal, NamedTuple, get_args
@@ -35,7 +35,7 @@ CheckKind = Literal[
     "other",
 ]
 
-#: Kinds of the model tests, one per stage each; if one fails, the following may fail as a consequence.
+#: Kinds of the model tests, which each stage has once. If a test fails, later ones may fail as a consequence.
 MODEL_KINDS: tuple[CheckKind, ...] = (
     "clipping",
     "sample_clock",
@@ -70,8 +70,8 @@ class CheckId(NamedTuple):
     @classmethod
     def of(cls, kind: str | None, subject: str, name: str) -> "CheckId":
         """Return the identity of a stored check; a kind that this version does not know becomes ``other``."""
-        known = next((known for known in get_args(CheckKind) if known == kind), None)
-        return cls("other", name) if known is None else cls(known, subject)
+        known_kind = next((each for each in get_args(CheckKind) if each == kind), None)
+        return cls("other", name) if known_kind is None else cls(known_kind, subject)
 
     @property
     def name(self) -> str:
@@ -80,5 +80,5 @@ class CheckId(NamedTuple):
 
 
 def read_check_ids(text: str) -> tuple[CheckId, ...]:
-    """Return the checks of a list of kinds and subjects that was written as JSON."""
+    """Read checks from a JSON list of kinds and subjects."""
     return tuple(CheckId.of(kind, subject, subject) for kind, subject in json.loads(text))

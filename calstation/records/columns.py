@@ -17,7 +17,7 @@ from calstation.records.meta import FURTHER_IMUS, ImuSection, LogMeta
 from calstation.schema import EntryError, StrictModel, near_miss
 
 ANGLES = ("outer_deg", "inner_deg")
-#: Columns that every CSV needs, except the ones in `_OPTIONAL`.
+#: Columns that every CSV must have, except those in `_OPTIONAL`.
 REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
 JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
 #: Time at which the station received a sample, s.
@@ -38,13 +38,13 @@ _FORCES = {
     "m/s2": 1.0, "m/s^2": 1.0, "m/s²": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY,
     "ug": 1e-6 * STANDARD_GRAVITY, "µg": 1e-6 * STANDARD_GRAVITY,
 }  # fmt: skip
-#: Increments over one sample, as rates multiplied by the sample period.
-_TURNS = {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "arcsec": _DEGREE / 3600.0}
-_SPEEDS = {"m/s": 1.0}
+#: Units of increments over one sample, which are rates multiplied by the sample period.
+_ANGLE_INCREMENTS = {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "arcsec": _DEGREE / 3600.0}
+_VELOCITY_INCREMENTS = {"m/s": 1.0}
 _TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _ANGLES = {"deg": 1.0, "°": 1.0, "rad": 1.0 / _DEGREE}
 _TEMPERATURES = {"degC": 1.0, "°C": 1.0, "C": 1.0}
-#: Separators in the order in which they are tried; a blank matches any number of blanks.
+#: Separators, which are tried in this order; a blank matches any number of blanks.
 _SEPARATORS = (",", ";", "\t", " ")
 _PLAIN_SEPARATOR = ","
 _COMMENT = "#%"
@@ -60,16 +60,16 @@ _KNOWN = (*COLUMNS, *(name for number in FURTHER_IMUS for name in further_channe
 
 
 class ColumnSection(StrictModel):
-    """`[columns]`, NAME = { from, unit } or { value }: source of a column of the CSV format in a foreign file."""
+    """`[columns]`, NAME = { from, unit } or { value }: source of a column in a file of another program."""
 
-    #: Name in the file, or number from 1; if all are numbers, the file needs no header row.
+    #: Name of the column in the file, or its number from 1; if all are numbers, the file needs no header row.
     source: str | int | None = Field(default=None, alias="from")
     unit: str | None = None  #: None for counts, s, degrees and °C.
-    value: str | None = None  #: The stage of the whole recording; only for the column `stage`.
+    value: str | None = None  #: The stage of all samples; permitted only for the column `stage`.
 
 
 class ColumnMap(StrictModel):
-    """`[columns]`: the columns that have other names or units in the file."""
+    """`[columns]`: the columns whose names or units in the file differ from the CSV format."""
 
     columns: dict[str, ColumnSection] = Field(default_factory=dict)
 
@@ -108,27 +108,27 @@ class RecordingMeta(LogMeta):
 
 def is_increment(unit: str) -> bool:
     """Return whether the unit of a channel is an increment over one sample."""
-    return unit in _TURNS or unit in _SPEEDS
+    return unit in _ANGLE_INCREMENTS or unit in _VELOCITY_INCREMENTS
 
 
 def unit_factor(name: str, unit: str) -> float:
-    """Return the factor from a unit of a column to the unit of the CSV format, for channels to SI."""
+    """Return the factor that converts a column from `unit` to the unit of the CSV format, and a channel to SI."""
     return _units(name)[unit]
 
 
 def unit_factors(layout: "Layout", meta: LogMeta) -> dict[str, float]:
-    """Return the factors from the columns in other units to the units of the CSV format, for channels to counts."""
+    """Return the factors that convert columns to the units of the CSV format, and channels to counts."""
     imus: dict[int, ImuSection] = {1: meta.imu, **meta.secondaries}
-    rate, found = meta.imu.sample_rate_hz, {}
+    rate, factors = meta.imu.sample_rate_hz, {}
     for name, unit in layout.units.items():
         factor = unit_factor(name, unit)
         if name.startswith(_SENSORS):
             imu = imus[int(re.sub(r"\D", "", name) or 1)]
-            as_rate = rate if is_increment(unit) else 1.0
-            of_output = rate if imu.output == "increment" else 1.0
-            factor *= as_rate / (of_output * (imu.gyro_lsb if name.startswith("gyro") else imu.accel_lsb))
-        found[name] = factor
-    return found
+            to_rate = rate if is_increment(unit) else 1.0
+            to_output = rate if imu.output == "increment" else 1.0
+            factor *= to_rate / (to_output * (imu.gyro_lsb if name.startswith("gyro") else imu.accel_lsb))
+        factors[name] = factor
+    return factors
 
 
 def min_step(columns: Iterable[FloatArray]) -> float:
@@ -138,11 +138,11 @@ def min_step(columns: Iterable[FloatArray]) -> float:
 
 
 def _units(name: str) -> Mapping[str, float]:
-    """Return the units of a column, with the factors to SI, degrees or °C; empty for a column without a unit."""
+    """Return the units of a column with their factors to SI, degrees or °C; empty for a column without a unit."""
     if name.startswith("gyro"):
-        return {**_RATES, **_TURNS}
+        return {**_RATES, **_ANGLE_INCREMENTS}
     if name.startswith("accel"):
-        return {**_FORCES, **_SPEEDS}
+        return {**_FORCES, **_VELOCITY_INCREMENTS}
     if name in (*ANGLES, *JOINTS):
         return _ANGLES
     return {"time_s": _TIMES, STATION: _TIMES, "temp_c": _TEMPERATURES}.get(name, {})
@@ -150,16 +150,16 @@ def _units(name: str) -> Mapping[str, float]:
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of a CSV: where its samples begin, its separator, the names of its columns and the factors of units."""
+    """Layout of a CSV: its first row of samples, its separator, and the names and units of its columns."""
 
     skipped: int = 0  #: Number of lines before the first row of samples.
     separator: str = _PLAIN_SEPARATOR
-    names: tuple[str, ...] = ()  #: Column names of the CSV format where they apply, other names unchanged.
+    names: tuple[str, ...] = ()  #: Names of the columns; those of the CSV format replace the names in the file.
     units: Mapping[str, str] = field(default_factory=dict)  #: Units of columns whose unit differs from the format's.
     stage: str = ""  #: Stage of all samples if there is no column `stage`.
 
     def plain(self, text: str) -> str:
-        """Return rows with commas as separators and points as decimal marks."""
+        """Return rows of text with commas as separators and points as decimal marks."""
         if self.separator == _PLAIN_SEPARATOR:
             return text
         text = text.replace(",", ".")
@@ -173,10 +173,10 @@ class Layout:
         return _GYROS[0] in self.names
 
 
-def read_layout(path: Path, head: str, columns: Mapping[str, ColumnSection], further: Collection[int]) -> Layout:
-    """Find the layout of a CSV from its first lines; `further` are the configured secondary IMUs by number.
+def read_layout(path: Path, head: str, columns: Mapping[str, ColumnSection], secondaries: Collection[int]) -> Layout:
+    """Determine the layout of a CSV from its first lines; `secondaries` are the numbers of the secondary IMUs.
 
-    Raises InputError, which names a missing column and the nearest one.
+    Raises InputError if a column is missing; the message suggests the most similar column.
     """
     lines = head.removeprefix("\ufeff").split("\n")
     sources = {name: column.source for name, column in columns.items() if column.source is not None}
@@ -184,13 +184,13 @@ def read_layout(path: Path, head: str, columns: Mapping[str, ColumnSection], fur
         skipped, separator, cells = _first_numbers(path, lines, max(int(s) for s in sources.values()))
         names = [f"column {k}" for k in range(1, len(cells) + 1)]
     else:
-        wanted = {str(sources.get(name, name)) for name in _KNOWN}
-        skipped, separator, names = _header(lines, wanted)
+        expected = {str(sources.get(name, name)) for name in _KNOWN}
+        skipped, separator, names = _header(lines, expected)
     for name, source in sources.items():
         names[_index_of(path, names, name, source)] = name
-    _check_names(path, names, mapped=bool(columns), further=further)
-    following = _cells(lines[skipped], separator) if skipped < len(lines) else []
-    if any(following) and not any(_is_number(cell, separator) for cell in following):
+    _check_names(path, names, mapped=bool(columns), secondaries=secondaries)
+    next_cells = _cells(lines[skipped], separator) if skipped < len(lines) else []
+    if any(next_cells) and not any(_is_number(cell, separator) for cell in next_cells):
         skipped += 1  # a row with units
     units = {n: c.unit for n, c in columns.items() if c.unit is not None and c.unit != COUNTS}
     stage = columns["stage"].value if "stage" in columns else None
@@ -209,23 +209,23 @@ def _cells(line: str, separator: str) -> list[str]:
         return []
 
 
-def _header(lines: list[str], wanted: set[str]) -> tuple[int, str, list[str]]:
+def _header(lines: list[str], expected: set[str]) -> tuple[int, str, list[str]]:
     """Return the number of lines up to the end of the header row, its separator and its cells.
 
-    The header row is the line with most of the `wanted` names; if no line has any, the first line that is not a
-    comment.
+    The header row is the line with most of the `expected` names. If no line has any of them, it is the first line that
+    is not a comment.
     """
-    best, found = 0, (0, _PLAIN_SEPARATOR, list[str]())
+    best_score, best = 0, (0, _PLAIN_SEPARATOR, list[str]())
     for number, line in enumerate(lines, 1):
         for separator in _SEPARATORS:
             cells = _cells(line, separator)
-            score = len(wanted.intersection(cells))
-            if score > best:
-                best, found = score, (number, separator, cells)
-        if best > 1:
-            return found
-    if best:
-        return found
+            score = len(expected.intersection(cells))
+            if score > best_score:
+                best_score, best = score, (number, separator, cells)
+        if best_score > 1:
+            return best
+    if best_score:
+        return best
     number = next((k for k, line in enumerate(lines, 1) if line.strip() and line[:1] not in _COMMENT), 1)
     line = lines[number - 1]
     separator = max(_SEPARATORS, key=lambda s: len(_cells(line, s)) if s != " " else 1)
@@ -268,23 +268,23 @@ def _columns(names: list[str]) -> Text:
     return Text.of("entry.choose_from", names=[name for name in names if name])
 
 
-def _check_names(path: Path, names: list[str], *, mapped: bool, further: Collection[int]) -> None:
-    """Check that all needed columns exist and belong to configured IMUs. Raises InputError."""
+def _check_names(path: Path, names: list[str], *, mapped: bool, secondaries: Collection[int]) -> None:
+    """Raise InputError if a required column is missing, or a column belongs to an IMU that is not configured."""
     number_of = {name: number for number in FURTHER_IMUS for name in further_channels(number)}
-    others = [name for number in further for name in further_channels(number)]
-    free = [name for name in names if name not in _KNOWN]
+    others = [name for number in secondaries for name in further_channels(number)]
+    unknown = [name for name in names if name not in _KNOWN]
     table = any(name in names for name in ANGLES)
     gyros = any(name in names for name in _GYROS)
     for name in REQUIRED:
         if name in names:
             continue
-        trivial = not table or (mapped and name not in ANGLES)
-        optional = (name in _OPTIONAL and trivial) or (name in _GYROS and not gyros)
+        may_be_missing = not table or (mapped and name not in ANGLES)
+        optional = (name in _OPTIONAL and may_be_missing) or (name in _GYROS and not gyros)
         if optional and mapped:
             continue
-        near = difflib.get_close_matches(name, free, n=1)
-        if near:
-            raise InputError("csv.column_misspelt", file=path, column=name, near=near[0])
+        similar = difflib.get_close_matches(name, unknown, n=1)
+        if similar:
+            raise InputError("csv.column_misspelt", file=path, column=name, near=similar[0])
         if not optional:
             raise InputError("csv.column_missing", file=path, column=name)
     for name in others:

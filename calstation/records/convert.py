@@ -61,14 +61,14 @@ def export_corrected(
 
     unit = {"output": "rate", "gyro_lsb": 1.0, "accel_lsb": 1.0, "gyro_quantisation": 0.0, "accel_quantisation": 0.0}
     imu = meta.imu.model_copy(update=unit)
-    changed = {"imu": imu, "prior": {}, "prior_correlation": {}, "registers": {}, "run": None}
-    write_csv_log(target, meta.model_copy(update=changed), map(corrected, blocks))
+    sections = {"imu": imu, "prior": {}, "prior_correlation": {}, "registers": {}, "run": None}
+    write_csv_log(target, meta.model_copy(update=sections), map(corrected, blocks))
 
 
-def _check_target(target: Path, kept: Iterable[Path]) -> None:
-    """Raise InputError if the name is not a CSV name, or if the CSV or its TOML would replace a file of `kept`."""
+def _check_target(target: Path, sources: Iterable[Path]) -> None:
+    """Raise InputError if the name is not a CSV name, or if the CSV or its TOML would replace one of `sources`."""
     if not target.name.endswith((".csv", ".csv.gz")):
         raise InputError("csv.export_name", file=target)
-    for new, old in itertools.product((target, meta_path(target)), kept):
-        if new.exists() and old.exists() and new.samefile(old):
+    for created, source in itertools.product((target, meta_path(target)), sources):
+        if created.exists() and source.exists() and created.samefile(source):
             raise InputError("csv.export_onto_itself", file=target)

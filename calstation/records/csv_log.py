@@ -42,8 +42,8 @@ from calstation.schema import read_toml, validate
 _TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
 #: Suffixes of CSV logs and text recordings.
 CSV_SUFFIXES = tuple(suffix + compressed for suffix in _TEXT_SUFFIXES for compressed in ("", ".gz"))
-#: Number of samples that are searched for non-integer output.
-_DECIMALS_WITHIN = 200
+#: Number of samples that are checked for non-integer output.
+_DECIMALS_CHECKED = 200
 _CHUNK_BYTES = 1 << 17
 
 
@@ -69,20 +69,20 @@ def _with_quantisation(path: Path, meta: LogMeta, layout: Layout) -> LogMeta:
     with suppress(InputError):  # reported when the samples are read
         for block in csv_blocks(path, meta, layout, []):
             counts.append(block.counts[block.valid])
-            if sum(map(len, counts)) >= _DECIMALS_WITHIN:
+            if sum(map(len, counts)) >= _DECIMALS_CHECKED:
                 break
-    decimal = (np.concatenate([np.empty((0, 6)), *counts]) % 1.0 != 0.0).any(axis=0)
-    sensors = {"gyro_quantisation": decimal[:3].any(), "accel_quantisation": decimal[3:].any()}
-    found = {name: 0.0 for name, known in sensors.items() if known and getattr(meta.imu, name) is None}
-    return meta.model_copy(update={"imu": meta.imu.model_copy(update=found)}) if found else meta
+    is_decimal = (np.concatenate([np.empty((0, 6)), *counts]) % 1.0 != 0.0).any(axis=0)
+    sensors = {"gyro_quantisation": is_decimal[:3].any(), "accel_quantisation": is_decimal[3:].any()}
+    added = {name: 0.0 for name, has_decimals in sensors.items() if has_decimals and getattr(meta.imu, name) is None}
+    return meta.model_copy(update={"imu": meta.imu.model_copy(update=added)}) if added else meta
 
 
 def load_recording(path: Path, meta_file: Path) -> tuple[LogMeta, Layout]:
     """Read the TOML of a CSV and find the layout of the CSV. Raises InputError with file, field and remedy."""
     data = read_toml(meta_file, InputError)
     columns = validate(ColumnMap, {"columns": data.get("columns", {})}, meta_file, InputError).columns
-    further = list(itertools.takewhile(lambda n: f"imu{n}" in data, FURTHER_IMUS))
-    layout = read_layout(path, _head(path), columns, further)
+    secondaries = list(itertools.takewhile(lambda n: f"imu{n}" in data, FURTHER_IMUS))
+    layout = read_layout(path, _head(path), columns, secondaries)
     for n in ("", *FURTHER_IMUS):
         if isinstance(section := data.get(f"imu{n}"), dict):
             _complete_counts(section, path, layout, str(n))
@@ -108,26 +108,26 @@ def _complete_counts(section: dict[str, Any], path: Path, layout: Layout, number
 def csv_blocks(path: Path, meta: LogMeta, layout: Layout, jitter: list[float]) -> Iterator[SampleBlock]:
     """Yield the samples of a CSV in order, with unwrapped counters, split at stage changes.
 
-    If the times are arrival times, `jitter` receives their rms deviation, s, from the line that replaces them.
+    If the times are arrival times, their rms deviation from the line that replaces them, s, is appended to `jitter`.
     Raises InputError with file, line, column and remedy.
     """
     jitter.clear()
-    rate, factors, further = meta.imu.sample_rate_hz, unit_factors(layout, meta), len(meta.secondaries)
+    rate, factors, secondaries = meta.imu.sample_rate_hz, unit_factors(layout, meta), len(meta.secondaries)
     unwrapper = SequenceUnwrapper(1.0 / rate)
     starts: set[tuple[float, ...]] = set()
     times: SampleTimes | None = None
     rows = 0
-    for table in _tables(path, layout, factors, further):
+    for table in _tables(path, layout, factors, secondaries):
         time = table.floats("time_s")
-        here = slice(rows, rows + len(time))
-        if not rows and (not table.counted or are_arrivals(table.integers("seq"), time, 1.0 / rate)):
-            given = np.concatenate([t.floats("time_s") for t in _tables(path, layout, factors, further)])
-            _check_rate(path, sample_period(given, 1.0 / rate), rate)
-            times = sample_times(given, 1.0 / rate)
+        part = slice(rows, rows + len(time))
+        if not rows and (not table.has_counter or are_arrivals(table.integers("seq"), time, 1.0 / rate)):
+            all_times = np.concatenate([t.floats("time_s") for t in _tables(path, layout, factors, secondaries)])
+            _check_rate(path, sample_period(all_times, 1.0 / rate), rate)
+            times = sample_times(all_times, 1.0 / rate)
             jitter += [times.jitter] if times.jitter else []
         if times is not None:
-            time = times.time[here]
-        seq = table.integers("seq") if table.counted or times is None else times.seq[here]
+            time = times.time[part]
+        seq = table.integers("seq") if table.has_counter or times is None else times.seq[part]
         counts = table.counts()
         try:
             unwrapped, clock, restarts = unwrapper.feed(seq, time)
@@ -170,17 +170,17 @@ def csv_rows(path: Path) -> int:
 
 def _text_chunks(path: Path) -> Iterator[str]:
     """Yield the text of the file in chunks of whole lines, without the final line break."""
-    rest = b""
+    remainder = b""
     try:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
             while data := stream.read(_CHUNK_BYTES):
-                data = rest + data
-                cut = data.rfind(b"\n") + 1
-                rest = data[cut:]
-                if cut:
-                    yield data[:cut].decode("utf-8").replace("\r\n", "\n").removesuffix("\n")
-        if rest.strip():
-            yield rest.decode("utf-8")
+                data = remainder + data
+                end = data.rfind(b"\n") + 1
+                remainder = data[end:]
+                if end:
+                    yield data[:end].decode("utf-8").replace("\r\n", "\n").removesuffix("\n")
+        if remainder.strip():
+            yield remainder.decode("utf-8")
     except FileNotFoundError as exc:
         raise InputError("log.not_found", file=path) from exc
     except (EOFError, zlib.error, gzip.BadGzipFile) as exc:
@@ -199,7 +199,7 @@ def _head(path: Path) -> str:
     return head
 
 
-def _tables(path: Path, layout: Layout, factors: Mapping[str, float], further: int) -> "Iterator[_Table]":
+def _tables(path: Path, layout: Layout, factors: Mapping[str, float], secondaries: int) -> "Iterator[_Table]":
     """Yield the rows of samples in chunks. Raises InputError."""
     line, skipped = 1, layout.skipped
     for chunk in _text_chunks(path):
@@ -208,7 +208,7 @@ def _tables(path: Path, layout: Layout, factors: Mapping[str, float], further: i
         text = lines[skipped] if len(lines) > skipped else ""
         skipped -= min(skipped, len(lines))
         if text:
-            table = _Table(path, layout, factors, layout.plain(text), line, further)
+            table = _Table(path, layout, factors, layout.plain(text), line, secondaries)
             line += len(table)
             yield table
 
@@ -222,15 +222,15 @@ def _cells(path: Path, lines: Iterable[str], first: int) -> Iterator[list[str]]:
 
 
 class _Table:
-    """Cells of a chunk by column; `first` is the number of its first line in the file."""
+    """The cells of a chunk by column; `first` is the number of its first line in the file."""
 
     def __init__(
-        self, path: Path, layout: Layout, factors: Mapping[str, float], text: str, first: int, further: int
+        self, path: Path, layout: Layout, factors: Mapping[str, float], text: str, first: int, secondaries: int
     ) -> None:
         self._path = path
         self._layout, self._factors = layout, factors
         self._header = header = layout.names
-        self._further = further
+        self._secondaries = secondaries
         self.first = first
         width = len(header)
         if '"' in text:
@@ -247,16 +247,16 @@ class _Table:
         return len(self._columns[self._header[0]])
 
     @property
-    def counted(self) -> bool:
+    def has_counter(self) -> bool:
         """Whether there is a sample counter."""
         return "seq" in self._header
 
     def _raise_wrong_width(self, text: str) -> None:
         for k, line in enumerate(text.split("\n"), self.first):
-            found = len(next(_cells(self._path, [line], k), []))
-            if found != len(self._header):
+            width = len(next(_cells(self._path, [line], k), []))
+            if width != len(self._header):
                 expected = len(self._header)
-                raise InputError("csv.wrong_width", file=self._path, line=k, found=found, expected=expected)
+                raise InputError("csv.wrong_width", file=self._path, line=k, found=width, expected=expected)
         raise InputError("csv.wrong_widths", file=self._path, line=self.first)
 
     def _wrong_cell(self, code: str, column: str, row: int) -> InputError:
@@ -265,32 +265,32 @@ class _Table:
 
     @cached_property
     def valid(self) -> BoolArray:
-        """Mask of the rows not marked as invalid, shape (n,)."""
+        """Mask of the rows that are not marked as invalid, shape (n,)."""
         if "valid" in self._header:
             return np.asarray(self.integers("valid") != 0)
         return np.ones(len(self), np.bool_)
 
     def counts(self) -> FloatArray:
         """Return the raw output, counts, shape (n, 6); NaN for gyros that are not in the file."""
-        spoilt = ~self.valid
+        invalid = ~self.valid
         absent = np.full(len(self), np.nan)
-        columns = [self.floats(n, spoilt=spoilt) + 0.0 if n in self._header else absent for n in CHANNELS]
+        columns = [self.floats(n, invalid=invalid) + 0.0 if n in self._header else absent for n in CHANNELS]
         return np.column_stack(columns)
 
-    def floats(self, name: str, may_be_empty: bool = False, *, spoilt: BoolArray | None = None) -> FloatArray:
-        """Return a column as float64, shape (n,); empty cells become NaN if permitted or in rows marked in `spoilt`."""
+    def floats(self, name: str, may_be_empty: bool = False, *, invalid: BoolArray | None = None) -> FloatArray:
+        """Return a column as float64, shape (n,); empty cells become NaN if `may_be_empty` or in `invalid` rows."""
         cells = self._columns[name]
-        lenient = may_be_empty or (spoilt is not None and bool(spoilt.any()))
+        lenient = may_be_empty or (invalid is not None and bool(invalid.any()))
         try:
             filled = [cell or "nan" for cell in cells] if lenient else cells
             values = np.fromiter(map(float, filled), np.float64, len(cells))
         except ValueError:
             values = np.array([self._float(name, i, c, lenient) for i, c in enumerate(cells)])
-        wrong = np.isinf(values) if may_be_empty else ~np.isfinite(values)
-        if spoilt is not None:
-            wrong &= ~spoilt
-        if wrong.any():
-            row = int(np.argmax(wrong))
+        is_wrong = np.isinf(values) if may_be_empty else ~np.isfinite(values)
+        if invalid is not None:
+            is_wrong &= ~invalid
+        if is_wrong.any():
+            row = int(np.argmax(is_wrong))
             if not cells[row].strip():
                 raise self._wrong_cell("csv.cell_empty", name, row)
             raise self._wrong_cell("csv.cell_nan" if np.isnan(values[row]) else "csv.cell_infinite", name, row)
@@ -312,9 +312,9 @@ class _Table:
             return np.fromiter(map(int, self._columns[name]), np.int64, len(self._columns[name]))
         except (ValueError, OverflowError):
             values = self.floats(name)
-        odd = (values != np.rint(values)) | (np.abs(values) > 2**53)
-        if odd.any():
-            raise self._wrong_cell("csv.cell_not_whole", name, int(np.argmax(odd)))
+        is_wrong = (values != np.rint(values)) | (np.abs(values) > 2**53)
+        if is_wrong.any():
+            raise self._wrong_cell("csv.cell_not_whole", name, int(np.argmax(is_wrong)))
         return values.astype(np.int64)
 
     def blocks(self, seq: IntArray, time: FloatArray, counts: FloatArray) -> Iterator[SampleBlock]:
@@ -324,8 +324,8 @@ class _Table:
         if ANGLES[0] in self._header:
             angles = snap_angles(np.deg2rad(np.column_stack([self.floats(a, True) for a in ANGLES])))
         step = self.integers("step") if "step" in self._header else np.zeros(n, np.int64)
-        heat = self.floats("temp_c", True) if "temp_c" in self._header else np.full(n, np.nan)
-        others, joints = self._others(n), self._joints(n)
+        temperature = self.floats("temp_c", True) if "temp_c" in self._header else np.full(n, np.nan)
+        secondaries, joints = self._secondary_counts(n), self._joints(n)
         station = self.floats(STATION, True)[:, None] if STATION in self._header else np.empty((n, 0))
         stages = self._columns.get("stage", [self._layout.stage] * n)
         if stages.count(stages[0]) == n:
@@ -334,28 +334,28 @@ class _Table:
             names = np.array(stages)
             edges = np.concatenate(([0], np.flatnonzero(names[1:] != names[:-1]) + 1, [n]))
         for a, b in itertools.pairwise(edges.tolist()):
-            k = slice(a, b)
+            part = slice(a, b)
             yield SampleBlock(
                 stages[a].strip(),
-                seq[k],
-                time[k],
-                counts[k],
-                angles[k],
-                step[k],
-                self.valid[k],
-                heat[k],
-                others[k],
-                joints[k],
-                station[k],
+                seq[part],
+                time[part],
+                counts[part],
+                angles[part],
+                step[part],
+                self.valid[part],
+                temperature[part],
+                secondaries[part],
+                joints[part],
+                station[part],
             )
 
-    def _others(self, count: int) -> FloatArray:
+    def _secondary_counts(self, count: int) -> FloatArray:
         """Return the columns of the secondary IMUs, shape (n, k, 6)."""
-        if not self._further:
+        if not self._secondaries:
             return np.empty((count, 0, 6))
-        names = [name for number in FURTHER_IMUS[: self._further] for name in further_channels(number)]
+        names = [name for number in FURTHER_IMUS[: self._secondaries] for name in further_channels(number)]
         columns = np.column_stack([self.floats(name, True) for name in names]) + 0.0
-        return np.asarray(columns.reshape(count, self._further, 6))
+        return np.asarray(columns.reshape(count, self._secondaries, 6))
 
     def _joints(self, count: int) -> FloatArray:
         """Return the joint angles of a gimbal, rad, shape (n, 3), or (n, 0) without a gimbal."""
@@ -380,10 +380,10 @@ def write_csv_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) ->
 def _write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
     """Write blocks in the CSV format of docs/contract.md; all values are read back exactly."""
     first = next(blocks, None)
-    further = 0 if first is None else first.others.shape[1]
+    secondaries = 0 if first is None else first.others.shape[1]
     channels = [i for i in range(6) if first is None or i >= 3 or has_gyros(first.counts)]
     names = ["seq", "time_s", *(CHANNELS[i] for i in channels), *ANGLES, "stage", "step", "temp_c", "valid"]
-    names += [name for number in FURTHER_IMUS[:further] for name in further_channels(number)]
+    names += [name for number in FURTHER_IMUS[:secondaries] for name in further_channels(number)]
     names += JOINTS if first is not None and first.joints.shape[1] else ()
     names += [STATION] if first is not None and first.station.shape[1] else []
     stream.write(",".join(names) + "\n")
@@ -405,7 +405,7 @@ def _write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
 
 
 def _shortest_degrees(angles: FloatArray) -> FloatArray:
-    """Return degrees, rounded to ten decimals if they are read back as the same `angles`, rad, or else exact."""
+    """Return `angles`, rad, in degrees, rounded to ten decimals if they are read back unchanged."""
     exact = np.rad2deg(angles)
     short = np.round(exact, 10)
     return np.where(snap_angles(np.deg2rad(short)) == angles, short, exact)
@@ -414,8 +414,8 @@ def _shortest_degrees(angles: FloatArray) -> FloatArray:
 def _numbers(values: FloatArray) -> list[str]:
     present = ~np.isnan(values)
     if np.array_equal(values[present], np.rint(values[present])) and np.all(np.abs(values[present]) < 2**53):
-        whole = np.where(present, values, 0.0).astype(np.int64)
-        return [str(v) if t else "" for v, t in zip(whole.tolist(), present.tolist(), strict=True)]
+        integers = np.where(present, values, 0.0).astype(np.int64)
+        return [str(v) if t else "" for v, t in zip(integers.tolist(), present.tolist(), strict=True)]
     return _blank_nan(values)
 
 

@@ -1,4 +1,4 @@
-"""Summary of the samples of a log: range, gaps, temperature and sha256; independent of the division into blocks."""
+"""Summary of the samples of a log: range, gaps, temperature and sha256, which do not depend on the block sizes."""
 
 import hashlib
 import math
@@ -42,8 +42,8 @@ class FactsBuilder:
         self._configuration = meta.to_json()
         self._rows = hashlib.sha256()
         self._stages = hashlib.sha256()
-        self._further = hashlib.sha256()
-        self._has_further = False
+        self._more_columns = hashlib.sha256()
+        self._has_more_columns = False
         self._stage: str | None = None
         self._first = 0
         self._last = -1
@@ -68,11 +68,11 @@ class FactsBuilder:
         rows["step"], rows["valid"] = block.step, block.valid
         rows["temperature"] = np.where(np.isnan(block.temperature), np.nan, block.temperature)
         self._rows.update(rows.data)
-        further = [v.reshape(count, -1) for v in (block.others, block.joints, block.station) if v.shape[1]]
-        if further:
-            self._has_further = True
-            columns = np.hstack(further)
-            self._further.update(np.where(np.isnan(columns), np.nan, columns).astype("<f8").data)
+        more_columns = [v.reshape(count, -1) for v in (block.others, block.joints, block.station) if v.shape[1]]
+        if more_columns:
+            self._has_more_columns = True
+            columns = np.hstack(more_columns)
+            self._more_columns.update(np.where(np.isnan(columns), np.nan, columns).astype("<f8").data)
         if self._samples == 0:
             self._first = int(block.seq[0])
         elif int(block.seq[0]) != self._last + 1:
@@ -89,12 +89,12 @@ class FactsBuilder:
 
     def facts(self) -> LogFacts:
         """Return the summary of the blocks added so far."""
-        whole = hashlib.sha256()
+        digest = hashlib.sha256()
         for part in (self._rows.digest(), self._stages.digest(), self._configuration.encode()):
-            whole.update(part)
-        if self._has_further:  # logs without these columns keep their digest
-            whole.update(self._further.digest())
+            digest.update(part)
+        if self._has_more_columns:  # logs without these columns keep their digest
+            digest.update(self._more_columns.digest())
         temperature = None
         if self._temperature_count:
             temperature = (round(self._temperature_sum / self._temperature_count, 3), self._lowest, self._highest)
-        return LogFacts(self._first, self._last, self._samples, self._gaps, temperature, whole.hexdigest())
+        return LogFacts(self._first, self._last, self._samples, self._gaps, temperature, digest.hexdigest())

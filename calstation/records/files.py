@@ -9,27 +9,27 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-#: Error numbers of a lock that another process holds.
-_HELD = (errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK)
+#: Error numbers for a file that another process has locked.
+_LOCKED_ERRORS = (errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK)
 
 #: Time between two attempts, s.
 _RETRY_INTERVAL = 0.02
 
-#: Time for which `held` retries by default, s, because another process that tests the lock holds it briefly.
+#: Time for which `is_locked` retries by default, s, because a process that tests the lock acquires it briefly.
 TEST_TIMEOUT = 0.2
 
 if sys.platform == "win32":
     import msvcrt
 
     #: Offset of the locked byte, beyond the content of the file, because other processes cannot read a locked byte.
-    _FAR = 1 << 30
+    _LOCK_OFFSET = 1 << 30
 
     def _lock(handle: int, *, shared: bool) -> None:
-        os.lseek(handle, _FAR, os.SEEK_SET)
+        os.lseek(handle, _LOCK_OFFSET, os.SEEK_SET)
         msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
 
     def _unlock(handle: int) -> None:
-        os.lseek(handle, _FAR, os.SEEK_SET)
+        os.lseek(handle, _LOCK_OFFSET, os.SEEK_SET)
         msvcrt.locking(handle, msvcrt.LK_UNLCK, 1)
 
 else:
@@ -43,12 +43,12 @@ else:
 
 
 @contextmanager
-def locked(path: Path, within: float) -> Iterator[None]:
-    """Lock a file, which is created if missing. Raises TimeoutError after `within` s, or OSError."""
+def locked(path: Path, timeout: float) -> Iterator[None]:
+    """Lock a file, which is created if missing. Raises TimeoutError after `timeout` s, or OSError."""
     handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     try:
-        if not take(handle, within):
-            raise TimeoutError(f"{path} is held by another program")
+        if not acquire_lock(handle, timeout):
+            raise TimeoutError(f"{path} is locked by another program")
         try:
             yield
         finally:
@@ -57,17 +57,17 @@ def locked(path: Path, within: float) -> Iterator[None]:
         os.close(handle)
 
 
-def take(handle: int, within: float, *, shared: bool = False) -> bool:
-    """Lock an open file until it is closed; return False if another process held the lock for `within` s.
+def acquire_lock(handle: int, timeout: float, *, shared: bool = False) -> bool:
+    """Lock an open file until it is closed; return False if another process keeps it locked for `timeout` s.
 
     `shared` requests a shared lock where the system has them. Raises OSError if the file system has no locks.
     """
-    deadline = time.monotonic() + within
+    deadline = time.monotonic() + timeout
     while True:
         try:
             _lock(handle, shared=shared)
         except OSError as exc:
-            if exc.errno not in _HELD:
+            if exc.errno not in _LOCKED_ERRORS:
                 raise
             if time.monotonic() >= deadline:
                 return False
@@ -76,14 +76,14 @@ def take(handle: int, within: float, *, shared: bool = False) -> bool:
         time.sleep(_RETRY_INTERVAL)
 
 
-def held(path: Path, within: float = TEST_TIMEOUT) -> bool:
-    """Return whether a process holds the lock on a file for `within` s or longer.
+def is_locked(path: Path, timeout: float = TEST_TIMEOUT) -> bool:
+    """Return whether a process keeps a file locked for `timeout` s or longer.
 
     Raises OSError if the file cannot be opened or locked.
     """
     handle = os.open(path, os.O_RDONLY)
     try:
-        return not take(handle, within)
+        return not acquire_lock(handle, timeout)
     finally:
         os.close(handle)
 
@@ -113,7 +113,7 @@ def write_atomic(path: Path, content: str | bytes, mode: int = 0o644, *, sync: b
 
 
 def partial_path(target: Path) -> Path:
-    """Return the name of a file while it is being written."""
+    """Return the path under which a file is written before it is complete."""
     return target.with_name("partial-" + target.name)
 
 

@@ -1,4 +1,4 @@
-"""Runs as found in an index: one run, many runs in columns, and the conditions that select runs."""
+"""Runs in an index: one run, many runs in columns, and the conditions that select runs."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -43,7 +43,7 @@ class RunRecord:
 
     @property
     def badge(self) -> str:
-        """The verdict as displayed in the window: ``released`` for a failed run whose unit was released."""
+        """The verdict as the window shows it: ``released`` for a failed run whose unit was released."""
         return "released" if self.released else self.verdict
 
 
@@ -63,7 +63,7 @@ class IndexedRun:
 
 @dataclass(frozen=True)
 class Categories(Generic[T]):
-    """A column with repeated values: the distinct values, and the index for each row."""
+    """A column with repeated values, stored as its distinct values and the index of the value of each row."""
 
     values: tuple[T, ...]  #: The distinct values.
     codes: IntArray  #: Index of the value of each row, shape (n,).
@@ -71,8 +71,8 @@ class Categories(Generic[T]):
     @classmethod
     def of(cls, column: Sequence[T]) -> "Categories[T]":
         """Return a column of hashable values."""
-        known = {value: code for code, value in enumerate(dict.fromkeys(column))}
-        return cls(tuple(known), np.array([*map(known.__getitem__, column)], dtype=np.int64))
+        code_of = {value: code for code, value in enumerate(dict.fromkeys(column))}
+        return cls(tuple(code_of), np.array([*map(code_of.__getitem__, column)], dtype=np.int64))
 
     def __getitem__(self, row: int) -> T:
         return self.values[int(self.codes[row])]
@@ -81,14 +81,14 @@ class Categories(Generic[T]):
         """Return the column for some rows."""
         return Categories(self.values, self.codes[rows])
 
-    def among(self, wanted: Collection[T]) -> BoolArray:
-        """Return whether the value of each row is one of `wanted`, shape (n,)."""
+    def among(self, members: Collection[T]) -> BoolArray:
+        """Return a mask of the rows whose value is one of `members`, shape (n,)."""
         flags = np.zeros(len(self.values), dtype=bool)
-        flags[[self._known[value] for value in wanted if value in self._known]] = True
+        flags[[self._code_of[value] for value in members if value in self._code_of]] = True
         return flags[self.codes]
 
     @cached_property
-    def _known(self) -> Mapping[T, int]:
+    def _code_of(self) -> Mapping[T, int]:
         return {value: code for code, value in enumerate(self.values)}
 
 
@@ -128,7 +128,7 @@ class RunFilter:
 
 @dataclass(frozen=True)
 class RunChoices:
-    """The values that occur in the runs of a folder, sorted, and their earliest start, "" without runs."""
+    """The sorted values in the runs of a folder, and the earliest start, "" without runs."""
 
     products: tuple[str, ...] = ()
     stations: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Laboratory and instruments stated on a certificate; stored in the log, so that result and log suffice."""
+"""Laboratory and instruments of a certificate. They are stored in the log, so that result and log suffice."""
 
 from datetime import date
 from typing import Annotated, Any, Literal
@@ -9,7 +9,7 @@ from calstation.schema import EntryError, StrictModel
 
 
 def _as_date(value: Any) -> date:
-    """Return a date from TOML unchanged, and a date from a stored log, which is a text, as a date."""
+    """Return a date of a TOML file unchanged, and parse the text of a date in a stored log."""
     if isinstance(value, date):
         return value
     try:
@@ -19,7 +19,7 @@ def _as_date(value: Any) -> date:
 
 
 _Text = Annotated[str, Field(min_length=1)]
-#: A day; ISO 8601 text in a log.
+#: A date, which is ISO 8601 text in a log.
 Day = Annotated[date, BeforeValidator(_as_date), PlainSerializer(date.isoformat)]
 
 

@@ -27,7 +27,7 @@ class DamagedRows:
 
     @property
     def missing(self) -> str:
-        """First and last missing sequence number, as far as known."""
+        """First and last missing sequence number, as far as they are known."""
         first = "" if self.after is None else f"{self.after + 1}"
         last = "" if self.before is None else f"{self.before - 1}"
         return f"{first}…{last}"
@@ -35,8 +35,8 @@ class DamagedRows:
 
 def damage_summary(damaged: Sequence[DamagedRows]) -> dict[str, int | str]:
     """Return the values for a message about damaged rows: their number, and the first missing intervals."""
-    where = [part.missing for part in damaged[:_LISTED]] + ["…"] * (len(damaged) > _LISTED)
-    return {"rows": sum(part.count for part in damaged), "where": ", ".join(where)}
+    intervals = [part.missing for part in damaged[:_LISTED]] + ["…"] * (len(damaged) > _LISTED)
+    return {"rows": sum(part.count for part in damaged), "where": ", ".join(intervals)}
 
 
 @dataclass
@@ -52,7 +52,7 @@ class Log:
     stored_sha256: str | None = None  #: Digest recorded at the end of the run.
     #: Damaged rows of a raw log, which are omitted as gaps; known after all samples have been read.
     damaged_rows: tuple[DamagedRows, ...] = ()
-    _found: list[DamagedRows] = field(default_factory=list)
+    _damaged: list[DamagedRows] = field(default_factory=list)
     _jitter: list[float] = field(default_factory=list)
     _facts: LogFacts | None = None
 
@@ -63,10 +63,10 @@ class Log:
         """
         any_sample = False
         for block in self._all_blocks():
-            chosen = _between(block, first_seq, last_seq)
-            if len(chosen):
+            selected = _between(block, first_seq, last_seq)
+            if len(selected):
                 any_sample = True
-                yield chosen
+                yield selected
         if any_sample:
             return
         facts = self.facts()
@@ -96,12 +96,12 @@ class Log:
     def _all_blocks(self) -> Iterator[SampleBlock]:
         """Yield all samples; at the end, set damaged rows and facts. Raises InputError."""
         builder = FactsBuilder(self.meta)
-        self._found.clear()
+        self._damaged.clear()
         for block in self._scan():
             builder.add(block)
             yield block
         facts = builder.facts()
-        self.damaged_rows = tuple(self._found)
+        self.damaged_rows = tuple(self._damaged)
         if self.stored_sha256 is not None and not self.damaged_rows and facts.sha256 != self.stored_sha256:
             raise InputError("log.altered", file=self.path)
         self._facts = replace(facts, damaged=sum(part.count for part in self.damaged_rows))
@@ -123,7 +123,7 @@ def truth_path(path: Path) -> Path:
 def read_truth(path: Path) -> dict[str, float]:
     """Read the true parameters of a simulated recording, SI; empty for a recording of a real unit."""
     try:
-        found = json.loads(truth_path(path).read_text(encoding="utf-8"))
-        return {str(name): float(value) for name, value in found.items()}
+        values = json.loads(truth_path(path).read_text(encoding="utf-8"))
+        return {str(name): float(value) for name, value in values.items()}
     except (OSError, ValueError, AttributeError, TypeError):
         return {}

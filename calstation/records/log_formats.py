@@ -19,7 +19,7 @@ class LogFormat:
 
     name: str
     suffixes: tuple[str, ...]
-    #: Opens a log, given its path and that of its configuration, None for the usual one. Raises InputError.
+    #: Opens a log, given its path and the path of its configuration, None for the default. Raises InputError.
     open: Callable[[Path, Path | None], Log]
     #: Writes samples and configuration; a failure leaves no log. Raises InputError or ConfigurationError.
     write: Callable[[Path, LogMeta, Iterator[SampleBlock]], object]
@@ -38,7 +38,7 @@ LOG_SUFFIXES = tuple(sorted((s for each in LOG_FORMATS for s in each.suffixes), 
 
 
 def log_format(path: Path) -> LogFormat | None:
-    """Return the format of a log by its name; None for another file."""
+    """Return the format of a log according to its name; None for any other file."""
     return next((each for each in LOG_FORMATS if path.name.endswith(each.suffixes)), None)
 
 
@@ -47,15 +47,16 @@ def open_log(path: Path, meta_file: Path | None = None) -> Log:
 
     Raises InputError if the file is missing or of another type, or if its configuration is invalid.
     """
-    known = log_format(path)
-    if known is None:
-        raise InputError("log.not_a_log", file=path)
-    return known.open(path, meta_file)
+    return _required_format(path).open(path, meta_file)
 
 
 def estimated_rows(path: Path) -> int:
     """Return the number of samples in a log, possibly estimated; at least 1. Raises InputError."""
+    return max(1, _required_format(path).count_rows(path))
+
+
+def _required_format(path: Path) -> LogFormat:
     known = log_format(path)
     if known is None:
         raise InputError("log.not_a_log", file=path)
-    return max(1, known.count_rows(path))
+    return known

@@ -37,9 +37,9 @@ from calstation.records.product import ChecksSection, ConformitySection, Limit, 
 from calstation.schema import EntryError, StrictModel, load, near_miss, validate
 
 _UNIT_TOLERANCE = 1e-3
-#: Largest negative eigenvalue of a correlation matrix that rounding explains.
+#: Largest magnitude of a negative eigenvalue of a correlation matrix that may be due to rounding.
 _ROUNDING = 1e-9
-#: Permitted numbers of secondary IMUs in files.
+#: Numbers that secondary IMUs may have in files.
 FURTHER_IMUS = tuple(range(2, 10))
 
 
@@ -95,7 +95,7 @@ class FurtherImuSection(ImuSection):
 
 
 class TableSection(StrictModel):
-    """`[table]`: axes of the table, and accuracy of its angles and of its rest."""
+    """`[table]`: axes of the table, and accuracy of its angles and of its velocity at rest."""
 
     outer_axis: list[float] = Field(default=[1.0, 0.0, 0.0], min_length=3, max_length=3)
     inner_axis: list[float] = Field(default=[0.0, 0.0, 1.0], min_length=3, max_length=3)
@@ -322,8 +322,8 @@ def context_from_meta(meta: LogMeta) -> SolveContext:
 
 
 def _imu_model(imu: ImuSection) -> ImuModel:
-    same = imu.model_dump(exclude={"sample_rate_hz", "stored"})
-    return ImuModel(sample_rate=imu.sample_rate_hz, **same)
+    fields = imu.model_dump(exclude={"sample_rate_hz", "stored"})
+    return ImuModel(sample_rate=imu.sample_rate_hz, **fields)
 
 
 def _table_model(table: TableSection) -> TableModel:
@@ -353,7 +353,7 @@ def _normalised(axis: list[float]) -> tuple[float, float, float]:
 
 
 def prior_from_meta(meta: LogMeta) -> Posterior:
-    """Return the prior of the 30 parameters before the first stage; 0 with default sigma if not given."""
+    """Return the prior of the 30 parameters before the first stage; by default 0 with the default sigma."""
     mean = np.zeros(COUNT)
     sigma = np.array([p.prior_sigma for p in PARAMETERS])
     for name, prior in meta.prior.items():
@@ -381,23 +381,23 @@ def covariance_from(sigma: FloatArray, correlation: Mapping[str, Mapping[str, fl
 def correlation_of(covariance: FloatArray) -> dict[str, dict[str, float]]:
     """Return the correlations of a covariance, shape (30, 30), of each parameter with earlier ones, without zeros."""
     sigma = np.sqrt(np.diag(covariance))
-    found: dict[str, dict[str, float]] = {}
+    correlations: dict[str, dict[str, float]] = {}
     for i, name in enumerate(NAMES):
         for j, other in enumerate(NAMES[:i]):
             if covariance[i, j] != 0.0:
                 coefficient = covariance[i, j] / (sigma[i] * sigma[j])
-                found.setdefault(name, {})[other] = float(np.clip(coefficient, -1.0, 1.0))
-    return found
+                correlations.setdefault(name, {})[other] = float(np.clip(coefficient, -1.0, 1.0))
+    return correlations
 
 
 def pair_path(folder: Path, primary: str, secondary: str) -> Path:
-    """Return the path of the file of a pair of IMUs, which is named after both serial numbers."""
+    """Return the path of the file for a pair of IMUs, which is named after both serial numbers."""
     names = [re.sub(r"[^A-Za-z0-9.-]", "-", serial) for serial in (primary, secondary)]
     return folder / f"{names[0]}_{names[1]}.toml"
 
 
 def load_pair(folder: Path, primary: str, secondary: str) -> StoredPair:
-    """Load the last cross-calibration of a pair; empty if there is none. Raises InputError for a damaged file."""
+    """Load the last cross-calibration of a pair, empty if there is none. Raises InputError if the file is damaged."""
     path = pair_path(folder, primary, secondary)
     if not path.exists():
         return StoredPair()

@@ -1,4 +1,4 @@
-"""Limits, acceptance checks and decision rule of a product, as in its file and in the configuration of a log.
+"""Limits, acceptance checks and decision rule of a product in its file and in the configuration of a log.
 
 `calstation.judgement` compares results with them.
 """
@@ -59,14 +59,14 @@ class Limit(StrictModel):
         return -self.within, self.within
 
     def about(self, nominal: float) -> "Limit":
-        """Return the limits of a parameter whose nominal value is not 0."""
+        """Return the limits shifted by the nominal value of a parameter."""
         if self.interval is None:
             return self
         return self.model_copy(update={"within": [end + nominal for end in self.interval]})
 
 
 def check_limit_names(names: Iterable[str]) -> None:
-    """Raise EntryError for a name that is neither a parameter nor a group."""
+    """Raise EntryError if a name is neither a parameter nor a group."""
     further = (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)
     known = (*NAMES, *GROUPS, *(p.name for p in further), *dict.fromkeys(p.group for p in further))
     for name in names:
@@ -99,9 +99,9 @@ class ImprovementAtRest(StrictModel):
     """Largest remaining fraction of the uncalibrated difference in magnitude between force and gravity."""
 
     below: float = Field(gt=0)  #: Largest remaining fraction.
-    #: If that fraction is less than this, m/s², the remaining error is compared with this instead.
+    #: Smallest limit of the remaining error, m/s²; it applies if the fraction `below` would be smaller.
     or_within: float = Field(default=0.0, ge=0)
-    positions: Positions | None = None  #: The rests; default: all.
+    positions: Positions | None = None  #: Rests that are compared; default: all.
     stage: str | None = None  #: Stage of the rests; default: the last stage with rests.
 
 
@@ -121,7 +121,7 @@ class MotionAngle(StrictModel):
     reference: Literal["gravity"] | None = None
     within: float | None = Field(default=None, gt=0)  #: Largest error, rad.
     below: float | None = Field(default=None, gt=0)  #: Largest remaining fraction of the uncalibrated error.
-    #: If that fraction is less than this, rad, the remaining error is compared with this instead.
+    #: Smallest limit of the remaining error, rad; it applies if the fraction `below` would be smaller.
     or_within: float = Field(default=0.0, ge=0)
     #: Every two of these rests are compared, with all motions between them; default: consecutive rests.
     positions: Positions | None = Field(default=None, min_length=2)
@@ -198,5 +198,5 @@ class ChecksSection(StrictModel):
     @property
     def need_samples(self) -> bool:
         """Whether a check needs the rests and motions of the stages."""
-        needed = (self.gravity_at_rest, self.improvement_at_rest, self.level, self.motion_angle)
-        return any(check is not None for check in needed)
+        checks = (self.gravity_at_rest, self.improvement_at_rest, self.level, self.motion_angle)
+        return any(check is not None for check in checks)

@@ -1,8 +1,8 @@
 """Writer of the raw log: HDF5 in SWMR mode; a killed process or a power failure loses less than two seconds.
 
 The samples are in one compound dataset, so that their columns have equal lengths after a crash. Configuration, events,
-results and the closing record are JSON lines in byte datasets. Everything is created before SWMR mode is switched on,
-because nothing can be created afterwards. Samples are not compressed: rewriting a partly filled compressed chunk at
+results and the closing record are JSON lines in byte datasets. All datasets are created before SWMR mode is switched
+on, because HDF5 cannot create any afterwards. Samples are not compressed: rewriting a partly filled compressed chunk at
 every flush would waste file space, and an incompletely written chunk would lose all its rows. Every row has a checksum,
 so that individual damaged rows can be identified.
 
@@ -35,7 +35,7 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text, os_reason
 from calstation.records.facts import FactsBuilder, LogFacts
-from calstation.records.files import take
+from calstation.records.files import acquire_lock
 from calstation.records.meta import LogMeta
 from calstation.records.superblock import SUPERBLOCK, superblock_end
 
@@ -73,10 +73,10 @@ _SEED = np.uint64(0x9E3779B97F4A7C15)
 
 def row_dtype(further_imus: int, joints: bool, station: bool = False) -> np.dtype:
     """Return the dtype of a row with a number of secondary IMUs, the joints of a gimbal, and the station's time."""
-    further = [("others", "<f8", (further_imus, 6))] if further_imus else []
+    others = [("others", "<f8", (further_imus, 6))] if further_imus else []
     gimbal = [("joints", "<f8", (3,))] if joints else []
     clock = [("station", "<f8", (1,))] if station else []
-    return np.dtype([*ROW.descr, *further, *gimbal, *clock, (CHECK, "<u4")])
+    return np.dtype([*ROW.descr, *others, *gimbal, *clock, (CHECK, "<u4")])
 
 
 def row_checks(rows: np.ndarray | Mapping[str, np.ndarray]) -> NDArray[np.uint32]:
@@ -85,16 +85,16 @@ def row_checks(rows: np.ndarray | Mapping[str, np.ndarray]) -> NDArray[np.uint32
     `rows` is an array with the dtype `row_dtype`, or its columns in this order, which is faster.
     """
     names = rows.keys() if isinstance(rows, Mapping) else rows.dtype.names or ()
-    total = np.full(len(rows["seq"]), _SEED, np.uint64)
+    sums = np.full(len(rows["seq"]), _SEED, np.uint64)
     number = itertools.count()
     for name in names:
         if name == CHECK:
             continue
         values = rows[name]
         bits = values.view(np.uint64) if values.dtype.itemsize == 8 else values.astype(np.uint64)
-        for column in bits.reshape(len(total), -1).T:
-            total += column * _multiplier(next(number))
-    return (total >> np.uint64(32)).astype(np.uint32)
+        for column in bits.reshape(len(sums), -1).T:
+            sums += column * _multiplier(next(number))
+    return (sums >> np.uint64(32)).astype(np.uint32)
 
 
 @cache
@@ -112,14 +112,14 @@ def free_space(path: Path) -> int:
     return shutil.disk_usage(path.parent).free
 
 
-#: Writers with a failed write, kept referenced because closing their file may crash the process.
+#: Writers after a failed write; they are kept because closing their file may crash the process.
 _abandoned: list["RawLogWriter"] = []
 
 
 class RawLogWriter:
     """Appends samples, events and results of a run to a new file.
 
-    `joints` is True if the blocks have gimbal joints, `station` if they may have the station's time.
+    `joints` specifies whether the blocks have gimbal joints, `station` whether they may have the station's time.
 
     The file is locked until the writer closes it (`raw_read.being_written`). Data are buffered between flushes;
     `service`, which every append calls, flushes and syncs when due. Raises ConfigurationError if the file cannot be
@@ -134,7 +134,7 @@ class RawLogWriter:
             # HDF5 would release its own lock when SWMR mode is switched on.
             self._file = h5py.File(path, "x", libver="latest", locking=False)
             self._sync_handle = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
-            locked = take(self._sync_handle, _LOCK_TIMEOUT, shared=True)
+            locked = acquire_lock(self._sync_handle, _LOCK_TIMEOUT, shared=True)
         except OSError as exc:
             raise ConfigurationError("log.not_created", file=path, reason=_os_reason(exc)) from exc
         if not locked:
@@ -144,18 +144,18 @@ class RawLogWriter:
         self._file.attrs["meta_crc32"] = zlib.crc32(configuration.tobytes())
         self._file.create_dataset("meta", data=configuration)
         self._row = row_dtype(len(meta.secondaries), joints, station)
-        self._samples = self._growing("samples", self._row, CHUNK_ROWS)
-        self._stage_names = self._growing("stages", "S64", 16)
+        self._samples = self._create_growing("samples", self._row, CHUNK_ROWS)
+        self._stage_names = self._create_growing("stages", "S64", 16)
         for name in _TEXTS:
-            self._growing(name, np.uint8, 8192)
+            self._create_growing(name, np.uint8, 8192)
         self._file.swmr_mode = True
         self._facts = FactsBuilder(meta)
         self._stages: dict[str, int] = {}
         self._stage = ""
         self._rows: list[np.ndarray] = []
         self._lines: dict[str, list[str]] = {name: [] for name in _TEXTS}
-        self._flushed = self._synced = time.monotonic()
-        self._refused = self._warned = False
+        self._flushed_at = self._synced_at = time.monotonic()
+        self._failed = self._warned = False
         self._failure: ConfigurationError | None = None
         self._disk = ThreadPoolExecutor(1, "log-disk")
         self._syncing = self._disk.submit(lambda: None)
@@ -163,7 +163,7 @@ class RawLogWriter:
 
     def append(self, block: SampleBlock) -> None:
         """Append a block; the end of a stage is flushed immediately."""
-        if len(block) == 0 or self._refused:
+        if len(block) == 0 or self._failed:
             return
         if block.stage != self._stage:
             self.flush()
@@ -187,7 +187,7 @@ class RawLogWriter:
 
     def event(self, event: Mapping[str, Any]) -> None:
         """Append an event, a mapping of JSON values."""
-        if self._refused:
+        if self._failed:
             return
         self._write_line("events", event)
         self.service()
@@ -202,17 +202,17 @@ class RawLogWriter:
         return self._facts.facts()
 
     def service(self) -> None:
-        """Flush and sync if due; to be called at every tick, with or without data. Raises ConfigurationError once."""
+        """Flush and sync if due; must be called at every tick, with or without data. Raises ConfigurationError once."""
         now = time.monotonic()
-        if now - self._flushed >= FLUSH_INTERVAL:
+        if now - self._flushed_at >= FLUSH_INTERVAL:
             self.flush()
         self._raise_failure()
-        if now - self._synced >= SYNC_INTERVAL and self._syncing.done():
+        if now - self._synced_at >= SYNC_INTERVAL and self._syncing.done():
             self.begin_sync()
 
     def flush(self) -> None:
         """Pass all data to the operating system, so that they survive the end of this process."""
-        if self._refused:
+        if self._failed:
             return
         with self._writing():
             if self._rows:
@@ -226,7 +226,7 @@ class RawLogWriter:
                     _extend(self._file[name], "".join(lines))
                     lines.clear()
             self._file.flush()
-        self._flushed = time.monotonic()
+        self._flushed_at = time.monotonic()
 
     def sync(self) -> None:
         """Flush and wait until all data are on disk, so that they survive a power failure."""
@@ -236,9 +236,9 @@ class RawLogWriter:
     def begin_sync(self) -> Future[None]:
         """Flush and start to write to disk in the background; a later `service` raises any failure."""
         self.flush()
-        if not self._refused:
+        if not self._failed:
             self._syncing = self._disk.submit(self._sync_in_background)
-            self._synced = time.monotonic()
+            self._synced_at = time.monotonic()
         return self._syncing
 
     def _sync_in_background(self) -> None:
@@ -266,7 +266,7 @@ class RawLogWriter:
         facts = self.facts()
         if not self._file:
             return facts
-        if self._refused:
+        if self._failed:
             # Closing a file after a failed write may crash the process inside HDF5, so it stays open.
             if self not in _abandoned:
                 _abandoned.append(self)
@@ -283,11 +283,11 @@ class RawLogWriter:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Convert a failed write to a ConfigurationError; the log is left unchanged and no more data are written."""
+        """Convert a failed write to a ConfigurationError, after which no more data are written."""
         try:
             yield
         except (OSError, RuntimeError) as exc:  # h5py raises both
-            self._refused = True
+            self._failed = True
             with suppress(OSError):
                 self._extend_to_stated_length()
             raise ConfigurationError("log.not_written", file=self.path, reason=_os_reason(exc)) from exc
@@ -299,7 +299,7 @@ class RawLogWriter:
         if os.fstat(self._sync_handle).st_size < length:
             os.ftruncate(self._sync_handle, length)
 
-    def _growing(self, name: str, dtype: DTypeLike, chunk: int) -> h5py.Dataset:
+    def _create_growing(self, name: str, dtype: DTypeLike, chunk: int) -> h5py.Dataset:
         return self._file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(chunk,))
 
     def _write_line(self, name: str, content: Mapping[str, Any]) -> None:
@@ -325,7 +325,7 @@ class _ReplacedError(OSError):
 
 
 def _os_reason(error: OSError | RuntimeError) -> Text:
-    """Return why a file cannot be written; h5py includes the system's error number only in its message."""
+    """Return the reason why a file cannot be written; h5py gives the system's error number only in its message."""
     if isinstance(error, _ReplacedError):
         return Text("log.replaced")
     if isinstance(error, OSError) and error.errno:

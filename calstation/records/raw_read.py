@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, true_intervals
 from calstation.messages import os_reason
-from calstation.records.files import TEST_TIMEOUT, held
+from calstation.records.files import TEST_TIMEOUT, is_locked
 from calstation.records.log import DamagedRows, Log
 from calstation.records.meta import meta_from_json
 from calstation.records.raw_log import CHECK, CHUNK_ROWS, FORMAT, row_checks
-from calstation.records.superblock import SUPERBLOCK, AsClosed, left_open, sound, superblock_end
+from calstation.records.superblock import SUPERBLOCK, AsClosed, is_left_open, superblock_end, superblock_valid
 
 _READ_ROWS = 16 * CHUNK_ROWS
 #: Exceptions that h5py raises for a damaged file.
@@ -31,17 +31,17 @@ _NO_DAMAGE = np.empty((0, 2), np.int64)
 _ATTEMPTS, _RETRY_INTERVAL = 4, 0.05
 
 
-def sound_rows(damaged: NDArray[np.int64], start: int, stop: int) -> NDArray[np.int64]:
+def intact_rows(damaged: NDArray[np.int64], start: int, stop: int) -> NDArray[np.int64]:
     """Return the stored row numbers of the intact rows `start` to `stop`; `damaged` is as in `raw_rows`."""
-    left_out = np.cumsum(damaged[:, 1])
+    omitted = np.cumsum(damaged[:, 1])
     number = np.arange(start, stop)
-    parts_before = np.searchsorted(damaged[:, 0] - left_out + damaged[:, 1], number, side="right")
-    return np.asarray(number + np.concatenate([[0], left_out])[parts_before], np.int64)
+    intervals_before = np.searchsorted(damaged[:, 0] - omitted + damaged[:, 1], number, side="right")
+    return np.asarray(number + np.concatenate([[0], omitted])[intervals_before], np.int64)
 
 
 def open_raw(path: Path, _: Path | None = None) -> Log:
     """Open a raw log, of which configuration, events and results are read. Raises InputError."""
-    with _opened(path) as file:
+    with _open_for_reading(path) as file:
         stored = file["meta"][:]
         if zlib.crc32(stored) != file.attrs["meta_crc32"]:
             raise InputError("log.damaged_configuration", file=path, detail="crc32")
@@ -49,7 +49,7 @@ def open_raw(path: Path, _: Path | None = None) -> Log:
         events, results, closing = (_json_lines(file, name) for name in ("events", "results", "closing"))
     last, damaged = closing[-1] if closing else {}, list[DamagedRows]()
     blocks = partial(raw_blocks, path, damaged)
-    return Log(path, meta, blocks, events, results, last.get("outcome"), last.get("sha256"), _found=damaged)
+    return Log(path, meta, blocks, events, results, last.get("outcome"), last.get("sha256"), _damaged=damaged)
 
 
 def being_written(path: Path, within: float = TEST_TIMEOUT) -> bool:
@@ -58,7 +58,7 @@ def being_written(path: Path, within: float = TEST_TIMEOUT) -> bool:
     Raises InputError for an unreadable file.
     """
     try:
-        return held(path, within)
+        return is_locked(path, within)
     except OSError as exc:
         raise InputError("log.unreadable", file=path, reason=os_reason(exc)) from exc
 
@@ -81,33 +81,33 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
 
     Raises InputError if other parts of the file are damaged.
     """
-    with _opened(path) as file:
+    with _open_for_reading(path) as file:
         samples = file["samples"]
         names = [name.decode(errors="replace") for name in file["stages"][:]]
         closed = file["closing"].shape[0] > 0
         end = _row_count(path, samples)
-        last, good_end = -1, 0
+        last, intact_end = -1, 0
         stored = np.empty(min(_READ_ROWS, end), samples.dtype)
         for start in range(0, end, _READ_ROWS):
             rows = stored[: end - start]
             _read(samples, start, rows)
             columns = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
-            sound = (columns["stage"] < len(names)) & (row_checks(columns) == columns[CHECK])
-            sound &= _rising(columns["seq"], sound, last)
-            for a, b in true_intervals(sound):
-                if damaged is not None and start + a > good_end:
+            intact = (columns["stage"] < len(names)) & (row_checks(columns) == columns[CHECK])
+            intact &= _is_increasing(columns["seq"], intact, last)
+            for a, b in true_intervals(intact):
+                if damaged is not None and start + a > intact_end:
                     after = None if last < 0 else last
-                    damaged.append(DamagedRows(good_end, start + a - good_end, after, int(columns["seq"][a])))
-                last, good_end = int(columns["seq"][b - 1]), start + b
+                    damaged.append(DamagedRows(intact_end, start + a - intact_end, after, int(columns["seq"][a])))
+                last, intact_end = int(columns["seq"][b - 1]), start + b
                 yield from _blocks(columns, a, b, names)
-        lost = int(samples.shape[0]) - good_end
-        if damaged is not None and closed and lost > 0:
-            damaged.append(DamagedRows(good_end, lost, None if last < 0 else last, None))
+        missing = int(samples.shape[0]) - intact_end
+        if damaged is not None and closed and missing > 0:
+            damaged.append(DamagedRows(intact_end, missing, None if last < 0 else last, None))
 
 
 def row_count(path: Path) -> int:
     """Return the number of rows in a raw log, including damaged ones. Raises InputError."""
-    with _opened(path) as file:
+    with _open_for_reading(path) as file:
         return _row_count(path, file["samples"])
 
 
@@ -116,12 +116,12 @@ def raw_rows(path: Path, start: int, stop: int, damaged: NDArray[np.int64] = _NO
 
     `damaged` contains the first row and the number of rows of each damaged interval, shape (n, 2). Raises InputError.
     """
-    with _opened(path) as file:
+    with _open_for_reading(path) as file:
         samples = file["samples"]
         end = int(samples.shape[0]) - int(damaged[:, 1].sum())
-        rows = sound_rows(damaged, start, max(start, min(stop, end)))
-        stretches = np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1) if len(rows) else []
-        return np.concatenate([samples[:0], *(samples[part[0] : part[-1] + 1] for part in stretches)])
+        rows = intact_rows(damaged, start, max(start, min(stop, end)))
+        intervals = np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1) if len(rows) else []
+        return np.concatenate([samples[:0], *(samples[part[0] : part[-1] + 1] for part in intervals)])
 
 
 def _row_count(path: Path, samples: h5py.Dataset) -> int:
@@ -141,10 +141,10 @@ def _read(samples: h5py.Dataset, start: int, rows: np.ndarray) -> None:
             _read(samples, start + first, rows[first : first + CHUNK_ROWS])
 
 
-def _rising(seq: NDArray[np.int64], sound: NDArray[np.bool_], last: int) -> NDArray[np.bool_]:
+def _is_increasing(seq: NDArray[np.int64], intact: NDArray[np.bool_], last: int) -> NDArray[np.bool_]:
     """Return a mask of the intact rows whose sequence number exceeds all preceding ones."""
-    kept = np.where(sound, seq, -1)
-    return kept > np.maximum.accumulate(np.concatenate([[last], kept[:-1]]))
+    numbers = np.where(intact, seq, -1)
+    return numbers > np.maximum.accumulate(np.concatenate([[last], numbers[:-1]]))
 
 
 def _blocks(columns: Mapping[str, np.ndarray], start: int, stop: int, names: list[str]) -> Iterator[SampleBlock]:
@@ -167,7 +167,7 @@ def _blocks(columns: Mapping[str, np.ndarray], start: int, stop: int, names: lis
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[h5py.File]:
+def _open_for_reading(path: Path) -> Iterator[h5py.File]:
     """Open an HDF5 file for reading; every failure inside the context is raised as InputError."""
     if not path.is_file():
         raise InputError("log.not_found", file=path)
@@ -195,10 +195,10 @@ def _open(path: Path, stack: ExitStack) -> h5py.File:
     """Open the file, whether or not it was closed. Raises InputError for another format, or `_BROKEN`."""
     with path.open("rb") as stream:
         head = stream.read(SUPERBLOCK)
-    if not sound(head):
+    if not superblock_valid(head):
         raise OSError("the superblock is damaged")
     short = path.stat().st_size < superblock_end(head)
-    source = stack.enter_context(AsClosed(path)) if short or left_open(head) else path
+    source = stack.enter_context(AsClosed(path)) if short or is_left_open(head) else path
     # without HDF5's chunk cache, which would not be reused
     file = stack.enter_context(h5py.File(source, "r", libver="latest", rdcc_nbytes=0))
     if not _is_raw_log(file):

@@ -44,19 +44,19 @@ def report_file(folder: Path) -> ChainedFile[IssuedReport]:
 
 
 def read_reports(folder: Path) -> list[IssuedReport]:
-    """Read the reports of a folder, the oldest first; none if there is no file. Raises InputError."""
+    """Read the reports of a folder, the oldest first; an empty list if there is no file. Raises InputError."""
     return report_file(folder).entries("report.record_damaged")
 
 
 def issued_reports(folder: Path, trail: AuditTrail, number: str) -> list[IssuedReport]:
     """Return the reports with a number that are recorded next to the logs of a folder or in the site's audit trail.
 
-    They are in the order of their revisions. Two reports with the same revision have different content: one was issued
-    for a copy of the log. Raises InputError if the record next to the logs cannot be read.
+    They are sorted by revision. Two reports with the same revision differ if one was issued for a copy of the log.
+    Raises InputError if the record next to the logs cannot be read.
     """
     events = (_from_event(event) for event in trail.entries if event.event == _EVENT)
-    same = dict.fromkeys(each for each in (*read_reports(folder), *events) if each is not None)
-    return sorted((each for each in same if each.number == number), key=lambda each: each.revision)
+    reports = dict.fromkeys(each for each in (*read_reports(folder), *events) if each is not None)
+    return sorted((each for each in reports if each.number == number), key=lambda each: each.revision)
 
 
 def audit_values(report: IssuedReport) -> dict[str, Any]:
@@ -65,9 +65,9 @@ def audit_values(report: IssuedReport) -> dict[str, Any]:
 
 
 def _from_event(event: AuditEvent) -> IssuedReport | None:
-    """Return the report of an event; None if its content is unknown."""
-    known = {field.name: event.values[field.name] for field in fields(IssuedReport) if field.name in event.values}
+    """Return the report of an event; None if the event is not valid for this version of the program."""
+    values = {field.name: event.values[field.name] for field in fields(IssuedReport) if field.name in event.values}
     try:
-        return TypeAdapter(IssuedReport).validate_python({**known, "reason": event.why or None})
+        return TypeAdapter(IssuedReport).validate_python({**values, "reason": event.why or None})
     except ValidationError:
         return None

@@ -47,5 +47,5 @@ def append_resolve(folder: Path, record: ResolveRecord) -> None:
 
 
 def read_resolves(folder: Path) -> list[ResolveRecord]:
-    """Read the records of a folder, the oldest first; none if there is no file. Raises InputError."""
+    """Read the records of a folder, the oldest first; an empty list if there is no file. Raises InputError."""
     return resolve_file(folder).entries("result.resolves_damaged")

@@ -1,4 +1,4 @@
-"""Search index of runs in SQLite. The files of the runs are authoritative; a lost index is rebuilt from them."""
+"""Search index of runs in SQLite. The files of the runs are authoritative, and a lost index is rebuilt from them."""
 
 import json
 import math
@@ -62,19 +62,19 @@ _BUSY_S = 5.0
 _RETRY_S = 10.0
 
 #: Number of runs that are removed at once, so that other programs do not wait for the index.
-_AT_ONCE = 1000
+_MAX_REMOVED = 1000
 
 #: SQLite errors for a damaged file or a file that is not a database; all others, such as a full disk, may be temporary.
 _DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
-#: Prefix of the table's quantities among the parameters of a row; rows of earlier versions have none.
-_OF_TABLE = "table."
+#: Prefix of the table's quantities among the parameters of a row.
+_TABLE_PREFIX = "table."
 
 T = TypeVar("T")
 
 
 _RECORD = TypeAdapter(RunRecord)
-#: Content of `failed_checks` without any.
+#: Content of `failed_checks` if no check failed.
 _NO_CHECKS = "[]"
 #: Fields of a run that are columns; `text` is the searched text, `content` the whole `RunRecord` as JSON. `parameters`
 #: is a list of names and `failed_checks` a list of kinds and subjects as JSON; `numbers` contains the values of all
@@ -124,10 +124,10 @@ class RunIndex:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._path = folder / FILE
-        self.lost = False  #: Whether the index may lack runs, because it is new or its file could not be used before.
+        self.may_lack_runs = False  #: Whether runs may be missing, because the index is new or its file was unusable.
         self._engine = _file_engine(self._path)
-        self._memory: Engine | None = None  #: Replaces the file until `_again`.
-        self._again = 0.0
+        self._memory: Engine | None = None  #: Replaces the file until `_retry_at`.
+        self._retry_at = 0.0
         #: Stamps as last read, with the value of `mark` at that time.
         self._stamps: tuple[str | None, dict[str, str]] = (None, {})
         self._try(_create)
@@ -149,21 +149,21 @@ class RunIndex:
 
         return self._try(read)
 
-    def put(self, runs: Iterable[IndexedRun], gone: Iterable[str] = ()) -> None:
-        """Add or replace runs of the folder, and remove those in `gone`."""
-        rows, removed = [_row(run) for run in runs], [*gone]
+    def update(self, runs: Iterable[IndexedRun], removed: Iterable[str] = ()) -> None:
+        """Add or replace runs of the folder, and remove those in `removed`."""
+        rows, names = [_row(run) for run in runs], [*removed]
 
         def change(connection: Connection) -> None:
-            for name in removed:
+            for name in names:
                 connection.execute(delete(_runs).where(_runs.c.origin == "", _runs.c.name == name))
             _store(connection, rows)
 
-        if rows or removed:
+        if rows or names:
             self._try(change)
 
-    def own(self, names: Sequence[str]) -> list[IndexedRun]:
+    def named(self, names: Sequence[str]) -> list[IndexedRun]:
         """Return the runs of the folder with these names."""
-        return self._found(select(_runs).where(_runs.c.origin == "", _runs.c.name.in_(names)))
+        return self._select_runs(select(_runs).where(_runs.c.origin == "", _runs.c.name.in_(names)))
 
     def received(self) -> tuple[str, int]:
         """Return the name of the shared database and the last revision received from it, ("", 0) for none.
@@ -187,7 +187,7 @@ class RunIndex:
 
         if self.received()[0] != database:
             self._in_file(lambda connection: connection.execute(delete(_received)))
-            some = select(_rowid).select_from(_runs).where(_runs.c.origin > "").limit(_AT_ONCE)
+            some = select(_rowid).select_from(_runs).where(_runs.c.origin > "").limit(_MAX_REMOVED)
             while self._in_file(lambda connection: connection.execute(delete(_runs).where(_rowid.in_(some))).rowcount):
                 pass
         self._in_file(change)
@@ -202,7 +202,7 @@ class RunIndex:
         return {(kind, name): stamp for kind, name, stamp in rows}
 
     def acknowledge(self, revision: int, stamps: Iterable[tuple[str, str, str]], *, replace: bool) -> None:
-        """Add kind, name and stamp of acknowledged messages, or `replace` all of them; they are at a revision."""
+        """Store kind, name and stamp of messages acknowledged at a revision; `replace` removes all others."""
         rows = [{"kind": kind, "name": name, "stamp": stamp} for kind, name, stamp in stamps]
 
         def change(connection: Connection) -> None:
@@ -215,23 +215,23 @@ class RunIndex:
 
         self._try(change)
 
-    def find(self, wanted: RunFilter, limit: int | None = None) -> list[IndexedRun]:
+    def find(self, conditions: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Find at most `limit` runs that meet all conditions, the latest first."""
         order = (_runs.c.started_utc.desc(), _runs.c.name.desc())
-        rows = select(_rowid).select_from(_runs).where(*_conditions(wanted)).order_by(*order).limit(limit)
-        return self._found(select(_runs).where(_rowid.in_(rows)).order_by(*order))
+        rows = select(_rowid).select_from(_runs).where(*_conditions(conditions)).order_by(*order).limit(limit)
+        return self._select_runs(select(_runs).where(_rowid.in_(rows)).order_by(*order))
 
-    def count(self, wanted: RunFilter) -> int:
+    def count(self, conditions: RunFilter) -> int:
         """Return the number of runs that meet all conditions."""
-        query = select(func.count()).select_from(_runs).where(*_conditions(wanted))
+        query = select(func.count()).select_from(_runs).where(*_conditions(conditions))
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
 
     def choices(self) -> RunChoices:
         """Return the values that can be chosen as conditions."""
         query = select(_runs.c.product, _runs.c.station, _runs.c.operator).distinct()
         rows = self._try(lambda connection: connection.execute(query).all())
-        begun = select(func.min(_runs.c.started_utc)).where(_runs.c.started_utc != "")
-        first = self._try(lambda connection: connection.execute(begun).scalar())
+        query_first = select(func.min(_runs.c.started_utc)).where(_runs.c.started_utc != "")
+        first = self._try(lambda connection: connection.execute(query_first).scalar())
         products, stations, operators = (tuple(sorted({row[k] for row in rows if row[k]})) for k in range(3))
         return RunChoices(products, stations, operators, first or "")
 
@@ -249,48 +249,40 @@ class RunIndex:
         if before is not None:
             query = query.where(_runs.c.started_utc < before)
         query = query.order_by(_runs.c.started_utc.desc(), _runs.c.name.desc())
-        return self._found(query.limit(limit))
+        return self._select_runs(query.limit(limit))
 
     def attempts(self, serial: str) -> int:
         """Return the number of runs started for a unit; a resumed run counts once."""
         query = select(func.count()).select_from(_runs).where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
 
-    def columns(self, wanted: RunFilter) -> RunColumns:
+    def columns(self, conditions: RunFilter) -> RunColumns:
         """Return the runs that meet all conditions and have a start time, in columns."""
         days = func.julianday(_runs.c.started_utc)  # NULL for an invalid time
-        fields = (
-            "name",
-            "serial",
-            "verdict",
-            "product",
-            "station",
-            "operator",
-            "partial",
-            "check_standard",
-        )
-        conditions = (days.is_not(None), *_conditions(wanted))
+        fields = ("name", "serial", "verdict", "product", "station", "operator", "partial", "check_standard")
+        where = (days.is_not(None), *_conditions(conditions))
 
         def read(connection: Connection) -> tuple[str, list[tuple[Any, ...]]]:
             # NULL for the usual texts, because 50,000 equal texts take a fifth of the time
-            usual = connection.execute(select(_runs.c.parameters).where(*conditions).limit(1)).scalar() or ""
-            texts = func.nullif(_runs.c.failed_checks, _NO_CHECKS), func.nullif(_runs.c.parameters, usual)
+            usual_parameters = connection.execute(select(_runs.c.parameters).where(*where).limit(1)).scalar() or ""
+            texts = func.nullif(_runs.c.failed_checks, _NO_CHECKS), func.nullif(_runs.c.parameters, usual_parameters)
             query = select(days, *(_runs.c[name] for name in fields), *texts, _runs.c.numbers)
-            return usual, _rows(connection, query.where(*conditions))
+            return usual_parameters, _rows(connection, query.where(*where))
 
-        usual, rows = self._try(read)
+        usual_parameters, rows = self._try(read)
         # sorted here, because SQLite would read the whole table in time order, which is random access
         order = np.argsort([row[0] for row in rows], kind="stable")
         columns = zip(*map(rows.__getitem__, order.tolist()), strict=True) if rows else [()] * 12
-        begun, names, *texts, partial, standard, failed, parameters, numbers = columns
+        days_started, names, *texts, partial, standard, failed, parameters, numbers = columns
         serials, verdicts, products, stations, operators = (Categories.of(column) for column in texts)
-        values, sigmas = _estimates(Categories.of(parameters), usual, numbers)
+        values, sigmas = _estimates(Categories.of(parameters), usual_parameters, numbers)
         checks = Categories.of(failed)
-        table = {name.removeprefix(_OF_TABLE): values.pop(name) for name in [*values] if name.startswith(_OF_TABLE)}
+        of_table = [name for name in values if name.startswith(_TABLE_PREFIX)]
+        table = {name.removeprefix(_TABLE_PREFIX): values.pop(name) for name in of_table}
         return RunColumns(
             names,
             serials,
-            np.round((np.array(begun, dtype=float) - _EPOCH) * 86400.0, 3),
+            np.round((np.array(days_started, dtype=float) - _EPOCH) * 86400.0, 3),
             Categories(tuple(map(Verdict, verdicts.values)), verdicts.codes),
             products,
             stations,
@@ -303,7 +295,7 @@ class RunIndex:
             table,
         )
 
-    def _found(self, query: Select[Any]) -> list[IndexedRun]:
+    def _select_runs(self, query: Select[Any]) -> list[IndexedRun]:
         return self._try(lambda connection: [self._run(row) for row in connection.execute(query)])
 
     def _run(self, row: Row[Any]) -> IndexedRun:
@@ -318,17 +310,17 @@ class RunIndex:
 
     def _try(self, action: Callable[[Connection], T]) -> T:
         """Run `action` on the file, or in memory while the file cannot be used."""
-        if time.monotonic() >= self._again:
+        if time.monotonic() >= self._retry_at:
             try:
-                answer = self._use_file(action)
+                result = self._use_file(action)
             except (DatabaseError, OSError):
-                self._again = time.monotonic() + _RETRY_S
+                self._retry_at = time.monotonic() + _RETRY_S
             else:
                 if self._memory is not None:
-                    self._memory, self.lost = None, True
-                return answer
+                    self._memory, self.may_lack_runs = None, True
+                return result
         if self._memory is None:
-            self._memory, self.lost = create_engine("sqlite://", poolclass=StaticPool), True
+            self._memory, self.may_lack_runs = create_engine("sqlite://", poolclass=StaticPool), True
             with self._memory.begin() as connection:
                 _create(connection)
         with self._memory.begin() as connection:
@@ -355,7 +347,7 @@ class RunIndex:
             self._path.with_name(self._path.name + suffix).unlink(missing_ok=True)
         with self._engine.begin() as connection:
             _create(connection)
-            self.lost = True
+            self.may_lack_runs = True
             return action(connection)
 
 
@@ -380,7 +372,7 @@ def _file_engine(path: Path) -> Engine:
 
 
 def _create(connection: Connection) -> None:
-    """Create the table; delete the rows of an index of another version."""
+    """Create the tables; those of an index of another version are replaced."""
     if connection.execute(text("PRAGMA user_version")).scalar_one() != _VERSION:
         _metadata.drop_all(connection)
         _metadata.create_all(connection)
@@ -388,22 +380,22 @@ def _create(connection: Connection) -> None:
 
 
 def _rows(connection: Connection, query: Select[Any]) -> list[tuple[Any, ...]]:
-    """Return the rows as provided by SQLite, in a third of the time that SQLAlchemy's rows take."""
+    """Return the rows as tuples of SQLite, which takes a third of the time of SQLAlchemy's rows."""
     cursor = connection.execute(query).cursor
     return [] if cursor is None else list(cursor.fetchall())
 
 
-def _conditions(wanted: RunFilter) -> list[ColumnElement[bool]]:
+def _conditions(run_filter: RunFilter) -> list[ColumnElement[bool]]:
     columns = ("verdict", "product", "station", "operator", "batch")
-    conditions = [_runs.c[name] == getattr(wanted, name) for name in columns if getattr(wanted, name)]
-    if wanted.since:
-        conditions.append(_runs.c.started_utc >= wanted.since)
-    if wanted.before:
-        conditions.append(_runs.c.started_utc < wanted.before)
-    if wanted.names:
-        conditions.append(_runs.c.name.in_(wanted.names))
-    if wanted.search.strip():
-        conditions.append(_runs.c.text.contains(wanted.search.strip().casefold(), autoescape=True))
+    conditions = [_runs.c[name] == getattr(run_filter, name) for name in columns if getattr(run_filter, name)]
+    if run_filter.since:
+        conditions.append(_runs.c.started_utc >= run_filter.since)
+    if run_filter.before:
+        conditions.append(_runs.c.started_utc < run_filter.before)
+    if run_filter.names:
+        conditions.append(_runs.c.name.in_(run_filter.names))
+    if run_filter.search.strip():
+        conditions.append(_runs.c.text.contains(run_filter.search.strip().casefold(), autoescape=True))
     return conditions
 
 
@@ -419,8 +411,8 @@ def _row(run: IndexedRun) -> dict[str, Any]:
 
 def to_columns(run: IndexedRun) -> dict[str, Any]:
     """Return the columns that contain a whole run: ``content``, ``failed_checks``, ``parameters``, ``numbers``."""
-    of_table = {f"{_OF_TABLE}{name}": row for name, row in run.table.items()}
-    rows = {name: (value, run.sigmas.get(name, math.nan)) for name, value in run.values.items()} | of_table
+    table_rows = {f"{_TABLE_PREFIX}{name}": row for name, row in run.table.items()}
+    rows = {name: (value, run.sigmas.get(name, math.nan)) for name, value in run.values.items()} | table_rows
     return {
         "content": json.dumps(asdict(run.record), default=str),
         "failed_checks": json.dumps(run.failed_checks),
@@ -438,14 +430,14 @@ def from_columns(
         {name: number for name, number in zip(names, part, strict=True) if not math.isnan(number)}
         for part in np.frombuffer(numbers).reshape(2, len(names)).tolist()
     )
-    of_table = [name for name in names if name.startswith(_OF_TABLE)]
-    table = {n.removeprefix(_OF_TABLE): (values.pop(n, math.nan), sigmas.pop(n, math.nan)) for n in of_table}
+    table_names = [name for name in names if name.startswith(_TABLE_PREFIX)]
+    table = {n.removeprefix(_TABLE_PREFIX): (values.pop(n, math.nan), sigmas.pop(n, math.nan)) for n in table_names}
     record = _RECORD.validate_python(json.loads(content))
     return IndexedRun(name, stamp, record, values, sigmas, read_check_ids(failed_checks), table)
 
 
 def _store(connection: Connection, rows: list[dict[str, Any]]) -> None:
-    """Add or replace rows, and renew the mark."""
+    """Add or replace rows, and change `mark`."""
     if rows:
         connection.execute(insert(_runs).prefix_with("OR REPLACE"), rows)
     connection.execute(delete(_changed))
@@ -461,11 +453,11 @@ def _estimates(
     """
     names_of = [json.loads(names_json or usual) for names_json in parameters.values]
     column = {name: j for j, name in enumerate(dict.fromkeys(name for names in names_of for name in names))}
-    found = np.full((2, len(column), len(numbers)), np.nan)
+    estimates = np.full((2, len(column), len(numbers)), np.nan)
     for code, names in enumerate(names_of):
-        where = np.flatnonzero(parameters.codes == code)
-        table = np.frombuffer(b"".join(map(numbers.__getitem__, where.tolist()))).reshape(len(where), 2, len(names))
-        lines = np.array([column[name] for name in names], dtype=np.int64)
-        found[np.ix_(np.arange(2), lines, where)] = table.transpose(1, 2, 0)
-    values, sigmas = ({name: rows[j] for name, j in column.items()} for rows in found)
+        rows = np.flatnonzero(parameters.codes == code)
+        table = np.frombuffer(b"".join(map(numbers.__getitem__, rows.tolist()))).reshape(len(rows), 2, len(names))
+        indices = np.array([column[name] for name in names], dtype=np.int64)
+        estimates[np.ix_(np.arange(2), indices, rows)] = table.transpose(1, 2, 0)
+    values, sigmas = ({name: kind[j] for name, j in column.items()} for kind in estimates)
     return values, sigmas

@@ -1,4 +1,4 @@
-"""Superblock of an HDF5 file, which is patched so that a file that was not closed is read like a closed one.
+"""Superblock of an HDF5 file. It is patched in memory, so that a file that was not closed is read like a closed one.
 
 The HDF5 mode for a file left open by its writer (SWMR) retries damaged metadata with doubling waits, so that a single
 wrong byte would block the reader for hours. In a closed file the same damage causes an error immediately.
@@ -17,7 +17,7 @@ SUPERBLOCK = 48
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n\x03"
 _FLAGS, _END, _CHECK = 11, slice(28, 36), slice(44, 48)
-_ALL = 0xFFFFFFFF
+_MASK = 0xFFFFFFFF
 
 
 def superblock_end(head: bytes) -> int:
@@ -25,7 +25,7 @@ def superblock_end(head: bytes) -> int:
     return int.from_bytes(head[_END], "little")
 
 
-def sound(head: bytes) -> bool:
+def superblock_valid(head: bytes) -> bool:
     """Return whether a file begins with a superblock of version 3 with a correct checksum."""
     return (
         len(head) == SUPERBLOCK
@@ -34,7 +34,7 @@ def sound(head: bytes) -> bool:
     )
 
 
-def left_open(head: bytes) -> bool:
+def is_left_open(head: bytes) -> bool:
     """Return whether the writer has not closed the file."""
     return head[_FLAGS] != 0
 
@@ -52,38 +52,38 @@ class AsClosed(io.FileIO):
 
     def readinto(self, buffer: Any) -> int:
         """Read bytes into a buffer, see `io.RawIOBase`."""
-        begin = self.tell()
+        start = self.tell()
         view = memoryview(buffer).cast("B")
         count = super().readinto(view) or 0
-        if begin < SUPERBLOCK:
-            part = self._head[begin : begin + count]
+        if start < SUPERBLOCK:
+            part = self._head[start : start + count]
             view[: len(part)] = part
         return count
 
 
 def _lookup3(data: bytes | bytearray) -> int:
     """Return the 32-bit Jenkins hash, which HDF5 uses as checksum of metadata."""
-    a = b = c = (0xDEADBEEF + len(data)) & _ALL
-    rest = bytes(data)
-    while len(rest) > 12:
-        a, b, c = (value + word & _ALL for value, word in zip((a, b, c), _words(rest), strict=True))
-        a, c = (a - c & _ALL) ^ _rotated(c, 4), c + b & _ALL
-        b, a = (b - a & _ALL) ^ _rotated(a, 6), a + c & _ALL
-        c, b = (c - b & _ALL) ^ _rotated(b, 8), b + a & _ALL
-        a, c = (a - c & _ALL) ^ _rotated(c, 16), c + b & _ALL
-        b, a = (b - a & _ALL) ^ _rotated(a, 19), a + c & _ALL
-        c, b = (c - b & _ALL) ^ _rotated(b, 4), b + a & _ALL
-        rest = rest[12:]
-    if not rest:
+    a = b = c = (0xDEADBEEF + len(data)) & _MASK
+    remaining = bytes(data)
+    while len(remaining) > 12:
+        a, b, c = (value + word & _MASK for value, word in zip((a, b, c), _words(remaining), strict=True))
+        a, c = (a - c & _MASK) ^ _rotated(c, 4), c + b & _MASK
+        b, a = (b - a & _MASK) ^ _rotated(a, 6), a + c & _MASK
+        c, b = (c - b & _MASK) ^ _rotated(b, 8), b + a & _MASK
+        a, c = (a - c & _MASK) ^ _rotated(c, 16), c + b & _MASK
+        b, a = (b - a & _MASK) ^ _rotated(a, 19), a + c & _MASK
+        c, b = (c - b & _MASK) ^ _rotated(b, 4), b + a & _MASK
+        remaining = remaining[12:]
+    if not remaining:
         return c
-    a, b, c = (value + word & _ALL for value, word in zip((a, b, c), _words(rest), strict=True))
-    c = (c ^ b) - _rotated(b, 14) & _ALL
-    a = (a ^ c) - _rotated(c, 11) & _ALL
-    b = (b ^ a) - _rotated(a, 25) & _ALL
-    c = (c ^ b) - _rotated(b, 16) & _ALL
-    a = (a ^ c) - _rotated(c, 4) & _ALL
-    b = (b ^ a) - _rotated(a, 14) & _ALL
-    return (c ^ b) - _rotated(b, 24) & _ALL
+    a, b, c = (value + word & _MASK for value, word in zip((a, b, c), _words(remaining), strict=True))
+    c = (c ^ b) - _rotated(b, 14) & _MASK
+    a = (a ^ c) - _rotated(c, 11) & _MASK
+    b = (b ^ a) - _rotated(a, 25) & _MASK
+    c = (c ^ b) - _rotated(b, 16) & _MASK
+    a = (a ^ c) - _rotated(c, 4) & _MASK
+    b = (b ^ a) - _rotated(a, 14) & _MASK
+    return (c ^ b) - _rotated(b, 24) & _MASK
 
 
 def _words(data: bytes) -> tuple[int, int, int]:
@@ -96,4 +96,4 @@ def _words(data: bytes) -> tuple[int, int, int]:
 
 
 def _rotated(value: int, bits: int) -> int:
-    return (value << bits | value >> (32 - bits)) & _ALL
+    return (value << bits | value >> (32 - bits)) & _MASK

@@ -184,7 +184,7 @@ def interrupted(folder: Path, serial: str) -> Transfer | None:
 def truncated(folder: Path, serial: str) -> Path | None:
     """Return the unit's journal if a power failure truncated it. Raises ConfigurationError as `history`."""
     path = _path(folder, serial)
-    return path if _read(path, serial).torn else None
+    return path if _read(path, serial).truncated else None
 
 
 def serials(folder: Path) -> list[str]:
@@ -211,7 +211,7 @@ def _read(path: Path, serial: str) -> Chain[_Line]:
     except OSError as exc:
         raise ConfigurationError("journal.unreadable", path=str(path), cause=os_reason(exc)) from exc
     if chain.damage is not None:
-        raise _damaged(path, serial, chain.damage.number, chain.damage.why)
+        raise _damaged(path, serial, chain.damage.number, chain.damage.reason)
     return chain
 
 

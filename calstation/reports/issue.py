@@ -312,12 +312,12 @@ def _record(
     try:
         with report_file(folder).locked():
             with audit_writer(site_folder()) as audit:
-                now = issued_reports(folder, audit.trail(), record.number)
+                now = issued_reports(folder, audit.read(), record.number)
                 if now == [record] and not before:
                     return  # another process has recorded the same first issue
                 if now != before:
                     raise InputError("report.issued_meanwhile", number=record.number)
-                audit.append(
+                audit.append_event(
                     "certificate",
                     people.by,
                     record.reason or "",

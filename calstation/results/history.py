@@ -78,14 +78,14 @@ class History:
         gone = [name for name in known if name not in files]
         changed = [name for name, stamp in files.items() if known.get(name) != stamp]
         if gone:
-            self._index.put([], gone)
+            self._index.update([], gone)
             yield len(gone), 0.0
         for start in range(0, len(changed), _AT_ONCE):
             names = changed[start : start + _AT_ONCE]
             read = {name: _read(self._folder, name, files[name]) for name in names}
             runs = [run for run in read.values() if run is not None]
             no_runs = [name for name, run in read.items() if run is None and name in known]
-            self._index.put(runs, no_runs)
+            self._index.update(runs, no_runs)
             yield len(runs) + len(no_runs), (start + len(names)) / len(changed)
 
     def runs(self, conditions: RunFilter = NO_FILTER, limit: int | None = 200) -> list[RunRecord]:
@@ -172,8 +172,8 @@ class History:
 
     def _ask(self, question: Callable[[], T]) -> T:
         answer = question()
-        if self._index.lost:
-            self._index.lost = False
+        if self._index.may_lack_runs:
+            self._index.may_lack_runs = False
             self.refresh()
             answer = question()
         return answer

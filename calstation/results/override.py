@@ -56,7 +56,7 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
     with audit_writer(site_folder()) as audit:  # of two concurrent releases, the second finds the first one
         result = _failed(path)
         about = {"serial": result.serial, "result": path.name, "log_sha256": result.log.sha256, "pin": people.pin}
-        event = audit.append("override", people.by, why, confirmed_by=people.confirmed_by, **about)
+        event = audit.append_event("override", people.by, why, confirmed_by=people.confirmed_by, **about)
         override = _override(event)
         content = json.loads(path.read_text(encoding="utf-8"))
         write_json(path, {**content, "override": override.model_dump()})

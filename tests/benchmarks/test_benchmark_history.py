@@ -44,7 +44,7 @@ def indexes(tmp_path_factory):
     for count in (LISTED, COUNT):
         index = RunIndex(tmp_path_factory.mktemp("runs"))
         for start in range(0, count, 5000):
-            index.put([run(k) for k in range(start, min(start + 5000, count))])
+            index.update([run(k) for k in range(start, min(start + 5000, count))])
         made.append(index)
     return made
 
@@ -114,7 +114,7 @@ def test_charts_and_yields_of_50000_runs_take_little_longer_than_their_columns(
         runs = [run(k) for k in range(start, start + 5000)]
         records = [replace(each.record, serial=each.name, product=name) for each in runs]
         values = [dict(zip(NAMES, row, strict=True)) for row in random.normal(0.0, 1e-6, (5000, len(NAMES))).tolist()]
-        index.put(
+        index.update(
             replace(each, record=record, values=found)
             for each, record, found in zip(runs, records, values, strict=True)
         )

@@ -26,7 +26,7 @@ from calstation.database import (
 )
 from calstation.database.process import ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S, PAUSE_S, _copy_logs
 from calstation.errors import ConfigurationError, InputError
-from calstation.records import RunFilter, RunIndex, RunRecord, Verdict, take
+from calstation.records import RunFilter, RunIndex, RunRecord, Verdict, acquire_lock
 from calstation.results import load_result
 from tests.database.result_files import in_database, write_result
 from tests.database.test_exchange_process import eventually
@@ -234,7 +234,7 @@ def test_each_log_is_opened_once_for_all_copies(
     (folder / "c.h5").write_bytes(b"samples of c")
     Outbox(folder).refresh()
     with (folder / "c.h5").open() as running:
-        assert take(running.fileno(), 0.0)
+        assert acquire_lock(running.fileno(), 0.0)
         assert not archiver.copy_next()
     assert archiver.copy_next()
 

@@ -24,7 +24,7 @@ from sqlalchemy.pool import NullPool
 from synthetic.many_logs import record_logs
 
 from calstation.database import Exchange, read_state, solutions, upgrade, watch
-from calstation.records import take
+from calstation.records import acquire_lock
 from calstation.results import resolve
 from tests.database.killed import is_killed_at
 from tests.database.result_files import in_database, in_index, write_result
@@ -152,7 +152,7 @@ def test_two_stations_and_a_fleet_job_survive_random_outages(postgres, shared_da
                 log = logs[counts["logs"]]
                 digests[k][log.stem] = hashlib.sha256(log.read_bytes()).hexdigest()
                 with log.open("rb") as running:
-                    assert take(running.fileno(), 0.0, shared=True)  # as a run does until its result is written
+                    assert acquire_lock(running.fileno(), 0.0, shared=True)  # as a run does until its result is written
                     log.rename(folder / log.name)
                     write_result(folder, log.stem, counts["runs"])
                 written[k].append((log.stem, 1))

@@ -82,7 +82,7 @@ def store(folder: Path, product: str, values: FloatArray, sigmas: FloatArray, se
         )
         of_run = (dict(zip(NAMES, row, strict=True)) for row in (value, sigma))
         runs.append(IndexedRun(name, "stamp", record, *of_run))
-    RunIndex(folder).put(runs)
+    RunIndex(folder).update(runs)
 
 
 def alarms_per_1000(parameters: tuple[ParameterQuality, ...], first: int = BASELINE) -> float:

@@ -10,7 +10,7 @@ from records_samples import META, make_block
 
 from calstation.errors import InputError
 from calstation.records import LogMeta, RawLogWriter, open_log
-from calstation.records.superblock import SUPERBLOCK, _lookup3, left_open, sound
+from calstation.records.superblock import SUPERBLOCK, _lookup3, is_left_open, superblock_valid
 
 ROWS = 650
 
@@ -46,8 +46,8 @@ def write(path: Path, data: bytes) -> Path:
 
 def test_unclosed_log_reads_like_a_closed_log(tmp_path: Path, logs: dict[str, bytes]) -> None:
     for name, data in logs.items():
-        assert left_open(data) is (name == "left open")
-        assert sound(data[:SUPERBLOCK])
+        assert is_left_open(data) is (name == "left open")
+        assert superblock_valid(data[:SUPERBLOCK])
         assert rows(write(tmp_path / "run.h5", data)) == ROWS
     alike = open_log(tmp_path / "run.h5")
     assert [event["event"] for event in alike.events] == ["StageSolved"]

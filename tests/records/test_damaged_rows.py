@@ -12,7 +12,7 @@ from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.records import LogMeta, RawLogWriter, open_log, raw_rows
 from calstation.records.raw_log import CHECK, CHUNK_ROWS, row_checks, row_dtype
-from calstation.records.raw_read import DamagedRows, sound_rows
+from calstation.records.raw_read import DamagedRows, intact_rows
 from tests.helpers import raises_code
 
 ROWS = 30 * CHUNK_ROWS
@@ -164,7 +164,7 @@ def test_undamaged_row_numbers_exclude_damaged_rows(kept: list[bool], start: int
     edges = np.flatnonzero(np.diff(np.concatenate([[True], flags, [True]]).astype(int)))
     damaged = np.column_stack([edges[::2], edges[1::2] - edges[::2]]).astype(np.int64)
     good = [*np.flatnonzero(flags).tolist(), *range(len(kept), len(kept) + 100)]
-    assert sound_rows(damaged, start, start + length).tolist() == good[start : start + length]
+    assert intact_rows(damaged, start, start + length).tolist() == good[start : start + length]
 
 
 def test_log_without_samples_has_no_damaged_rows(tmp_path: Path) -> None:

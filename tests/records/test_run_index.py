@@ -42,7 +42,7 @@ def run(name: str, day: int, **changes: object) -> IndexedRun:
 def index(tmp_path: Path) -> RunIndex:
     """Four runs, a to d, on the first four days of November."""
     made = RunIndex(tmp_path)
-    made.put(
+    made.update(
         [
             run("a", 1, verdict=Verdict.FAILED, station="bench 2"),
             run("b", 2, verdict=Verdict.PARTIAL, partial=True, operator="Zoë Müller"),
@@ -54,11 +54,11 @@ def index(tmp_path: Path) -> RunIndex:
 
 
 def test_units_of_a_batch_are_found_by_its_id(index: RunIndex) -> None:
-    index.put([run("e", 5, batch="B-7", slot="1"), run("f", 6, batch="B-7", slot="2"), run("g", 7, batch="B-70")])
+    index.update([run("e", 5, batch="B-7", slot="1"), run("f", 6, batch="B-7", slot="2"), run("g", 7, batch="B-70")])
     assert [each.name for each in index.find(RunFilter(batch="B-7"))] == ["f", "e"]
     assert [each.record.slot for each in index.find(RunFilter(batch="B-7"))] == ["2", "1"]
     assert [each.name for each in index.find(RunFilter(search="b-7"))] == ["g", "f", "e"]
-    assert index.own(["a"])[0].record.batch is None
+    assert index.named(["a"])[0].record.batch is None
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_choices_are_the_values_of_the_runs(index: RunIndex, tmp_path: Path) -> 
         ("mems-x", "nav-a"), ("bench 1", "bench 2"), ("Li Wei", "Zoë Müller"), "2026-11-01T00:00:00+00:00"
     )
     assert index.choices() == expected
-    index.put([run("e", 1, started_utc="")])
+    index.update([run("e", 1, started_utc="")])
     assert index.choices() == expected
     (tmp_path / "empty").mkdir()
     assert RunIndex(tmp_path / "empty").choices() == RunChoices()
@@ -105,7 +105,7 @@ def test_values_sigmas_and_failed_checks_are_read_back_exactly(index: RunIndex, 
         sigmas={"accel_bias_x": 1 / 3},
         failed_checks=(CheckId("within", "gyro_bias_x"), CheckId("other", "two\nlines"), CheckId("other")),
     )
-    index.put([kept])
+    index.update([kept])
     (found,) = RunIndex(tmp_path).find(RunFilter(names=("e",)))
     log = tmp_path / kept.record.log.name
     assert found == replace(kept, record=replace(kept.record, log=log))
@@ -113,7 +113,7 @@ def test_values_sigmas_and_failed_checks_are_read_back_exactly(index: RunIndex, 
 
 def test_columns_contain_runs_with_a_start_time_oldest_first(index: RunIndex) -> None:
     both, one = {"gyro_bias_x": 1e-6, "accel_bias_x": 2e-3}, {"gyro_bias_x": 3e-6}
-    index.put(
+    index.update(
         [
             replace(run("f", 6, verdict=Verdict.PARTIAL, partial=True), values=both, sigmas={"gyro_bias_x": 1e-8}),
             replace(
@@ -158,8 +158,8 @@ def test_runs_of_other_folders_are_found_with_local_runs(index: RunIndex, tmp_pa
     found = index.of("A")[0].record
     assert (found.origin, found.location, found.log) == ("other", "bench9:/runs/a.h5", tmp_path / "other" / "a.h5")
     assert index.stamps().keys() == set("abcd")
-    assert [each.record.station for each in index.own(["a"])] == ["bench 2"]
-    index.put([], ["a"])
+    assert [each.record.station for each in index.named(["a"])] == ["bench 2"]
+    index.update([], ["a"])
     assert [each.record.station for each in index.of("A")] == ["bench 9"]
     index.receive([replace(there, record=replace(there.record, released=True))], "db", 2)
     assert [each.record.badge for each in index.of("A")] == ["released"]
@@ -187,19 +187,19 @@ def test_locked_index_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("calstation.records.run_index._BUSY_S", 0.05)
     monkeypatch.setattr("calstation.records.run_index._RETRY_S", 0.0)
     index = RunIndex(tmp_path)
-    index.put([run("a", 1)])
+    index.update([run("a", 1)])
     index.receive([run("x", 5, origin="other")], "db", 7)
     with busy(tmp_path):
-        index.put([run("b", 2)])  # a run goes on
+        index.update([run("b", 2)])  # a run goes on
         assert [each.name for each in index.find(RunFilter())] == ["b"]
-        assert index.lost
-        index.lost = False
+        assert index.may_lack_runs
+        index.may_lack_runs = False
         with raises_code(ConfigurationError, "database.index_unusable"):
             index.received()
         with raises_code(ConfigurationError, "database.index_unusable"):
             index.receive([run("y", 6, origin="other")], "db", 8)
     assert [each.name for each in index.find(RunFilter())] == ["x", "a"]
-    assert index.lost  # b is missing until the next refresh
+    assert index.may_lack_runs  # b is missing until the next refresh
     assert index.received() == ("db", 7)
 
 
@@ -213,7 +213,7 @@ def test_full_disk_loses_no_received_run(tmp_path: Path, monkeypatch: pytest.Mon
         pages = connection.execute("PRAGMA page_count").fetchone()[0]
         connection.execute(f"PRAGMA max_page_count={pages}")
 
-    index.put([run("b" * 100_000, 2)])
+    index.update([run("b" * 100_000, 2)])
     event.remove(index._engine, "connect", _full)
     assert [each.name for each in index.find(RunFilter())] == ["x"]
     assert index.received() == ("db", 7)

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from calstation.errors import InputError
-from calstation.records import CheckId, IndexedRun, LogMeta, RawLogWriter, RunFilter, RunIndex, Verdict, take
+from calstation.records import CheckId, IndexedRun, LogMeta, RawLogWriter, RunFilter, RunIndex, Verdict, acquire_lock
 from calstation.records.run_index import FILE
 from calstation.results import History, refresh_history
 from calstation.results import history as history_module
@@ -262,7 +262,7 @@ def test_refresh_does_not_wait_for_logs_being_written(tmp_path: Path, monkeypatc
     history = refreshed(tmp_path)
     assert {run.log.stem for run in history.runs()} == {"incomplete"}
     with (tmp_path / "incomplete.h5").open() as tested:  # as another program does that tests the lock
-        assert take(tested.fileno(), 0.0)
+        assert acquire_lock(tested.fileno(), 0.0)
         assert history.refresh() == 0
     assert {run.log.stem for run in history.runs()} == {"incomplete"}
     monkeypatch.undo()
