@@ -220,7 +220,7 @@ def test_full_disk_loses_no_received_run(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_many_runs_of_another_database_are_removed(index: RunIndex, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("calstation.records.run_index._AT_ONCE", 2)
+    monkeypatch.setattr("calstation.records.run_index._MAX_REMOVED", 2)
     index.receive([run(f"x{k}", 5, origin="other") for k in range(5)], "db", 7)
     index.receive((), "", 0)
     assert [each.name for each in index.find(RunFilter())] == list("dcba")
