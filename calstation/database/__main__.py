@@ -1,6 +1,6 @@
 """The exchange process of a window or a run: `python -m calstation.database`.
 
-The first line of JSON on standard input specifies the work; each further line contains the units to claim, replacing
+The first line of JSON on standard input specifies the work. Each later line contains the units to claim and replaces
 the previous ones.
 """
 
@@ -18,8 +18,8 @@ from typing import Any
 from calstation import applog
 from calstation.database.process import watch
 
-#: Longest time for a last exchange after the end of the owner, s.
-_END_S = 10.0
+#: Longest duration of the last exchange after the end of the owner, s.
+_LAST_EXCHANGE_S = 10.0
 
 logger = logging.getLogger(__name__)
 
@@ -38,7 +38,7 @@ class _Owner:
             for line in sys.stdin.buffer:
                 self._lines.put(json.loads(line))
         self._lines.put(None)
-        time.sleep(_END_S)
+        time.sleep(_LAST_EXCHANGE_S)
         os._exit(0)  # terminate an exchange that hangs; files and database remain consistent
 
     def wait(self, seconds: float) -> bool:
@@ -54,7 +54,7 @@ class _Owner:
 
 
 def _main() -> None:
-    """Exchange until the owner closes the pipe or ends, then once more."""
+    """Exchange until the owner closes the pipe or ends, and then once more."""
     applog.configure("exchange")
     owner = _Owner()
     if owner.work is None:
@@ -63,7 +63,7 @@ def _main() -> None:
     try:
         watch(folder, wait=owner.wait, claimed=lambda: owner.claimed, **owner.work)
     except Exception:
-        logger.exception("the exchange ended by a mistake of the program")
+        logger.exception("the exchange ended with a programming error")
         raise
 
 

@@ -7,10 +7,10 @@ import hashlib
 import os
 import shutil
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from calstation.database.outbox import ArchivedLog
 from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
@@ -31,21 +31,12 @@ _CHUNK = 8 * 1024 * 1024
 _FAILURES = (OSError, BotoCoreError)
 
 
-@dataclass(frozen=True)
-class LogCopy:
-    """A verified copy of a log."""
-
-    url: str
-    file_sha256: str  #: Digest of the bytes of the file.
-    size: int  #: Number of bytes.
-
-
-def archive_log(log: Path, archive: str, folder: str) -> LogCopy:
+def archive_log(log: Path, archive: str, folder: str) -> ArchivedLog:
     """Copy a closed log to a folder in an archive, unless the same bytes are already there.
 
     The copy is renamed to its final name after its bytes have been read back and compared, so that an interrupted copy
-    leaves no file with that name. Raises InputError, after which the copy can be tried again; also if the archive is a
-    local path that does not exist, because an unmounted share must not become a local folder.
+    leaves no file with that name. Raises InputError, after which the copy can be tried again. A missing local path
+    is an error, too, because an unmounted share must not become a local folder.
     """
     url = f"{archive.rstrip('/')}/{folder}/{log.name}"
     try:
@@ -53,8 +44,8 @@ def archive_log(log: Path, archive: str, folder: str) -> LogCopy:
         if isinstance(files, LocalFileSystem) and not files.isdir(_open(archive)[1]):
             raise InputError("database.archive_absent", archive=archive)
         with log.open("rb") as stream:
-            place = path if isinstance(files, LocalFileSystem) else url  # absolute path or URL
-            copy = LogCopy(place, _digest(stream), stream.tell())
+            location = path if isinstance(files, LocalFileSystem) else url
+            copy = ArchivedLog(log.stem, location, _digest(stream), stream.tell())
         if not (files.exists(path) and _digest_at(files, path) == copy.file_sha256):
             _copy(log, files, path, copy)
     except _FAILURES as exc:
@@ -63,7 +54,7 @@ def archive_log(log: Path, archive: str, folder: str) -> LogCopy:
 
 
 def copy_to(url: str, target: Path, report: ProgressCallback) -> None:
-    """Copy a log of the archive to a file, which is complete or missing. Raises InputError."""
+    """Copy a log of the archive to a file; a failure leaves no file. Raises InputError."""
     partial = target.with_name(f".{target.name}.partial")
     try:
         files, path = _open(url)
@@ -77,7 +68,7 @@ def copy_to(url: str, target: Path, report: ProgressCallback) -> None:
         raise InputError("database.log_not_read", log=url, reason=_reason(exc)) from exc
 
 
-def _copy(log: Path, files: AbstractFileSystem, path: str, copy: LogCopy) -> None:
+def _copy(log: Path, files: AbstractFileSystem, path: str, copy: ArchivedLog) -> None:
     folder, _, name = path.rpartition("/")
     temporary = f"{folder}/.{name}.partial"
     files.makedirs(folder, exist_ok=True)

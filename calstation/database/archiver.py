@@ -1,8 +1,8 @@
-"""Copying of the closed logs of a runs folder to the station's archive, one at a time."""
+"""Archiver, which copies the closed logs of a runs folder to the station's archive one at a time."""
 
 from pathlib import Path
 
-from calstation.database.outbox import ArchivedLog, Outbox
+from calstation.database.outbox import Outbox
 from calstation.database.state import change_state
 from calstation.errors import CalstationError
 from calstation.records import SUFFIX, being_written, locked
@@ -14,13 +14,13 @@ class LogArchiver:
     def __init__(self, folder: Path, archive: str) -> None:
         self._folder, self._archive = folder, archive
         self._outbox = Outbox(folder)
-        self._waiting: list[str] = []  #: Names of closed logs that are not in the archive.
-        self._failed: set[str] = set()  #: Names of logs that failed since the last success.
-        #: Value of the index's `mark` when nothing was left to copy or to be closed; None before.
-        self._done: str | None = None
+        self._uncopied_logs: list[str] = []  #: Names of closed logs that are not in the archive.
+        self._failed: set[str] = set()  #: Names of logs that could not be copied since the last success.
+        #: Value of the index's `mark` when every log was closed and copied; None before.
+        self._idle_mark: str | None = None
 
     def copy_next(self) -> bool:
-        """Copy the next log, unless another process does so; return whether one was copied.
+        """Copy the next log, unless another process is copying; return whether a log was copied.
 
         Raises CalstationError if the copy fails, after which the next call tries another log if there is one, and
         OSError if the folder cannot be used.
@@ -32,27 +32,26 @@ class LogArchiver:
             return False
 
     def _copy_next(self) -> bool:
-        self._waiting = self._waiting or self._uncopied()
-        if not self._waiting:
-            self._note(None)
+        self._uncopied_logs = self._uncopied_logs or self._find_uncopied()
+        if not self._uncopied_logs:
+            self._record_state(None)
             return False
-        from calstation.database.archive import archive_log  # the libraries of an extra
+        from calstation.database.archive import archive_log  # needs an optional dependency
 
-        name = self._waiting[0]
+        name = self._uncopied_logs[0]
         try:
-            copy = archive_log(self._log(name), self._archive, self._outbox.id)
-            self._outbox.add_copy(ArchivedLog(name, copy.url, copy.file_sha256, copy.size))
+            self._outbox.add_copy(archive_log(self._log(name), self._archive, self._outbox.id))
         except CalstationError as error:
             self._failed.add(name)
-            self._note(error)
-            self._waiting.clear()
+            self._record_state(error)
+            self._uncopied_logs.clear()
             raise
         self._failed.clear()
-        del self._waiting[0]
-        self._note(None)
+        del self._uncopied_logs[0]
+        self._record_state(None)
         return True
 
-    def _uncopied(self) -> list[str]:
+    def _find_uncopied(self) -> list[str]:
         """Return the closed logs that are not in the archive; after a failure, other logs come first.
 
         Each log must be opened to determine whether a run is writing it. The list is therefore kept until it is
@@ -60,12 +59,12 @@ class LogArchiver:
         index.
         """
         mark = self._outbox.index.mark
-        if mark is not None and mark == self._done:
+        if mark is not None and mark == self._idle_mark:
             return []
         copied = self._outbox.copies()
         logs = [name for name in self._outbox.index.stamps() if name not in copied and self._log(name).exists()]
         names = sorted(name for name in logs if self._is_closed(name))
-        self._done = None if logs else mark
+        self._idle_mark = None if logs else mark
         if self._failed.issuperset(names):
             self._failed.clear()
         return sorted(names, key=lambda name: (name in self._failed, name))
@@ -79,6 +78,6 @@ class LogArchiver:
         except CalstationError:  # not a log
             return False
 
-    def _note(self, error: CalstationError | None) -> None:
-        what = None if error is None else error.as_text.to_json()
-        change_state(self._folder, logs_pending=len(self._waiting), archive_error=what)
+    def _record_state(self, error: CalstationError | None) -> None:
+        text = None if error is None else error.as_text
+        change_state(self._folder, logs_pending=len(self._uncopied_logs), archive_error=text)

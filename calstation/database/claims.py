@@ -1,4 +1,4 @@
-"""Claims on units being processed, so that two stations that have scanned the same unit are warned."""
+"""Claims on units in progress, so that two stations are warned if both have scanned the same unit."""
 
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime, timedelta
@@ -18,10 +18,10 @@ def claim_units(engine: Engine, outbox: str, station: str, operators: Mapping[st
         return
     with engine.begin() as connection:
         now = database_time(connection)
-        common = {"outbox": outbox, "station": station, "claimed": now, "expires": now + timedelta(seconds=EXPIRY_S)}
-        rows = [{**common, "serial": serial, "operator": operator} for serial, operator in operators.items()]
-        ended = claims.c.expires <= now
-        upsert(connection, claims, rows, claimed=case((ended, now), else_=claims.c.claimed))
+        shared = {"outbox": outbox, "station": station, "claimed": now, "expires": now + timedelta(seconds=EXPIRY_S)}
+        rows = [{**shared, "serial": serial, "operator": operator} for serial, operator in operators.items()]
+        expired = claims.c.expires <= now
+        upsert(connection, claims, rows, claimed=case((expired, now), else_=claims.c.claimed))
 
 
 def release_units(engine: Engine, outbox: str, serials: Iterable[str]) -> None:
@@ -37,8 +37,8 @@ def other_claims(engine: Engine, outbox: str) -> list[Claim]:
     """
     with engine.connect() as connection:
         now = database_time(connection)
-        mine = select(claims.c.serial).where(claims.c.outbox == outbox, claims.c.expires > now)
-        others = (claims.c.outbox != outbox, claims.c.expires > now, claims.c.serial.in_(mine))
+        own_serials = select(claims.c.serial).where(claims.c.outbox == outbox, claims.c.expires > now)
+        others = (claims.c.outbox != outbox, claims.c.expires > now, claims.c.serial.in_(own_serials))
         rows = connection.execute(select(claims).where(*others).order_by(claims.c.claimed)).all()
     return [Claim(row.serial, row.station, row.operator, _utc(row.claimed)) for row in rows]
 

@@ -14,7 +14,7 @@ from calstation.config import StationConfig, check_database_url, load_station
 from calstation.errors import ConfigurationError
 from calstation.schema import EntryError
 
-# psycopg warns of a connection lost within a page, which the request reports as an error as well
+# psycopg also warns of a lost connection, which the request reports as an error
 logging.getLogger("psycopg").setLevel(logging.ERROR)
 
 #: Service name of the password in the system's keyring.
@@ -24,7 +24,7 @@ KEYRING = "calstation database"
 CONNECT_TIMEOUT_S = 5
 
 #: Prefixes of PostgreSQL's codes for a lost connection: connection exceptions, and server shutdown.
-_LOST = ("08", "57P")
+_LOST_CONNECTION = ("08", "57P")
 
 #: A connection whose other end has vanished is closed within half a minute on both sides, which releases its locks. A
 #: statement that waits for another station or takes too long fails, and the exchange tries again.
@@ -50,29 +50,29 @@ def connect(url: str, *, create: bool = True, pooled: bool = True) -> Engine:
     parsed = _parse(url)
     is_sqlite = parsed.get_backend_name() == "sqlite"
     if is_sqlite and not create and not Path(parsed.database or "").is_file():
-        raise ConfigurationError("database.missing", database=public(parsed))
-    from calstation.database.migration import known_revisions, revision  # the libraries of an extra
+        raise ConfigurationError("database.missing", database=without_password(parsed))
+    from calstation.database.migration import known_revisions, revision  # needs an optional dependency
 
     head, earlier = known_revisions()
     engine = _engine(parsed, pooled=pooled)
     try:
-        found = revision(engine)
-        if found in earlier and is_sqlite:
+        stored = revision(engine)
+        if stored in earlier and is_sqlite:
             upgrade(url)
-            found = revision(engine)
+            stored = revision(engine)
     except DBAPIError as exc:
         engine.dispose()
         raise failure(exc, parsed) from exc
-    if found == head:
+    if stored == head:
         return engine
     engine.dispose()
-    code = "database.older_version" if found in earlier else "database.newer_version"
-    raise ConfigurationError(code, database=public(parsed))
+    code = "database.older_version" if stored in earlier else "database.newer_version"
+    raise ConfigurationError(code, database=without_password(parsed))
 
 
 @contextmanager
 def opened(url: str, *, create: bool = True) -> Iterator[Engine]:
-    """Connect to a database. Refused requests and a lost connection are raised as ConfigurationError."""
+    """Connect to a database; a refused request or a lost connection in the context raises ConfigurationError."""
     engine = connect(url, create=create)
     try:
         yield engine
@@ -106,9 +106,11 @@ def upgrade(url: str) -> bool:
                 connection.execute(text("SET LOCAL statement_timeout = 0"))  # large tables take minutes
             return upgrade_tables(connection)
     except LookupError as exc:  # a revision that is unknown to this version
-        raise ConfigurationError("database.newer_version", database=public(parsed)) from exc
+        raise ConfigurationError("database.newer_version", database=without_password(parsed)) from exc
     except SQLAlchemyError as exc:
-        raise ConfigurationError("database.not_upgraded", database=public(parsed), reason=reason_of(exc)) from exc
+        raise ConfigurationError(
+            "database.not_upgraded", database=without_password(parsed), reason=database_reason(exc)
+        ) from exc
     finally:
         engine.dispose()
 
@@ -124,22 +126,22 @@ def database_of(station: Path | None) -> tuple[str, StationConfig]:
 def failure(error: DBAPIError, url: URL) -> ConfigurationError:
     """Return the error for an unreachable database or a refused request."""
     state = sqlstate(error)
-    lost = isinstance(error, OperationalError | InterfaceError) and (not state or state.startswith(_LOST))
+    lost = isinstance(error, OperationalError | InterfaceError) and (not state or state.startswith(_LOST_CONNECTION))
     code = "database.unreachable" if lost or error.connection_invalidated else "database.refused"
-    return ConfigurationError(code, database=public(url), reason=reason_of(error))
+    return ConfigurationError(code, database=without_password(url), reason=database_reason(error))
 
 
 def sqlstate(error: DBAPIError) -> str:
-    """Return PostgreSQL's code of an error; "" for an error of SQLite, the driver or the connection."""
+    """Return PostgreSQL's code for an error; "" for an error of SQLite, the driver or the connection."""
     return getattr(error.orig, "sqlstate", None) or ""
 
 
-def public(url: URL) -> str:
+def without_password(url: URL) -> str:
     """Return the text of a URL for messages, without a password."""
     return url.render_as_string(hide_password=True)
 
 
-def reason_of(error: SQLAlchemyError) -> str:
+def database_reason(error: SQLAlchemyError) -> str:
     """Return the first line of the database's message, without the statement and its values."""
     text = str(error.orig) if isinstance(error, DBAPIError) else str(error)
     return text.partition("\n")[0]

@@ -1,4 +1,4 @@
-"""Exchange of a folder of runs with the shared database: sends its messages, receives the runs of other folders."""
+"""Exchange of a folder of runs with the shared database: it sends messages and receives the runs of other folders."""
 
 import logging
 import math
@@ -29,7 +29,7 @@ from sqlalchemy import (
 from sqlalchemy.exc import DataError, DBAPIError
 
 from calstation.database.claims import claim_units, database_time, other_claims, release_units
-from calstation.database.connect import connect, failure, public, reason_of, sqlstate
+from calstation.database.connect import connect, database_reason, failure, sqlstate, without_password
 from calstation.database.outbox import Outbox, OutboxMessage
 from calstation.database.state import Claim
 from calstation.database.tables import log_copies, outboxes, revisions, runs, upsert
@@ -39,13 +39,13 @@ from calstation.records import IndexedRun, from_columns
 logger = logging.getLogger(__name__)
 
 #: Number of runs that are received at once.
-_PAGE = 500
+_PAGE_SIZE = 500
 
 #: PostgreSQL's codes for a row that is too large for an index, and for a row whose foreign key does not exist.
-_TOO_LARGE, _NO_RUN = "54000", "23503"
+_TOO_LARGE, _MISSING_RUN = "54000", "23503"
 
 #: Columns of a run that the local index needs; its result JSON stays in the database.
-_INDEXED = [column for column in runs.c if column.name != "result"]
+_INDEX_COLUMNS = [column for column in runs.c if column.name != "result"]
 
 
 class Exchange:
@@ -54,20 +54,21 @@ class Exchange:
     def __init__(self, folder: Path, url: str, station: str, claimed: Mapping[str, str | None] = {}) -> None:
         """Create the exchange; `claimed` contains the operator of each unit to claim, by serial number."""
         self._url, self._station = url, station
-        #: Operators by serial number of the units that every exchange claims, replacing the previous ones.
+        #: Operators of the units that every exchange claims, by serial number; they replace the previous claims.
         self.claimed = claimed
         self.complete = False  #: Whether the last exchange was complete; if not, the next one continues.
-        self._held: set[str] = set()  #: Serial numbers of units that are claimed in the database.
+        self._claimed_serials: set[str] = set()  #: Serial numbers of units that are claimed in the database.
         self._engine: Engine | None = None
-        self.begun_utc = datetime.now(UTC)  #: Time when this exchange was created.
+        self.created_utc = datetime.now(UTC)  #: Time when this exchange was created.
         self.outbox = Outbox(folder)
         self._index = self.outbox.index
 
     def exchange(self, within: float = math.inf) -> list[Claim]:
         """Claim units, send all pending messages, receive new runs; return other stations' claims on the units.
 
-        Ends after the first page that completes after `within` s, and sets `complete`. Raises ConfigurationError if the
-        database is unreachable or refuses a request; the next call continues in this case, too.
+        The call ends after the first page that is completed later than `within` s, and sets `complete`. Raises
+        ConfigurationError if the database is unreachable or refuses a request; the next call continues in this case,
+        too.
         """
         end = time.monotonic() + within
         engine = None
@@ -89,10 +90,10 @@ class Exchange:
 
     def close(self) -> None:
         """Release the claims and close the connection; the next exchange opens a new one."""
-        if self._engine is not None and self._held:
+        if self._engine is not None and self._claimed_serials:
             with suppress(DBAPIError):  # the claims expire without it
-                release_units(self._engine, self.outbox.id, self._held)
-            self._held.clear()
+                release_units(self._engine, self.outbox.id, self._claimed_serials)
+            self._claimed_serials.clear()
         self._disconnect()
 
     def _disconnect(self) -> None:
@@ -111,10 +112,10 @@ class Exchange:
         A claim of another process on the same folder is not released.
         """
         claimed = dict(self.claimed)
-        if previous := self._held - claimed.keys():
+        if previous := self._claimed_serials - claimed.keys():
             release_units(engine, self.outbox.id, previous)
         claim_units(engine, self.outbox.id, self._station, claimed)
-        self._held = set(claimed)
+        self._claimed_serials = set(claimed)
 
     def _synchronise(self, engine: Engine) -> None:
         """Read the acknowledged stamps from the database if they differ from the copy in the index.
@@ -122,38 +123,41 @@ class Exchange:
         They differ after a commit whose confirmation was lost, in a new index, and if the database was restored from a
         backup or replaced. If the database lost messages, all folders receive all runs again.
         """
-        known = self.outbox.revision
+        known_revision = self.outbox.revision
         with engine.begin() as connection:
-            revision = self._registered(connection)
-            if revision == known:
+            revision = self._register(connection)
+            if revision == known_revision:
                 return
-            if revision < known:
+            if revision < known_revision:
                 connection.execute(update(revisions).values(database=str(uuid4())))
             stamps = select(literal("run"), runs.c.name, runs.c.stamp).where(runs.c.outbox == self.outbox.id)
             urls = select(literal("copy"), log_copies.c.name, log_copies.c.url)
             rows = connection.execute(stamps.union_all(urls.where(log_copies.c.outbox == self.outbox.id))).all()
         self.outbox.acknowledge(revision, [(kind, name, stamp) for kind, name, stamp in rows], replace=True)
 
-    def _registered(self, connection: Connection) -> int:
+    def _register(self, connection: Connection) -> int:
         """Return the revision of the last message that arrived; register the outbox and its login if necessary.
 
         Raises ConfigurationError if the outbox belongs to another login, whose runs this login must not change.
         """
-        here = outboxes.c.id == self.outbox.id
+        is_outbox = outboxes.c.id == self.outbox.id
         login = func.current_user() if connection.dialect.name == "postgresql" else null()
-        own = outboxes.c.login.is_not_distinct_from(login).label("own")
-        row = connection.execute(select(outboxes.c.revision, outboxes.c.login, own).where(here)).first()
+        same_login = outboxes.c.login.is_not_distinct_from(login).label("same_login")
+        row = connection.execute(select(outboxes.c.revision, outboxes.c.login, same_login).where(is_outbox)).first()
         if row is None:
-            new = {"id": self.outbox.id, "station": self._station, "revision": 0, "login": login}
-            connection.execute(insert(outboxes).values(new))
+            values = {"id": self.outbox.id, "station": self._station, "revision": 0, "login": login}
+            connection.execute(insert(outboxes).values(values))
             return 0
-        if not row.own and connection.execute(update(outboxes).where(here).values(login=login)).rowcount == 0:
-            database = public(connection.engine.url)
+        if (
+            not row.same_login
+            and connection.execute(update(outboxes).where(is_outbox).values(login=login)).rowcount == 0
+        ):
+            database = without_password(connection.engine.url)
             raise ConfigurationError("database.other_login", database=database, login=row.login)
         return int(row.revision)
 
     def _send_all(self, engine: Engine, end: float) -> bool:
-        """Send all messages; return False if some are left at the time `end`."""
+        """Send all messages; return False if some are pending at the time `end`."""
         sent = True
         while sent:
             if not self.outbox.refresh(end):
@@ -177,21 +181,21 @@ class Exchange:
                 for message in messages:
                     self._send(engine, [message])
                 return
-            logger.warning("run %s is refused and skipped: %s", messages[0].columns["name"], reason_of(exc))
-            self.outbox.refuse(messages[0], reason_of(exc))
+            logger.warning("run %s is refused and skipped: %s", messages[0].columns["name"], database_reason(exc))
+            self.outbox.refuse(messages[0], database_reason(exc))
 
     def _deliver(self, engine: Engine, messages: Sequence[OutboxMessage]) -> None:
         """Store messages in one transaction, unless another process has sent some since the stamps were read."""
         if not messages:
             return
-        here = (outboxes.c.id == self.outbox.id, outboxes.c.revision == self.outbox.revision)
+        unchanged = (outboxes.c.id == self.outbox.id, outboxes.c.revision == self.outbox.revision)
         with engine.connect() as connection:
             revision = _store(connection, self.outbox.id, messages)
-            step = update(outboxes).where(*here).values(revision=revision, station=self._station)
-            are_next = bool(connection.execute(step).rowcount)
-            if are_next:
+            advance = update(outboxes).where(*unchanged).values(revision=revision, station=self._station)
+            accepted = bool(connection.execute(advance).rowcount)
+            if accepted:
                 connection.commit()
-        if are_next:
+        if accepted:
             self.outbox.acknowledge(revision, [(*message.key, message.stamp) for message in messages])
         else:
             self._synchronise(engine)
@@ -202,26 +206,26 @@ class Exchange:
         Returns False if there are more at the time `end`.
         """
         database, cursor = self._index.received()
-        more = True
-        while more:
+        is_full_page = True
+        while is_full_page:
             with engine.connect() as connection:
                 # read first: all revisions up to the last one have been committed
-                last, found = connection.execute(select(revisions.c.last, revisions.c.database)).one()
-                if found != database or last < cursor:
+                last, current = connection.execute(select(revisions.c.last, revisions.c.database)).one()
+                if current != database or last < cursor:
                     self._index.receive((), "", 0)  # the database was restored or replaced
-                    database, cursor = found, 0
+                    database, cursor = current, 0
                 if last == cursor:
                     return True
-                wanted = (runs.c.revision > cursor, runs.c.outbox != self.outbox.id)
-                query = select(*_INDEXED).where(*wanted).order_by(runs.c.revision).limit(_PAGE)
+                conditions = (runs.c.revision > cursor, runs.c.outbox != self.outbox.id)
+                query = select(*_INDEX_COLUMNS).where(*conditions).order_by(runs.c.revision).limit(_PAGE_SIZE)
                 rows = connection.execute(query).all()
-            more = len(rows) == _PAGE
-            reached = rows[-1].revision if more else max([last, *(row.revision for row in rows)])
-            if reached > cursor:
-                received = [_received(row) for row in rows]
-                self._index.receive([run for run in received if run is not None], database, reached)
-                cursor = reached
-            if more and time.monotonic() >= end:
+            is_full_page = len(rows) == _PAGE_SIZE
+            received_revision = rows[-1].revision if is_full_page else max([last, *(row.revision for row in rows)])
+            if received_revision > cursor:
+                indexed = [_indexed_run(row) for row in rows]
+                self._index.receive([run for run in indexed if run is not None], database, received_revision)
+                cursor = received_revision
+            if is_full_page and time.monotonic() >= end:
                 return False
         return True
 
@@ -234,37 +238,37 @@ def _store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage
     now = int(database_time(connection).timestamp() * 1e6)
     last = case((revisions.c.last < now, now), else_=revisions.c.last) + len(messages)
     last_revision = connection.execute(update(revisions).values(last=last).returning(revisions.c.last)).scalar_one()
-    added: dict[str, list[dict[str, Any]]] = {"run": [], "copy": []}
-    located = []
+    rows: dict[str, list[dict[str, Any]]] = {"run": [], "copy": []}
+    locations = []
     for revision, message in enumerate(messages, last_revision - len(messages) + 1):
         row = {"outbox": outbox, **message.columns}
-        added[message.kind].append(row)
+        rows[message.kind].append(row)
         if message.kind == "run":
             row["revision"] = revision
         else:
-            located.append({"run": row["name"], "url": row["url"], "changed": revision})
+            locations.append({"run": row["name"], "url": row["url"], "changed": revision})
     name, log = literal_column("excluded.name", String), literal_column("excluded.log", String)  # values of the new row
     url = select(log_copies.c.url).where(log_copies.c.outbox == outbox, log_copies.c.name == name).scalar_subquery()
-    upsert(connection, runs, added["run"], log=func.coalesce(url, log))
-    upsert(connection, log_copies, added["copy"])
-    if located:
+    upsert(connection, runs, rows["run"], log=func.coalesce(url, log))
+    upsert(connection, log_copies, rows["copy"])
+    if locations:
         run = (runs.c.outbox == outbox, runs.c.name == bindparam("run"))
-        note = update(runs).where(*run).values(log=bindparam("url"), revision=bindparam("changed"))
-        connection.execute(note, located)
+        statement = update(runs).where(*run).values(log=bindparam("url"), revision=bindparam("changed"))
+        connection.execute(statement, locations)
     return int(last_revision)
 
 
 def _is_refusal(error: DBAPIError) -> bool:
-    """Return whether a database refuses the content of messages, so that a repetition would fail, too.
+    """Return whether the database refuses the content of the messages, so that sending them again would fail, too.
 
     A run may contain characters or numbers that a column does not accept, or a text that is too long for an index. The
     copy of a log is refused if its run was refused.
     """
-    return isinstance(error, DataError) or sqlstate(error) in (_TOO_LARGE, _NO_RUN)
+    return isinstance(error, DataError) or sqlstate(error) in (_TOO_LARGE, _MISSING_RUN)
 
 
-def _received(row: Row[Any]) -> IndexedRun | None:
-    """Return a run of another folder as an index row; None for an unreadable run, which is logged."""
+def _indexed_run(row: Row[Any]) -> IndexedRun | None:
+    """Return a run of another folder as a row of the index; None for an unreadable run, which is logged."""
     try:
         run = from_columns(row.name, "", row.content, row.failed_checks, row.parameters, row.numbers)
     except (ValueError, TypeError) as exc:

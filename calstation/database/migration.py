@@ -20,7 +20,7 @@ except ImportError as exc:
 
 
 def known_revisions() -> tuple[str | None, set[str | None]]:
-    """Return the revision of this version, and all earlier ones; None stands for a database without tables."""
+    """Return the revision of this version and all earlier ones; None means a database without tables."""
     scripts = ScriptDirectory.from_config(_configuration())
     head = scripts.get_current_head()
     return head, {None, *(script.revision for script in scripts.walk_revisions())} - {head}

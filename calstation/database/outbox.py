@@ -1,4 +1,4 @@
-"""What a runs folder has to send to the shared database: runs and log copies that the database has not acknowledged.
+"""Messages of a runs folder to the shared database: runs and log copies that the database has not acknowledged.
 
 Nothing is queued. Each pass compares the folder's runs with the stamps that the database has stored, so that nothing is
 lost if a process is killed, and nothing is sent twice. The index of the folder keeps a copy of the acknowledged stamps,
@@ -28,17 +28,17 @@ LOCATION_FILE = ".outbox.json"
 COPIES_FILE = ".copies.jsonl"
 
 #: Number of messages that are sent together.
-_AT_ONCE = 50
+_MAX_MESSAGES = 50
 
 
 @dataclass(frozen=True)
 class ArchivedLog:
     """A verified copy of the log of a run in an archive."""
 
-    name: str
-    url: str
-    file_sha256: str
-    size: int
+    name: str  #: File name of the log without suffix.
+    url: str  #: URL, or absolute path.
+    file_sha256: str  #: Digest of the file.
+    size: int  #: Number of bytes.
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,10 @@ class Outbox:
     def __init__(self, folder: Path) -> None:
         """Open the outbox. Raises ConfigurationError if the folder was moved or copied, or cannot be used."""
         self._folder = folder
-        self._changed: list[str] = []  #: Names of the runs to send, the oldest first.
+        self._to_send: list[str] = []  #: Names of the runs to send, the oldest first.
         #: Value of the index's `mark` and revision when nothing was left to send; None before.
         self._compared: tuple[str | None, int] | None = None
-        #: Reasons for refusals by the database, with the refused stamps; they are tried again by the next process.
+        #: Stamps and reasons of messages that the database refused; the next process sends them again.
         self._refused: dict[tuple[str, str], tuple[str, str]] = {}
         self._acknowledged: tuple[int, dict[tuple[str, str], str]] = (0, {})
         self._copies = ChainedFile[ArchivedLog](folder / COPIES_FILE, ArchivedLog)
@@ -72,13 +72,13 @@ class Outbox:
         self.id = self._read_id()
 
     def _read_id(self) -> str:
-        """Return the random name of the outbox, which is created if there is none."""
+        """Return the random name of the outbox, which is created if it is missing."""
         file, location = self._folder / LOCATION_FILE, _location(self._folder)
         try:
             if not file.exists():
                 _write_location(self._folder, str(uuid4()))
-            known = json.loads(file.read_bytes())
-            name, *stored = str(known["id"]), known["host"], known["folder"]
+            content = json.loads(file.read_bytes())
+            name, *stored = str(content["id"]), content["host"], content["folder"]
         except (OSError, ValueError, KeyError, TypeError) as exc:
             raise ConfigurationError("database.outbox_unusable", file=file, reason=str(exc)) from exc
         if stored != [*location]:
@@ -97,7 +97,7 @@ class Outbox:
     def refresh(self, end: float = math.inf) -> bool:
         """Determine the runs to send.
 
-        Returns False if the index of the folder is not up to date at the time `end`, s of the monotonic clock; the next
+        Returns False if the index of the folder is not up to date when the monotonic clock reaches `end`, s; the next
         call continues.
         """
         for changed, _ in self._history.refresh_in_parts():
@@ -108,38 +108,38 @@ class Outbox:
             stamps = self.index.stamps()
             names = [name for name, stamp in stamps.items() if acknowledged.get(("run", name)) != stamp]
             names = [name for name in names if not self._is_refused("run", name, stamps[name])]
-            self._changed = sorted(names, key=lambda name: (_file_time(stamps[name]), name))
+            self._to_send = sorted(names, key=lambda name: (_file_time(stamps[name]), name))
             self._compared = None if names else (mark, self.revision)
         return True
 
     def pages(self) -> Iterator[list[OutboxMessage]]:
-        """Yield the messages to send after `refresh`, some at a time: runs, then copies of logs of sent runs."""
-        while names := self._changed[:_AT_ONCE]:
+        """Yield lists of the messages to send after `refresh`: the runs first, then the copies of logs of sent runs."""
+        while names := self._to_send[:_MAX_MESSAGES]:
             runs = {run.name: run for run in self.index.named(names)}
             yield [self._run_message(runs[name]) for name in names if name in runs]
-            self._changed = self._changed[_AT_ONCE:]
+            self._to_send = self._to_send[_MAX_MESSAGES:]
         stamps = self._stamps()
         try:
-            archived = self.copies()
+            copied = self.copies()
         except InputError:
-            archived = {}  # reported by the archiver; the runs are exchanged
+            copied = {}  # reported by the archiver; the runs are exchanged
         copies = [
             OutboxMessage("copy", copy.url, asdict(copy))
-            for name, copy in archived.items()
+            for name, copy in copied.items()
             if ("run", name) in stamps
             and stamps.get(("copy", name)) != copy.url
             and not self._is_refused("copy", name, copy.url)
         ]
-        for start in range(0, len(copies), _AT_ONCE):
-            yield copies[start : start + _AT_ONCE]
+        for start in range(0, len(copies), _MAX_MESSAGES):
+            yield copies[start : start + _MAX_MESSAGES]
 
     @property
     def revision(self) -> int:
-        """Revision of the last message that the database is known to have acknowledged."""
+        """Revision of the last message that the database has acknowledged."""
         return self.index.acknowledged_revision()
 
     def acknowledge(self, revision: int, stamps: Iterable[tuple[str, str, str]], *, replace: bool = False) -> None:
-        """Record kind, name and stamp of messages that the database has; all of them, if they `replace` the others."""
+        """Record kind, name and stamp of messages that the database has received; `replace` removes all others."""
         self.index.acknowledge(revision, stamps, replace=replace)
 
     def _stamps(self) -> dict[tuple[str, str], str]:
@@ -162,7 +162,7 @@ class Outbox:
         return self._copies_read[1]
 
     def refuse(self, message: OutboxMessage, reason: str) -> None:
-        """Record that the database refuses a message; it is sent again when it has changed."""
+        """Record that the database refused a message, which is sent again only after it has changed."""
         self._refused[message.key] = (message.stamp, reason)
 
     def _is_refused(self, kind: str, name: str, stamp: str) -> bool:
@@ -170,8 +170,8 @@ class Outbox:
 
     @property
     def pending(self) -> int:
-        """Number of runs that were to be sent at the last `refresh` and have not arrived."""
-        return len(self._changed)
+        """Number of runs determined by the last `refresh` that the database has not received."""
+        return len(self._to_send)
 
     @property
     def refusal(self) -> Text | None:
@@ -234,7 +234,7 @@ def _file_time(stamp: str) -> int:
 
 
 def _result_text(run: IndexedRun, history: History) -> str | None:
-    """Return the result JSON of a run; None for an incomplete run, or if the result cannot be read any more."""
+    """Return the result JSON of a run; None for an incomplete run, or if the result can no longer be read."""
     if run.record.verdict is Verdict.INCOMPLETE and run.record.result is None:
         return None
     try:

@@ -33,20 +33,20 @@ ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S = 5.0, 600.0
 #: Longest time to copy the logs of the last runs at the end, s.
 _LAST_COPIES_S = 4.0
 
-#: Largest fraction of a core that exchanges of a large folder may use.
-_DUTY = 0.1
+#: Largest fraction of a processor core that the exchange of a large folder may use.
+_MAX_LOAD = 0.1
 
 #: Longest time to wait for another process that exchanges the same folder, s.
 _LOCKED_S = 10.0
 
-#: Time after which an exchange yields to other processes that exchange the same folder, and for how long, s.
-_PART_S, _RELEASED_S = 3.0, 0.2
+#: Time after which an exchange yields to other processes that exchange the same folder, and the pause for them, s.
+_PART_S, _YIELD_S = 3.0, 0.2
 
 #: Shortest interval between two readings of the state, s.
-_READ_S = 1.0
+_MIN_READ_INTERVAL_S = 1.0
 
-#: Longest time for which the state is not written if only its time changes.
-_UNCHANGED = timedelta(seconds=30.0)
+#: Longest time between two updates of the state if only its times change.
+_UNCHANGED_FOR = timedelta(seconds=30.0)
 
 #: On Windows, Ctrl-C must only reach the process's owner.
 _CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
@@ -79,7 +79,7 @@ class ExchangeProcess(AbstractContextManager["ExchangeProcess"]):
             creationflags=_CREATION_FLAGS,
         )
         self._send({"folder": str(folder), "url": url, "station": station, "archive": archive, "claimed": {**claimed}})
-        self._shown, self._read_at = set[Claim](), 0.0
+        self._returned, self._read_at = set[Claim](), 0.0
 
     def claim(self, claimed: Mapping[str, str | None]) -> None:
         """Claim these units for their operators, replacing the previous ones."""
@@ -98,12 +98,12 @@ class ExchangeProcess(AbstractContextManager["ExchangeProcess"]):
     def new_claims(self) -> list[Claim]:
         """Return other stations' claims that were not returned before; the state is read at most once per second."""
         now = time.monotonic()
-        if now < self._read_at + _READ_S:
+        if now < self._read_at + _MIN_READ_INTERVAL_S:
             return []
         self._read_at = now
         claims = [claim for claim in self.state().claims if claim.serial in self._claimed]
-        new = [claim for claim in claims if claim not in self._shown]
-        self._shown.update(new)
+        new = [claim for claim in claims if claim not in self._returned]
+        self._returned.update(new)
         return new
 
     def end(self) -> None:
@@ -166,20 +166,20 @@ def watch(
             exchange.claimed = claimed()
             begin = time.thread_time()
             _exchange_part(exchange, folder)
-        except Exception as exc:  # noqa: BLE001 - whatever one pass did, the next may succeed
-            error = _known(exc, folder)
+        except Exception as exc:  # noqa: BLE001 - the next exchange may succeed
+            error = _as_known_error(exc, folder)
             if exchange is not None and error is not exc:
                 exchange.close()
                 exchange = None
             if exchange is None:
                 with suppress(OSError):
-                    change_state(folder, attempt_utc=datetime.now(UTC), error=error.as_text.to_json())
+                    change_state(folder, attempt_utc=datetime.now(UTC), error=error.as_text)
             pause = next(pauses)
         else:
             pauses = growing_pauses(FAILED_S, LONGEST_S)
-            pause = _RELEASED_S
+            pause = _YIELD_S
             if exchange.complete:
-                pause = min(max(PAUSE_S, (time.thread_time() - begin) / _DUTY), LONGEST_S)
+                pause = min(max(PAUSE_S, (time.thread_time() - begin) / _MAX_LOAD), LONGEST_S)
         if ended:
             break
         ended = wait(pause)
@@ -190,7 +190,7 @@ def watch(
             try:
                 _exchange_part(exchange, folder)  # records the last copies
             except Exception as exc:  # noqa: BLE001 - the next start continues
-                _known(exc, folder)
+                _as_known_error(exc, folder)
         exchange.close()
 
 
@@ -201,12 +201,12 @@ def growing_pauses(first: float, longest: float) -> Iterator[float]:
         first = min(2.0 * first, longest)
 
 
-def _known(exc: Exception, folder: Path) -> CalstationError:
+def _as_known_error(exc: Exception, folder: Path) -> CalstationError:
     """Log an exception of an exchange and return it; a programming error is returned as an error with a code."""
     if isinstance(exc, CalstationError):
         logger.warning("exchange of %s: %s", folder, exc)
         return exc
-    logger.error("exchange of %s: a mistake of the program", folder, exc_info=exc)
+    logger.error("exchange of %s: a programming error", folder, exc_info=exc)
     return CalstationError("program.internal", detail=f"{type(exc).__name__}: {exc}")
 
 
@@ -224,7 +224,7 @@ def _copy_logs(folder: Path, archive: str, stop: threading.Event) -> None:
                 pauses = growing_pauses(ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S)
         except Exception as exc:  # noqa: BLE001 - the next attempt may succeed
             with suppress(OSError):
-                change_state(folder, archive_error=_known(exc, folder).as_text.to_json())
+                change_state(folder, archive_error=_as_known_error(exc, folder).as_text)
             pause = next(pauses)
         if last:
             return
@@ -238,7 +238,7 @@ def exchange_once(exchange: "Exchange", folder: Path) -> ExchangeState:
     """
     _exchange_part(exchange, folder)
     while not exchange.complete:
-        time.sleep(_RELEASED_S)
+        time.sleep(_YIELD_S)
         _exchange_part(exchange, folder)
     return read_state(folder)
 
@@ -253,25 +253,20 @@ def _exchange_part(exchange: "Exchange", folder: Path) -> None:
             try:
                 claims = exchange.exchange(_PART_S)
             except CalstationError as error:
-                failed = error.as_text.to_json()
-                change_state(folder, pending=exchange.outbox.pending, attempt_utc=datetime.now(UTC), error=failed)
+                now, pending = datetime.now(UTC), exchange.outbox.pending
+                change_state(folder, pending=pending, attempt_utc=now, error=error.as_text)
                 raise
-            _note_contact(exchange, folder, claims)
+            _write_contact(exchange, folder, claims)
     except TimeoutError as exc:
         raise ConfigurationError("database.busy", folder=folder) from exc
     except OSError as exc:
         raise ConfigurationError("database.folder_unusable", folder=folder, reason=os_reason(exc)) from exc
 
 
-def _note_contact(exchange: "Exchange", folder: Path, claims: list[Claim]) -> None:
-    """Write the state after a successful exchange; if only its time differs, twice a minute."""
-    now, old, refusal = datetime.now(UTC), read_state(folder), exchange.outbox.refusal
-    new = {
-        "pending": exchange.outbox.pending,
-        "claims": tuple(claims),
-        "error": None,
-        "refusal": None if refusal is None else refusal.to_json(),
-    }
-    recent = old.contact_utc is not None and old.contact_utc > max(exchange.begun_utc, now - _UNCHANGED)
+def _write_contact(exchange: "Exchange", folder: Path, claims: list[Claim]) -> None:
+    """Write the state after a successful exchange; if only its times have changed, at most twice a minute."""
+    now, old, outbox = datetime.now(UTC), read_state(folder), exchange.outbox
+    new = {"pending": outbox.pending, "claims": tuple(claims), "error": None, "refusal": outbox.refusal}
+    recent = old.contact_utc is not None and old.contact_utc > max(exchange.created_utc, now - _UNCHANGED_FOR)
     if not recent or any(getattr(old, name) != value for name, value in new.items()):
         change_state(folder, **new, attempt_utc=now, contact_utc=now)

@@ -15,7 +15,7 @@ from calstation.jobs import ProgressCallback
 from calstation.records import SUFFIX, RunFilter, RunRecord, Verdict, write_atomic
 from calstation.results import History, Result, export_runs, load_results
 
-#: A path on a computer, ``host:path``; a single letter is a Windows drive.
+#: A path on another computer, ``host:path``; a single letter is a Windows drive.
 _ON_HOST = re.compile(r"[^/\\:]{2,}:(?!//)")
 
 #: Largest total size of the copies of other stations' logs in a runs folder, bytes.
@@ -77,18 +77,18 @@ def fetch_result(report: ProgressCallback, station: Path | None, run: RunRecord)
 def load_shared_results(
     report: ProgressCallback, station: Path | None, folder: Path, runs: Sequence[RunRecord]
 ) -> list[Result]:
-    """Job: load results like `calstation.results.load_results`, for runs of all stations; errors: `fetch_result`."""
+    """Job: load results of runs of all stations. Raises like `fetch_result` and `calstation.results.load_results`."""
     _fetch(station, runs)
     return load_results(report, folder, runs)
 
 
 def export_shared_runs(
-    report: ProgressCallback, station: Path | None, folder: Path, wanted: RunFilter, target: Path
+    report: ProgressCallback, station: Path | None, folder: Path, run_filter: RunFilter, target: Path
 ) -> Path:
-    """Job: export runs like `calstation.results.export_runs`, for runs of all stations; errors: `fetch_result`."""
+    """Job: export runs of all stations. Raises like `fetch_result` and `calstation.results.export_runs`."""
     if target.suffix != ".csv":  # CSV rows are in the index
-        _fetch(station, History(folder).runs(wanted, limit=None))
-    return export_runs(report, folder, wanted, target)
+        _fetch(station, History(folder).runs(run_filter, limit=None))
+    return export_runs(report, folder, run_filter, target)
 
 
 def _fetch(station: Path | None, runs: Sequence[RunRecord]) -> None:
@@ -103,8 +103,8 @@ def _fetch(station: Path | None, runs: Sequence[RunRecord]) -> None:
 
     with opened(database_of(station)[0]) as engine, engine.connect() as connection:
         for run in remote:
-            wanted = (tables.runs.c.outbox == run.origin, tables.runs.c.name == run.log.stem)
-            text = connection.execute(select(tables.runs.c.result).where(*wanted)).scalar()
+            conditions = (tables.runs.c.outbox == run.origin, tables.runs.c.name == run.log.stem)
+            text = connection.execute(select(tables.runs.c.result).where(*conditions)).scalar()
             if text is None:
                 raise InputError("result.elsewhere", log=run.log.name, station=run.station or "?")
             target = run.log.with_suffix(".json")

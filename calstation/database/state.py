@@ -1,12 +1,12 @@
-"""State of the exchange with the shared database, in a file that the window reads without the network."""
+"""State of the exchange with the shared database, stored in a file that the window reads without using the network."""
 
 import json
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import TypeAdapter
+from pydantic import PlainSerializer, PlainValidator, TypeAdapter
 
 from calstation.messages import Text, values_from_json
 from calstation.records import locked, write_atomic
@@ -17,6 +17,14 @@ FILE = ".exchange.json"
 
 #: Lock of the file, and the longest time to wait for it, s.
 _LOCK, _LOCKED_S = ".exchange_state.lock", 10.0
+
+
+#: A message that is stored as its code and values.
+_StoredText = Annotated[
+    Text | None,
+    PlainValidator(lambda data: data and Text(data["code"], values_from_json(data["values"]))),
+    PlainSerializer(lambda text: text and text.to_json()),
+]
 
 
 @dataclass(frozen=True)
@@ -41,29 +49,14 @@ class Claim:
 class ExchangeState:
     """State after the last attempt of an exchange."""
 
-    pending: int = 0  #: Runs that have not arrived.
+    pending: int = 0  #: Number of runs that the database has not received.
     attempt_utc: datetime | None = None  #: Time of the attempt.
     contact_utc: datetime | None = None  #: Time of the last successful exchange.
-    error: dict[str, Any] | None = None  #: Code and values of the error of the attempt; None if it succeeded.
+    error: _StoredText = None  #: Error of the attempt; None if it succeeded.
     claims: tuple[Claim, ...] = ()  #: Claims at the time of the last successful exchange.
-    refusal: dict[str, Any] | None = None  #: Code and values of the message about runs that the database refuses.
-    logs_pending: int = 0  #: Logs that have not been copied to the archive.
-    archive_error: dict[str, Any] | None = None  #: Code and values of the error of the last copy of a log.
-
-    @property
-    def error_text(self) -> Text | None:
-        """The error as a message."""
-        return _text(self.error)
-
-    @property
-    def refusal_text(self) -> Text | None:
-        """Message about runs that the database refuses."""
-        return _text(self.refusal)
-
-    @property
-    def archive_error_text(self) -> Text | None:
-        """The error of the last copy of a log as a message."""
-        return _text(self.archive_error)
+    refusal: _StoredText = None  #: Message about runs that the database refuses.
+    logs_pending: int = 0  #: Number of logs that have not been copied to the archive.
+    archive_error: _StoredText = None  #: Error of the last attempt to copy a log.
 
     def to_json(self) -> dict[str, Any]:
         """Return the state as JSON data."""
@@ -74,12 +67,8 @@ class ExchangeState:
 _STATE = TypeAdapter(ExchangeState)
 
 
-def _text(error: dict[str, Any] | None) -> Text | None:
-    return None if error is None else Text(error["code"], values_from_json(error["values"]))
-
-
 def read_state(folder: Path) -> ExchangeState:
-    """Return the state of the exchange of a folder, in milliseconds; an empty state if there was no exchange."""
+    """Return the state of the exchange of a folder within milliseconds; an empty state if there was no exchange."""
     try:
         return _STATE.validate_json((folder / FILE).read_bytes())
     except (OSError, ValueError):
@@ -90,6 +79,6 @@ def change_state(folder: Path, **changes: Any) -> None:
     """Change fields of the state of the exchange of a folder; several processes may do so. Raises OSError."""
     with locked(folder / _LOCK, _LOCKED_S):
         state = read_state(folder)
-        changed = replace(state, **changes)
-        if changed != state:
-            write_atomic(folder / FILE, json.dumps(changed.to_json()), sync=False)
+        changed = replace(state, **changes).to_json()
+        if changed != state.to_json():
+            write_atomic(folder / FILE, json.dumps(changed), sync=False)

@@ -102,7 +102,7 @@ claims = Table(
     Column("expires", DateTime(timezone=True), nullable=False),
 )
 
-#: Common properties of the solutions of a version; the first job that uses a version enters it.
+#: Common properties of the solutions of a version; the first job that uses a version adds it.
 versions = Table(
     "versions",
     metadata,
@@ -114,7 +114,7 @@ versions = Table(
     Column("stages", String, nullable=False),
 )
 
-#: Files that have been read, so that unchanged files are not read again; a log may have several.
+#: Files that have been read, so that unchanged files are not read again; several files may contain the same log.
 locations = Table(
     "locations",
     metadata,
@@ -126,8 +126,8 @@ locations = Table(
     Column("started_utc", String),
 )
 
-#: Logs that were solved again. A solution is identified by log, version, configuration, requested range and stages; a
-#: log that failed has another row for each further attempt, and the last one counts.
+#: Solutions of logs. A solution is identified by log, version, configuration, requested range and stages. Every
+#: repeated attempt at a failed log adds a row, and the last row is valid.
 solutions = Table(
     "solutions",
     metadata,
@@ -165,14 +165,14 @@ solutions = Table(
 def upsert(
     connection: Connection, table: Table, rows: Sequence[dict[str, Any]], **replaced: ColumnElement[Any]
 ) -> None:
-    """Add rows, or replace those with the same primary keys; psycopg sends all of them in one round trip.
+    """Add rows, or replace rows with the same primary keys; psycopg sends all of them in one round trip.
 
     Parameters
     ----------
     connection : connection in a transaction
     table : table of the rows
     rows : values by the names of the columns, the same columns in each row
-    replaced : expressions for columns of an existing row that do not simply get the new value
+    replaced : expressions, by column, that set a column of an existing row instead of its new value
     """
     if not rows:
         return

@@ -155,7 +155,7 @@ def test_exchange_continues_without_the_archive_and_retries_it(url: str, folder:
     state = read_state(folder)
     assert (state.pending, state.error, state.logs_pending) == (0, None, 2)
     assert state.archive_error is not None
-    assert state.archive_error["code"] == "database.archive_absent"
+    assert state.archive_error.code == "database.archive_absent"
     assert not share.exists()
     (share / "logs").mkdir(parents=True)
     watch(folder, url, "line 1", until(lambda: len(outbox.copies()) == 2), archive=str(share / "logs"))

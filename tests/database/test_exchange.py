@@ -336,7 +336,7 @@ def test_log_copy_waits_until_its_run_is_sent(
     outbox = Outbox(one)
     outbox.add_copy(ArchivedLog("a", "s3://logs/a.h5", "1" * 64, 17))
     with monkeypatch.context() as patch:
-        patch.setattr(RunIndex, "own", lambda *_: [])  # the index was recreated in between
+        patch.setattr(RunIndex, "named", lambda *_: [])  # the index was recreated in between
         assert outbox.refresh()
         assert [messages for messages in outbox.pages() if messages] == []
     exchange(one, url)
@@ -413,8 +413,8 @@ def test_rejected_runs_are_counted_while_they_exist(
     made = Exchange(one, url, "one")
     for count, run in ((2, "b2"), (1, "b1")):
         state = exchange_once(made, one)
-        assert state.refusal_text is not None
-        assert state.refusal_text.values == {"count": count, "run": run, "reason": "too long"}
+        assert state.refusal is not None
+        assert state.refusal.values == {"count": count, "run": run, "reason": "too long"}
         (one / f"{run}.json").unlink()
     assert exchange_once(made, one).refusal is None
     made.close()

@@ -83,7 +83,7 @@ def test_runs_are_exchanged_while_the_process_lives(shared_database: str, folder
 
 
 def test_only_new_claims_on_the_current_unit_are_returned(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("calstation.database.process._READ_S", 0.0)
+    monkeypatch.setattr("calstation.database.process._MIN_READ_INTERVAL_S", 0.0)
     now = datetime.now(UTC)
     mine, other = (Claim(serial, "line 2", None, now) for serial in ("SN-7", "SN-8"))
     change_state(folder, contact_utc=now, claims=(mine, other))
@@ -137,8 +137,8 @@ def test_unreachable_database_is_retried_with_growing_pauses(folder: Path) -> No
         pauses.append(seconds)
         state = read_state(folder)
         assert state.pending == 1
-        assert state.error_text is not None
-        assert state.error_text.code == "database.unreachable"
+        assert state.error is not None
+        assert state.error.code == "database.unreachable"
         return len(pauses) == 9
 
     watch(folder, "postgresql+psycopg://line@127.0.0.1:1/none", "line 1", wait)
@@ -217,7 +217,7 @@ def test_long_exchange_yields_to_another_process_on_the_same_folder(
     station.exchange()
     one, two = Exchange(folder, url, "line 1"), Exchange(folder, url, "line 1")
     monkeypatch.setattr("calstation.database.process._PART_S", 0.0)
-    monkeypatch.setattr("calstation.database.exchange._PAGE", 50)
+    monkeypatch.setattr("calstation.database.exchange._PAGE_SIZE", 50)
     pending: list[int] = []
     stored: list[str] = []
 
@@ -250,7 +250,7 @@ def test_unchanged_state_is_rarely_written(folder: Path, tmp_path: Path, monkeyp
     exchange = Exchange(folder, f"sqlite:///{tmp_path / 'shared.sqlite'}", "line 1")
     first = exchange_once(exchange, folder)
     assert exchange_once(exchange, folder) == first
-    monkeypatch.setattr("calstation.database.process._UNCHANGED", timedelta(0))
+    monkeypatch.setattr("calstation.database.process._UNCHANGED_FOR", timedelta(0))
     assert exchange_once(exchange, folder).contact_utc > first.contact_utc
     exchange.close()
 

@@ -83,7 +83,7 @@ def _watch(out: Path, url: str, name: str, archive: str | None) -> None:
 
 def _lines(state: ExchangeState) -> list[str]:
     """Return the obstacles to the exchange of runs and the copying of logs, or that all runs are exchanged."""
-    errors = (state.error_text, state.refusal_text, state.archive_error_text)
+    errors = (state.error, state.refusal, state.archive_error)
     lines = [sentence(error) for error in errors if error is not None]
     if not state.pending and state.error is None and state.refusal is None:
         lines.insert(0, say("cli.exchanged"))
@@ -116,7 +116,7 @@ def status(out: RunsOption = Path("runs"), json: JsonOption = None) -> None:
     """Show what is pending for the shared database and the last contact. Does not use the network."""
     state = read_state(out)
     contact = "-" if state.contact_utc is None else local_time(state.contact_utc.isoformat())
-    errors = (state.error_text, state.refusal_text, state.archive_error_text)
+    errors = (state.error, state.refusal, state.archive_error)
     lines = [say("cli.exchange_state", pending=state.pending, logs=state.logs_pending, contact=contact)]
     emit(state.to_json(), json, [*lines, *(sentence(error) for error in errors if error is not None)])
 

@@ -134,7 +134,7 @@ class RecordsSection(Section):
             contact = state.contact_utc
             when = "" if contact is None else local_time(contact.isoformat())
             lines.append(say("settings.last_exchange", time=when) if when else say("settings.not_exchanged"))
-            for error in (state.error_text, state.refusal_text, state.archive_error_text):
+            for error in (state.error, state.refusal, state.archive_error):
                 if error is not None:
                     lines += [rendered(error).text, rendered(error).remedy]
         show_text(self._status, "\n".join(lines))

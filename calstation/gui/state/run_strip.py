@@ -94,7 +94,7 @@ class ExchangeLabel(QLabel):
     def _refresh(self) -> None:
         state = self._app.exchange_state
         show_text(self, "" if state is None else "  ·  ".join(filter(None, (self._runs(state), self._logs(state)))))
-        errors = () if state is None else (state.error_text, state.archive_error_text)
+        errors = () if state is None else (state.error, state.archive_error)
         self.setToolTip("\n".join(say(error) for error in errors if error is not None))
 
     def _runs(self, state: ExchangeState) -> str:
