@@ -12,9 +12,8 @@ from calstation.quality.charts import (
     individuals_chart,
     nelson_signals,
 )
-from calstation.quality.gauge import LEAST_CATEGORIES, AnovaRow, GaugeStudy, Variation, gauge_study
+from calstation.quality.gauge import MIN_CATEGORIES, AnovaRow, GaugeStudy, Variation, gauge_study
 from calstation.quality.gauge_plan import GaugePlan, Measurement, StudyState, evaluate_study
-from calstation.quality.random_effects import RandomEffects, random_effects
 from calstation.quality.runs import judged_runs, last_of_each_unit
 from calstation.quality.standards import (
     Due,
@@ -26,11 +25,13 @@ from calstation.quality.standards import (
 )
 from calstation.quality.station import StandardHistory, StationQuality, station_quality
 from calstation.quality.summary import (
-    LEAST_VALUES,
+    MIN_VALUES,
     Charts,
     ParameterQuality,
     QualitySummary,
+    RandomEffects,
     limit_interval,
+    random_effects,
     summarise_quality,
 )
 from calstation.quality.table_chart import WEIGHT, WIDTH, TableChart, alarms, table_charts

@@ -16,10 +16,10 @@ from calstation.physics import FloatArray
 from calstation.quality.charts import D2
 
 #: Smallest number of values for an index.
-_LEAST = 3
-#: Largest number of values used by the normality test, evenly spread: with more values the test would reject irrelevant
-#: deviations.
-_TESTED = 1000
+_MIN_COUNT = 3
+#: Largest number of values, evenly spaced, in the normality test, which would reject irrelevant deviations of more
+#: values.
+_MAX_TESTED = 1000
 #: Variance of the mean of n - 1 moving ranges of normal values, times (n - 1), relative to its square: the variance of
 #: a range plus its covariance with the next range, which shares a value, for n much larger than 1.
 _RANGE_VARIANCE = (math.pi / 2 - 1) + 2 * (math.sqrt(3) / 2 + math.pi / 12 - 1)
@@ -75,11 +75,11 @@ def capability(values: FloatArray, low: float, high: float, *, confidence: float
 
     Raises
     ------
-    InputError : there are fewer than three values, or they are all equal
+    InputError : if there are fewer than three values, or if they are all equal
     """
     count = len(values)
-    if count < _LEAST:
-        raise InputError("quality.too_few", count=count, least=_LEAST)
+    if count < _MIN_COUNT:
+        raise InputError("quality.too_few", count=count, least=_MIN_COUNT)
     mean, overall = float(np.mean(values)), float(np.std(values, ddof=1))
     if not overall > 0.0:
         raise InputError("quality.no_spread", count=count)
@@ -99,7 +99,7 @@ def capability(values: FloatArray, low: float, high: float, *, confidence: float
         pp=cp_interval(width / (6.0 * overall), count - 1, confidence),
         ppk=cpk_interval(side / (3.0 * overall), count, count - 1, confidence),
         outside=int(np.count_nonzero((values < low) | (values > high))),
-        normality_p=_normality(values[:: -(-count // _TESTED)]),
+        normality_p=_normality(values[:: -(-count // _MAX_TESTED)]),
     )
 
 

@@ -23,15 +23,15 @@ D4 = 1.0 + 3.0 * D3 / D2
 #: Numbers of Nelson's rules.
 RULES = (1, 2, 3, 4, 5, 6, 7, 8)
 
-#: Number of first values from which center and standard deviation are estimated; later values do not change them.
+#: Number of values from which center and standard deviation are estimated: the first ones, so that they do not change.
 BASELINE = 100
 
 #: Smallest number of values for an estimate.
-_LEAST = 2
-#: Number of values that `restarted_ewma_chart` processes first after a signal.
-_RESTARTED = 512
-#: Half the logarithm of a number that does not change 1 when subtracted from it.
-_NEGLIGIBLE = -20.0
+_MIN_COUNT = 2
+#: Number of values that `restarted_ewma_chart` initially processes after a signal.
+_RESTART_LENGTH = 512
+#: Half the logarithm of a number that is negligible compared with 1.
+_HALF_LOG_EPSILON = -20.0
 
 
 @dataclass(frozen=True)
@@ -45,16 +45,16 @@ class Widths:
 
 #: Limits for a known center and sigma: one false alarm of each chart in 370 values (Montgomery; J. M. Lucas and
 #: M. S. Saccucci, Technometrics 32(1), 1990, 1-12; D. M. Hawkins, Journal of Quality Technology 25(4), 1993, 248-261).
-KNOWN = Widths()
+KNOWN_WIDTHS = Widths()
 #: Limits for a center and sigma estimated from `BASELINE` values, whose errors would otherwise cause half as many
 #: alarms again: one false alarm in 370 values on average over baselines. The limit of the individuals is exact,
 #: t(0.99865) with the degrees of freedom of the mean moving range, times sqrt(1 + 1 / BASELINE) (F. S. Hillier, Journal
 #: of Quality Technology 1(1), 1969, 17-26); the limits of EWMA and CUSUM are simulated (L. A. Jones, Journal of Quality
 #: Technology 34(3), 2002, 277-288; L. A. Jones, C. W. Champ and S. E. Rigdon, Journal of Quality Technology 36(1),
 #: 2004, 95-108).
-ESTIMATED = Widths(3.13, 3.06, 5.35)
+ESTIMATED_WIDTHS = Widths(3.13, 3.06, 5.35)
 
-#: Origin of a chart's center and sigma: the first `BASELINE` values, all values if there are fewer, or stated values.
+#: Origin of a chart's center and sigma: the first `BASELINE` values, all values if there are fewer, or given values.
 Source = Literal["baseline", "retrospective", "stated"]
 
 
@@ -64,19 +64,19 @@ class Process:
 
     center: float
     sigma: float
-    baseline: int = 0  #: Number of first values used for the estimate; 0 if the values are stated.
+    baseline: int = 0  #: Number of values used for the estimate; 0 if center and sigma are given.
 
     @classmethod
     def estimated(cls, values: FloatArray, center: float | None = None) -> "Process":
-        """Return the mean and the mean moving range over d2 of the first `BASELINE` values, of all if there are fewer.
+        """Return mean, and mean moving range over d2, of the first `BASELINE` values, or of all if there are fewer.
 
         A known `center` replaces the mean. Raises InputError if there are fewer than two values.
         """
-        known = values[:BASELINE]
-        if len(known) < _LEAST:
-            raise InputError("quality.too_few", count=len(known), least=_LEAST)
-        mean = float(np.mean(known)) if center is None else center
-        return cls(mean, float(np.mean(np.abs(np.diff(known)))) / D2, len(known))
+        baseline = values[:BASELINE]
+        if len(baseline) < _MIN_COUNT:
+            raise InputError("quality.too_few", count=len(baseline), least=_MIN_COUNT)
+        mean = float(np.mean(baseline)) if center is None else center
+        return cls(mean, float(np.mean(np.abs(np.diff(baseline)))) / D2, len(baseline))
 
     @property
     def source(self) -> Source:
@@ -86,7 +86,7 @@ class Process:
     @property
     def widths(self) -> Widths:
         """Distances of the limits for charts of this process."""
-        return KNOWN if self.baseline == 0 else ESTIMATED
+        return KNOWN_WIDTHS if self.baseline == 0 else ESTIMATED_WIDTHS
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ class CusumChart:
 
 
 def individuals_chart(
-    values: FloatArray, center: float, sigma: float, *, width: float = KNOWN.individuals
+    values: FloatArray, center: float, sigma: float, *, width: float = KNOWN_WIDTHS.individuals
 ) -> IndividualsChart:
     """Return the individuals and moving range chart of values in chronological order.
 
@@ -175,7 +175,7 @@ def individuals_chart(
 
 
 def ewma_chart(
-    values: FloatArray, center: float, sigma: float, *, weight: float = 0.2, width: float = KNOWN.ewma
+    values: FloatArray, center: float, sigma: float, *, weight: float = 0.2, width: float = KNOWN_WIDTHS.ewma
 ) -> EwmaChart:
     """Return the chart of the exponentially weighted moving average with the exact limits of every point.
 
@@ -196,7 +196,7 @@ def restarted_ewma_chart(values: FloatArray, center: float, sigma: float, *, wei
     """Return the chart of `ewma_chart`, with average and limits restarted after each signal."""
     parts: list[EwmaChart] = []
     signals: list[int] = []
-    first, size = 0, _RESTARTED
+    first, size = 0, _RESTART_LENGTH
     while first < len(values):
         part = ewma_chart(values[first : first + size], center, sigma, weight=weight, width=width)
         if not len(part.signals) and first + size < len(values):
@@ -205,7 +205,7 @@ def restarted_ewma_chart(values: FloatArray, center: float, sigma: float, *, wei
         stop = int(part.signals[0]) + 1 if len(part.signals) else len(part.values)
         signals += [first + stop - 1] if len(part.signals) else []
         parts.append(replace(part, average=part.average[:stop], low=part.low[:stop], high=part.high[:stop]))
-        first, size = first + stop, _RESTARTED
+        first, size = first + stop, _RESTART_LENGTH
     average, low, high = (
         np.concatenate([np.empty(0), *(getattr(part, name) for part in parts)]) for name in ("average", "low", "high")
     )
@@ -213,7 +213,7 @@ def restarted_ewma_chart(values: FloatArray, center: float, sigma: float, *, wei
 
 
 def cusum_chart(
-    values: FloatArray, center: float, sigma: float, *, allowance: float = 0.5, decision: float = KNOWN.cusum
+    values: FloatArray, center: float, sigma: float, *, allowance: float = 0.5, decision: float = KNOWN_WIDTHS.cusum
 ) -> CusumChart:
     """Return the two-sided tabular CUSUM; it does not restart after a signal.
 
@@ -225,11 +225,11 @@ def cusum_chart(
     return CusumChart(values, upper, lower, center, sigma, allowance, decision, high, low)
 
 
-def nelson_signals(values: FloatArray, center: float, sigma: float, width: float = KNOWN.individuals) -> Signals:
+def nelson_signals(values: FloatArray, center: float, sigma: float, width: float = KNOWN_WIDTHS.individuals) -> Signals:
     """Return the signals of Nelson's eight rules, each at the point that completes its pattern.
 
-    1: one point beyond `width` sigmas, 3 in Nelson's paper. 2: nine in a row on one side of the center. 3: six in a
-    row, each above or each below the previous one. 4: fourteen in a row, alternately up and down. 5: two of three
+    1: one point beyond `width` sigmas, which is 3 in Nelson's paper. 2: nine in a row on one side of the center. 3: six
+    in a row, each above or each below the previous one. 4: fourteen in a row, alternately up and down. 5: two of three
     beyond 2 sigma on one side. 6: four of five beyond 1 sigma on one side. 7: fifteen in a row within 1 sigma. 8: eight
     in a row beyond 1 sigma. A point completes rules 5 and 6 only if the point itself is beyond the limit.
     """
@@ -240,44 +240,44 @@ def nelson_signals(values: FloatArray, center: float, sigma: float, width: float
     rising, falling = (np.concatenate([[False], steps == sign])[: len(values)] for sign in (1.0, -1.0))
     beyond = {k: (deviation > k * sigma, deviation < -k * sigma) for k in (1, 2)}
     outside = beyond[1][0] | beyond[1][1]
-    found = {
+    flags = {
         1: np.abs(deviation) > width * sigma,
-        2: _recent(above, 9, 9) | _recent(below, 9, 9),
-        3: _recent(rising, 5, 5) | _recent(falling, 5, 5),
-        4: _recent(turns, 12, 12),
-        5: _on_a_side(beyond[2], 2, 3),
-        6: _on_a_side(beyond[1], 4, 5),
-        7: _recent(~outside, 15, 15),
-        8: _recent(outside, 8, 8),
+        2: _frequent(above, 9, 9) | _frequent(below, 9, 9),
+        3: _frequent(rising, 5, 5) | _frequent(falling, 5, 5),
+        4: _frequent(turns, 12, 12),
+        5: _frequent_on_one_side(beyond[2], 2, 3),
+        6: _frequent_on_one_side(beyond[1], 4, 5),
+        7: _frequent(~outside, 15, 15),
+        8: _frequent(outside, 8, 8),
     }
-    index = np.concatenate([np.flatnonzero(found[rule]) for rule in RULES])
-    rule = np.concatenate([np.full(np.count_nonzero(found[rule]), rule) for rule in RULES])
+    index = np.concatenate([np.flatnonzero(flags[rule]) for rule in RULES])
+    rule = np.concatenate([np.full(np.count_nonzero(flags[rule]), rule) for rule in RULES])
     order = np.lexsort((rule, index))
     return Signals(index[order], rule[order])
 
 
 def _ewma_sigmas(weight: float, count: int) -> FloatArray:
     """Return the standard deviation of the average of the first 1, 2, ... values, in sigmas of a value."""
-    found = np.full(count, math.sqrt(weight / (2.0 - weight)))
-    first = found[: math.ceil(_NEGLIGIBLE / math.log1p(-weight))]  # beyond this, the powers are 0 and slow to compute
+    sigmas = np.full(count, math.sqrt(weight / (2.0 - weight)))
+    first = sigmas[: math.ceil(_HALF_LOG_EPSILON / math.log1p(-weight))]  # later powers are 0 and slow to compute
     first *= np.sqrt(1.0 - (1.0 - weight) ** (2.0 * np.arange(1, len(first) + 1)))
-    return found
+    return sigmas
 
 
 def _one_sided(steps: FloatArray) -> FloatArray:
     """Return S_i = max(0, S_(i-1) + step_i), computed as the cumulative sum minus its running minimum."""
-    total = np.cumsum(steps)
-    least = np.minimum(np.minimum.accumulate(total), 0.0) if len(total) else total
-    return np.asarray(total - least)
+    sums = np.cumsum(steps)
+    minimum = np.minimum(np.minimum.accumulate(sums), 0.0) if len(sums) else sums
+    return np.asarray(sums - minimum)
 
 
-def _recent(flags: BoolArray, least: int, length: int) -> BoolArray:
-    """Return the points with at least `least` flags among the last `length` points, or fewer points at the start."""
+def _frequent(flags: BoolArray, min_count: int, length: int) -> BoolArray:
+    """Return a mask of the points with at least `min_count` flags among the last `length` points."""
     padded = np.concatenate([np.zeros(length - 1, dtype=np.uint8), flags])
-    return np.asarray(sum(padded[k : k + len(flags)] for k in range(length)) >= np.uint8(least))
+    return np.asarray(sum(padded[k : k + len(flags)] for k in range(length)) >= np.uint8(min_count))
 
 
-def _on_a_side(sides: tuple[BoolArray, BoolArray], least: int, length: int) -> BoolArray:
-    """Return the flagged points with at least `least` flags on the same side among the last `length` points."""
-    high, low = (flags & _recent(flags, least, length) for flags in sides)
+def _frequent_on_one_side(sides: tuple[BoolArray, BoolArray], min_count: int, length: int) -> BoolArray:
+    """Return a mask of flagged points with at least `min_count` flags on their side among the last `length` points."""
+    high, low = (flags & _frequent(flags, min_count, length) for flags in sides)
     return high | low

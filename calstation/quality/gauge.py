@@ -27,14 +27,14 @@ from calstation.physics import FloatArray
 #: Factor whose variation is measured.
 UNIT = "unit"
 #: Interactions with a larger p-value are pooled with the repeatability.
-_POOLED_ABOVE = 0.25
-#: Percentages of the study variation or tolerance at which the verdict changes, and the smallest number of categories.
+_MAX_P_VALUE = 0.25
+#: Percentages of the study variation or tolerance at which the verdict changes, and the required number of categories.
 _ACCEPTABLE, _MARGINAL = 10.0, 30.0
-LEAST_CATEGORIES = 5
+MIN_CATEGORIES = 5
 #: Width of the measurement's spread, in its sigmas, that is compared with the tolerance.
-_WIDTH = 6.0
+_SPREAD_WIDTH = 6.0
 #: Number of categories for a ratio of part to measurement variation of 1: sqrt(2), as rounded by AIAG.
-_CATEGORIES = 1.41
+_CATEGORY_FACTOR = 1.41
 #: Number of draws for a generalised confidence interval, and their fixed seed, which makes intervals reproducible.
 _DRAWS, _SEED = 10_000, 1
 
@@ -45,7 +45,7 @@ Term = frozenset[str]
 #: Term of the repeatability.
 _ERROR: Term = frozenset()
 #: Coefficients of mean squares by term.
-_Sum = Mapping[Term, float]
+_Combination = Mapping[Term, float]
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class GaugeStudy:
     @property
     def categories(self) -> int:
         """Number of distinct categories (ndc)."""
-        ratio = _CATEGORIES * self.part.sigma / self.gauge.sigma
+        ratio = _CATEGORY_FACTOR * self.part.sigma / self.gauge.sigma
         return math.floor(ratio)
 
     @property
@@ -120,12 +120,12 @@ def crossed(
         cells.setdefault(key, []).append(value)
     levels = [list(dict.fromkeys(key[k] for key in cells)) for k in range(len(factors))]
     keys = list(product(*levels))
-    most = max(map(len, cells.values()), default=0)
-    lacking = [f"{', '.join(key)}: {len(cells.get(key, ()))}" for key in keys if len(cells.get(key, ())) < most]
-    if lacking:
-        raise InputError("quality.unbalanced", trials=most, cells="; ".join(lacking))
-    check_size({name: len(of_factor) for name, of_factor in zip(factors, levels, strict=True)}, most)
-    shape = (*map(len, levels), most)
+    max_count = max(map(len, cells.values()), default=0)
+    incomplete = [f"{', '.join(key)}: {len(cells.get(key, ()))}" for key in keys if len(cells.get(key, ())) < max_count]
+    if incomplete:
+        raise InputError("quality.unbalanced", trials=max_count, cells="; ".join(incomplete))
+    check_size({name: len(names) for name, names in zip(factors, levels, strict=True)}, max_count)
+    shape = (*map(len, levels), max_count)
     return levels, np.array([cells[key] for key in keys]).reshape(shape)
 
 
@@ -150,7 +150,7 @@ def gauge_study(
 
     Raises
     ------
-    InputError : all repeated measurements are equal
+    InputError : if all repeated measurements are equal
     """
     if not np.ptp(values, axis=-1).any():
         raise InputError("quality.no_repeatability")
@@ -159,9 +159,11 @@ def gauge_study(
     tests: dict[Term, tuple[float | None, float | None]] = {}
     model = _Model(squares, dofs)
     for size in range(len(factors), 1, -1):
-        found = {term: model.test(term) for term in model.terms if len(term) == size and not model.containing(term)}
-        tests |= found
-        model = model.pooled([term for term, (_, p) in found.items() if p is not None and p > _POOLED_ABOVE])
+        tests_of_size = {
+            term: model.test(term) for term in model.terms if len(term) == size and not model.containing(term)
+        }
+        tests |= tests_of_size
+        model = model.pooled([term for term, (_, p) in tests_of_size.items() if p is not None and p > _MAX_P_VALUE])
     tests |= {term: model.test(term) for term in model.terms}
     variances = {term: model.variance(term, values.size, levels) for term in (_ERROR, *model.terms)}
     sizes = {term: max(model.value(each), 0.0) for term, each in variances.items()}
@@ -174,7 +176,7 @@ def gauge_study(
         # a negative variance estimate is set to 0, so that the total equals the sum of the displayed components
         sigma = math.sqrt(sum(sizes[term] for term in terms))
         low, high = model.interval([variances[term] for term in terms], (1.0 - confidence) / 2.0)
-        share = None if tolerance is None else 100.0 * _WIDTH * sigma / tolerance
+        share = None if tolerance is None else 100.0 * _SPREAD_WIDTH * sigma / tolerance
         percent = 100.0 * sigma / math.sqrt(sum(sizes.values()))
         return Variation(sigma, math.sqrt(low), math.sqrt(high), percent, share)
 
@@ -247,43 +249,45 @@ class _Model:
         return _Model(squares, dofs)
 
     def expected(self, term: Term) -> dict[Term, float]:
-        """Return the sum of mean squares with the same expectation as a term's mean square if its variance is 0."""
-        found = {_ERROR: 1.0}
+        """Return the combination of mean squares whose expectation is that of a term without variance."""
+        combination = {_ERROR: 1.0}
         for other in self.containing(term):
-            found[other] = found.get(other, 0.0) + 1.0
-            for each, factor in self.expected(other).items():
-                found[each] = found.get(each, 0.0) - factor
-        return found
+            combination[other] = combination.get(other, 0.0) + 1.0
+            for contained, factor in self.expected(other).items():
+                combination[contained] = combination.get(contained, 0.0) - factor
+        return combination
 
     def variance(self, term: Term, count: int, levels: Mapping[str, int]) -> dict[Term, float]:
-        """Return the sum of mean squares that estimates the variance of a term of `count` values."""
+        """Return the combination of mean squares that estimates the variance of a term from `count` values."""
         if not term:
             return {_ERROR: 1.0}
         scale = math.prod(levels[name] for name in term) / count
         return {term: scale} | {each: -scale * factor for each, factor in self.expected(term).items()}
 
-    def value(self, sum_: _Sum) -> float:
-        """Return the value of a sum of mean squares."""
-        return sum(factor * self.squares[term] / self.dofs[term] for term, factor in sum_.items())
+    def value(self, combination: _Combination) -> float:
+        """Return the value of a combination of mean squares."""
+        return sum(factor * self.squares[term] / self.dofs[term] for term, factor in combination.items())
 
     def test(self, term: Term) -> tuple[float | None, float | None]:
-        """Return the F ratio of a term and its p-value, by Satterthwaite if several mean squares test it."""
-        by = self.expected(term)
-        value = self.value(by)
+        """Return the F ratio of a term and its p-value, approximated by Satterthwaite for several mean squares."""
+        denominator = self.expected(term)
+        value = self.value(denominator)
         if not value > 0.0:
             return None, None
-        spread = sum(self.value({each: factor}) ** 2 / self.dofs[each] for each, factor in by.items())
+        spread = sum(
+            self.value({contained: factor}) ** 2 / self.dofs[contained] for contained, factor in denominator.items()
+        )
         ratio = self.squares[term] / self.dofs[term] / value
         return ratio, float(fdtrc(self.dofs[term], value**2 / spread, ratio))
 
-    def interval(self, sums: Sequence[_Sum], tail: float) -> tuple[float, float]:
+    def interval(self, combinations: Sequence[_Combination], tail: float) -> tuple[float, float]:
         """Return the generalised confidence interval of the sum of variances, which is not below 0.
 
         Each mean square is distributed as its expectation times chi-square divided by the degrees of freedom.
         """
         pivots = np.zeros(_DRAWS)
         for (term, square), draw in zip(self.squares.items(), _draws(tuple(self.dofs.values())), strict=True):
-            factor = sum(each.get(term, 0.0) for each in sums)
+            factor = sum(combination.get(term, 0.0) for combination in combinations)
             if factor:
                 pivots += factor * square / draw
         low, high = np.quantile(pivots, (tail, 1.0 - tail))
@@ -292,7 +296,7 @@ class _Model:
 
 @lru_cache(maxsize=8)
 def _draws(dofs: tuple[int, ...]) -> list[FloatArray]:
-    """Return independent draws of chi-square with these degrees of freedom; all parameters of a study share them.
+    """Return independent draws of chi-square with these degrees of freedom, which all parameters of a study share.
 
     Each is a Latin hypercube sample, with which the quantiles of a sum have a much smaller error than with random
     draws.

@@ -47,13 +47,13 @@ class GaugePlan(BaseModel):
     model_config = ConfigDict(frozen=True, populate_by_name=True)
 
     schema_name: Literal["calstation.gauge_plan/2"] = Field(default=SCHEMA, alias="schema")
-    product: str  #: Name of the product of the units; runs of other products do not count.
+    product: str  #: Name of the product of the units; runs of other products are ignored.
     units: tuple[str, ...]
     operators: tuple[str, ...] = ()  #: Empty if the operators are not a factor of the study.
     stations: tuple[str, ...] = ()
     trials: int
     seed: int
-    created_utc: AwareDatetime  #: Earlier runs do not count.
+    created_utc: AwareDatetime  #: Earlier runs are ignored.
     order: tuple[Measurement, ...]
 
     @classmethod
@@ -79,22 +79,22 @@ class GaugePlan(BaseModel):
         operators, stations : their names; empty if they are not a factor of the study
         trials : number of runs of each unit by each appraiser
         seed : seed of the random order
-        created_utc : earlier runs do not count
+        created_utc : time of the plan; earlier runs are ignored
 
         Raises
         ------
-        InputError : there are fewer than two units, trials, or levels of a factor, there is no factor, or a name is
-            repeated
+        InputError : if there are fewer than two units, trials or levels of a factor, if there is no factor, or if a
+            name is repeated
         """
         factors = {"unit": units, **{k: v for k, v in (("operator", operators), ("station", stations)) if v}}
-        twice = [name for names in factors.values() for name, count in Counter(names).items() if count > 1]
-        if twice:
-            raise InputError("quality.named_twice", names=", ".join(twice))
+        repeated = [name for names in factors.values() for name, count in Counter(names).items() if count > 1]
+        if repeated:
+            raise InputError("quality.named_twice", names=", ".join(repeated))
         if len(factors) == 1:
             raise InputError("quality.no_appraisers")
         check_size({name: len(names) for name, names in factors.items()}, trials)
         generator = np.random.default_rng(seed)
-        appraisers = [(who, where) for who in operators or (None,) for where in stations or (None,)]
+        appraisers = [(operator, station) for operator in operators or (None,) for station in stations or (None,)]
         order = [
             Measurement(trial=trial, unit=units[k], operator=appraisers[a][0], station=appraisers[a][1])
             for trial in range(1, trials + 1)
@@ -138,32 +138,32 @@ class GaugePlan(BaseModel):
 
     def remaining(self, runs: RunColumns) -> list[Measurement]:
         """Return the runs of the plan that are not among the stored runs, in order."""
-        done = Counter(key for key, _ in self._measurements(runs))
-        left = []
+        counts = Counter(key for key, _ in self._measurements(runs))
+        missing = []
         for each in self.order:
             key = self._key(each)
-            done[key] -= 1
-            if done[key] < 0:
-                left.append(each)
-        return left
+            counts[key] -= 1
+            if counts[key] < 0:
+                missing.append(each)
+        return missing
 
     def out_of_order(self, runs: RunColumns) -> int:
-        """Return the number of stored runs out of the planned order: the smallest number that must be moved."""
+        """Return the smallest number of stored runs that must be moved to obtain the planned order."""
         planned: dict[tuple[str, ...], list[int]] = {}
-        for position, each in enumerate(self.order):
-            planned.setdefault(self._key(each), []).append(position)
-        places = [planned[key].pop(0) for key, _ in self._measurements(runs)]
+        for number, each in enumerate(self.order):
+            planned.setdefault(self._key(each), []).append(number)
+        positions = [planned[key].pop(0) for key, _ in self._measurements(runs)]
         ends: list[int] = []  # last elements of the longest increasing sequences, by length
-        for place in places:
-            at = bisect(ends, place)
-            ends[at : at + 1] = [place]
-        return len(places) - len(ends)
+        for position in positions:
+            at = bisect(ends, position)
+            ends[at : at + 1] = [position]
+        return len(positions) - len(ends)
 
-    def check_complete(self, left: Sequence[Measurement]) -> None:
+    def check_complete(self, missing: Sequence[Measurement]) -> None:
         """Raise InputError if runs of the plan are missing."""
-        if left:
-            following = f"{left[0].unit}, {left[0].appraiser}"
-            raise InputError("quality.study_incomplete", missing=len(left), runs=len(self.order), next=following)
+        if missing:
+            next_run = f"{missing[0].unit}, {missing[0].appraiser}"
+            raise InputError("quality.study_incomplete", missing=len(missing), runs=len(self.order), next=next_run)
 
     def values(self, runs: RunColumns) -> Mapping[str, FloatArray]:
         """Return the measured values by parameter, SI, shape (number of levels of each factor, trials).
@@ -184,25 +184,25 @@ class GaugePlan(BaseModel):
         return tuple(getattr(each, factor) for factor in self.factors)
 
     def _measurements(self, runs: RunColumns) -> list[tuple[tuple[str, ...], int]]:
-        """Return factor levels and index of the first complete judged runs of the study, in chronological order."""
+        """Return factor levels and index of the first complete, judged runs of the study, in chronological order."""
         columns: dict[str, Categories[Any]] = {
             "unit": runs.serials,
             "operator": runs.operators,
             "station": runs.stations,
         }
-        wanted = {"unit": self.units, "operator": self.operators, "station": self.stations}
+        levels = {"unit": self.units, "operator": self.operators, "station": self.stations}
         rows = judged_runs(runs)
         rows = rows[(runs.started[rows] >= self.created_utc.timestamp()) & runs.products.among((self.product,))[rows]]
         for factor in self.factors:
-            rows = rows[columns[factor].among(wanted[factor])[rows]]
-        taken: Counter[tuple[str, ...]] = Counter()
-        found = []
+            rows = rows[columns[factor].among(levels[factor])[rows]]
+        counts: Counter[tuple[str, ...]] = Counter()
+        measurements = []
         for k in rows.tolist():
             key = tuple(str(columns[factor][k]) for factor in self.factors)
-            if taken[key] < self.trials:
-                taken[key] += 1
-                found.append((key, k))
-        return found
+            if counts[key] < self.trials:
+                counts[key] += 1
+                measurements.append((key, k))
+        return measurements
 
 
 @dataclass(frozen=True)
@@ -210,8 +210,8 @@ class StudyState:
     """A plan and its evaluation from the stored runs."""
 
     plan: GaugePlan
-    left: tuple[Measurement, ...]  #: Runs that are still missing, in order.
-    out_of_order: int  #: Number of runs out of the planned order.
+    missing: tuple[Measurement, ...]  #: Runs that have not been made, in order.
+    out_of_order: int  #: Number of runs that were not made in the planned order.
     studies: Mapping[str, GaugeStudy]  #: By parameter, SI; empty while runs are missing.
 
 
@@ -223,17 +223,17 @@ def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: 
     the product cannot be used, or if the plan is for another product.
     """
     plan = GaugePlan.load(path)
-    limits = dict(known_products()).get(plan.product) if product is None else load_product(product)[1]
-    if limits is not None and limits.name != plan.product:
-        raise InputError("quality.study_other_product", product=limits.name, plan=plan.product)
+    config = dict(known_products()).get(plan.product) if product is None else load_product(product)[1]
+    if config is not None and config.name != plan.product:
+        raise InputError("quality.study_other_product", product=config.name, plan=plan.product)
     runs = product_runs(folder, plan.product)
-    left = tuple(plan.remaining(runs))
+    missing = tuple(plan.remaining(runs))
     studies = {}
-    values = {} if left else plan.values(runs)
-    for done, (name, of_parameter) in enumerate(values.items(), 1):
+    values = {} if missing else plan.values(runs)
+    for done, (name, of_levels) in enumerate(values.items(), 1):
         if name in NAMES or further_parameter(name) is not None:
-            interval = None if limits is None else limit_interval(limits, name)
+            interval = None if config is None else limit_interval(config, name)
             tolerance = None if interval is None else interval[1] - interval[0]
-            studies[name] = gauge_study(plan.factors, of_parameter, tolerance)
+            studies[name] = gauge_study(plan.factors, of_levels, tolerance)
         report(done / len(values))
-    return StudyState(plan, left, plan.out_of_order(runs), studies)
+    return StudyState(plan, missing, plan.out_of_order(runs), studies)

@@ -1,4 +1,4 @@
-"""Stored runs of a product, and the ones that count for statistics."""
+"""Stored runs of a product, and selection of the runs for statistics."""
 
 from collections.abc import Collection
 from functools import lru_cache
@@ -30,10 +30,10 @@ def judged_runs(runs: RunColumns) -> IntArray:
     return np.flatnonzero(~runs.partial & runs.verdicts.among((Verdict.PASSED, Verdict.FAILED)))
 
 
-def production_runs(runs: RunColumns, without: Collection[str]) -> IntArray:
-    """Return the indices of runs with a verdict of production units: not of check standards and not of `without`."""
+def production_runs(runs: RunColumns, excluded: Collection[str]) -> IntArray:
+    """Return the indices of runs with a verdict, without runs of check standards and of the units `excluded`."""
     judged = judged_runs(runs)
-    return judged[~(runs.check_standard | runs.serials.among(without))[judged]]
+    return judged[~(runs.check_standard | runs.serials.among(excluded))[judged]]
 
 
 def last_of_each_unit(runs: RunColumns, rows: IntArray) -> IntArray:

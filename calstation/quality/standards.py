@@ -14,8 +14,8 @@ from calstation.physics import INDEX, parameter_vector
 from calstation.records import RunFilter, RunRecord, Verdict, covariance_from
 from calstation.results import History, Result
 
-#: Reason why production is refused: no run passed, the last passed run is too old, the last run failed or disagreed, or
-#: the due date of an instrument's calibration has passed.
+#: Reason why production is refused: no run has passed, the last passed run is too old, the last run failed or differed
+#: from the reference, or an instrument's calibration is overdue.
 Reason = Literal["never", "overdue", "out", "certificate"]
 
 
@@ -25,12 +25,12 @@ class Due:
 
     name: str  #: Serial number of the check standard, or name of the instrument.
     reason: Reason
-    #: Due time, or time of the last run if it failed; None if no run ever passed.
+    #: Due time, or time of the last run if it failed; None if no run has passed.
     since: datetime | None
 
     @property
     def when(self) -> str:
-        """`since` as text in local time: a day for a certificate, "" if it never passed."""
+        """`since` as text in local time, only the date for a certificate; "" for None."""
         format_ = "%Y-%m-%d" if self.reason == "certificate" else "%Y-%m-%d %H:%M"
         return "" if self.since is None else self.since.astimezone().strftime(format_)
 
@@ -47,12 +47,12 @@ class Due:
 
 @dataclass(frozen=True)
 class StandardState:
-    """State of a check standard at a station: its last passed run, the due time of the next run, and any problem."""
+    """State of a check standard at a station: its last passed run, the due time of its next run, and any problem."""
 
     standard: CheckStandardSection
     last_passed: datetime | None
     due: datetime | None  #: None if no run passed.
-    wrong: Due | None  #: None if there is no problem.
+    problem: Due | None  #: None if there is no problem.
 
 
 def judge_result(standard: CheckStandardSection, imu: ImuProfile, result: Result) -> StandardComparison:
@@ -73,8 +73,8 @@ def standard_states(
 ) -> list[StandardState]:
     """Return the state of every check standard of a product at a station with its run `history`.
 
-    Only `whole_runs` count. The last one must have passed and agree with the current reference, and must not be older
-    than the standard's interval.
+    The last of `whole_runs` must have passed, must agree with the current reference, and must not be older than the
+    standard's interval.
     """
     if not product.check_standards:
         return []
@@ -87,18 +87,15 @@ def whole_runs(
 ) -> list[RunRecord]:
     """Return the complete runs of a check standard at a station that passed or failed, the latest first.
 
-    A run without a readable start, or with one after `now`, does not count: it would hide all later ones. A run of
-    another folder does not count either, because its result is stored elsewhere.
+    Runs without a valid start, and runs that started after `now`, are omitted, because they would hide all later ones.
+    Runs of other folders are omitted, because their results are stored elsewhere.
     """
-    wanted = RunFilter(search=standard.serial, station=station.name, product=product.name)
-    return [run for run in history.runs(wanted, limit=None) if _counts(run, standard, now)]
+    run_filter = RunFilter(search=standard.serial, station=station.name, product=product.name)
+    return [run for run in history.runs(run_filter, limit=None) if _is_valid(run, standard, now)]
 
 
 def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
-    """Return the station's table and surveys whose next calibration was due before the date (UTC) of `now`.
-
-    Certificate dates are in UTC, too.
-    """
+    """Return the station's table and surveys whose next calibration was due before the date of `now`, all in UTC."""
     today = now.astimezone(UTC).date()
     return [
         Due(instrument.name, "certificate", _midnight(instrument.due))
@@ -110,8 +107,8 @@ def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
 def require_standards(setup: RunConfiguration, history: History, now: datetime) -> list[Due]:
     """Refuse a production run while a check standard or a certificate is overdue or failed.
 
-    A run of a check standard is always allowed. Returns the problems that an override in the request permits, [] if
-    there are none.
+    A run of a check standard is always permitted. Returns the problems despite which an override in the request permits
+    the run, or [].
 
     Raises
     ------
@@ -123,13 +120,13 @@ def require_standards(setup: RunConfiguration, history: History, now: datetime) 
     if setup.check_standard is not None:
         return []
     states = standard_states(setup.station, setup.product, history, now)
-    found = [state.wrong for state in states if state.wrong is not None] + due_certificates(setup.station, now)
-    if found and reason is None:
-        if len(found) == 1:
-            raise found[0].error(setup)
+    problems = [state.problem for state in states if state.problem is not None] + due_certificates(setup.station, now)
+    if problems and reason is None:
+        if len(problems) == 1:
+            raise problems[0].error(setup)
         values = {"product": setup.product.name, "station": setup.station.name}
-        raise ConfigurationError("quality.not_in_order", causes=[due.cause for due in found], **values)
-    return found
+        raise ConfigurationError("quality.not_in_order", causes=[due.cause for due in problems], **values)
+    return problems
 
 
 def _state(
@@ -145,17 +142,17 @@ def _state(
     passed = next((run for run in runs if run.verdict is Verdict.PASSED and _agrees(run, standard, imu, history)), None)
     last_passed = None if passed is None else _time(passed.started_utc)
     due = None if last_passed is None else last_passed + timedelta(days=standard.interval_days)
-    wrong = None
+    problem = None
     if last is not None and last != passed:
-        wrong = Due(standard.serial, "out", _time(last.started_utc))
+        problem = Due(standard.serial, "out", _time(last.started_utc))
     elif due is None:
-        wrong = Due(standard.serial, "never", None)
+        problem = Due(standard.serial, "never", None)
     elif due < now:
-        wrong = Due(standard.serial, "overdue", due)
-    return StandardState(standard, last_passed, due, wrong)
+        problem = Due(standard.serial, "overdue", due)
+    return StandardState(standard, last_passed, due, problem)
 
 
-def _counts(run: RunRecord, standard: CheckStandardSection, now: datetime) -> bool:
+def _is_valid(run: RunRecord, standard: CheckStandardSection, now: datetime) -> bool:
     judged = run.serial == standard.serial and not run.origin and not run.partial and run.verdict.judged
     try:
         return judged and _time(run.started_utc) <= now

@@ -23,8 +23,8 @@ from calstation.quality.summary import limit_interval
 from calstation.quality.table_chart import TableChart, table_charts
 from calstation.results import History
 
-#: Largest number of runs of a check standard, the latest ones, that are evaluated again.
-_MOST_RUNS = 200
+#: Largest number of latest runs of a check standard that are compared with the reference.
+_MAX_RUNS = 200
 
 
 @dataclass(frozen=True)
@@ -55,12 +55,14 @@ def station_quality(
 
     Raises ConfigurationError if the station or product file cannot be used.
     """
-    (_, place), (_, unit) = load_station(station), load_product(product)
+    (_, station_config), (_, product_config) = load_station(station), load_product(product)
     now, history = datetime.now(UTC), History(folder)
-    standards = tuple(_standard_histories(place, unit, history, now))
+    standards = tuple(_standard_histories(station_config, product_config, history, now))
     report(0.8)
-    charts = table_charts(place, product_runs(folder, unit.name))
-    return StationQuality(standards, tuple(place.instruments), tuple(due_certificates(place, now)), charts)
+    charts = table_charts(station_config, product_runs(folder, product_config.name))
+    return StationQuality(
+        standards, tuple(station_config.instruments), tuple(due_certificates(station_config, now)), charts
+    )
 
 
 def _standard_histories(
@@ -68,7 +70,7 @@ def _standard_histories(
 ) -> Iterator[StandardHistory]:
     for state in standard_states(station, product, history, now):
         imu = load_imu_profile(library.find("imus", product.imu))
-        runs = whole_runs(state.standard, station, product, history, now)[:_MOST_RUNS]
+        runs = whole_runs(state.standard, station, product, history, now)[:_MAX_RUNS]
         rows = []
         for run in reversed(runs):
             try:

@@ -29,13 +29,50 @@ from calstation.quality.charts import (
     ewma_chart,
     individuals_chart,
 )
-from calstation.quality.random_effects import RandomEffects, random_effects
 from calstation.quality.runs import judged_runs, last_of_each_unit, product_runs, production_runs
 from calstation.quality.yields import Share, Yields, count_yields
 from calstation.records import RunColumns
 
 #: Smallest number of values of a parameter for charts and capability.
-LEAST_VALUES = 10
+MIN_VALUES = 10
+#: Relative change at which the iteration ends, and its largest number of steps.
+_CONVERGED, _STEPS = 1e-9, 100
+
+
+@dataclass(frozen=True)
+class RandomEffects:
+    """Mean and variance between units of values with different uncertainties: the random effects model.
+
+    A value x_i has the variance sigma_i² + tau², the sum of the measurement variance and the variance between units.
+    Source: R. C. Paule and J. Mandel, *Consensus Values and Weighting Factors*, Journal of Research of the National
+    Bureau of Standards 87(5), 1982, 377-385. Unlike the estimate of R. DerSimonian and N. Laird (Controlled Clinical
+    Trials 7, 1986, 177-188), which is its first step, it is also accurate if tau is large compared with unequal sigmas.
+    """
+
+    mean: float  #: Mean with weights 1 / (sigma² + tau²).
+    between: float  #: Standard deviation between units, tau.
+
+    def scores(self, values: FloatArray, sigmas: FloatArray) -> FloatArray:
+        """Return (x - mean) / sqrt(sigma² + tau²), which has variance 1, shape (n,)."""
+        return np.asarray((values - self.mean) / np.hypot(sigmas, self.between))
+
+
+def random_effects(values: FloatArray, sigmas: FloatArray) -> RandomEffects:
+    """Estimate mean and standard deviation between units from values and their standard deviations, shape (n,).
+
+    The weighted sum of squares about the mean decreases with tau² and is convex, so that Newton's method approaches its
+    expectation n - 1 from above; tau is 0 if the sum does not exceed n - 1 for tau = 0.
+    """
+    variances, between = sigmas**2, 0.0
+    for _ in range(_STEPS):
+        weights = 1.0 / (variances + between)
+        squares = weights * (values - np.average(values, weights=weights)) ** 2
+        excess = float(squares.sum()) - (len(values) - 1)
+        step = excess / float(np.sum(weights * squares)) if excess > 0.0 else 0.0
+        between += step
+        if step <= _CONVERGED * between:
+            break
+    return RandomEffects(float(np.average(values, weights=1.0 / (variances + between))), float(np.sqrt(between)))
 
 
 @dataclass(frozen=True)
@@ -48,10 +85,10 @@ class Charts:
 
     def signals(self) -> dict[str, IntArray]:
         """Return the indices of values that signal: ``nelson_1`` to ``nelson_8``, ``range``, ``ewma``, ``cusum``."""
-        found, cusum = self.individuals.signals, self.cusum
-        nelson = {f"nelson_{rule}": found.index[found.rule == rule] for rule in RULES}
-        both = np.flatnonzero(np.maximum(cusum.upper, cusum.lower) > cusum.decision)
-        return {**nelson, "range": self.individuals.range_signals, "ewma": self.ewma.signals, "cusum": both}
+        individuals, cusum = self.individuals.signals, self.cusum
+        nelson = {f"nelson_{rule}": individuals.index[individuals.rule == rule] for rule in RULES}
+        cusum_signals = np.flatnonzero(np.maximum(cusum.upper, cusum.lower) > cusum.decision)
+        return {**nelson, "range": self.individuals.range_signals, "ewma": self.ewma.signals, "cusum": cusum_signals}
 
 
 @dataclass(frozen=True)
@@ -76,8 +113,8 @@ class ParameterQuality:
     ) -> "ParameterQuality":
         """Create the charts of values; `more` are the other fields, including the process."""
         signals = charts_of(values, more["process"]).signals()
-        alarms = {code: len(found) for code, found in signals.items()}
-        latest = max((int(found[-1]) for found in signals.values() if len(found)), default=None)
+        alarms = {code: len(indices) for code, indices in signals.items()}
+        latest = max((int(indices[-1]) for indices in signals.values() if len(indices)), default=None)
         return cls(product, parameter, names, started, values, alarms=alarms, latest=latest, **more)
 
     def charts(self) -> Charts:
@@ -85,7 +122,7 @@ class ParameterQuality:
         return charts_of(self.values, self.process)
 
     def to_json(self) -> dict[str, Any]:
-        """Return numbers and signals, SI; `run` is the name of a run."""
+        """Return values in SI and signals as JSON data; `run` is the name of a run."""
         charts, names, process = self.charts(), self.names, self.process
         chart, found = charts.individuals, charts.individuals.signals
         return {
@@ -131,23 +168,23 @@ class QualitySummary:
     product: str | None  #: The selected product; None for all.
     yields: Yields
     parameters: tuple[ParameterQuality, ...]  #: One value per unit.
-    serial: str | None  #: The golden unit, which is excluded from everything else; None without one.
+    serial: str | None  #: The golden unit, which `yields` and `parameters` exclude; None without one.
     golden: tuple[ParameterQuality, ...]  #: All runs of the golden unit.
 
     def to_json(self) -> dict[str, Any]:
-        """Return everything, SI."""
-        found = self.yields
+        """Return all values in SI as JSON data."""
+        yields = self.yields
         return {
             "schema": "calstation.quality/1",
             "product": self.product,
             "yield": {
-                "overall": _share_json(found.overall),
-                "first_pass": _share_json(found.first_pass),
+                "overall": _share_json(yields.overall),
+                "first_pass": _share_json(yields.first_pass),
                 **{
-                    kind: {name: _share_json(share) for name, share in getattr(found, kind).items()}
+                    kind: {name: _share_json(share) for name, share in getattr(yields, kind).items()}
                     for kind in ("days", "products", "stations", "operators")
                 },
-                "failed_checks": [check.to_json() for check in found.failed_checks],
+                "failed_checks": [check.to_json() for check in yields.failed_checks],
             },
             "parameters": [each.to_json() for each in self.parameters],
             "golden": None
@@ -173,9 +210,9 @@ def summarise_quality(
     folder : folder of the runs, whose index is up to date, see `calstation.results.refresh_history`
     product : product file, whose limits apply; by default all products, with the limits of the product files with their
         names
-    serial : golden unit: its runs are charted individually. They do not count for the yield and the other charts, in
-        which each unit counts with its last run; nor do runs of check standards, according to their result or to a
-        current product file.
+    serial : golden unit, whose runs are charted individually. The yield and the other charts, which use the last run of
+        each unit, exclude its runs and the runs of check standards according to their results or to a current product
+        file.
     parameter : parameter that is charted; by default all
     since : earliest start of the runs
     relative : whether to chart deviations in standard deviations, for runs of several schedules; then there is no
@@ -185,31 +222,32 @@ def summarise_quality(
 
     Raises
     ------
-    ConfigurationError : the product file is wrong
+    ConfigurationError : if the product file cannot be used
     """
     chosen = None if product is None else load_product(product)[1]
     runs = product_runs(folder, "" if chosen is None else chosen.name)
-    begin = -math.inf if since is None else since.timestamp()
+    start = -math.inf if since is None else since.timestamp()
     limits = dict(known_products()) if chosen is None else {chosen.name: chosen}
     standards = {standard.serial for each in limits.values() for standard in each.check_standards}
     standards |= set() if serial is None else {serial}
-    yields = count_yields(runs, begin, standards)
+    yields = count_yields(runs, start, standards)
     report(0.4)
-    found: list[ParameterQuality] = []
+    parameters: list[ParameterQuality] = []
     golden: list[ParameterQuality] = []
     names = sorted({name for name in runs.products.values if name is not None})
-    late = runs.started >= begin
-    production, of_serial = production_runs(runs, standards), judged_runs(runs)
-    production = production[late[production]]
-    of_serial = of_serial[(late & runs.serials.among(() if serial is None else (serial,)))[of_serial]]
+    in_period = runs.started >= start
+    production, golden_runs = production_runs(runs, standards), judged_runs(runs)
+    production = production[in_period[production]]
+    golden_runs = golden_runs[(in_period & runs.serials.among(() if serial is None else (serial,)))[golden_runs]]
     for done, name in enumerate(names):
         of_product, config = runs.products.among((name,)), limits.get(name)
-        units, own = last_of_each_unit(runs, production[of_product[production]]), of_serial[of_product[of_serial]]
-        found += _charts(runs, name, units, parameter, None if relative else config, relative=relative)
-        known = None if config is None else _Reference.of(config, serial, runs.started[own])
-        golden += _charts(runs, name, own, parameter, None, relative=relative, reference=known)
+        units = last_of_each_unit(runs, production[of_product[production]])
+        golden_rows = golden_runs[of_product[golden_runs]]
+        parameters += _charts(runs, name, units, parameter, None if relative else config, relative=relative)
+        reference = None if config is None else _Reference.of(config, serial, runs.started[golden_rows])
+        golden += _charts(runs, name, golden_rows, parameter, None, relative=relative, reference=reference)
         report(0.4 + 0.6 * (done + 1) / len(names))
-    return QualitySummary(None if chosen is None else chosen.name, yields, tuple(found), serial, tuple(golden))
+    return QualitySummary(None if chosen is None else chosen.name, yields, tuple(parameters), serial, tuple(golden))
 
 
 def limit_interval(product: ProductConfig, parameter: str) -> tuple[float, float] | None:
@@ -247,22 +285,22 @@ def _charts(
     """Yield charts and capability of the parameters that have enough values."""
     names, started = tuple(map(runs.names.__getitem__, rows.tolist())), runs.started[rows]
     for name, column in runs.values.items():
-        unknown = name not in INDEX and further_parameter(name) is None  # from another version of the program
-        if unknown or parameter not in (None, name):
+        is_unknown = name not in INDEX and further_parameter(name) is None  # from another version of the program
+        if is_unknown or parameter not in (None, name):
             continue
         values, sigmas = column[rows], runs.sigmas[name][rows]
         solved = ~np.isnan(values)
         if relative:
             solved &= sigmas > 0.0
-        values, sigmas, whole = values[solved], sigmas[solved], bool(solved.all())
-        if len(values) < LEAST_VALUES or not np.ptp(values) > 0.0:
-            continue  # or a parameter held at a fixed value
-        known = None if reference is None else reference.standard.reference.get(name)
+        values, sigmas, complete = values[solved], sigmas[solved], bool(solved.all())
+        if len(values) < MIN_VALUES or not np.ptp(values) > 0.0:
+            continue  # too few values, or a fixed parameter
+        declared = None if reference is None else reference.standard.reference.get(name)
         effects, process = None, Process(0.0, 1.0)
         if not relative:
-            process = Process.estimated(values, None if known is None else known.value)
-        elif known is not None and reference is not None:
-            values = (values - known.value) / np.sqrt(sigmas**2 + reference.variances[name][solved])
+            process = Process.estimated(values, None if declared is None else declared.value)
+        elif declared is not None and reference is not None:
+            values = (values - declared.value) / np.sqrt(sigmas**2 + reference.variances[name][solved])
         else:
             effects = random_effects(values[:BASELINE], sigmas[:BASELINE])
             values = effects.scores(values, sigmas)
@@ -271,18 +309,18 @@ def _charts(
         yield ParameterQuality.of(
             product,
             name,
-            names if whole else tuple(compress(names, solved)),
-            started if whole else started[solved],
+            names if complete else tuple(compress(names, solved)),
+            started if complete else started[solved],
             values,
             process=process,
             capability=None if interval is None else capability(values, *interval),
-            declared=known is not None,
+            declared=declared is not None,
             effects=effects,
         )
 
 
 def known_products() -> Iterator[tuple[str, ProductConfig]]:
-    """Yield the site's and the shipped product files, with the name of the product."""
+    """Yield the name and configuration of each product file of the site and of the program."""
     for name in library.names("products"):
         with suppress(ConfigurationError):
             _, product = load_product(library.find("products", name))

@@ -21,8 +21,8 @@ from calstation.records import RunColumns
 #: than for a known center and sigma, because errors of the baseline would otherwise cause most alarms.
 WEIGHT, WIDTH = 0.1, 4.1
 
-#: Smallest number of runs that are shown.
-_LEAST = 2
+#: Smallest number of runs for a chart.
+_MIN_RUNS = 2
 
 
 @dataclass(frozen=True)
@@ -34,16 +34,16 @@ class TableChart:
     values: FloatArray  #: rad, shape (n,).
     center: float  #: Mean of the baseline, rad.
     sigma: float  #: Standard deviation of the baseline from run to run, rad.
-    baseline: int  #: Number of first runs in the baseline, `BASELINE` once it is complete; they are not tested.
+    baseline: int  #: Number of runs in the baseline, which are not tested; `BASELINE` if it is complete.
     alarms: tuple[int, ...]  #: Indices of the runs for which the chart raises an alarm.
 
     @classmethod
     def of(cls, names: tuple[str, ...], started: FloatArray, values: FloatArray) -> "TableChart":
         """Return the chart of values, rad, shape (n,), at least two."""
-        known = values[:BASELINE]
-        center, sigma, count = float(known.mean()), float(known.std(ddof=1)), len(known)
-        found = tuple(count + k for k in alarms(values[count:], center, sigma))
-        return cls(names, started, values, center, sigma, count, found)
+        baseline = values[:BASELINE]
+        center, sigma, length = float(baseline.mean()), float(baseline.std(ddof=1)), len(baseline)
+        indices = tuple(length + k for k in alarms(values[length:], center, sigma))
+        return cls(names, started, values, center, sigma, length, indices)
 
     @property
     def ewma(self) -> EwmaChart:
@@ -64,19 +64,20 @@ def alarms(values: FloatArray, center: float, sigma: float) -> tuple[int, ...]:
 def table_charts(station: StationConfig, runs: RunColumns) -> Mapping[str, TableChart]:
     """Return the charts of the table's quantities over the runs of a product that were made at a station.
 
-    Runs after the date of the table's latest calibration count, or all runs if the station has no such date. The first
-    `BASELINE` of them are the baseline. Runs of one product have one schedule and therefore equal standard deviations.
+    The charts contain the runs after the date of the table's latest calibration, or all runs if the station has no such
+    date. The first `BASELINE` of them are the baseline. Runs of one product have one schedule and therefore equal
+    standard deviations.
     """
     rows = judged_runs(runs)
     rows = rows[runs.stations.among((station.name,))[rows]]
     calibrated = [each.calibrated for each in station.instruments if each.kind == "table" and each.calibrated]
     if calibrated:
-        following = datetime.combine(max(calibrated) + timedelta(days=1), time.min).timestamp()
-        rows = rows[runs.started[rows] >= following]
+        start = datetime.combine(max(calibrated) + timedelta(days=1), time.min).timestamp()
+        rows = rows[runs.started[rows] >= start]
     charts = {}
     for name in TABLE_QUANTITIES:
-        some = rows[~np.isnan(runs.table[name][rows])] if name in runs.table else rows[:0]
-        if len(some) >= _LEAST:
-            names = tuple(runs.names[k] for k in some.tolist())
-            charts[name] = TableChart.of(names, runs.started[some], runs.table[name][some])
+        measured = rows[~np.isnan(runs.table[name][rows])] if name in runs.table else rows[:0]
+        if len(measured) >= _MIN_RUNS:
+            names = tuple(runs.names[k] for k in measured.tolist())
+            charts[name] = TableChart.of(names, runs.started[measured], runs.table[name][measured])
     return charts

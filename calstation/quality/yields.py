@@ -64,24 +64,24 @@ class FailedCheck:
 
 @dataclass(frozen=True)
 class Yields:
-    """Yield of the runs that ended with PASS or FAIL; partial runs do not count."""
+    """Yield of the runs that ended with PASS or FAIL, without partial runs."""
 
     overall: Share | None  #: None without runs.
     first_pass: Share | None  #: Units whose first run passed; None without units.
     days: Mapping[str, Share]  #: By date on this computer, ISO 8601, in order.
-    products: Mapping[str, Share]  #: By name, sorted; runs without a product do not count.
+    products: Mapping[str, Share]  #: By name, sorted, without runs that have no product.
     stations: Mapping[str, Share]
     operators: Mapping[str, Share]
     failed_checks: tuple[FailedCheck, ...]  #: The most frequent first (Pareto).
 
 
-def count_yields(runs: RunColumns, since: float = -math.inf, without: Collection[str] = ()) -> Yields:
+def count_yields(runs: RunColumns, since: float = -math.inf, excluded: Collection[str] = ()) -> Yields:
     """Return the yield of the runs that started at `since` or later, s since 1970 in UTC.
 
-    The earlier runs show which units had their first run earlier. Runs of check standards and of the units `without` do
-    not count. A failed run that failed several checks counts for each of them.
+    Earlier runs only determine which units had their first run before. Runs of check standards and of the units
+    `excluded` are omitted. A run that failed several checks is included in each of them.
     """
-    judged = production_runs(runs, without)
+    judged = production_runs(runs, excluded)
     units = runs.products.codes[judged] * len(runs.serials.values) + runs.serials.codes[judged]
     first = judged[np.unique(units, return_index=True)[1]]
     selected, first = (rows[runs.started[rows] >= since] for rows in (judged, first))
@@ -122,18 +122,20 @@ def _share(passed: BoolArray) -> Share | None:
 
 def _by(groups: Categories[K | None], passed: BoolArray) -> dict[K, Share]:
     """Return the share that passed in each group, given the group of each run, in order."""
-    counts, good = (np.bincount(codes, minlength=len(groups.values)) for codes in (groups.codes, groups.codes[passed]))
-    found = {name: (int(good[k]), int(counts[k])) for k, name in enumerate(groups.values) if counts[k]}
-    return {name: Share.of(*found[name]) for name in sorted(name for name in found if name is not None)}
+    counts, passed_counts = (
+        np.bincount(codes, minlength=len(groups.values)) for codes in (groups.codes, groups.codes[passed])
+    )
+    totals = {name: (int(passed_counts[k]), int(counts[k])) for k, name in enumerate(groups.values) if counts[k]}
+    return {name: Share.of(*totals[name]) for name in sorted(name for name in totals if name is not None)}
 
 
 def _pareto(failed: Sequence[tuple[CheckId, ...]]) -> tuple[FailedCheck, ...]:
     counts = Counter(check for checks in failed for check in set(checks))
     order = sorted(counts, key=lambda check: (-counts[check], check.name))
     rank = {check: k for k, check in enumerate(order)}
-    leading = Counter(min(rank[check] for check in checks) for checks in failed if checks)
-    covered, found = 0, []
+    leading_runs = Counter(min(rank[check] for check in checks) for checks in failed if checks)
+    covered_runs, rows = 0, []
     for k, check in enumerate(order):
-        covered += leading[k]
-        found.append(FailedCheck(check, counts[check], covered / len(failed)))
-    return tuple(found)
+        covered_runs += leading_runs[k]
+        rows.append(FailedCheck(check, counts[check], covered_runs / len(failed)))
+    return tuple(rows)

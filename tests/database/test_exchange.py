@@ -483,7 +483,7 @@ def test_an_exchange_without_changes_reads_no_rows(
     made.exchange()
     made.exchange()  # with the revision of its own run
     monkeypatch.setattr("calstation.records.run_index._rows", lambda *_: pytest.fail("rows of the index are read"))
-    monkeypatch.setattr("calstation.database.exchange._received", lambda *_: pytest.fail("rows are received"))
+    monkeypatch.setattr("calstation.database.exchange._indexed_run", lambda *_: pytest.fail("rows are received"))
     monkeypatch.setattr("calstation.database.outbox._file_time", lambda *_: pytest.fail("runs are compared"))
     made.exchange()
     monkeypatch.undo()

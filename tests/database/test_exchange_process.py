@@ -165,7 +165,8 @@ def test_unexpected_error_does_not_end_the_exchange(
     monkeypatch.setattr("calstation.database.exchange.connect", fail)
 
     def wait(seconds: float) -> bool:
-        errors.append((read_state(folder).error or {}).get("code"))
+        error = read_state(folder).error
+        errors.append(None if error is None else error.code)
         if len(made) == 2:
             monkeypatch.setattr("calstation.database.exchange.connect", connect)
         return len(made) == 3

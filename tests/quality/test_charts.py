@@ -9,7 +9,7 @@ from scipy import stats
 from calstation.errors import InputError
 from calstation.physics import FloatArray
 from calstation.quality import BASELINE, Process, cusum_chart, ewma_chart, individuals_chart, nelson_signals
-from calstation.quality.charts import D2, D4, ESTIMATED, KNOWN, restarted_ewma_chart
+from calstation.quality.charts import D2, D4, ESTIMATED_WIDTHS, KNOWN_WIDTHS, restarted_ewma_chart
 
 
 def numbers(text: str) -> FloatArray:
@@ -161,9 +161,9 @@ def test_limits_are_estimated_from_the_baseline_values() -> None:
     process = Process.estimated(values[:BASELINE])
     moved = np.append(values[:BASELINE], values[BASELINE:] + 100.0)
     assert Process.estimated(values) == Process.estimated(moved) == process
-    assert (process.baseline, process.source, process.widths) == (BASELINE, "baseline", ESTIMATED)
+    assert (process.baseline, process.source, process.widths) == (BASELINE, "baseline", ESTIMATED_WIDTHS)
     assert Process.estimated(values, 4.0) == Process(4.0, process.sigma, BASELINE)
-    assert (Process(0.0, 1.0).source, Process(0.0, 1.0).widths) == ("stated", KNOWN)
+    assert (Process(0.0, 1.0).source, Process(0.0, 1.0).widths) == ("stated", KNOWN_WIDTHS)
 
 
 def test_restarted_chart_begins_again_after_each_signal() -> None:

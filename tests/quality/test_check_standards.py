@@ -222,14 +222,14 @@ def test_production_requires_a_passed_check_standard(site: SiteFolder, capsys: p
     again = judge_result(setup.product.check_standards[0], setup.imu, result)
     assert again.t_squared == pytest.approx(result.check_standard.t_squared, rel=1e-6)
     (state,) = standard_states(setup.station, setup.product, history, datetime.now(UTC))
-    assert state.wrong is None
+    assert state.problem is None
     assert state.due == datetime.fromisoformat(result.started_utc or "") + timedelta(days=7)
     later = datetime.now(UTC) + timedelta(days=8)
     elsewhere = setup.station.model_copy(update={"name": "another station"})
     for station, reason in ((setup.station, "overdue"), (elsewhere, "never")):
         (state,) = standard_states(station, setup.product, history, later)
-        assert state.wrong is not None
-        assert state.wrong.reason == reason
+        assert state.problem is not None
+        assert state.problem.reason == reason
 
     files = ["--station", str(site.station), "--product", str(site.product), "--out", str(site.folder / "runs")]
     assert run_app(["quality", "standards", *files, "--json", "-"]) == 0

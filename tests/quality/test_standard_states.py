@@ -51,28 +51,28 @@ def state(runs: Path) -> StandardState:
 
 
 def test_failed_latest_run_stops_production_even_if_its_values_agree(runs: Path) -> None:
-    assert state(runs).wrong is None
+    assert state(runs).problem is None
     store(runs, "second", 21, "failed")
     found = state(runs)
-    assert found.wrong is not None
-    assert (found.wrong.reason, found.wrong.since) == ("out", datetime(2026, 11, 21, 8, tzinfo=UTC))
+    assert found.problem is not None
+    assert (found.problem.reason, found.problem.since) == ("out", datetime(2026, 11, 21, 8, tzinfo=UTC))
     assert found.last_passed == datetime(2026, 11, 20, 8, tzinfo=UTC)
     store(runs, "third", 22, "passed")
-    assert state(runs).wrong is None
+    assert state(runs).problem is None
 
 
 def test_run_with_a_start_time_in_the_future_is_ignored(runs: Path) -> None:
     store(runs, "second", 21, "failed")
     store(runs, "future", 1, "passed", started_utc="2036-11-22T08:00:00+00:00")
     found = state(runs)
-    assert found.wrong is not None
-    assert found.wrong.reason == "out"
+    assert found.problem is not None
+    assert found.problem.reason == "out"
 
 
 @pytest.mark.parametrize("started", [None, "", "yesterday"])
 def test_result_without_a_start_time_does_not_stop_production(runs: Path, started: str | None) -> None:
     path = store(runs, "odd", 21, "failed", started_utc=started)
-    assert state(runs).wrong is None
+    assert state(runs).problem is None
     station, product = runs.parent / "station.toml", runs.parent / "product.toml"
     (shown,) = station_quality(lambda *_, **__: None, runs, station, product).standards
     assert shown.names == ("first",)

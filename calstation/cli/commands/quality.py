@@ -29,8 +29,8 @@ from calstation.messages import Text
 from calstation.physics import NAMES, display, further_parameter, number
 from calstation.quality import (
     BASELINE,
-    LEAST_CATEGORIES,
-    LEAST_VALUES,
+    MIN_CATEGORIES,
+    MIN_VALUES,
     RULES,
     Due,
     GaugePlan,
@@ -90,7 +90,7 @@ def quality(
         if serial is not None and not History(out).of(serial):
             show_line(console, say("quality.no_run_of_unit", serial=serial, folder=out))
         elif serial is not None and not summary.golden:
-            show_line(console, say("quality.few_golden", serial=serial, least=LEAST_VALUES))
+            show_line(console, say("quality.few_golden", serial=serial, least=MIN_VALUES))
 
 
 @app.command()
@@ -143,7 +143,7 @@ def _evaluate(path: Path, product: Path | None, parameter: str | None, out: Path
     _check_parameter(parameter)
     refresh_history(ignore_progress, out)
     state = evaluate_study(ignore_progress, out, path, product)
-    state.plan.check_complete(state.left)
+    state.plan.check_complete(state.missing)
     studies = {name: study for name, study in state.studies.items() if parameter in (None, name)}
     if not studies:
         raise InputError("quality.not_measured")
@@ -238,7 +238,7 @@ def _show_study(console: Console, plan: GaugePlan, studies: dict[str, GaugeStudy
         more = [f"{each.sigma / size:.3g}" for each in (study.part, study.total)]
         tolerance = study.gauge.percent_tolerance
         shares = [f"{study.gauge.percent_study:.1f}", "" if tolerance is None else f"{tolerance:.1f}"]
-        few = study.categories < LEAST_CATEGORIES
+        few = study.categories < MIN_CATEGORIES
         categories = say("cli.few_categories", count=study.categories) if few else str(study.categories)
         shown.add_row(name, unit, *cells, bounds, *more, *shares, categories, say(f"cli.gauge_{study.verdict}"))
     console.print(shown)
@@ -298,7 +298,7 @@ def standards(
     alarmed = any(chart.alarms for chart in charts.values())
     lines += [say("cli.table_check")] if alarmed else []
     emit(row, json, lines)
-    return 1 if alarmed or overdue or any(state.wrong is not None for state in states) else 0
+    return 1 if alarmed or overdue or any(state.problem is not None for state in states) else 0
 
 
 def _state_row(state: StandardState) -> dict[str, Any]:
@@ -306,7 +306,7 @@ def _state_row(state: StandardState) -> dict[str, Any]:
         "serial": state.standard.serial,
         "last_passed": _iso(state.last_passed),
         "due": _iso(state.due),
-        "wrong": None if state.wrong is None else _due_row(state.wrong),
+        "wrong": None if state.problem is None else _due_row(state.problem),
     }
 
 
@@ -348,7 +348,7 @@ def _start(chart: TableChart, k: int) -> datetime:
 
 
 def _state_line(state: StandardState) -> str:
-    wrong = state.wrong
+    wrong = state.problem
     values = {"name": state.standard.serial, "due": _minute(state.due), "last": _minute(state.last_passed)}
     return say(f"cli.standard_{'ok' if wrong is None else wrong.reason}", **values, since=wrong.when if wrong else "")
 

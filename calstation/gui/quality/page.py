@@ -31,7 +31,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import Text
-from calstation.quality import LEAST_VALUES, QualitySummary, StationQuality, station_quality, summarise_quality
+from calstation.quality import MIN_VALUES, QualitySummary, StationQuality, station_quality, summarise_quality
 from calstation.records import RunFilter
 from calstation.results import History, refresh_history
 from calstation.sequencer import Event, Finalized
@@ -207,7 +207,7 @@ class QualityPage(Page):
             code = "no_limits" if summary.parameters else code
         elif view is self.standards:
             visible, code = not self.standards.empty, "no_standards"
-        self._empty.say(f"chart.{code}", Text.of(f"chart.{code}_about", least=LEAST_VALUES))
+        self._empty.say(f"chart.{code}", Text.of(f"chart.{code}_about", least=MIN_VALUES))
         self._stack.setCurrentWidget(view if visible else self._empty)
         overall = None if summary is None else summary.yields.overall
         self.count_label.setText("" if overall is None else say("chart.judged_runs", count=overall.count))

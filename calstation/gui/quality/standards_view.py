@@ -141,7 +141,7 @@ class StandardsView(QWidget, DataView[StationQuality]):
         show_text(self.alarm, say("chart.table_moved", quantities=moved) if moved else "")
         cells = {}
         for each in data.standards:
-            state, wrong = each.state, each.state.wrong
+            state, wrong = each.state, each.state.problem
             cells[state.standard.serial] = {
                 "kind": "good" if wrong is None else "bad",
                 "state": say(f"chart.standard_{'good' if wrong is None else wrong.reason}"),

@@ -144,7 +144,7 @@ class StudyView(QWidget):
         if state is None:
             self._empty.say("gauge.no_plan", "gauge.about")
             self._stack.setCurrentWidget(self._empty)
-        elif state.left:
+        elif state.missing:
             self._show_order(state)
             self._stack.setCurrentWidget(self._missing_runs)
         else:
@@ -152,10 +152,10 @@ class StudyView(QWidget):
             self._stack.setCurrentWidget(self._evaluation)
 
     def _show_order(self, state: StudyState) -> None:
-        next_run, count = state.left[0], {"left": len(state.left), "runs": len(state.plan.order)}
+        next_run, count = state.missing[0], {"left": len(state.missing), "runs": len(state.plan.order)}
         next_text = say("gauge.left", **count, unit=next_run.unit, by=next_run.appraiser)
         self._next_label.setText("\n".join([next_text, *_order_notes(state)]))
-        missing = Counter(state.left)
+        missing = Counter(state.missing)
         cells = {}
         for k, each in enumerate(state.plan.order):
             kind, code = "good", "done"
@@ -247,7 +247,7 @@ def _cells(variation: Variation, size: float, digits: float) -> dict[str, str]:
 
 def _order_notes(state: StudyState) -> list[str]:
     """Return a sentence about runs out of the planned order, if there are any."""
-    values = {"count": state.out_of_order, "runs": len(state.plan.order) - len(state.left)}
+    values = {"count": state.out_of_order, "runs": len(state.plan.order) - len(state.missing)}
     return [say("quality.order_not_kept", **values)] if state.out_of_order else []
 
 
