@@ -19,9 +19,9 @@ from procedures import method
 SECTIONS = ("site", "imu", "table", "model", "prior", "prior_correlation", "product", "schedule")
 #: Section of the file that contains factors, in the same sections.
 SCALE = "scale"
-#: Entries that a log has only if they were measured: a computed entry has no measurement error to correct.
+#: Entries that are in a log only if they were measured; a factor does not apply to a computed value.
 _MEASURED = ("site.gravity_mps2",)
-#: Errors of a factor that apply only to values.
+#: Kinds of problems that concern only values, not factors.
 _NOT_OF_FACTORS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 #: Entries that identify the unit or describe its samples.
 _FIXED = {"imu": ("serial", "sample_rate_hz", "output")}
@@ -30,7 +30,7 @@ _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
 @dataclass(frozen=True)
 class Changes:
-    """Changes to the configuration of logs; their label names the solutions."""
+    """Changes to the configuration of logs, with a label that is part of the version of the solutions."""
 
     entries: Mapping[str, Any] = field(default_factory=dict)
     label: str | None = None
@@ -59,7 +59,7 @@ class Changes:
 
 
 def load_changes(path: Path | None, label: str | None = None) -> Changes:
-    """Read a file with sections of a log's configuration, each with only the entries to change; None changes nothing.
+    """Read a file with sections of a log's configuration that contain only the entries to change; None for no changes.
 
     The label is by default the name of the file without suffix. Raises ConfigurationError, also for an unknown entry or
     a file that changes nothing.
@@ -82,37 +82,37 @@ def load_changes(path: Path | None, label: str | None = None) -> Changes:
     return Changes(entries, label, file)
 
 
-def _check(entries: Any, file: str, below: str = "") -> None:
-    """Raise ConfigurationError for sections that cannot be changed and for wrong entries."""
-    before = f"{below}." if below else ""
+def _check(entries: Any, file: str, section: str = "") -> None:
+    """Raise ConfigurationError if a section cannot be changed or an entry is wrong."""
+    prefix = f"{section}." if section else ""
     for name in entries:
         if name not in SECTIONS:
-            known = SECTIONS if below else (*SECTIONS, SCALE)
+            permitted = SECTIONS if section else (*SECTIONS, SCALE)
             raise ConfigurationError(
-                "fleet.not_changeable", file=file, entry=f"{before}{name}", remedy=near_miss(name, known)
+                "fleet.not_changeable", file=file, entry=f"{prefix}{name}", remedy=near_miss(name, permitted)
             )
         for key in _FIXED.get(name, ()):
             if isinstance(entries[name], Mapping) and key in entries[name]:
-                raise ConfigurationError("fleet.fixed_entry", file=file, entry=f"{before}{name}.{key}")
-    ignored = ("missing", *(_NOT_OF_FACTORS if below else ()))  # the log contains the remaining entries
-    found = problems_of(LogMeta, {"site": {}, "imu": {}, **entries})
-    if all(problem.kind in ignored for problem in found):
+                raise ConfigurationError("fleet.fixed_entry", file=file, entry=f"{prefix}{name}.{key}")
+    ignored = ("missing", *(_NOT_OF_FACTORS if section else ()))  # the log contains the other entries
+    problems = problems_of(LogMeta, {"site": {}, "imu": {}, **entries})
+    if all(problem.kind in ignored for problem in problems):
         for stage, schedule in entries.get("schedule", {}).items():
-            found += problems_of(method(stage).schedule, schedule)
-    for problem in found:
-        if below and (problem.kind.endswith("_type") or problem.kind in ("literal_error", "int_from_float")):
-            raise ConfigurationError("fleet.not_scalable", file=file, entry=f"{before}{problem.name}")
+            problems += problems_of(method(stage).schedule, schedule)
+    for problem in problems:
+        if section and (problem.kind.endswith("_type") or problem.kind in ("literal_error", "int_from_float")):
+            raise ConfigurationError("fleet.not_scalable", file=file, entry=f"{prefix}{problem.name}")
         if problem.kind not in ignored:
             raise ConfigurationError("entry.in_file", file=file, what=problem.as_text)
 
 
-def _leaves(entries: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+def _leaves(entries: Any, key_path: str = "") -> Iterator[tuple[str, Any]]:
     """Yield name and value of the entries of a table and its nested tables."""
     if not isinstance(entries, Mapping):
-        yield place, entries
+        yield key_path, entries
         return
     for name, value in entries.items():
-        yield from _leaves(value, f"{place}.{name}" if place else name)
+        yield from _leaves(value, f"{key_path}.{name}" if key_path else name)
 
 
 def _merged(old: Any, new: Any) -> Any:
@@ -122,16 +122,16 @@ def _merged(old: Any, new: Any) -> Any:
     return {**old, **{name: _merged(old.get(name), value) for name, value in new.items()}}
 
 
-def _scaled(old: Any, factors: Any, place: str = "") -> Any:
-    """Return a table with entries multiplied by factors. Raises InputError for an entry that the table lacks."""
+def _scaled(old: Any, factors: Any, key_path: str = "") -> Any:
+    """Return a table with entries multiplied by factors. Raises InputError if the table lacks an entry."""
     if isinstance(factors, Mapping):
         table = old if isinstance(old, dict) else {}
-        inner = {name: f"{place}.{name}" if place else name for name in factors}
+        inner = {name: f"{key_path}.{name}" if key_path else name for name in factors}
         return {**table, **{name: _scaled(table.get(name), factors[name], inner[name]) for name in factors}}
     if isinstance(old, list):
-        return [_scaled(value, factors, place) for value in old]
+        return [_scaled(value, factors, key_path) for value in old]
     if isinstance(old, bool) or not isinstance(old, int | float):
-        if old is None and place in _MEASURED:
+        if old is None and key_path in _MEASURED:
             return None
-        raise InputError("fleet.nothing_to_scale", entry=place)
+        raise InputError("fleet.nothing_to_scale", entry=key_path)
     return old * factors

@@ -1,4 +1,4 @@
-"""Workers that solve logs: local processes or a Dask cluster, tolerant of the failure of single workers."""
+"""Workers that solve logs: local processes or a Dask cluster. The failure of single workers is tolerated."""
 
 import asyncio
 import logging
@@ -25,17 +25,17 @@ except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
 
 #: Largest number of logs given to the scheduler at a time.
-WINDOW = 1000
-#: Number of replacements of each local worker, and time without a response, s, after which workers are abandoned.
-_REPLACED, _UNANSWERED = 3, 120.0
-#: Number of workers that may terminate while solving a log before it is given up; some have other reasons.
-_DEATHS = 6
+MAX_QUEUED = 1000
+#: Number of replacements of each local worker and time without a result, s, after which the workers are abandoned.
+_MAX_REPLACEMENTS, _MAX_SILENCE = 3, 120.0
+#: Number of workers that may terminate while they solve a log before it is abandoned; some terminate for other reasons.
+_MAX_DEATHS = 6
 #: Longest time without a process until a local worker is replaced, s; its nanny usually restarts it immediately.
-_RESTART = 10.0
+_RESTART_TIMEOUT = 10.0
 #: Interval at which `stop` is checked, s.
-_POLL = 0.2
+_POLL_INTERVAL = 0.2
 #: Longest time to fetch a result from the worker that has it, s.
-_ANSWER = 2.0
+_FETCH_TIMEOUT = 2.0
 #: Longest time to wait for a response of the scheduler.
 _CONNECT_TIMEOUT = "10s"
 _LOCAL = re.compile(r"local(?::([1-9]\d*))?")
@@ -55,7 +55,7 @@ def worker_count(scheduler: str) -> int | None:
 def started_cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
     """Connect to a scheduler, or start local workers, and prepare the workers."""
     settings = {
-        "distributed.scheduler.allowed-failures": _DEATHS,
+        "distributed.scheduler.allowed-failures": _MAX_DEATHS,
         "distributed.scheduler.worker-saturation": 1.0,
         "distributed.comm.timeouts.connect": _CONNECT_TIMEOUT,
     }
@@ -88,24 +88,26 @@ def started_cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
 def _close(cluster: LocalCluster) -> None:
     """Close local workers; those that are still solving after 4 s are killed.
 
-    The cluster does not close workers that it has lost or replaced, but fails if one of them runs.
+    The cluster does not close workers that it has lost or replaced, and fails if one of them is running.
     """
-    lost = [nanny for nanny in cluster._created if nanny not in cluster.workers.values()]
-    if lost:
-        cluster.sync(_close_nannies, lost)
+    unmanaged = [nanny for nanny in cluster._created if nanny not in cluster.workers.values()]
+    if unmanaged:
+        cluster.sync(_close_nannies, unmanaged)
     cluster.close()
 
 
 async def _close_nannies(nannies: Sequence[Nanny]) -> None:
-    await asyncio.wait([asyncio.ensure_future(nanny.close()) for nanny in nannies], timeout=_RESTART)
+    await asyncio.wait([asyncio.ensure_future(nanny.close()) for nanny in nannies], timeout=_RESTART_TIMEOUT)
 
 
-def _replace_ended(cluster: LocalCluster | None, replaced: int, dead: dict[Hashable, float], answered: float) -> int:
-    """Replace local workers that their nannies do not restart, and return the total number of replacements.
+def _replace_workers(
+    cluster: LocalCluster | None, replaced: int, without_process: dict[Hashable, float], last_result: float
+) -> int:
+    """Replace local workers that their nannies do not restart, and return the number of replacements.
 
-    A nanny gives up if its worker terminates during its start, or waits for it forever. `replaced` is the number since
-    the last result at time `answered`, s; `dead` contains the time since which a worker has had no process, by name.
-    Raises ConfigurationError if workers terminate repeatedly.
+    If a worker terminates during its start, its nanny gives up or waits forever. `replaced` is the number of
+    replacements since the last result, which was at the time `last_result`, s. `without_process` contains the time, s,
+    since which a worker has had no process, by name. Raises ConfigurationError if workers terminate repeatedly.
     """
     if cluster is None:
         return replaced
@@ -114,52 +116,52 @@ def _replace_ended(cluster: LocalCluster | None, replaced: int, dead: dict[Hasha
     for name in cluster.worker_spec:
         nanny = nannies.get(name)
         if nanny is not None and nanny.is_alive():
-            dead.pop(name, None)
+            without_process.pop(name, None)
         elif nanny is not None and nanny.status in (ServerStatus.closed, ServerStatus.failed):
-            dead[name] = -math.inf
+            without_process[name] = -math.inf
         else:
-            dead.setdefault(name, now)
-    ended = [name for name in cluster.worker_spec if now - dead.get(name, now) > _RESTART]
-    if replaced + len(ended) > _REPLACED * count and now - answered > _UNANSWERED:
+            without_process.setdefault(name, now)
+    names = [name for name in cluster.worker_spec if now - without_process.get(name, now) > _RESTART_TIMEOUT]
+    if replaced + len(names) > _MAX_REPLACEMENTS * count and now - last_result > _MAX_SILENCE:
         raise ConfigurationError("fleet.workers_end", count=replaced)
-    if ended:
-        for name in ended:
+    if names:
+        for name in names:
             cluster.worker_spec.pop(name, None)
             cluster.workers.pop(name, None)
-            dead.pop(name)
+            without_process.pop(name)
         cluster.scale(count)
-    return replaced + len(ended)
+    return replaced + len(names)
 
 
-def solved(
+def solve_logs(
     client: Client, assignment: Assignment, logs: Sequence[StoredLog], stop: threading.Event, scheduler: str
 ) -> Iterator[Status]:
     """Yield the status of each log in order of completion, until `stop` is set."""
-    done: SimpleQueue[Future[Status]] = SimpleQueue()
-    waiting = iter(logs)
+    completed: SimpleQueue[Future[Status]] = SimpleQueue()
+    remaining = iter(logs)
     running: dict[Hashable, tuple[Future[Status], StoredLog]] = {}
-    replaced, dead, answered = 0, dict[Hashable, float](), time.monotonic()
+    replaced, without_process, last_result = 0, dict[Hashable, float](), time.monotonic()
     while not stop.is_set():
-        while len(running) < WINDOW and (log := next(waiting, None)) is not None:
+        while len(running) < MAX_QUEUED and (log := next(remaining, None)) is not None:
             future = client.submit(solve_stored_log, assignment, log, pure=False)
             running[future.key] = (future, log)
-            future.add_done_callback(done.put)
+            future.add_done_callback(completed.put)
         if not running:
             return
         try:
-            future = done.get(timeout=_POLL)
+            future = completed.get(timeout=_POLL_INTERVAL)
         except Empty:
-            replaced = _replace_ended(client.cluster, replaced, dead, answered)
+            replaced = _replace_workers(client.cluster, replaced, without_process, last_result)
             continue
         if future.status == "cancelled":  # cancelled by the scheduler, not by this program
             raise ConfigurationError("fleet.scheduler_lost", scheduler=scheduler)
         try:
             status = _status(running[future.key][1], future)
         except TimeoutError:  # the worker terminated with its result, and the log is assigned to another one
-            done.put(future)
-            replaced = _replace_ended(client.cluster, replaced, dead, answered)
+            completed.put(future)
+            replaced = _replace_workers(client.cluster, replaced, without_process, last_result)
             continue
-        replaced, answered = 0, time.monotonic()
+        replaced, last_result = 0, time.monotonic()
         del running[future.key]
         yield status
     client.cancel([future for future, _ in running.values()], force=True)
@@ -176,7 +178,7 @@ def _status(log: StoredLog, future: Future[Status]) -> Status:
             raise ConfigurationError("fleet.task_failed", reason=f"{type(cause).__name__}: {cause}")
         died = CalstationError("fleet.worker_died", file=log.location)
         return Status(log.location, "unreachable", error=error_of(died))
-    status: Status = future.result(timeout=_ANSWER)
+    status: Status = future.result(timeout=_FETCH_TIMEOUT)
     if status.outcome == "refused":
         raise ConfigurationError(status.error["error_code"], **values_from_json(status.error["error_values"]))
     return status

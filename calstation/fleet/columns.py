@@ -1,8 +1,8 @@
 """Solutions of a version in Parquet files, which are updated from the database before use.
 
 Each database has a folder in the site's folder, with a subfolder for each version. Solutions are only added; solutions
-of the runs (version `ONLINE`) may be replaced, and the later row of a run counts. Numbers of solutions may become
-visible out of order, so that a number below the last one may be missing. The count of rows reveals this, and also
+of the runs (version `ONLINE`) may be replaced, and the last row of a run is valid. Numbers of solutions may become
+visible out of order, so that a number below the last one may be missing. The number of rows reveals this, as well as
 deleted rows, after which the files are rebuilt.
 """
 
@@ -36,10 +36,10 @@ except ImportError as exc:
 
 #: Rows read from the database and written at a time.
 _CHUNK = 100_000
-#: Number of files above which they are joined.
-_MOST_FILES = 8
+#: Largest number of files of a version; more are joined.
+_MAX_FILES = 8
 #: Longest time to wait for another program that updates the same files, s.
-_LOCKED_WITHIN = 600.0
+_LOCK_TIMEOUT = 600.0
 
 _TEXTS = (
     *("log_sha256", "serial", "product", "station", "started_utc", "month", "verdict", "failed_checks", "location"),
@@ -47,8 +47,8 @@ _TEXTS = (
 )
 #: Columns of a solution that are contained in a run's content.
 _FROM_CONTENT = ("product", "station", "batch", "slot")
-#: Columns with few distinct texts.
-_FEW = ("product", "station", "month", "verdict")
+#: Text columns with few distinct values.
+_CATEGORICAL = ("product", "station", "month", "verdict")
 SCHEMA = pa.schema(
     [
         ("number", pa.int64()),
@@ -67,9 +67,9 @@ class ColumnFiles:
 
     def read(self, *names: str, threads: bool = False) -> Any:
         """Return columns of all rows as a pyarrow table, using several threads if `threads`."""
-        few = [name for name in names if name in _FEW]
+        categorical = [name for name in names if name in _CATEGORICAL]
         return pa.concat_tables(
-            pq.read_table(path, columns=list(names), read_dictionary=few, use_threads=threads, memory_map=True)
+            pq.read_table(path, columns=list(names), read_dictionary=categorical, use_threads=threads, memory_map=True)
             for path in self.paths
         )
 
@@ -87,18 +87,18 @@ def update_columns(report: ProgressCallback, connection: Connection, version: st
     database = connection.execute(select(revisions.c.database)).scalar_one()
     connection.rollback()  # PostgreSQL terminates a transaction that waits for the lock
     folder = site_folder() / "fleet" / str(database) / quote(version, safe="+.")
-    with usable(folder):
+    with file_access(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        with locked(folder / ".lock", _LOCKED_WITHIN):
-            files = _updated(report, connection, version, folder)
+        with locked(folder / ".lock", _LOCK_TIMEOUT):
+            files = _update(report, connection, version, folder)
     if not files:
         raise ConfigurationError("fleet.no_version", version=version, versions=versions(connection))
     return ColumnFiles(tuple(files))
 
 
 @contextmanager
-def usable(folder: Path) -> Iterator[None]:
-    """Raise ConfigurationError if the files in a folder are unusable, or another program is updating them."""
+def file_access(folder: Path) -> Iterator[None]:
+    """Convert file errors in the context to ConfigurationError, also if another program is updating the files."""
     try:
         yield
     except TimeoutError as exc:
@@ -108,30 +108,30 @@ def usable(folder: Path) -> Iterator[None]:
         raise ConfigurationError("fleet.columns_unusable", folder=folder, reason=reason) from exc
 
 
-def _updated(report: ProgressCallback, connection: Connection, version: str, folder: Path) -> list[Path]:
-    files = _current(folder)
-    known = np.concatenate([np.empty(0, np.int64), *(ColumnFiles((path,)).numbers("number") for path in files)])
-    last = int(known.max(initial=0))
+def _update(report: ProgressCallback, connection: Connection, version: str, folder: Path) -> list[Path]:
+    files = _current_files(folder)
+    stored = np.concatenate([np.empty(0, np.int64), *(ColumnFiles((path,)).numbers("number") for path in files)])
+    last = int(stored.max(initial=0))
     added = _count(connection, _rows(version, last))
-    after, left = last, added
+    after, remaining = last, added
     if version != ONLINE:
         total = _count(connection, _rows(version, 0))
-        if len(known) + added > total:  # rows were deleted
+        if len(stored) + added > total:  # rows were deleted
             for path in files:
                 path.unlink()
-            files, known, after = [], known[:0], 0
-        elif len(known) + added < total:
+            files, stored, after = [], stored[:0], 0
+        elif len(stored) + added < total:
             numbers = connection.execute(_rows(version, 0).with_only_columns(solutions.c.id)).scalars().all()
-            missing = np.setdiff1d(np.array(numbers, np.int64), known)
+            missing = np.setdiff1d(np.array(numbers, np.int64), stored)
             after = int(missing.min(initial=last + 1)) - 1
-        left = total - len(known)
+        remaining = total - len(stored)
     done = 0
-    for table in _tables(connection, _rows(version, after), set(known[known > after].tolist())):
+    for table in _tables(connection, _rows(version, after), set(stored[stored > after].tolist())):
         files.append(folder / f"{_generation(files)}-{len(files):06d}.parquet")
         _write(table, files[-1])
         done += len(table)
-        report(min(done / max(left, 1), 1.0))
-    return [_joined(files)] if len(files) > _MOST_FILES else files
+        report(min(done / max(remaining, 1), 1.0))
+    return [_join(files)] if len(files) > _MAX_FILES else files
 
 
 def _generation(files: list[Path]) -> str:
@@ -139,10 +139,10 @@ def _generation(files: list[Path]) -> str:
     return files[0].name.partition("-")[0] if files else f"{0:06d}"
 
 
-def _current(folder: Path) -> list[Path]:
-    """Return the files of the last generation; delete earlier ones, which another program may still have been reading.
+def _current_files(folder: Path) -> list[Path]:
+    """Return the files of the last generation, and delete earlier ones, which another program may have been reading.
 
-    Files of an earlier version of the program, which have other columns, are deleted too.
+    Files with other columns, which an earlier version of the program wrote, are deleted, too.
     """
     files = sorted(folder.glob("*-*.parquet"))
     current = [path for path in files if _generation([path]) == _generation(files[-1:])]
@@ -171,11 +171,11 @@ def _count(connection: Connection, query: Select[Any]) -> int:
     return connection.execute(query.with_only_columns(func.count()).order_by(None)).scalar_one()
 
 
-def _tables(connection: Connection, statement: Select[Any], held: set[int]) -> Iterator[Any]:
+def _tables(connection: Connection, statement: Select[Any], stored: set[int]) -> Iterator[Any]:
     """Yield the rows of a statement in tables, without rows whose number is already known."""
-    found = connection.execution_options(yield_per=_CHUNK).execute(statement)
-    for part in found.partitions(_CHUNK):
-        rows = [row for row in part if row.number not in held]
+    result = connection.execution_options(yield_per=_CHUNK).execute(statement)
+    for part in result.partitions(_CHUNK):
+        rows = [row for row in part if row.number not in stored]
         if rows:
             yield _table(rows)
 
@@ -199,15 +199,15 @@ def _table(rows: list[Row[Any]]) -> Any:
             for row in rows
         ]
     numbers = np.full((len(NAMES), 2, len(rows)), np.nan)
-    alike: dict[str, list[int]] = {}
+    rows_by_parameters: dict[str, list[int]] = {}
     for k, row in enumerate(rows):
-        alike.setdefault(row.parameters, []).append(k)
-    for text, where in alike.items():
+        rows_by_parameters.setdefault(row.parameters, []).append(k)
+    for text, indices in rows_by_parameters.items():
         names = json.loads(text)
-        values = np.frombuffer(b"".join(rows[k].numbers for k in where)).reshape(len(where), 2, len(names))
+        values = np.frombuffer(b"".join(rows[k].numbers for k in indices)).reshape(len(indices), 2, len(names))
         for j, name in enumerate(names):
             if name in NAMES:
-                numbers[NAMES.index(name), :, where] = values[:, :, j]
+                numbers[NAMES.index(name), :, indices] = values[:, :, j]
     for i, name in enumerate(NAMES):
         columns[name], columns[f"{name}_sigma"] = numbers[i]
     return pa.table([columns[name] for name in SCHEMA.names], schema=SCHEMA)
@@ -225,14 +225,14 @@ def _write(table: Any, path: Path) -> None:
         table,
         partial,
         compression=compression,
-        use_dictionary=list(_FEW),
+        use_dictionary=list(_CATEGORICAL),
         write_statistics=False,
         row_group_size=1 << 20,
     )
     partial.replace(path)
 
 
-def _joined(files: list[Path]) -> Path:
+def _join(files: list[Path]) -> Path:
     """Join the files of a version into the first one of the next generation; return it."""
     path = files[0].with_name(f"{int(_generation(files)) + 1:06d}-{0:06d}.parquet")
     _write(pa.concat_tables([pq.read_table(each, memory_map=True) for each in files]), path)

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calstation.fleet.columns import ColumnFiles, latest_rows
-from calstation.fleet.comparison import GROUPS, VERDICTS, Comparison, Group, Move, VerdictChange
+from calstation.fleet.comparison import GROUPS, VERDICTS, Comparison, Group, ParameterShift, VerdictChange
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, FloatArray
 
-#: Fraction of the progress for updating the columns.
+#: Fraction of the progress that belongs to the update of the columns.
 _UPDATE = 0.9
 
 
-def part_of(report: ProgressCallback, begin: float) -> ProgressCallback:
-    """Return the progress of the update of one version, which begins at the fraction `begin` of both."""
+def update_progress(report: ProgressCallback, begin: float) -> ProgressCallback:
+    """Return a callback for the update of one of two versions, which begins at the fraction `begin`."""
 
     def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
         report(_UPDATE * (begin + 0.5 * fraction))
@@ -26,8 +26,8 @@ def part_of(report: ProgressCallback, begin: float) -> ProgressCallback:
     return show
 
 
-class Pair:
-    """Rows of the logs that two versions have in common."""
+class CommonLogs:
+    """The logs that two versions have in common, by their rows."""
 
     def __init__(self, old: ColumnFiles, new: ColumnFiles, numbers: Collection[int] | None) -> None:
         self._old, self._new = old, new
@@ -37,11 +37,11 @@ class Pair:
         if numbers is not None:
             chosen = np.isin(new.numbers("number")[rows_new], np.fromiter(numbers, np.int64))
             keys_new, rows_new = keys_new[chosen], rows_new[chosen]
-            wanted = np.isin(keys_old, keys_new)
-            keys_old, rows_old = keys_old[wanted], rows_old[wanted]
-        place = np.minimum(np.searchsorted(keys_new, keys_old), len(keys_new) - 1)
-        common = keys_new[place] == keys_old
-        self._rows_old, self._rows_new = rows_old[common], rows_new[place[common]]
+            is_chosen = np.isin(keys_old, keys_new)
+            keys_old, rows_old = keys_old[is_chosen], rows_old[is_chosen]
+        index = np.minimum(np.searchsorted(keys_new, keys_old), len(keys_new) - 1)
+        common = keys_new[index] == keys_old
+        self._rows_old, self._rows_new = rows_old[common], rows_new[index[common]]
         self._only = (len(rows_old) - len(self._rows_old), len(rows_new) - len(self._rows_new))
         order = np.argsort(self._rows_old, kind="stable")  # reading columns in order is faster
         self._rows_old, self._rows_new = self._rows_old[order], self._rows_new[order]
@@ -57,13 +57,13 @@ class Pair:
         kinds = {kind: self._codes(self._old, kind) for kind in GROUPS}
         groups = {kind: _Groups(codes, names) for kind, (codes, names) in kinds.items()}
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            found = dict(zip(NAMES, pool.map(lambda name: self._moves(name, groups), NAMES), strict=True))
-        everything = {name: moves[0] for name, moves in found.items()}
-        by_group = {kind: {name: moves[1][kind] for name, moves in found.items()} for kind in GROUPS}
-        wanted = {each[-1] for each in everything.values() if each is not None}
+            shifts = dict(zip(NAMES, pool.map(lambda name: self._shifts(name, groups), NAMES), strict=True))
+        overall = {name: moves[0] for name, moves in shifts.items()}
+        by_group = {kind: {name: moves[1][kind] for name, moves in shifts.items()} for kind in GROUPS}
+        worst_rows = {each[-1] for each in overall.values() if each is not None}
         for kind in GROUPS:
-            wanted |= {each[-1] for moves in by_group[kind].values() for each in moves if each is not None}
-        logs = self._texts(self._old, self._rows_old, sorted(wanted), "location", "serial")
+            worst_rows |= {each[-1] for moves in by_group[kind].values() for each in moves if each is not None}
+        logs = self._texts(self._old, self._rows_old, sorted(worst_rows), "location", "serial")
         down, up = (was == 0) & (now == 1), (was == 1) & (now == 0)
         report(1.0)
         return Comparison(
@@ -77,7 +77,7 @@ class Pair:
                 if table[i].any()
             },
             self._changes(np.flatnonzero(was != now)),
-            _named(everything, logs),
+            _named(overall, logs),
             {
                 kind: tuple(
                     Group(
@@ -98,15 +98,16 @@ class Pair:
         names = {text: code for code, text in enumerate(known)}
         parts = []
         for chunk in files.read(name).column(0).chunks:
-            own = np.array([names.setdefault(text or "", len(names)) for text in chunk.dictionary.to_pylist()] + [-1])
-            codes = own[chunk.indices.fill_null(len(own) - 1).to_numpy(zero_copy_only=False)]
+            texts = chunk.dictionary.to_pylist()
+            code_of_text = np.array([*(names.setdefault(text or "", len(names)) for text in texts), -1])
+            codes = code_of_text[chunk.indices.fill_null(len(code_of_text) - 1).to_numpy(zero_copy_only=False)]
             if chunk.null_count:
                 codes[codes < 0] = names.setdefault("", len(names))
             parts.append(codes)
         rows = self._rows_old if files is self._old else self._rows_new
         return np.concatenate(parts)[rows], list(names)
 
-    def _moves(self, name: str, groups: Mapping[str, "_Groups"]) -> tuple["_Found", dict[str, list["_Found"]]]:
+    def _shifts(self, name: str, groups: Mapping[str, "_Groups"]) -> tuple["_Shift", dict[str, list["_Shift"]]]:
         """Return the changes of a parameter over all logs and by group."""
         old, old_sigma, new, new_sigma = (
             files.numbers(column) if whole else files.numbers(column)[rows]
@@ -117,31 +118,31 @@ class Pair:
             for column in (name, f"{name}_sigma")
         )
         with np.errstate(invalid="ignore", divide="ignore"):
-            moves = np.abs(new - old) / np.maximum(new_sigma, old_sigma)
-        moves[new == old] = 0.0
-        return _found(moves, None), {kind: each.found(moves) for kind, each in groups.items()}
+            sizes = np.abs(new - old) / np.maximum(new_sigma, old_sigma)
+        sizes[new == old] = 0.0
+        return _shift(sizes, None), {kind: each.shifts(sizes) for kind, each in groups.items()}
 
     def _texts(
-        self, files: ColumnFiles, rows: NDArray[np.intp], wanted: list[int], *names: str
+        self, files: ColumnFiles, rows: NDArray[np.intp], numbers: list[int], *names: str
     ) -> dict[int, tuple[Any, ...]]:
-        """Return texts of the `wanted` rows by their number among the common rows."""
-        chosen = files.read(*names, threads=True).take(rows[np.array(wanted, np.intp)])
-        return dict(zip(wanted, zip(*(chosen.column(name).to_pylist() for name in names), strict=True), strict=True))
+        """Return texts of rows, given by their `numbers` among the common rows."""
+        chosen = files.read(*names, threads=True).take(rows[np.array(numbers, np.intp)])
+        return dict(zip(numbers, zip(*(chosen.column(name).to_pylist() for name in names), strict=True), strict=True))
 
     def _changes(self, changed: NDArray[np.intp]) -> tuple[VerdictChange, ...]:
-        wanted = changed.tolist()
+        rows = changed.tolist()
         names = ("serial", "location", "product", "station", "started_utc", "verdict", "failed_checks")
-        old = self._texts(self._old, self._rows_old, wanted, *names)
-        new = self._texts(self._new, self._rows_new, wanted, "verdict", "failed_checks")
-        found = [
+        old = self._texts(self._old, self._rows_old, rows, *names)
+        new = self._texts(self._new, self._rows_new, rows, "verdict", "failed_checks")
+        changes = [
             VerdictChange(serial or "", log, product, station, start, was, new[k][0], checks, new[k][1])
             for k, (serial, log, product, station, start, was, checks) in old.items()
         ]
-        return tuple(sorted(found, key=lambda each: (each.product or "", each.station or "", each.started_utc or "")))
+        return tuple(sorted(changes, key=lambda each: (each.product or "", each.station or "", each.started_utc or "")))
 
 
 #: Median, 95th percentile and maximum of the change, and the row of the maximum; None if no log has the parameter.
-_Found = tuple[float, float, float, int] | None
+_Shift = tuple[float, float, float, int] | None
 
 
 class _Groups:
@@ -162,34 +163,34 @@ class _Groups:
         """Return the rows of a group."""
         return self._order[self._ends[k] - self.counts[k] : self._ends[k]]
 
-    def found(self, moves: FloatArray) -> list[_Found]:
+    def shifts(self, shift_sizes: FloatArray) -> list[_Shift]:
         """Return the changes of each group."""
         if len(self._names) == 1:
-            return [_found(moves, None)]
-        return [_found(moves[self.rows(k)], self.rows(k)) for k in range(len(self._names))]
+            return [_shift(shift_sizes, None)]
+        return [_shift(shift_sizes[self.rows(k)], self.rows(k)) for k in range(len(self._names))]
 
 
-def _found(moves: FloatArray, rows: NDArray[np.intp] | None) -> _Found:
-    """Return the distribution of changes; NaN, for logs without the parameter, is ignored."""
-    held = np.flatnonzero(~np.isnan(moves)) if np.isnan(moves.sum()) else None
-    if held is not None:
-        rows = held if rows is None else rows[held]
-        moves = moves[held]
-    if not len(moves):
+def _shift(sizes: FloatArray, rows: NDArray[np.intp] | None) -> _Shift:
+    """Return the distribution of changes; NaN means that a log lacks the parameter."""
+    present = np.flatnonzero(~np.isnan(sizes)) if np.isnan(sizes.sum()) else None
+    if present is not None:
+        rows = present if rows is None else rows[present]
+        sizes = sizes[present]
+    if not len(sizes):
         return None
-    ordered = np.sort(moves)  # faster than selecting the few values that are needed
-    count = len(moves)
+    ordered = np.sort(sizes)  # faster than selecting the few values that are needed
+    count = len(sizes)
     median = 0.5 * float(ordered[(count - 1) // 2] + ordered[count // 2])
-    place = 0.95 * (count - 1)
-    below, above = ordered[int(place)], ordered[min(int(place) + 1, count - 1)]
-    largest = int(np.argmax(moves))
+    position = 0.95 * (count - 1)
+    below, above = ordered[int(position)], ordered[min(int(position) + 1, count - 1)]
+    largest = int(np.argmax(sizes))
     row = largest if rows is None else int(rows[largest])
-    return median, float(below + (place - int(place)) * (above - below)), float(moves[largest]), row
+    return median, float(below + (position - int(position)) * (above - below)), float(sizes[largest]), row
 
 
-def _named(found: Mapping[str, _Found], logs: Mapping[int, tuple[Any, ...]]) -> dict[str, Move]:
+def _named(shifts: Mapping[str, _Shift], logs: Mapping[int, tuple[Any, ...]]) -> dict[str, ParameterShift]:
     return {
-        name: Move(*each[:3], log=logs[each[3]][0], serial=logs[each[3]][1] or "")
-        for name, each in found.items()
+        name: ParameterShift(*each[:3], log=logs[each[3]][0], serial=logs[each[3]][1] or "")
+        for name, each in shifts.items()
         if each is not None
     }

@@ -1,4 +1,4 @@
-"""Result of a comparison of two versions; it needs no database, so that the window can show it."""
+"""Result of a comparison of two versions, which the window can show without the packages for databases."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -10,7 +10,7 @@ GROUPS = ("product", "station", "month")
 
 
 @dataclass(frozen=True)
-class Move:
+class ParameterShift:
     """Change of a parameter over many logs, in the larger of each log's two sigmas."""
 
     median: float
@@ -43,7 +43,7 @@ class Group:
     logs: int
     pass_to_fail: int
     fail_to_pass: int
-    moves: Mapping[str, Move]
+    moves: Mapping[str, ParameterShift]
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Comparison:
     only_after: int
     verdicts: Mapping[str, Mapping[str, int]]  #: Number of logs by verdict before and verdict after.
     changes: tuple[VerdictChange, ...]  #: In the order of product, station and start.
-    moves: Mapping[str, Move]  #: By parameter.
+    moves: Mapping[str, ParameterShift]  #: By parameter.
     groups: Mapping[str, tuple[Group, ...]]  #: By kind of group.
 
     @property

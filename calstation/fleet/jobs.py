@@ -27,23 +27,23 @@ def compare(
     before, after : versions to compare
     numbers : numbers of the solutions of `after` that are compared; None for all
     """
-    from calstation.fleet.columns import update_columns, usable
-    from calstation.fleet.comparing import Pair, part_of
+    from calstation.fleet.columns import file_access, update_columns
+    from calstation.fleet.comparing import CommonLogs, update_progress
 
     with opened(url, create=False) as engine, engine.connect() as connection:
-        old = update_columns(part_of(report, 0.0), connection, before)
-        new = update_columns(part_of(report, 0.5), connection, after)
-    with usable(new.paths[0].parent):
-        return Pair(old, new, numbers).comparison(report, before, after)
+        old = update_columns(update_progress(report, 0.0), connection, before)
+        new = update_columns(update_progress(report, 0.5), connection, after)
+    with file_access(new.paths[0].parent):
+        return CommonLogs(old, new, numbers).comparison(report, before, after)
 
 
 def export_version(report: ProgressCallback, url: str, version: str, path: Path) -> int:
     """Job: write the solutions of a version to a Parquet file; return their number. Raises ConfigurationError."""
     from calstation.fleet.columns import export_columns, update_columns
-    from calstation.fleet.comparing import part_of
+    from calstation.fleet.comparing import update_progress
 
     with opened(url, create=False) as engine, engine.connect() as connection:
-        files = update_columns(part_of(report, 0.0), connection, version)
+        files = update_columns(update_progress(report, 0.0), connection, version)
     try:
         return export_columns(files, path)
     except OSError as exc:

@@ -16,9 +16,9 @@ from calstation.fleet.store import (
     Assignment,
     KnownFile,
     Outcome,
+    SolveSettings,
     Status,
-    Wanted,
-    enter_version,
+    add_version,
     known_files,
     last_number,
     read_results,
@@ -50,10 +50,10 @@ class FleetRequest:
 
     @property
     def unchanged(self) -> "FleetRequest":
-        """A copy of the request for the logs' own configuration, range and stages."""
+        """The same request with the logs' own configuration, range and stages."""
         return replace(self, patch=None, label=None, stages=None, first_seq=None, last_seq=None)
 
-    def wanted(self) -> Wanted:
+    def settings(self) -> SolveSettings:
         """Return the settings for solving every log. Raises ConfigurationError if they are invalid."""
         changes = load_changes(self.patch, self.label)
         if self.first_seq is not None and self.last_seq is not None and self.first_seq > self.last_seq:
@@ -62,15 +62,15 @@ class FleetRequest:
             raise ConfigurationError("fleet.label_needed")
         if not self.diagnostics and self.label is None:
             changes = replace(changes, label=PARAMETERS if changes.label is None else f"{changes.label}-{PARAMETERS}")
-        return Wanted(changes, self.stages, self.first_seq, self.last_seq, self.diagnostics)
+        return SolveSettings(changes, self.stages, self.first_seq, self.last_seq, self.diagnostics)
 
     def baseline(self, compare_with: str) -> str:
         """Return the version with which the solutions are compared; ``unchanged`` is the version of `unchanged`.
 
         Raises ConfigurationError if it is the version of the solutions themselves, or is missing from the database.
         """
-        after = self.wanted().changes.version
-        before = self.unchanged.wanted().changes.version if compare_with == UNCHANGED else compare_with
+        after = self.settings().changes.version
+        before = self.unchanged.settings().changes.version if compare_with == UNCHANGED else compare_with
         if before == after:
             raise ConfigurationError("fleet.compared_with_itself", version=after)
         if compare_with != UNCHANGED:
@@ -89,7 +89,7 @@ class FleetSummary:
     already_there: int = 0
     failed: int = 0  #: Logs that failed now or in an earlier call, or were unreachable.
     not_selected: int = 0
-    unchanged: int = 0  #: Logs to which the requested changes do not apply.
+    unchanged: int = 0  #: Logs that the requested changes do not affect.
     stopped: bool = False
     duration_s: float = 0.0
     solutions: dict[int, str] = field(default_factory=dict)  #: Location of the log by number in the database.
@@ -98,7 +98,7 @@ class FleetSummary:
     failures: list[Status] = field(default_factory=list)  #: The logs that failed.
     #: Total duration of the logs processed by workers, s, by step: ``copy``, ``solve`` and ``write``.
     seconds: dict[str, float] = field(default_factory=dict)
-    answered: int = 0  #: Number of logs processed by workers.
+    processed: int = 0  #: Number of logs processed by workers.
 
     @property
     def done(self) -> int:
@@ -109,18 +109,18 @@ class FleetSummary:
         """Count a log; a further copy of a log counts as already solved."""
         outcome = status.outcome
         if status.solution is not None:
-            first = self.solutions.setdefault(status.solution, status.location)
-            if first != status.location:
-                self.copies[status.location] = first
-                outcome = "there" if outcome == "solved" else outcome
+            location = self.solutions.setdefault(status.solution, status.location)
+            if location != status.location:
+                self.copies[status.location] = location
+                outcome = "stored" if outcome == "solved" else outcome
         self.solved_now += outcome == "solved"
-        self.already_there += outcome == "there"
+        self.already_there += outcome == "stored"
         self.not_selected += outcome == "not_selected"
         if outcome in ("failed", "unreachable"):
             self.failed += 1
             self.failures.append(status)
         self.unchanged += status.changed is False
-        self.answered += bool(status.seconds)
+        self.processed += bool(status.seconds)
         for step, seconds in status.seconds.items():
             self.seconds[step] = self.seconds.get(step, 0.0) + seconds
 
@@ -139,38 +139,38 @@ def resolve_fleet(
     Raises InputError if a source contains no logs, and ConfigurationError if the changes or the selection are invalid
     or the database or the scheduler cannot be used.
     """
-    from calstation.fleet.cluster import solved, started_cluster, worker_count  # imports `distributed`, optional
+    from calstation.fleet.cluster import solve_logs, started_cluster, worker_count  # imports `distributed`, optional
 
     begin = time.monotonic()
     stop = stop or threading.Event()
-    wanted = request.wanted()
+    settings = request.settings()
     workers = worker_count(request.scheduler)
     with opened(request.database) as engine:
         logs = list(takewhile(lambda log: not stop.is_set(), find_logs(request.sources, engine)))
-        if not enter_version(engine, wanted):
-            raise ConfigurationError("fleet.label_used", version=wanted.changes.version)
+        if not add_version(engine, settings):
+            raise ConfigurationError("fleet.label_used", version=settings.changes.version)
         listing_stopped = stop.is_set()
-        known, last = known_files(engine, wanted), last_number(engine)
-        summary = FleetSummary(wanted.changes.version, len(logs))
-        left = []
+        known, last = known_files(engine, settings), last_number(engine)
+        summary = FleetSummary(settings.changes.version, len(logs))
+        remaining = []
         for log in logs:
             status = _known_status(request, log, known.get((log.location, log.fingerprint or "")))
             if status is None:
-                left.append(log)
+                remaining.append(log)
             else:
                 summary.add(status)
         report(summary)
-        if left and not stop.is_set():
-            assignment = Assignment(request.database, wanted, request.selection, request.retry_failed)
+        if remaining and not stop.is_set():
+            assignment = Assignment(request.database, settings, request.selection, request.retry_failed)
             with started_cluster(request.scheduler, workers) as client:
-                for status in solved(client, assignment, left, stop, request.scheduler):
-                    # its worker terminated after writing it
-                    if status.outcome == "there" and (status.solution or 0) > last:
+                for status in solve_logs(client, assignment, remaining, stop, request.scheduler):
+                    # its worker terminated after it had written the solution
+                    if status.outcome == "stored" and (status.solution or 0) > last:
                         status = replace(status, outcome="solved")
                     summary.add(status)
                     summary.duration_s = time.monotonic() - begin
                     report(summary)
-    if not wanted.alters:
+    if not settings.differ_from_log:
         summary.unchanged = 0
     summary.stopped = listing_stopped or summary.done < summary.total
     summary.duration_s = time.monotonic() - begin
@@ -180,16 +180,16 @@ def resolve_fleet(
 
 
 def _known_status(request: FleetRequest, log: StoredLog, known: KnownFile | None) -> Status | None:
-    """Return the status of a log according to archive and database; None if its file has to be read."""
+    """Return the status of a log according to archive and database; None if its file must be read."""
     origin = log.origin or (known.origin if known is not None else None)
-    found = known.solution if known is not None else None
-    readable = origin is not None and (any(origin) or (found is not None and not found.error))
-    if readable and origin is not None and not request.selection.takes(origin):
+    solution = known.solution if known is not None else None
+    readable = origin is not None and (any(origin) or (solution is not None and not solution.error))
+    if readable and origin is not None and not request.selection.includes(origin):
         return Status(log.location, "not_selected")
-    if found is None or (found.error and request.retry_failed):
+    if solution is None or (solution.error and request.retry_failed):
         return None
-    outcome: Outcome = "failed" if found.error else "there"
-    return Status(log.location, outcome, found.number, found.error, found.changed)
+    outcome: Outcome = "failed" if solution.error else "stored"
+    return Status(log.location, outcome, solution.number, solution.error, solution.changed)
 
 
 def solved_results(database: str, summary: FleetSummary) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Logs to solve: files, folders and URLs, or the archive of the shared database; and their selection."""
+"""Logs to solve from files, folders and URLs or from the archive of the shared database, and their selection."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,7 +22,7 @@ _STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "modify")
 
 
 class Origin(NamedTuple):
-    """Place and time of recording of a log, and its product; None if unknown."""
+    """Station, product and start of a log; None if unknown."""
 
     station: str | None
     product: str | None
@@ -38,14 +38,14 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True)
 class Selection:
-    """Conditions that must all hold; None means no condition. A log that lacks a selected property is not selected."""
+    """Conditions that a selected log meets; None means no condition. A log that lacks the property is not selected."""
 
     station: str | None = None
     product: str | None = None
     since: date | None = None  #: First day of the start, UTC.
     until: date | None = None  #: Last day of the start, UTC.
 
-    def takes(self, origin: Origin) -> bool:
+    def includes(self, origin: Origin) -> bool:
         """Return whether a log is selected."""
         day = (origin.started_utc or "")[:10]
         return (
@@ -64,7 +64,7 @@ class StoredLog:
     fingerprint: str | None  #: Stamp of its files, or the digest of the file in the archive; None if unknown.
     sizes: tuple[int | None, ...]  #: Size of each of its files, bytes; None if the file system does not report it.
     file_sha256: str | None = None  #: Digest of the file; None outside the archive.
-    origin: Origin | None = None  #: None if the log has to be read to find it.
+    origin: Origin | None = None  #: None if it is known only after the log has been read.
 
 
 def find_logs(sources: Sequence[str], engine: Engine) -> Iterator[StoredLog]:
@@ -78,28 +78,28 @@ def find_logs(sources: Sequence[str], engine: Engine) -> Iterator[StoredLog]:
             raise ConfigurationError("fleet.password_in_source")
     seen: set[str] = set()
     for source in sources:
-        for log in _archived(engine) if source == ARCHIVE else _found(source):
+        for log in _archived_logs(engine) if source == ARCHIVE else _logs_at(source):
             if log.location not in seen:
                 seen.add(log.location)
                 yield log
 
 
-def _archived(engine: Engine) -> Iterator[StoredLog]:
+def _archived_logs(engine: Engine) -> Iterator[StoredLog]:
     """Yield the logs of the archive according to the database, without a request to the archive."""
-    same = (runs.c.outbox == log_copies.c.outbox) & (runs.c.name == log_copies.c.name)
+    is_same_run = (runs.c.outbox == log_copies.c.outbox) & (runs.c.name == log_copies.c.name)
     columns = (log_copies.c.url, log_copies.c.file_sha256, log_copies.c.size, runs.c.started_utc, runs.c.content)
-    wanted = select(*columns).join_from(log_copies, runs, same).order_by(log_copies.c.url)
+    query = select(*columns).join_from(log_copies, runs, is_same_run).order_by(log_copies.c.url)
     with engine.connect() as connection:
-        found = connection.execute(wanted).all()
-    if not found:
+        rows = connection.execute(query).all()
+    if not rows:
         raise InputError("fleet.archive_empty")
-    for row in found:
+    for row in rows:
         content = json.loads(row.content)
         origin = Origin(content["station"], content["product"], row.started_utc)
         yield StoredLog(row.url, row.file_sha256, (row.size,), row.file_sha256, origin)
 
 
-def _found(source: str) -> Iterator[StoredLog]:
+def _logs_at(source: str) -> Iterator[StoredLog]:
     """Yield the logs of a file or folder; one request lists them all with size and stamp."""
     try:
         system, path = _file_system(source, use_listings_cache=False)
@@ -110,8 +110,9 @@ def _found(source: str) -> Iterator[StoredLog]:
             logs = [name for name in sorted(files) if log_format(Path(name)) is not None]
             names = [name for name in logs if (configuration_of(name) or name) in files]
         else:
-            beside = configuration_of(path)
-            names, files = [path], {name: system.info(name) for name in (path, beside) if name and system.exists(name)}
+            configuration = configuration_of(path)
+            names, existing = [path], [name for name in (path, configuration) if name and system.exists(name)]
+            files = {name: system.info(name) for name in existing}
     except (InputError, ConfigurationError):
         raise
     except Exception as exc:  # every file system has its own errors, including an unknown kind of URL
@@ -136,8 +137,8 @@ def configuration_of(path: str) -> str | None:
 def files_of(location: str) -> tuple[Any, list[str]]:
     """Return the file system of a log and the paths of its files. Raises errors of the file system."""
     system, path = _file_system(location)
-    beside = configuration_of(path)
-    return system, [path] if beside is None else [path, beside]
+    configuration = configuration_of(path)
+    return system, [path] if configuration is None else [path, configuration]
 
 
 def _file_system(location: str, **options: bool) -> Any:

@@ -1,4 +1,4 @@
-"""Settings of the tasks of a request, and their solutions in the database, each written once."""
+"""Settings of the tasks of a request, and their solutions in the database."""
 
 import hashlib
 import json
@@ -21,9 +21,9 @@ from calstation.results import Result
 
 #: Version name of the results stored by the runs.
 ONLINE = "online"
-#: Solutions read at a time.
+#: Number of solutions that are read at a time.
 _CHUNK = 200
-#: Files read at a time.
+#: Number of files whose entries are read at a time.
 _FILES = 10_000
 #: JSON of the result of a log that could not be solved; null for other logs.
 _FAILED = case((solutions.c.outcome == "failed", solutions.c.result))
@@ -46,8 +46,8 @@ class KnownFile(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """Settings for solving every log."""
+class SolveSettings:
+    """Settings with which every log is solved."""
 
     changes: Changes = field(default_factory=Changes)
     stages: tuple[str, ...] | None = None  #: None for the stages of the log.
@@ -56,8 +56,8 @@ class Wanted:
     diagnostics: bool = True  #: Whether data and model are tested, or only the parameters solved.
 
     @property
-    def alters(self) -> bool:
-        """Whether the settings differ from the log's own configuration, range or stages."""
+    def differ_from_log(self) -> bool:
+        """Whether they may differ from a log's own configuration, range or stages."""
         return bool(self.changes.entries) or (self.stages, self.first_seq, self.last_seq) != (None, None, None)
 
     @property
@@ -76,7 +76,7 @@ class Wanted:
 
 
 #: ``failed``: stored as failed, now or before; ``unreachable``: failed without being stored.
-Outcome = Literal["solved", "there", "failed", "unreachable", "not_selected", "refused"]
+Outcome = Literal["solved", "stored", "failed", "unreachable", "not_selected", "refused"]
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Assignment:
     """Settings common to all tasks."""
 
     database: str
-    wanted: Wanted
+    settings: SolveSettings
     selection: Selection = field(default_factory=Selection)
     retry_failed: bool = False  #: Whether to solve again logs that are stored as failed.
     software: str = __version__
@@ -102,19 +102,19 @@ class Status:
     seconds: dict[str, float] = field(default_factory=dict)  #: Duration of ``copy``, ``solve`` and ``write``.
 
 
-def enter_version(engine: Engine, wanted: Wanted) -> bool:
-    """Enter a version if it is missing; return whether it has these settings, even if two jobs enter it at once."""
+def add_version(engine: Engine, settings: SolveSettings) -> bool:
+    """Add a version if it is missing; return whether it has these settings. Several jobs may call this at once."""
     with engine.begin() as connection:
-        connection.execute(_insert(connection, versions_table).values(wanted.columns).on_conflict_do_nothing())
-        same = select(versions_table.c.version).where(*_conditions(versions_table, wanted.columns))
-        return connection.execute(same).first() is not None
+        connection.execute(_insert(connection, versions_table).values(settings.columns).on_conflict_do_nothing())
+        query = select(versions_table.c.version).where(*_conditions(versions_table, settings.columns))
+        return connection.execute(query).first() is not None
 
 
-def known_files(engine: Engine, wanted: Wanted) -> dict[tuple[str, str], KnownFile]:
+def known_files(engine: Engine, settings: SolveSettings) -> dict[tuple[str, str], KnownFile]:
     """Return the files in the database by location and fingerprint, with the solution of each file's log."""
-    same = and_(solutions.c.log_sha256 == locations.c.log_sha256, *_conditions(solutions, wanted.columns))
+    is_same = and_(solutions.c.log_sha256 == locations.c.log_sha256, *_conditions(solutions, settings.columns))
     solution = (solutions.c.id, _FAILED, solutions.c.changed, solutions.c.attempt)
-    query = select(*locations.c, *solution).join_from(locations, solutions, same, isouter=True).order_by(solutions.c.id)
+    query = select(*locations.c, *solution).join_from(locations, solutions, is_same, isouter=True)
     with engine.connect() as connection:
         return {
             (location, fingerprint): KnownFile(
@@ -122,7 +122,7 @@ def known_files(engine: Engine, wanted: Wanted) -> dict[tuple[str, str], KnownFi
                 None if number is None else StoredSolution(number, stored_error(failed), changed, attempt),
             )
             for location, fingerprint, _, station, product, started, number, failed, changed, attempt in (
-                connection.execution_options(yield_per=_FILES).execute(query)
+                connection.execution_options(yield_per=_FILES).execute(query.order_by(solutions.c.id))
             )
         }
 
@@ -136,9 +136,9 @@ def last_number(engine: Engine) -> int:
 def versions(connection: Connection) -> list[str]:
     """Return the versions with solutions in the database, ``online`` first."""
     name = versions_table.c.version
-    found = connection.execute(select(name).where(exists().where(solutions.c.version == name)).order_by(name)).scalars()
+    names = connection.execute(select(name).where(exists().where(solutions.c.version == name)).order_by(name)).scalars()
     online = connection.execute(select(runs.c.name).limit(1)).first() is not None
-    return [*([ONLINE] if online else []), *found]
+    return [*([ONLINE] if online else []), *names]
 
 
 def require_version(connection: Connection, version: str) -> None:
@@ -148,36 +148,45 @@ def require_version(connection: Connection, version: str) -> None:
         raise ConfigurationError("fleet.no_version", version=version, versions=known)
 
 
-def find_solution(engine: Engine, wanted: Wanted, log_sha256: str, configuration_sha256: str) -> StoredSolution | None:
+def find_solution(
+    engine: Engine, settings: SolveSettings, log_sha256: str, configuration_sha256: str
+) -> StoredSolution | None:
     """Return the last solution of a log; None if there is none."""
     with engine.connect() as connection:
-        return _solution(connection, _key(wanted, log_sha256, configuration_sha256))
+        return _solution(connection, _key(settings, log_sha256, configuration_sha256))
 
 
 def add_location(engine: Engine, log: StoredLog, log_sha256: str | None, origin: Origin) -> None:
-    """Store which log a file contains, so that the next start need not read it; None for a log not read to its end."""
+    """Store the digest of the log in a file, so that the file is not read again; None if it was not read to its end."""
     with engine.begin() as connection:
         _add_location(connection, log, log_sha256, origin)
 
 
 def add_solution(
-    engine: Engine, wanted: Wanted, log: StoredLog, result: Result, text: str, *, changed: bool | None, again: bool
+    engine: Engine,
+    settings: SolveSettings,
+    log: StoredLog,
+    result: Result,
+    text: str,
+    *,
+    changed: bool | None,
+    retry: bool,
 ) -> tuple[int, bool]:
     """Write a solution and its location if it is missing; return its number, and whether it was written.
 
     Parameters
     ----------
     engine : database
-    wanted : settings of the solution
+    settings : settings of the solution
     log : location of the log
     result : the solution
     text : its JSON
     changed : whether configuration, range or stages differ from the log's own; None if unknown
-    again : whether to write a solution in addition to a stored failure
+    retry : whether to write a solution in addition to a stored failure
     """
     rows = result.parameters
     numbers = [number for kind in ("value", "sigma") for number in (getattr(row, kind) for row in rows.values())]
-    key = _key(wanted, result.log.sha256, result.configuration_sha256)
+    key = _key(settings, result.log.sha256, result.configuration_sha256)
     row = {
         **key,
         "location": log.location,
@@ -200,17 +209,17 @@ def add_solution(
     }
     with engine.begin() as connection:
         _add_location(connection, log, result.log.sha256, Origin(result.station, result.product, result.started_utc))
-        there = _solution(connection, key)
-        if there is None or (again and there.error):
-            row["attempt"] = 0 if there is None else there.attempt + 1
+        existing = _solution(connection, key)
+        if existing is None or (retry and existing.error):
+            row["attempt"] = 0 if existing is None else existing.attempt + 1
             insert = _insert(connection, solutions).values(row).on_conflict_do_nothing().returning(solutions.c.id)
             written = connection.execute(insert).scalar()
             if written is not None:
                 return int(written), True
-            there = _solution(connection, key)  # written by another worker
-        if there is None:
+            existing = _solution(connection, key)  # written by another worker
+        if existing is None:
             raise LookupError("the solution was deleted while it was written")
-        return there.number, False
+        return existing.number, False
 
 
 def stored_error(text: str | None) -> dict[str, Any]:
@@ -224,8 +233,8 @@ def read_results(engine: Engine, numbers: Sequence[int]) -> Iterator[str]:
         part = numbers[start : start + _CHUNK]
         with engine.connect() as connection:
             rows = connection.execute(select(solutions.c.id, solutions.c.result).where(solutions.c.id.in_(part)))
-            found = {row.id: row.result for row in rows}
-        yield from (found[number] for number in part)
+            results = {row.id: row.result for row in rows}
+        yield from (results[number] for number in part)
 
 
 def _add_location(connection: Connection, log: StoredLog, log_sha256: str | None, origin: Origin) -> None:
@@ -243,12 +252,12 @@ def _solution(connection: Connection, key: Mapping[str, Any]) -> StoredSolution 
     return None if row is None else StoredSolution(row[0], stored_error(row[1]), row[2], row[3])
 
 
-def _key(wanted: Wanted, log_sha256: str, configuration_sha256: str) -> dict[str, Any]:
-    return {**wanted.columns, "log_sha256": log_sha256, "configuration_sha256": configuration_sha256}
+def _key(settings: SolveSettings, log_sha256: str, configuration_sha256: str) -> dict[str, Any]:
+    return {**settings.columns, "log_sha256": log_sha256, "configuration_sha256": configuration_sha256}
 
 
 def _insert(connection: Connection, table: Table) -> Any:
-    """Return an INSERT that ignores existing rows."""
+    """Return an INSERT statement of the database's dialect, which can ignore or update existing rows."""
     return (postgresql if connection.dialect.name == "postgresql" else sqlite).insert(table)
 
 

@@ -1,4 +1,4 @@
-"""Task for one log on a worker: copy, solve, write to the database; only the status is returned."""
+"""Task of a worker for one log: copies and solves it, writes the solution to the database, and returns the status."""
 
 import hashlib
 import json
@@ -27,8 +27,8 @@ from calstation.fleet.sources import Origin, StoredLog, files_of, storage_reason
 from calstation.fleet.store import (
     Assignment,
     Outcome,
+    SolveSettings,
     Status,
-    Wanted,
     add_location,
     add_solution,
     find_solution,
@@ -41,7 +41,7 @@ from calstation.results import SCHEMA, Result, resolve_log, warm_up
 #: Pauses before the file or database is tried again, s.
 PAUSES = (1.0, 3.0, 10.0)
 #: Longest time to wait for another process of this host that compiles the kernels, s.
-_COMPILED_WITHIN = 600.0
+_COMPILE_TIMEOUT = 600.0
 
 logger = logging.getLogger(__name__)
 
@@ -57,7 +57,7 @@ class UnreachableError(Exception):
 
 
 class WarmUp(WorkerPlugin):
-    """Prepares a worker: the kernels are compiled once per host; a local worker ignores Ctrl-C."""
+    """Prepares a worker: compiles the kernels once per host, and lets a local worker ignore Ctrl-C."""
 
     name = "calstation"
     idempotent = True
@@ -69,20 +69,20 @@ class WarmUp(WorkerPlugin):
         """Compile the kernels, or load them."""
         if self._local:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-        await to_thread(_warm)
+        await to_thread(_compile_kernels)
 
 
-def _warm() -> None:
+def _compile_kernels() -> None:
     user = "" if sys.platform == "win32" else str(os.getuid())  # other users cannot open the lock
-    with locked(Path(tempfile.gettempdir()) / f"calstation-warm-up-{user}.lock", _COMPILED_WITHIN):
+    with locked(Path(tempfile.gettempdir()) / f"calstation-warm-up-{user}.lock", _COMPILE_TIMEOUT):
         warm_up()
 
 
 def solve_stored_log(assignment: Assignment, stored: StoredLog) -> Status:
     """Copy a log to the local disk, solve it and write the solution, if it is missing.
 
-    A log that cannot be solved is written as failed, except for lack of memory. This function never raises, because a
-    traceback that distributed cannot unpickle would make the program wait forever for this task.
+    A log that cannot be solved is written as failed, unless memory is exhausted. This function never raises, because
+    the program would wait forever for a task whose traceback `distributed` cannot unpickle.
     """
     seconds: dict[str, float] = {}
     try:
@@ -92,7 +92,7 @@ def solve_stored_log(assignment: Assignment, stored: StoredLog) -> Status:
     except UnreachableError as exc:
         status = Status(stored.location, "unreachable", error=error_of(exc.error))
     except OSError as exc:
-        status = Status(stored.location, "unreachable", error=error_of(_not_read(exc)))
+        status = Status(stored.location, "unreachable", error=error_of(_read_error(exc)))
     except MemoryError:
         failure = CalstationError("fleet.no_memory", file=stored.location)
         status = Status(stored.location, "unreachable", error=error_of(failure))
@@ -107,9 +107,9 @@ def solve_stored_log(assignment: Assignment, stored: StoredLog) -> Status:
 def _copy_and_solve(assignment: Assignment, stored: StoredLog, seconds: dict[str, float]) -> Status:
     with tempfile.TemporaryDirectory(dir=get_worker().local_directory) as folder:
         begin = time.perf_counter()
-        local = _persistently(lambda: _copied(stored, Path(folder)))
+        local = _with_retries(lambda: _copy_log(stored, Path(folder)))
         seconds["copy"] = time.perf_counter() - begin
-        engine = _persistently(lambda: _engine(assignment.database))
+        engine = _with_retries(lambda: _engine(assignment.database))
         try:
             return _LogTask(engine, assignment, stored, local, seconds).solve()
         except DBAPIError as exc:
@@ -129,31 +129,31 @@ class _LogTask:
     def solve(self) -> Status:
         """Solve the log and write the solution, if it is missing and the log is selected."""
         begin = time.perf_counter()
-        stored, wanted, again = self.stored, self.assignment.wanted, self.assignment.retry_failed
+        stored, settings, retry = self.stored, self.assignment.settings, self.assignment.retry_failed
         log: Log | None = None
         changed: bool | None = None
         try:
             log = open_log(self.local)
             origin = Origin.of(log.meta)
-            if not self.assignment.selection.takes(origin):
+            if not self.assignment.selection.includes(origin):
                 self._in_database(lambda: add_location(self.engine, stored, None, origin))
                 return Status(stored.location, "not_selected")
-            meta = wanted.changes.applied(log.meta)
-            changed = _is_changed(log.meta, meta, wanted)
+            meta = settings.changes.applied(log.meta)
+            changed = _is_changed(log.meta, meta, settings)
             if (sha256 := log.stored_sha256) is not None:
-                there = self._in_database(lambda: find_solution(self.engine, wanted, sha256, _digest(meta)))
-                if there is not None and not (again and there.error) and log.facts().sha256 == sha256:
+                existing = self._in_database(lambda: find_solution(self.engine, settings, sha256, _digest(meta)))
+                if existing is not None and not (retry and existing.error) and log.facts().sha256 == sha256:
                     self._in_database(lambda: add_location(self.engine, stored, sha256, origin))
-                    outcome: Outcome = "failed" if there.error else "there"
-                    return Status(stored.location, outcome, there.number, there.error, there.changed)
-            span = wanted.first_seq, wanted.last_seq
-            result = resolve_log(log, meta, wanted.stages, *span, diagnostics=wanted.diagnostics).result
+                    outcome: Outcome = "failed" if existing.error else "stored"
+                    return Status(stored.location, outcome, existing.number, existing.error, existing.changed)
+            span = settings.first_seq, settings.last_seq
+            result = resolve_log(log, meta, settings.stages, *span, diagnostics=settings.diagnostics).result
         except (DBAPIError, UnreachableError, OSError, MemoryError):
             raise
         except Exception as exc:  # a programming error must not stop the other tasks
             logger.exception("solving %s failed", stored.location)
             failure = exc if isinstance(exc, CalstationError) else _internal_error(stored, exc)
-            digests = _digests(log, wanted, self.local)
+            digests = _digests(log, settings, self.local)
             result = failed_result(failure, None if log is None else log.meta, str(self.local), *digests)
         self.seconds["solve"] = time.perf_counter() - begin
         try:
@@ -169,13 +169,13 @@ class _LogTask:
         stored = self.stored
         quoted, location = (json.dumps(text, ensure_ascii=False)[1:-1] for text in (str(self.local), stored.location))
         text = json.dumps(result.to_json(), allow_nan=False, ensure_ascii=False).replace(quoted, location)
-        wanted, again = self.assignment.wanted, self.assignment.retry_failed
+        settings, retry = self.assignment.settings, self.assignment.retry_failed
         number, new = self._in_database(
-            lambda: add_solution(self.engine, wanted, stored, result, text, changed=changed, again=again)
+            lambda: add_solution(self.engine, settings, stored, result, text, changed=changed, retry=retry)
         )
         self.seconds["write"] = time.perf_counter() - begin
         error = stored_error(text)
-        outcome: Outcome = "failed" if error else "solved" if new else "there"
+        outcome: Outcome = "failed" if error else "solved" if new else "stored"
         return Status(stored.location, outcome, number, error, changed)
 
     def _in_database(self, action: Callable[[], T]) -> T:
@@ -187,18 +187,18 @@ class _LogTask:
             except (OperationalError, InterfaceError) as exc:
                 raise UnreachableError(database_error(exc, self.engine.url)) from exc
 
-        return _persistently(attempt)
+        return _with_retries(attempt)
 
 
-def _is_changed(own: LogMeta, meta: LogMeta, wanted: Wanted) -> bool:
+def _is_changed(original: LogMeta, meta: LogMeta, settings: SolveSettings) -> bool:
     """Return whether configuration, range or stages differ from the log's own."""
-    if meta != own or wanted.first_seq is not None or wanted.last_seq is not None:
+    if meta != original or settings.first_seq is not None or settings.last_seq is not None:
         return True
-    return wanted.stages is not None and (own.run is None or [*wanted.stages] != own.run.stages)
+    return settings.stages is not None and (original.run is None or [*settings.stages] != original.run.stages)
 
 
-def _digests(log: Log | None, wanted: Wanted, local: Path) -> tuple[str, str]:
-    """Return the digests of log and configuration that identify its solution, also in other versions.
+def _digests(log: Log | None, settings: SolveSettings, local: Path) -> tuple[str, str]:
+    """Return the digests of log and configuration that identify a solution in all versions.
 
     For a log that cannot be read to its end, the digest of the file's bytes is used.
     """
@@ -209,7 +209,7 @@ def _digests(log: Log | None, wanted: Wanted, local: Path) -> tuple[str, str]:
     if log is None or not sha256:
         return hashlib.sha256(local.read_bytes()).hexdigest(), ""
     try:
-        meta = wanted.changes.applied(log.meta)
+        meta = settings.changes.applied(log.meta)
     except CalstationError:
         meta = log.meta
     return sha256, _digest(meta)
@@ -252,11 +252,11 @@ def _internal_error(stored: StoredLog, error: Exception) -> CalstationError:
     return CalstationError("fleet.solving_failed", file=stored.location, detail=f"{type(error).__name__}: {error}")
 
 
-def _not_read(error: Exception) -> ConfigurationError:
+def _read_error(error: Exception) -> ConfigurationError:
     return ConfigurationError("fleet.unreachable", reason=storage_reason(error))
 
 
-def _copied(stored: StoredLog, folder: Path) -> Path:
+def _copy_log(stored: StoredLog, folder: Path) -> Path:
     """Copy a log, and the TOML file of a CSV, into a folder; return its path.
 
     Raises UnreachableError, also if the size of the copy or, in the archive, its digest differs from the original.
@@ -268,8 +268,8 @@ def _copied(stored: StoredLog, folder: Path) -> Path:
             system.get_file(path, str(target))
         sizes = [target.stat().st_size for target in targets]
     except Exception as exc:  # every file system has its own errors
-        raise UnreachableError(_not_read(exc)) from exc
-    damaged = any(wanted not in (None, size) for wanted, size in zip(stored.sizes, sizes, strict=True))
+        raise UnreachableError(_read_error(exc)) from exc
+    damaged = any(expected not in (None, size) for expected, size in zip(stored.sizes, sizes, strict=True))
     if stored.file_sha256 is not None and not damaged:
         with targets[0].open("rb") as stream:
             damaged = hashlib.file_digest(stream, "sha256").hexdigest() != stored.file_sha256
@@ -280,7 +280,7 @@ def _copied(stored: StoredLog, folder: Path) -> Path:
 
 @lru_cache(maxsize=1)
 def _engine(database: str) -> Engine:
-    """Return an engine without a pool, because hundreds of workers must not hold connections while solving."""
+    """Return an engine without a pool, because hundreds of workers must not keep connections open while they solve."""
     try:
         return connect(database, pooled=False)
     except ConfigurationError as exc:
@@ -289,7 +289,7 @@ def _engine(database: str) -> Engine:
         raise
 
 
-def _persistently(action: Callable[[], T]) -> T:
+def _with_retries(action: Callable[[], T]) -> T:
     """Return the result of an action, which is repeated while it raises UnreachableError."""
     for pause in PAUSES:
         try:

@@ -21,7 +21,7 @@ from calstation.fleet import (
     Comparison,
     FleetRequest,
     FleetSummary,
-    Move,
+    ParameterShift,
     columns,
     compare,
     export_version,
@@ -29,7 +29,7 @@ from calstation.fleet import (
     solved_results,
     versions_job,
 )
-from calstation.fleet.columns import _MOST_FILES, update_columns
+from calstation.fleet.columns import _MAX_FILES, update_columns
 from calstation.records import locked
 from tests.cli.conftest import Done
 from tests.helpers import ignore_progress, raises_code
@@ -102,7 +102,7 @@ def check(found: Comparison) -> None:
     assert [each.serial for each in found.changes] == ["A", "B", "D"]
     assert (found.changes[0].failed_before, found.changes[0].failed_after) == ("", "gyro_bias_x within")
     # in order 0, 2, 3, 4: the median is 2.5, and the 95th percentile 3 + 0.85 * (4 - 3)
-    assert found.moves == {"gyro_bias_x": Move(2.5, pytest.approx(3.85), 4.0, "/logs/D.h5", "D")}  # type: ignore[arg-type]
+    assert found.moves == {"gyro_bias_x": ParameterShift(2.5, pytest.approx(3.85), 4.0, "/logs/D.h5", "D")}  # type: ignore[arg-type]
     groups = {
         kind: [(each.name, each.logs, each.pass_to_fail, each.fail_to_pass) for each in each_kind]
         for kind, each_kind in found.groups.items()
@@ -149,12 +149,12 @@ def test_columns_include_solutions_whose_numbers_appear_late(url: str) -> None:
 def test_many_small_column_files_are_merged(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     connect(url).dispose()
-    for k in range(_MOST_FILES + 3):
+    for k in range(_MAX_FILES + 3):
         add(url, row((chr(65 + k), *UNITS[0][1:]), "1", 0))
         assert compare(ignore_progress, url, "1", "1").logs == k + 1
     engine = create_engine(url)
     with engine.connect() as connection:
-        assert len(update_columns(ignore_progress, connection, "1").paths) <= _MOST_FILES
+        assert len(update_columns(ignore_progress, connection, "1").paths) <= _MAX_FILES
     engine.dispose()
 
 
@@ -174,15 +174,15 @@ def test_column_files_merged_by_another_process_can_still_be_read(tmp_path: Path
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     engine = connect(url)
     with engine.connect() as connection:
-        for k in range(_MOST_FILES):
+        for k in range(_MAX_FILES):
             add(url, row((chr(65 + k), *UNITS[0][1:]), "1", 0))
             files = update_columns(ignore_progress, connection, "1")
-        add(url, row((chr(65 + _MOST_FILES), *UNITS[0][1:]), "1", 0))
+        add(url, row((chr(65 + _MAX_FILES), *UNITS[0][1:]), "1", 0))
         joined = update_columns(ignore_progress, connection, "1")
-        assert len(files.paths) == _MOST_FILES
-        assert len(files.read("serial")) == _MOST_FILES
+        assert len(files.paths) == _MAX_FILES
+        assert len(files.read("serial")) == _MAX_FILES
         assert len(joined.paths) == 1
-        assert len(update_columns(ignore_progress, connection, "1").read("serial")) == _MOST_FILES + 1
+        assert len(update_columns(ignore_progress, connection, "1").read("serial")) == _MAX_FILES + 1
         assert not any(path.exists() for path in files.paths)
     engine.dispose()
 
@@ -254,7 +254,7 @@ def test_locked_or_damaged_columns_are_reported(url: str, tmp_path: Path, monkey
     add(url, *(row(unit, "1", 0) for unit in UNITS))
     export_version(ignore_progress, url, "1", tmp_path / "solutions.parquet")
     (file,) = (tmp_path / "home").rglob("*.parquet")
-    monkeypatch.setattr(columns, "_LOCKED_WITHIN", 0.0)
+    monkeypatch.setattr(columns, "_LOCK_TIMEOUT", 0.0)
     for job in (
         lambda: compare(ignore_progress, url, "1", "1"),
         lambda: export_version(ignore_progress, url, "1", file),

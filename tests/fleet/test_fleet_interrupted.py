@@ -157,7 +157,7 @@ def test_interrupted_job_solves_only_remaining_logs_after_a_restart(
     assert interrupted + 5 <= there < LOGS
     summary = resolve_fleet(FleetRequest((str(folder),), url, "local:2"))
     assert (summary.already_there, summary.solved_now, summary.failed) == (there, LOGS - there, 0)
-    assert summary.answered == LOGS - there
+    assert summary.processed == LOGS - there
     assert sorted(stored(url)) == [(str(log), "resolved") for log in sorted(logs)]
 
 

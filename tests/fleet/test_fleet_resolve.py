@@ -24,7 +24,7 @@ from calstation.database import connect, solutions
 from calstation.errors import ConfigurationError, InputError
 from calstation.fleet import FleetRequest, FleetSummary, Selection, cluster, resolve_fleet, solved_results
 from calstation.fleet.sources import StoredLog
-from calstation.fleet.store import Wanted
+from calstation.fleet.store import SolveSettings
 from calstation.fleet.task import Assignment
 from calstation.records import export_csv, open_log, resolve_file, write_log
 from calstation.results import resolve
@@ -66,14 +66,14 @@ def test_solutions_equal_the_resolve_command_and_are_computed_once(logs: list[Pa
         assert found[str(log)] == resolve(log).result.to_json()
     again = resolve_fleet(request_of(logs, url))
     assert counts(again) == (0, 6, 0)
-    assert again.answered == 0  # by the fingerprint, without a worker
+    assert again.processed == 0  # by the fingerprint, without a worker
     moved = Path(shutil.copy(logs[0], tmp_path / "moved.h5"))
     other = resolve_fleet(request_of([moved], url))
-    assert (counts(other), other.answered) == ((0, 1, 0), 1)  # by the digest of the log
+    assert (counts(other), other.processed) == ((0, 1, 0), 1)  # by the digest of the log
     os.utime(shutil.copy(moved, logs[0].with_name("new")), ns=2 * (moved.stat().st_mtime_ns,))
     logs[0].with_name("new").replace(moved)  # as if the folder was mounted again: another file number
     other = resolve_fleet(request_of([moved, *logs], url))
-    assert (counts(other), other.answered) == ((0, 7, 0), 0)
+    assert (counts(other), other.processed) == ((0, 7, 0), 0)
     assert other.copies == {str(logs[0]): str(moved)}
     assert len(list(solved_results(url, other))) == 6
     assert rows(url) == 6
@@ -120,7 +120,7 @@ def test_one_command_solves_selected_logs_and_lists_changed_verdicts(
     assert "accel_scale_x" in shown.out
     request = FleetRequest((str(tmp_path / "logs"),), url, "local:2", patch, selection=Selection("bench 2"))
     again = resolve_fleet(replace(request, selection=Selection("bench 2", since=date(2026, 3, 1))))
-    assert (counts(again), again.not_selected, again.answered) == ((0, 3, 0), 5, 0)
+    assert (counts(again), again.not_selected, again.processed) == ((0, 3, 0), 5, 0)
     wider = resolve_fleet(request)  # of another selection, but the same changes
     assert (counts(wider), wider.not_selected) == ((1, 3, 0), 4)
 
@@ -201,7 +201,7 @@ def test_damaged_logs_are_recorded_as_failed_and_the_rest_is_solved(
     assert {found[log.name]["outcome"] for log in logs[3:]} == {"resolved"}
     again = resolve_fleet(request_of(logs[0].parent, url))
     assert counts(again) == (0, 3, 3)
-    assert again.answered == 0
+    assert again.processed == 0
     assert sorted(each.error["error"] for each in again.failures) == sorted(
         each.error["error"] for each in summary.failures
     )
@@ -316,21 +316,21 @@ def test_lost_scheduler_and_failed_workers_are_reported(logs: list[Path], monkey
     future = SimpleNamespace(key="a", status="pending", add_done_callback=lambda put: None)
     client: Any = SimpleNamespace(cluster=local, submit=lambda *arguments, **more: future)
     stored = [StoredLog(str(logs[0]), "", (None,))]
-    assignment = Assignment("", Wanted())
-    monkeypatch.setattr(cluster, "_UNANSWERED", 0.0)
+    assignment = Assignment("", SolveSettings())
+    monkeypatch.setattr(cluster, "_MAX_SILENCE", 0.0)
     with raises_code(ConfigurationError, "fleet.workers_end"):
-        list(cluster.solved(client, assignment, stored, threading.Event(), "local:2"))
+        list(cluster.solve_logs(client, assignment, stored, threading.Event(), "local:2"))
     assert scaled == [2, 2, 2]
     for nanny in created:
         nanny.is_alive = lambda: True
     local.workers = {}  # as long as they are starting
-    assert cluster._replace_ended(local, 0, dict.fromkeys(nannies, -math.inf), 0.0) == 0
+    assert cluster._replace_workers(local, 0, dict.fromkeys(nannies, -math.inf), 0.0) == 0
     future.status, future.add_done_callback = "cancelled", lambda put: put(future)
     with raises_code(ConfigurationError, "fleet.scheduler_lost"):
-        list(cluster.solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
+        list(cluster.solve_logs(client, assignment, stored, threading.Event(), "tcp://a:1"))
     future.status, future.exception = "error", lambda: ModuleNotFoundError("calstation")
     with raises_code(ConfigurationError, "fleet.task_failed"):
-        list(cluster.solved(client, assignment, stored, threading.Event(), "tcp://a:1"))
+        list(cluster.solve_logs(client, assignment, stored, threading.Event(), "tcp://a:1"))
 
 
 @pytest.mark.long

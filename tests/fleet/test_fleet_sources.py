@@ -18,7 +18,7 @@ from calstation.database.tables import outboxes
 from calstation.errors import ConfigurationError, InputError
 from calstation.fleet import FleetRequest, FleetSummary, resolve_fleet, task
 from calstation.fleet.sources import StoredLog, find_logs
-from calstation.fleet.store import Wanted
+from calstation.fleet.store import SolveSettings
 from tests.helpers import raises_code
 from tests.s3 import bucket as bucket
 
@@ -152,15 +152,15 @@ def test_logs_in_s3_are_solved_and_an_outage_affects_only_its_log(
     assert first.failures[0].location == f"{bucket}/2026/{logs[0].name}"
     system.put_file(str(logs[0]), f"{bucket}/2026/{logs[0].name}")
     second = resolve_fleet(request)
-    assert (second.solved_now, second.already_there, second.answered) == (1, 1, 1)
+    assert (second.solved_now, second.already_there, second.processed) == (1, 1, 1)
     alone = resolve_fleet(replace(request, sources=(f"{bucket}/2026/{logs[0].name}",)))
-    assert (alone.already_there, alone.answered) == (1, 0)  # the same stamp as in the list of the folder
+    assert (alone.already_there, alone.processed) == (1, 0)  # the same stamp as in the list of the folder
     monkeypatch.setattr(task, "PAUSES", (0.0,))
     monkeypatch.setattr(task, "get_worker", lambda: type("Worker", (), {"local_directory": str(tmp_path)}))
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")  # nothing answers there
     s3fs.S3FileSystem.clear_instance_cache()
     (log,) = (StoredLog(location, None, (None,)) for location in [first.failures[0].location])
-    status = task.solve_stored_log(task.Assignment(url, Wanted()), log)
+    status = task.solve_stored_log(task.Assignment(url, SolveSettings()), log)
     assert (status.outcome, status.error["error_code"]) == ("unreachable", "fleet.unreachable")
     assert "127.0.0.1:9" in status.error["error"]
     with raises_code(InputError, "fleet.source_unreachable"):

@@ -19,11 +19,11 @@ from calstation.errors import InputError
 from calstation.fleet import Selection, compare, task
 from calstation.fleet.changes import Changes
 from calstation.fleet.sources import StoredLog
-from calstation.fleet.store import KnownFile, Wanted, enter_version, find_solution, known_files
+from calstation.fleet.store import KnownFile, SolveSettings, add_version, find_solution, known_files
 from calstation.records import LogMeta, open_log, write_log
 from tests.helpers import ignore_progress
 
-BEFORE, AFTER = Wanted(Changes(label="before")), Wanted(Changes(label="after"))
+BEFORE, AFTER = SolveSettings(Changes(label="before")), SolveSettings(Changes(label="after"))
 
 
 def stored(log: Path, **more: Any) -> StoredLog:
@@ -31,11 +31,11 @@ def stored(log: Path, **more: Any) -> StoredLog:
     return StoredLog(str(log), "stamp", (log.stat().st_size,), **more)
 
 
-def solve(url: str, wanted: Wanted, log: Path, **more: Any) -> task.Status:
+def solve(url: str, settings: SolveSettings, log: Path, **more: Any) -> task.Status:
     """Solve a log and write the solution."""
     engine = connect(url)
     try:
-        return task._LogTask(engine, task.Assignment(url, wanted, **more), stored(log), log, {}).solve()
+        return task._LogTask(engine, task.Assignment(url, settings, **more), stored(log), log, {}).solve()
     finally:
         engine.dispose()
 
@@ -129,10 +129,10 @@ def test_parameters_only_solution_is_never_used_as_a_full_solution(
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     assert solve(url, BEFORE, logs[0]).outcome == "solved"
     alone = replace(AFTER, diagnostics=False)
-    assert [solve(url, alone, logs[0]).outcome for _ in range(2)] == ["solved", "there"]
+    assert [solve(url, alone, logs[0]).outcome for _ in range(2)] == ["solved", "stored"]
     engine = connect(url)
-    assert [enter_version(engine, wanted) for wanted in (alone, AFTER, alone)] == [True, False, True]
-    assert [enter_version(engine, wanted) for wanted in (BEFORE, replace(BEFORE, diagnostics=False))] == [True, False]
+    assert [add_version(engine, wanted) for wanted in (alone, AFTER, alone)] == [True, False, True]
+    assert [add_version(engine, wanted) for wanted in (BEFORE, replace(BEFORE, diagnostics=False))] == [True, False]
     key = column(url, "log_sha256")[0], column(url, "configuration_sha256")[0]
     assert find_solution(engine, BEFORE, *key) is not None
     assert find_solution(engine, replace(BEFORE, diagnostics=False), *key) is None
@@ -155,14 +155,14 @@ def test_version_label_is_bound_to_one_range_stages_and_changes(url: str) -> Non
     first = replace(BEFORE, stages=("designed",))
     others = [BEFORE, replace(first, first_seq=5), replace(first, changes=Changes({"site": {}}, "before"))]
     engines = [connect(url) for _ in range(2)]  # of two jobs
-    assert [enter_version(engine, first) for engine in engines] == [True, True]
+    assert [add_version(engine, first) for engine in engines] == [True, True]
     for other in others:
-        assert [enter_version(engine, other) for engine in engines] == [False, False]
+        assert [add_version(engine, other) for engine in engines] == [False, False]
     for engine in engines:
         engine.dispose()
 
 
-def known(url: str, wanted: Wanted) -> dict[tuple[str, str], KnownFile]:
+def known(url: str, wanted: SolveSettings) -> dict[tuple[str, str], KnownFile]:
     """Return the files known to the database."""
     engine = connect(url)
     found = known_files(engine, wanted)
@@ -220,7 +220,7 @@ def test_logs_unaffected_by_the_changes_are_counted(logs: list[Path], tmp_path: 
         replace(AFTER, first_seq=0),
     ]
     assert [solve(url, each, logs[0]).changed for each in wanted] == [True, False, False, True]
-    assert solve(url, wanted[1], logs[0]) == task.Status(str(logs[0]), "there", 2, changed=False)
+    assert solve(url, wanted[1], logs[0]) == task.Status(str(logs[0]), "stored", 2, changed=False)
 
 
 class Broken(LocalFileSystem):
@@ -291,15 +291,15 @@ def test_a_failed_log_is_solved_again_on_request(
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
     solver = task.resolve_log
     engine = connect(url)
-    enter_version(engine, BEFORE)
+    add_version(engine, BEFORE)
     engine.dispose()
     monkeypatch.setattr(task, "resolve_log", fails(InputError("log.altered", file="x")))
     assert [solve(url, BEFORE, logs[0]).outcome for _ in range(2)] == ["failed", "failed"]
     assert solve(url, BEFORE, logs[0], retry_failed=True).outcome == "failed"
     monkeypatch.setattr(task, "resolve_log", solver)
     assert solve(url, BEFORE, logs[0]).outcome == "failed"
-    assert [solve(url, BEFORE, logs[0], retry_failed=True).outcome for _ in range(2)] == ["solved", "there"]
-    assert solve(url, BEFORE, logs[0]).outcome == "there"
+    assert [solve(url, BEFORE, logs[0], retry_failed=True).outcome for _ in range(2)] == ["solved", "stored"]
+    assert solve(url, BEFORE, logs[0]).outcome == "stored"
     assert column(url, "attempt") == [0, 1, 2]
     assert column(url, "outcome") == ["failed", "failed", "resolved"]
     (found,) = known(url, BEFORE).values()
@@ -356,7 +356,7 @@ def test_worker_holds_no_database_connection_while_solving(
 
 def test_location_of_every_copy_is_stored(logs: list[Path], url: str, tmp_path: Path) -> None:
     copy = Path(shutil.copy(logs[0], tmp_path / "copy.h5"))
-    assert [solve(url, BEFORE, log).outcome for log in (logs[0], copy, logs[0])] == ["solved", "there", "there"]
+    assert [solve(url, BEFORE, log).outcome for log in (logs[0], copy, logs[0])] == ["solved", "stored", "stored"]
     found = known(url, BEFORE)
     assert {location for location, _ in found} == {str(logs[0]), str(copy)}
     assert {each.solution.number for each in found.values() if each.solution is not None} == {1}

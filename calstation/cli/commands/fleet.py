@@ -150,7 +150,7 @@ def _json_parts(request: FleetRequest, summary: FleetSummary, comparison: Compar
     for text in solved_results(request.database, summary):
         yield begin + text
         begin = ",\n"
-    steps = {step: seconds / summary.answered for step, seconds in summary.seconds.items()}
+    steps = {step: seconds / summary.processed for step, seconds in summary.seconds.items()}
     counts = ("solved_now", "already_there", "failed", "not_selected", "unchanged", "duration_s", "version", "stopped")
     rest = {
         **{name: getattr(summary, name) for name in counts},

@@ -7,7 +7,7 @@ import pyqtgraph as pg
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QHBoxLayout, QWidget
 
-from calstation.fleet import GROUPS, Comparison, Move, VerdictChange, compare_job, export_job, versions_job
+from calstation.fleet import GROUPS, Comparison, ParameterShift, VerdictChange, compare_job, export_job, versions_job
 from calstation.gui.state import FileExport, Page
 from calstation.gui.text import Words, bind, on_language_change, parameter_text, product_text, say, term
 from calstation.gui.widgets import (
@@ -256,7 +256,7 @@ _MIN_CHANGE, _MIN_END = 1e-3, 10.0
 _AXIS_HEIGHT = 7 * theme.GRID
 
 
-class MovesPlot(ThemedPlot, DataView[Mapping[str, Move]]):
+class MovesPlot(ThemedPlot, DataView[Mapping[str, ParameterShift]]):
     """Plots the median, 95th percentile and maximum of the changes, one row per parameter or group of logs."""
 
     def __init__(self) -> None:
@@ -268,13 +268,13 @@ class MovesPlot(ThemedPlot, DataView[Mapping[str, Move]]):
         bind(self.setAccessibleName, "history.move_distribution")
         theme.on_appearance_change(self, self.refresh)
 
-    def show_data(self, data: Mapping[str, Move]) -> None:
+    def show_data(self, data: Mapping[str, ParameterShift]) -> None:
         """Plot changes; the keys are the labels of the rows."""
         self.setMinimumHeight(theme.BODY * len(data) + _AXIS_HEIGHT)
         self.getViewBox().reset()
         super().show_data(data)
 
-    def draw(self, data: Mapping[str, Move]) -> None:
+    def draw(self, data: Mapping[str, ParameterShift]) -> None:
         """Plot the changes."""
         self.clear()
         c = theme.colours()
