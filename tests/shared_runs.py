@@ -35,7 +35,7 @@ class SharedRuns:
 
     def _made(self, name: str, make: Callable[[SiteFolder], Finalized]) -> Finalized:
         done = self._root / f"{name}.pickle"
-        with locked(self._root / f"{name}.lock", within=240.0):
+        with locked(self._root / f"{name}.lock", timeout=240.0):
             if not done.exists():
                 (self._root / name).mkdir()
                 ended = make(SiteFolder(self._root / name))

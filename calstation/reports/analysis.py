@@ -1,4 +1,4 @@
-"""Analysis of a log's samples in addition to its result: budget, convergence of the sigmas, and residuals at rest."""
+"""Analysis of a log's samples for its certificate: budget, convergence of the sigmas, and residuals at rest."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ _SOLVED, _RESIDUALS = 0.2, 0.25
 
 @dataclass(frozen=True)
 class Analysis:
-    """Evidence from the samples of a log."""
+    """Results of the analysis of a log's samples."""
 
     time: FloatArray  #: Time of each point since the first sample, s, shape (m,).
     sigma: FloatArray  #: Standard deviations of the 30 parameters at these points, SI, shape (m, 30).
@@ -40,13 +40,13 @@ class Analysis:
     after: FloatArray  #: Standard deviations of the 30 parameters after the last stage, SI, shape (30,).
     budget: Budget
     effects_tested: bool  #: Whether the data were tested for effects outside the error model.
-    spoilt: int  #: Number of samples that were marked invalid.
+    invalid: int  #: Number of samples that were marked invalid.
     warnings: tuple[Text, ...]  #: Warnings during the run, from the events of the log.
     identified: Mapping[str, str]  #: Names and serial numbers reported by table and IMU; empty if unknown.
 
 
-class _Watch:
-    """Collects the sigmas of a chain while it is fed."""
+class _SigmaRecorder:
+    """Records the sigmas of a chain while samples are fed to it."""
 
     def __init__(self, meta: LogMeta, result: Result) -> None:
         self.chain = StageChain(meta)
@@ -55,19 +55,19 @@ class _Watch:
         self.time: list[float] = []
         self.sigma: list[FloatArray] = []
         self.spans: dict[str, tuple[float, float]] = {}
-        self.spoilt = 0
+        self.invalid = 0
 
-    def see(self, block: SampleBlock) -> None:
-        self.spoilt += int(np.count_nonzero(~block.valid))
+    def count_invalid(self, block: SampleBlock) -> None:
+        self.invalid += int(np.count_nonzero(~block.valid))
 
-    def look(self, done: float, stage: str) -> None:
-        now = done * self._length / self._rate
-        self.spans[stage] = (self.spans.get(stage, (now, now))[0], now)
-        if not self.time or now > self.time[-1]:
-            self.time.append(now)
+    def record(self, done: float, stage: str) -> None:
+        time_now = done * self._length / self._rate
+        self.spans[stage] = (self.spans.get(stage, (time_now, time_now))[0], time_now)
+        if not self.time or time_now > self.time[-1]:
+            self.time.append(time_now)
             self.sigma.append(self.chain.sigma())
 
-    def end(self) -> None:
+    def finish(self) -> None:
         self.time.append(self._length / self._rate)
         self.sigma.append(self.chain.solutions[-1].posterior.sigma)
 
@@ -78,57 +78,57 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
     Raises InputError, also if the log does not reproduce the values or the verdict of the result.
     """
     meta, _ = with_states(log.meta, tuple(result.states_added))
-    watch = _Watch(meta, result)
+    recorder = _SigmaRecorder(meta, result)
 
-    def look(done: float, stage: str) -> None:
+    def on_progress(done: float, stage: str) -> None:
         report(_SOLVED * done, note=stage)
-        watch.look(done, stage)
+        recorder.record(done, stage)
 
-    chain = solve_again(log, result, meta, look, watch.chain, watch.see)
-    watch.end()
+    chain = solve_again(log, result, meta, on_progress, recorder.chain, recorder.count_invalid)
+    recorder.finish()
     _check(result, log, chain)
     with one_blas_thread():
-        diagnosed = stage_diagnostics(log, chain, result.log.first_seq, result.log.last_seq)
+        diagnostics = stage_diagnostics(log, chain, result.log.first_seq, result.log.last_seq)
     report(_RESIDUALS)
     budget = uncertainty_budget(
         log, result, meta, chain, lambda done, stage: report(_RESIDUALS + (1.0 - _RESIDUALS) * done, note=stage)
     )
     return Analysis(
-        np.array(watch.time),
-        np.array(watch.sigma),
-        watch.spans,
-        {d.stage: d.rests for d in diagnosed},
+        np.array(recorder.time),
+        np.array(recorder.sigma),
+        recorder.spans,
+        {d.stage: d.rests for d in diagnostics},
         chain.prior.sigma,
         chain.solutions[-1].posterior.sigma,
         budget,
         chain.effects_tested,
-        watch.spoilt,
+        recorder.invalid,
         tuple(_warnings(log)),
         next((e["values"] for e in log.events if e.get("event") == "Message" and e.get("id") == "identified"), {}),
     )
 
 
 def _check(result: Result, log: Log, chain: StageChain) -> None:
-    """Raise InputError if a result differs from the solution of its log by more than rounding, or passes without it."""
+    """Raise InputError if a result differs from the solution of its log by more than rounding, or wrongly passed."""
     solutions = tuple(chain.solutions)
     solved = solved_parameters(solutions)
     for name, row in result.parameters.items():
-        found = solved.get(name)
-        if found is None or not _agree(row, found):
+        parameter = solved.get(name)
+        if parameter is None or not _agree(row, parameter):
             raise InputError("report.other_values", file=log.path, parameter=name)
     if result.passed and judge(log.meta, chain.prior, solutions).passed is False:
         raise InputError("report.other_verdict", file=log.path)
 
 
-def _agree(row: Parameter, found: Parameter) -> bool:
+def _agree(row: Parameter, parameter: Parameter) -> bool:
     """Return whether value and sigma agree within a thousandth of sigma."""
-    tolerance = ROUNDING * found.sigma
-    pairs = ((row.value, found.value), (row.sigma, found.sigma))
+    tolerance = ROUNDING * parameter.sigma
+    pairs = ((row.value, parameter.value), (row.sigma, parameter.sigma))
     return all(np.isclose(a, b, rtol=0.0, atol=tolerance, equal_nan=True) for a, b in pairs)
 
 
 def _warnings(log: Log) -> Iterator[Text]:
-    """Yield the warnings of the run, without repetitions."""
+    """Yield each different warning of the run once."""
     seen: set[str] = set()
     for event in log.events:
         if event.get("event") != "Message":

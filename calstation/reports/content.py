@@ -38,14 +38,14 @@ class Quantity:
     sigma: float  #: Standard uncertainty.
     unit: str
     stage: str  #: The last stage that estimated it.
-    unobservable: bool  #: Whether the run's own data did not determine it.
+    unobservable: bool  #: Whether the data of the run did not determine it.
     limit: tuple[float, float] | None  #: Lowest and highest permitted value.
     sigma_limit: float | None  #: Largest permitted standard uncertainty.
     #: Remaining error of the unit with its registers before the run, or after it; None if unknown.
     as_found: float | None
     as_left: float | None
     decision: Decision
-    #: Probability that the decision is wrong, false accept or false reject; None without limits of the value.
+    #: Probability of a wrong decision, false accept or false reject; None if the value has no limits.
     risk: float | None = None
 
 
@@ -62,7 +62,7 @@ class Certificate:
     quantities: tuple[Quantity, ...]
     correlation: FloatArray  #: Correlation coefficients in the order of `quantities`, shape (n, n).
     budget: Budget | None  #: None if it was not computed.
-    verdict: Verdict  #: Statement of conformity; there is none if it is undetermined.
+    verdict: Verdict  #: Statement of conformity, which is omitted if the verdict is undetermined.
     rule: Rule
     revision: int = 0  #: 0 for the first issue.
     supersedes: str | None = None  #: For a revision: identification and date of issue of the replaced certificate.
@@ -117,7 +117,7 @@ def build_certificate(
 
 
 def arrangement(meta: LogMeta) -> Iterator[Text]:
-    """Yield the placement of a unit of a batch, or of a rotated unit, on the table; nothing for any other unit."""
+    """Yield the arrangement on the table of a unit that belongs to a batch or is rotated; nothing for other units."""
     run, table = meta.run, meta.table
     in_batch = run is not None and run.batch is not None
     if run is not None and in_batch:
@@ -138,7 +138,7 @@ def _signed(text: str) -> str:
 
 
 def _laboratory(meta: LogMeta) -> LaboratorySection | None:
-    """Return the laboratory of a log, without its accreditation for a simulated run, which it does not cover."""
+    """Return the laboratory of a log; a simulated run is not covered by the accreditation, which is omitted."""
     if meta.laboratory is None or not meta.is_simulated:
         return meta.laboratory
     return meta.laboratory.model_copy(update={"accreditation": None})
@@ -182,26 +182,26 @@ def performed(result: Result) -> tuple[datetime, datetime] | None:
 
 def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
     limits = meta.product.limits if meta.product is not None else {}
-    before, after = _remaining(result, meta)
+    before, after = _remaining_errors(result, meta)
     decisions: dict[str, Decision] = {}
     for check in result.checks:
         if check.kind in ("within", "sigma_below") and decisions.get(check.subject) != "failed":
             decisions[check.subject] = "passed" if check.passed else "failed"
     judged = {} if result.conformity is None else result.conformity.parameters
     rows = []
-    for name, found in result.parameters.items():
+    for name, parameter in result.parameters.items():
         limit = entry_of(limits, name) or Limit()
         decision = decisions.get(name, "not_judged") if result.verdict.judged else "not_judged"
         rows.append(
             Quantity(
                 name=name,
-                value=found.value,
-                sigma=found.sigma,
-                unit=found.unit,
-                stage=found.stage,
+                value=parameter.value,
+                sigma=parameter.sigma,
+                unit=parameter.unit,
+                stage=parameter.stage,
                 unobservable=name in result.unobservable,
                 limit=limit.interval,
-                sigma_limit=limit.sigma_limit(found.stage),
+                sigma_limit=limit.sigma_limit(parameter.stage),
                 as_found=before.get(name),
                 as_left=after.get(name),
                 decision=decision,
@@ -212,48 +212,48 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
 
 
 def _risk(decision: Decision, judged: ParameterConformity | None) -> float | None:
-    """Return the probability that a decision is wrong; None if it does not follow from the value's own limits."""
+    """Return the probability of a wrong decision; None if the decision is not based on limits of the value."""
     if judged is None or decision != ("passed" if judged.accepted else "failed"):
         return None
     return judged.probability
 
 
-def _remaining(result: Result, meta: LogMeta) -> tuple[Mapping[str, float], Mapping[str, float]]:
+def _remaining_errors(result: Result, meta: LogMeta) -> tuple[Mapping[str, float], Mapping[str, float]]:
     """Return the errors that remain with the registers before and after the run: the estimate minus the register.
 
-    If the registers act on the stream, the estimate is the remaining error; adding the registers gives the error of the
-    uncorrected output.
+    If the unit applies the registers to its output, the estimate is the remaining error, and the sum of both is the
+    error of the uncorrected output.
     """
-    values = {name: found.value for name, found in result.parameters.items()}
-    total = compose(meta.registers, values) if meta.registers else values
-    held = {name: pair for name, pair in held_registers(result, meta).items() if name in values and name in total}
-    before, after = ({name: total[name] - pair[k] for name, pair in held.items()} for k in (0, 1))
+    values = {name: parameter.value for name, parameter in result.parameters.items()}
+    errors = compose(meta.registers, values) if meta.registers else values
+    registers = {name: pair for name, pair in unit_registers(result, meta).items() if name in values and name in errors}
+    before, after = ({name: errors[name] - pair[k] for name, pair in registers.items()} for k in (0, 1))
     return before, after
 
 
-def power_up_sigmas(meta: LogMeta) -> dict[str, float]:
+def turn_on_sigmas(meta: LogMeta) -> dict[str, float]:
     """Return the standard deviation of each parameter's change from one power-up to the next, SI.
 
-    Only parameters for which the IMU profile in the log specifies it are included.
+    Only parameters whose change is specified by the IMU profile in the log are included.
     """
     stability = tomllib.loads(meta.profiles.get("imu", "")).get("stability", {})
     stated = {name: row["power_up"] for name, row in stability.items() if "power_up" in row}
-    found = {name: entry_of(stated, name) for name in NAMES}
-    return {name: sigma for name, sigma in found.items() if sigma is not None}
+    sigmas = {name: entry_of(stated, name) for name in NAMES}
+    return {name: sigma for name, sigma in sigmas.items() if sigma is not None}
 
 
-def held_registers(result: Result, meta: LogMeta) -> dict[str, tuple[float, float]]:
+def unit_registers(result: Result, meta: LogMeta) -> dict[str, tuple[float, float]]:
     """Return the registers of the unit before and after the run by parameter, SI; {} if the run did not read them."""
     old: Mapping[str, float] = meta.registers if result.registers is None else result.registers.old
     new = old if result.registers is None or result.registers.new is None else result.registers.new
     return {name: (value, new.get(name, value)) for name, value in old.items()}
 
 
-def _correlation(names: list[str], known: Mapping[str, Mapping[str, float]]) -> FloatArray:
+def _correlation(names: list[str], correlations: Mapping[str, Mapping[str, float]]) -> FloatArray:
     matrix = np.eye(len(names))
-    at = {name: k for k, name in enumerate(names)}
-    for name, row in known.items():
+    index_of = {name: k for k, name in enumerate(names)}
+    for name, row in correlations.items():
         for other, coefficient in row.items():
-            if name in at and other in at:
-                matrix[at[name], at[other]] = matrix[at[other], at[name]] = coefficient
+            if name in index_of and other in index_of:
+                matrix[index_of[name], index_of[other]] = matrix[index_of[other], index_of[name]] = coefficient
     return matrix

@@ -30,7 +30,7 @@ _DCC = ElementMaker(namespace=_NAMESPACES["dcc"], nsmap=_NAMESPACES)
 _LANGUAGES: Mapping[str, Language] = {"en": "en", "zh": "zh_CN"}
 #: Standard referenced by the clauses in statements.
 _NORM = "ISO/IEC 17025:2017"
-#: User-assigned ISO 3166-1 code for a country that the station does not specify.
+#: User-assigned ISO 3166-1 code, used if the station does not specify a country.
 _NO_COUNTRY = "ZZ"
 
 
@@ -96,7 +96,7 @@ def _items(certificate: Certificate) -> Iterable[etree._Element]:
 
 
 def _unknown_manufacturer() -> etree._Element:
-    """Return the required manufacturer of an item, which no file of the station states."""
+    """Return the required manufacturer of an item, which the station files do not contain."""
     return _DCC("manufacturer", _name("not_stated"))
 
 
@@ -110,7 +110,7 @@ def _calibration_laboratory(certificate: Certificate) -> etree._Element:
 
 
 def _responsible(certificate: Certificate) -> Iterable[etree._Element]:
-    """Yield the persons who issued and confirmed it with their PIN, the first one as signer, then the station's."""
+    """Yield the persons who issued and confirmed the certificate, the first one as signer, then the signatories."""
     signatories = certificate.laboratory.signatories if certificate.laboratory else []
     for number, (name, role) in enumerate(zip(certificate.authorised, ("issued", "confirmed"), strict=False)):
         signer = [_DCC("mainSigner", "true")] if number == 0 else []
@@ -153,9 +153,9 @@ def _statements(certificate: Certificate) -> Iterable[etree._Element]:
     if certificate.supersedes is not None:
         replaced = ". ".join(filter(None, (certificate.supersedes, certificate.reason)))
         yield _DCC("statement", _name("superseded"), _DCC("declaration", _plain(replaced)))
-    placed = list(arrangement(certificate.meta))
-    if placed:
-        yield _DCC("statement", _name("arrangement"), _declaration(placed))
+    placement = list(arrangement(certificate.meta))
+    if placement:
+        yield _DCC("statement", _name("arrangement"), _declaration(placement))
     if certificate.laboratory is not None and certificate.laboratory.place is not None:
         further = _DCC("further", _plain(certificate.laboratory.place))
         yield _DCC("statement", _name("place"), _DCC("location", further))
@@ -167,11 +167,11 @@ def _deviation(text: Text) -> etree._Element:
 
 
 def _declaration(texts: Iterable[Text]) -> etree._Element:
-    def written(language: Language) -> str:
+    def joined_sentences(language: Language) -> str:
         sentences = (render(text.code, text.values, language, window=True).sentences for text in texts)
         return ("" if language == "zh_CN" else " ").join(sentences)
 
-    return _texts("declaration", written)
+    return _texts("declaration", joined_sentences)
 
 
 def _measurement_result(certificate: Certificate) -> etree._Element:
@@ -196,9 +196,9 @@ def _methods(certificate: Certificate) -> Iterable[etree._Element]:
     )
     for stage in certificate.result.solved_stages:
         name = _texts("name", partial(term, "stage", stage))
-        words = ("certificate", f"stage_{stage}")
-        described = [_texts("description", partial(term, *words))] if known(".".join(words)) else []
-        yield _DCC("usedMethod", name, *described)
+        key = ("certificate", f"stage_{stage}")
+        description = [_texts("description", partial(term, *key))] if known(".".join(key)) else []
+        yield _DCC("usedMethod", name, *description)
 
 
 def _equipment(instrument: InstrumentSection) -> etree._Element:
@@ -207,12 +207,12 @@ def _equipment(instrument: InstrumentSection) -> etree._Element:
     days = {key: day.isoformat() for key, day in dates.items() if day is not None}
     if days:
 
-        def described(language: Language) -> str:
+        def description(language: Language) -> str:
             return "; ".join(term("dcc", key, language, date=day) for key, day in days.items())
 
-        equipment.append(_texts("description", described))
-    known_as = [("manufacturer", instrument.serial, "serial"), ("other", instrument.certificate, "certificate")]
-    identifications = [_identification(issuer, value, key) for issuer, value, key in known_as if value is not None]
+        equipment.append(_texts("description", description))
+    identifiers = [("manufacturer", instrument.serial, "serial"), ("other", instrument.certificate, "certificate")]
+    identifications = [_identification(issuer, value, key) for issuer, value, key in identifiers if value is not None]
     if identifications:
         equipment.append(_DCC("identifications", *identifications))
     return equipment
@@ -230,13 +230,13 @@ def _conditions(certificate: Certificate) -> Iterable[etree._Element]:
         name, data = _name("temperature"), _DCC("data", *quantities)
         yield _DCC("influenceCondition", name, data, refType="basic_temperature")
     section, site = certificate.meta.site, context_from_meta(certificate.meta).site
-    places = (
+    coordinates = (
         ("latitude", section.latitude_deg, r"\degree"),
         ("longitude", section.longitude_deg, r"\degree"),
         ("height", section.height_m, r"\metre"),
     )
-    located = [_DCC("quantity", _name(key), real(value, unit)) for key, value, unit in places]
-    yield _DCC("influenceCondition", _name("location"), _DCC("data", *located))
+    location = [_DCC("quantity", _name(key), real(value, unit)) for key, value, unit in coordinates]
+    yield _DCC("influenceCondition", _name("location"), _DCC("data", *location))
     gravity = real(site.local_gravity, dsi_unit("m/s²"), site.relative_gravity_sigma * site.local_gravity)
     yield _DCC("influenceCondition", _name("gravity"), _DCC("data", _DCC("quantity", _name("gravity"), gravity)))
 
@@ -254,9 +254,9 @@ def _results(certificate: Certificate) -> Iterable[etree._Element]:
         joint = _DCC("quantity", joint_list(*_columns(rows), [row.value for row in rows], covariance))
         yield _DCC("result", _name("joint"), _rich("description", "joint_text"), _DCC("data", joint))
     for key, status in (("as_found", "beforeAdjustment"), ("as_left", "afterAdjustment")):
-        known_rows = [q for q in quantities if getattr(q, key) is not None]
-        if known_rows:
-            lists = [_group(group, rows, _adjustment(key, status), key) for group, rows in _by_group(known_rows)]
+        known_quantities = [q for q in quantities if getattr(q, key) is not None]
+        if known_quantities:
+            lists = [_group(group, rows, _adjustment(key, status), key) for group, rows in _by_group(known_quantities)]
             yield _DCC("result", _name(key), _rich("description", f"{key}_text"), _DCC("data", *lists))
 
 
@@ -286,7 +286,7 @@ def _columns(rows: Iterable[Quantity]) -> tuple[list[str], list[str]]:
 
 
 def _judgement(rows: list[Quantity]) -> list[etree._Element]:
-    """Return limits and decisions of a group; none if the limits do not apply to all of its quantities."""
+    """Return limits and decisions of a group; an empty list if a quantity was not judged."""
     if any(row.decision == "not_judged" for row in rows):
         return []
     limits = {
@@ -320,7 +320,7 @@ def _token(text: str) -> str:
 
 
 def _plain(text: str) -> etree._Element:
-    """Return a text element of the site, whose language is unknown."""
+    """Return an element with a text of the site, whose language is unknown."""
     return _DCC("content", text)
 
 

@@ -9,14 +9,14 @@ from calstation.messages import Text
 from calstation.records import CheckKind, InstrumentSection
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import LATITUDE_ERROR_DEG
-from calstation.reports.content import Certificate, power_up_sigmas
+from calstation.reports.content import Certificate, turn_on_sigmas
 from calstation.results import Result
 from procedures import DEFAULT_STAGES, method
 
 #: Checks that fail if effects outside the error model change the values.
-_OF_EFFECTS: tuple[CheckKind, ...] = ("effects", "halves", "agreement", "consistency", "convergence", "clipping")
-#: Largest number of names listed in a deviation; others are only counted, and listed in a table.
-_MOST = 8
+_EFFECT_CHECKS: tuple[CheckKind, ...] = ("effects", "halves", "agreement", "consistency", "convergence", "clipping")
+#: Largest number of names listed in a deviation; only the number of the others is given.
+_MAX_NAMES = 8
 
 
 def deviations(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
@@ -24,10 +24,10 @@ def deviations(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
     result = certificate.result
     if certificate.meta.is_simulated:
         yield Text("certificate.d_simulated")
-    yield from _of_end(result)
-    yield from _of_values(certificate)
-    yield from _of_data(result, analysis)
-    yield from _of_traceability(certificate, analysis.identified.get("table_serial", ""))
+    yield from _end_deviations(result)
+    yield from _value_deviations(certificate)
+    yield from _data_deviations(result, analysis)
+    yield from _traceability_gaps(certificate, analysis.identified.get("table_serial", ""))
     yield from analysis.warnings
 
 
@@ -38,8 +38,8 @@ def not_included(certificate: Certificate, analysis: Analysis) -> Iterator[Text]
         yield Text("certificate.n_temperature_unknown")
     else:
         yield Text.of("certificate.n_temperature", low=temperature.min, high=temperature.max)
-    yield Text("certificate.n_stability" if power_up_sigmas(certificate.meta) else "certificate.n_stability_unknown")
-    failed = [check for check in result.failed_checks if check.kind in _OF_EFFECTS]
+    yield Text("certificate.n_stability" if turn_on_sigmas(certificate.meta) else "certificate.n_stability_unknown")
+    failed = [check for check in result.failed_checks if check.kind in _EFFECT_CHECKS]
     effects = "failed" if failed else "tested" if analysis.effects_tested else "untested"
     yield Text(f"certificate.n_effects_{effects}")
     surveyed = certificate.meta.site.gravity_mps2 is not None
@@ -53,7 +53,7 @@ def not_included(certificate: Certificate, analysis: Analysis) -> Iterator[Text]
         yield Text.of("certificate.n_clock_tested", found=1e6 * worst.value, limit=1e6 * limit)
 
 
-def _of_end(result: Result) -> Iterator[Text]:
+def _end_deviations(result: Result) -> Iterator[Text]:
     fault: CalstationError | None = result.fault
     if fault is not None or result.error is not None:
         yield Text.of("certificate.d_fault", reason=result.error if fault is None else fault.as_text)
@@ -78,22 +78,22 @@ def _of_end(result: Result) -> Iterator[Text]:
         yield Text.of("certificate.d_attempt", attempt=result.attempt)
 
 
-def _of_values(certificate: Certificate) -> Iterator[Text]:
+def _value_deviations(certificate: Certificate) -> Iterator[Text]:
     result = certificate.result
     if result.partial:
         product = tomllib.loads(certificate.meta.profiles.get("product", ""))
         omitted = [stage for stage in product.get("stages", DEFAULT_STAGES) if stage not in result.stages]
         yield Text.of("certificate.d_partial", stages=omitted)
     if result.calibration is not None:
-        used = result.calibration
-        yield Text.of("certificate.d_calibration", date=used.started_utc[:10], log=used.log)
-        if used.not_improved:
-            yield Text.of("certificate.d_not_improved", names=_names(used.not_improved))
+        calibration = result.calibration
+        yield Text.of("certificate.d_calibration", date=calibration.started_utc[:10], log=calibration.log)
+        if calibration.not_improved:
+            yield Text.of("certificate.d_not_improved", names=_names(calibration.not_improved))
     if result.undetermined:
         yield Text.of("certificate.d_unobservable", names=_names(result.undetermined))
-    left = [name for name in result.not_compared if name not in result.unobservable]
-    if left:
-        yield Text.of("certificate.d_not_compared", names=_names(left))
+    not_compared = [name for name in result.not_compared if name not in result.unobservable]
+    if not_compared:
+        yield Text.of("certificate.d_not_compared", names=_names(not_compared))
     for stage, reason in result.missing_data.items():
         yield Text.of("certificate.d_missing_data", stage=stage, reason=reason)
     if result.states_added:
@@ -102,24 +102,24 @@ def _of_values(certificate: Certificate) -> Iterator[Text]:
         cause = check.cause_text
         if cause is not None:
             yield Text.of("certificate.d_cause", check=check.name, cause=cause)
-    near = [check.subject for check in result.checks if check.near_miss and check.subject in result.parameters]
-    if near:
-        yield Text.of("certificate.d_near", names=_names(list(dict.fromkeys(near))))
+    near_misses = [check.subject for check in result.checks if check.near_miss and check.subject in result.parameters]
+    if near_misses:
+        yield Text.of("certificate.d_near", names=_names(list(dict.fromkeys(near_misses))))
 
 
-def _of_data(result: Result, analysis: Analysis) -> Iterator[Text]:
-    for stage, found in result.consistency.items():
-        if found.warning:
-            yield Text.of("certificate.d_warning", stage=stage, value=found.nis_mean, low=found.nis_low)
+def _data_deviations(result: Result, analysis: Analysis) -> Iterator[Text]:
+    for stage, consistency in result.consistency.items():
+        if consistency.warning:
+            yield Text.of("certificate.d_warning", stage=stage, value=consistency.nis_mean, low=consistency.nis_low)
     if result.log.gaps:
         yield Text.of("certificate.d_gaps", count=result.log.gaps)
     if result.log.damaged:
         yield Text.of("certificate.d_damaged", count=sum(part.rows for part in result.log.damaged))
-    if analysis.spoilt:
-        yield Text.of("certificate.d_spoilt", count=analysis.spoilt)
+    if analysis.invalid:
+        yield Text.of("certificate.d_spoilt", count=analysis.invalid)
 
 
-def _of_traceability(certificate: Certificate, reported: str) -> Iterator[Text]:
+def _traceability_gaps(certificate: Certificate, reported: str) -> Iterator[Text]:
     """Yield the gaps in the traceability; `reported` is the serial number reported by the table, or ""."""
     day = certificate.days[0]
     for instrument in certificate.instruments:
@@ -144,8 +144,8 @@ def _is_later(instrument: InstrumentSection, day: date) -> bool:
 
 
 def _names(names: Sequence[str]) -> list[Text | str]:
-    """Return the parameters as parts of a sentence; if there are many, their number."""
-    listed: list[Text | str] = [Text.of("certificate.parameter", name=name) for name in names[:_MOST]]
-    if len(names) > _MOST:
-        listed.append(Text.of("certificate.more", count=len(names) - _MOST))
+    """Return parameters for a list in a sentence, with the number of those that are not listed."""
+    listed: list[Text | str] = [Text.of("certificate.parameter", name=name) for name in names[:_MAX_NAMES]]
+    if len(names) > _MAX_NAMES:
+        listed.append(Text.of("certificate.more", count=len(names) - _MAX_NAMES))
     return listed

@@ -28,21 +28,21 @@ from calstation.reports.content import (
     Certificate,
     Quantity,
     arrangement,
-    held_registers,
     performed,
-    power_up_sigmas,
+    turn_on_sigmas,
+    unit_registers,
 )
 from calstation.reports.deviations import deviations, not_included
 from calstation.reports.numbers import NONE, check_unit, exact, in_display, interval, percentage, rounded, short
 from calstation.results import Verification, plain
 from procedures import method
 
-#: A share of the noise found in the data below this is due to rounding and nonlinearity and gets no column.
+#: Smaller shares of the noise estimated from the data are due to rounding and nonlinearity and have no column.
 _NEGLIGIBLE = 0.005
-#: Display units of checks whose SI unit is shared with other quantities.
+#: Display units of checks whose SI unit other quantities have, too.
 _UNITS = {"latitude": ("°", DEGREE), "sample_clock": ("ppm", 1e-6)}
 #: Largest number of failed checks listed in the verdict.
-_MOST_NAMED = 4
+_MAX_NAMED = 4
 
 
 def document(certificate: Certificate, analysis: Analysis, language: Language) -> dict[str, Any]:
@@ -93,7 +93,7 @@ class _Document:
             "environment": self._environment(),
             "instruments": [instrument.model_dump() for instrument in certificate.instruments],
             "identified": self._analysis.identified,
-            "held_registers": self._held_registers(),
+            "held_registers": self._unit_registers(),
             "authorised": list(certificate.authorised),
             "deviations": [self._say(text) for text in deviations(certificate, self._analysis)],
             "registers": self._registers(),
@@ -118,9 +118,9 @@ class _Document:
             failed = result.failed_checks
             if not failed and result.check_standard is not None:
                 return Text("certificate.failed_standard")
-            names = [self._check_text(check) for check in failed[:_MOST_NAMED]]
+            names = [self._check_text(check) for check in failed[:_MAX_NAMED]]
             between = "；" if self._language == "zh_CN" else "; "
-            text = between.join(names) + (" …" if len(failed) > _MOST_NAMED else "")
+            text = between.join(names) + (" …" if len(failed) > _MAX_NAMED else "")
             return Text.of("certificate.failed", count=len(failed), names=text)
         if not result.verdict.judged:
             return Text.of("certificate.ended", outcome=result.outcome)
@@ -128,7 +128,7 @@ class _Document:
         return Text("certificate.not_complete" if limits else "certificate.no_limits")
 
     def _notices(self) -> Iterator[Text]:
-        """Yield what the first page says about the scope of the result."""
+        """Yield the notices about the scope of the result on the first page."""
         if self._result.outcome == "resolved":
             yield Text("certificate.solved_again")
         if self._certificate.verdict is Verdict.FAILED and self._result.partial:
@@ -177,14 +177,16 @@ class _Document:
             "words": stage.replace("_", " "),
         }
         return (
-            _capital(self._own(render(code, values, self._language, window=True).text)) if known(code) else check.name
+            _capital(self._in_certificate_terms(render(code, values, self._language, window=True).text))
+            if known(code)
+            else check.name
         )
 
     def _stage_name(self, stage: str) -> str:
-        return self._own(term("stage", stage, self._language))
+        return self._in_certificate_terms(term("stage", stage, self._language))
 
-    def _own(self, text: str) -> str:
-        """Return a text of the window in the certificate's terms: 校准 in Chinese instead of the window's 标定."""
+    def _in_certificate_terms(self, text: str) -> str:
+        """Replace terms of the window with those of certificates: in Chinese, 校准 instead of 标定."""
         return text.replace("标定", "校准")
 
     def _check(self, check: Check) -> dict[str, Any]:
@@ -229,18 +231,18 @@ class _Document:
                 }
             )
         largest = [max(row["shares"][k] for row in rows) for k in range(len(SOURCES))]
-        used = [k for k, source in enumerate(SOURCES) if source != "other" or largest[k] > _NEGLIGIBLE]
+        shown = [k for k, source in enumerate(SOURCES) if source != "other" or largest[k] > _NEGLIGIBLE]
         return {
-            "sources": [SOURCES[k] for k in used],
-            "rows": [{**row, "shares": [row["shares"][k] for k in used]} for row in rows],
+            "sources": [SOURCES[k] for k in shown],
+            "rows": [{**row, "shares": [row["shares"][k] for k in shown]} for row in rows],
             "inputs": self._inputs(),
             "excluded": [self._say(text) for text in not_included(self._certificate, self._analysis)],
             "sensitivities": self._sensitivities(budget),
         }
 
     def _sensitivities(self, budget: Budget) -> list[dict[str, str]]:
-        """Return the effects that the budget does not include, by group: the largest change of its quantities."""
-        power_up, rows = power_up_sigmas(self._meta), []
+        """Return the effects that the budget does not include: the largest change in each group."""
+        power_up, rows = turn_on_sigmas(self._meta), []
         for group, quantities in self._groups:
             names = [q.name for q in quantities]
             changes = [[known[name] for name in names if name in known] for known in (power_up, budget.latitude)]
@@ -257,11 +259,14 @@ class _Document:
             )
         return rows
 
-    def _held_registers(self) -> list[dict[str, str]]:
+    def _unit_registers(self) -> list[dict[str, str]]:
         """Return the registers of the unit before and after the run, in the order of the parameter table."""
-        held, rows = held_registers(self._result, self._meta), []
-        for name in [*(name for name in NAMES if name in held), *(name for name in held if name not in INDEX)]:
-            before, after = (exact(display(name, value)[0]) for value in held[name])
+        registers, rows = unit_registers(self._result, self._meta), []
+        for name in [
+            *(name for name in NAMES if name in registers),
+            *(name for name in registers if name not in INDEX),
+        ]:
+            before, after = (exact(display(name, value)[0]) for value in registers[name])
             text, unit = _capital(parameter_name(name, self._language)), unit_of_parameter(name)[0]
             rows.append({"name": text, "unit": unit, "before": before, "after": after})
         return rows
@@ -269,33 +274,35 @@ class _Document:
     def _inputs(self) -> list[tuple[str, str]]:
         """Return the names and texts of the uncertainties from which the budget was computed."""
         imu, table, site = self._meta.imu, self._meta.table, context_from_meta(self._meta).site
-        found = [(name, getattr(imu, name) / size, unit) for name, (_, unit, size) in NOISE_DISPLAY.items()]
+        rows = [(name, getattr(imu, name) / size, unit) for name, (_, unit, size) in NOISE_DISPLAY.items()]
         per_count = {"increment": ("rad", "m/s"), "rate": ("rad/s", "m/s²")}[imu.output]
         steps = (imu.gyro_quantisation, imu.gyro_lsb), (imu.accel_quantisation, imu.accel_lsb)
-        for sensor, si, (given, count) in zip(("gyro", "accel"), per_count, steps, strict=True):
-            step, unit = display_by_unit(si, count if given is None else given)
-            found.append((f"{sensor}_quantisation", step, unit))
+        for sensor, si, (quantisation, lsb) in zip(("gyro", "accel"), per_count, steps, strict=True):
+            step, unit = display_by_unit(si, lsb if quantisation is None else quantisation)
+            rows.append((f"{sensor}_quantisation", step, unit))
         for name in ("encoder", "mount", "base_tilt", "azimuth"):
             angle = getattr(table, f"{name}_sigma_deg")
-            found.append((name, angle, "°") if angle >= 1.0 else (name, 3600.0 * angle, "″"))
-        found.append(("velocity", 1e3 * table.velocity_sigma, "mm/s"))
-        found.append(("gravity", 1e6 * site.relative_gravity_sigma, "ppm"))
-        return [(name, f"{short(value)} {unit}") for name, value, unit in found]
+            rows.append((name, angle, "°") if angle >= 1.0 else (name, 3600.0 * angle, "″"))
+        rows.append(("velocity", 1e3 * table.velocity_sigma, "mm/s"))
+        rows.append(("gravity", 1e6 * site.relative_gravity_sigma, "ppm"))
+        return [(name, f"{short(value)} {unit}") for name, value, unit in rows]
 
     def _stage(self, stage: str) -> dict[str, Any]:
         begin, end = self._analysis.spans.get(stage, (math.nan, math.nan))
-        found = self._result.consistency.get(stage)
+        consistency = self._result.consistency.get(stage)
         names = set(method(stage).estimates(context_from_meta(self._meta)))
-        words = f"certificate.stage_{stage}"
-        tested = found is not None and found.passed is not None
+        code = f"certificate.stage_{stage}"
+        tested = consistency is not None and consistency.passed is not None
         schedule = self._meta.schedule.get(stage, {})
         return {
             "name": self._stage_name(stage),
-            "text": self._say(Text(words)) if known(words) else "",
+            "text": self._say(Text(code)) if known(code) else "",
             "minutes": rounded((end - begin) / 60.0, 0.11) if math.isfinite(end) else NONE,
             "estimates": str(len(names | {q.name for q in self._certificate.quantities if q.stage == stage})),
-            "nis": f"{found.nis_mean:.3g}" if found is not None and tested else NONE,
-            "band": f"{found.nis_low:.2g} … {found.nis_high:.3g}" if found is not None and tested else NONE,
+            "nis": f"{consistency.nis_mean:.3g}" if consistency is not None and tested else NONE,
+            "band": f"{consistency.nis_low:.2g} … {consistency.nis_high:.3g}"
+            if consistency is not None and tested
+            else NONE,
             "schedule": [
                 f"{name} = {_value_text(value)}" for name, value in schedule.items() if value not in (None, {}, [])
             ],
@@ -326,8 +333,8 @@ class _Document:
         by_name: dict[str, list[Verification]] = {}
         for row in registers.proof:
             by_name.setdefault(row.name, []).append(row)
-        for same in by_name.values():
-            row = max(same, key=lambda row: abs(row.value - row.expected) / row.tolerance)
+        for checks in by_name.values():
+            row = max(checks, key=lambda row: abs(row.value - row.expected) / row.tolerance)
             unit, size = check_unit(row.unit)
             rows.append(
                 {
@@ -336,8 +343,8 @@ class _Document:
                     "expected": short(row.expected / size),
                     "tolerance": short(row.tolerance / size),
                     "unit": unit,
-                    "decision": "passed" if all(row.passed for row in same) else "failed",
-                    "count": len(same),
+                    "decision": "passed" if all(row.passed for row in checks) else "failed",
+                    "count": len(checks),
                 }
             )
         written = registers.written_utc
@@ -432,11 +439,11 @@ class _Document:
             ("horizontal", r_unit, rests.horizontal_rate / r_size, rests.rate_sigma / r_size),
         ]
         # Without the biases, the output at rest is shown instead of residuals.
-        found = {group for group, _ in self._groups}
+        solved_groups = {group for group, _ in self._groups}
         calibrated = {
-            "force": "accel_bias" in found,
-            "vertical": "gyro_bias" in found,
-            "horizontal": "gyro_bias" in found,
+            "force": "accel_bias" in solved_groups,
+            "vertical": "gyro_bias" in solved_groups,
+            "horizontal": "gyro_bias" in solved_groups,
         }
         return {
             "stage": self._stage_name(stage),
@@ -461,7 +468,7 @@ def _capital(text: str) -> str:
 
 
 def _value_text(value: Any) -> str:
-    """Return an entry of a schedule as text; for a long one, its length."""
+    """Return an entry of a schedule as text, or its length if it is long."""
     if isinstance(value, list | Mapping) and len(value) > 4:
         return f"[{len(value)}]"
     if isinstance(value, Mapping):

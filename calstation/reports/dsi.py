@@ -68,12 +68,12 @@ def real_list(
     -------
     etree._Element : an element ``realListXMLList``
     """
-    written = [dsi_unit(unit) for unit in units]
-    listed = _SI(
+    dsi_units = [dsi_unit(unit) for unit in units]
+    element = _SI(
         "realListXMLList",
         _SI("labelXMLList", " ".join(names)),
         _SI("valueXMLList", _numbers(values)),
-        _SI("unitXMLList", written[0] if len(set(written)) == 1 else " ".join(written)),
+        _SI("unitXMLList", dsi_units[0] if len(set(dsi_units)) == 1 else " ".join(dsi_units)),
     )
     expanded = _numbers(COVERAGE_FACTOR * sigma for sigma in sigmas)
     if expanded:
@@ -84,8 +84,8 @@ def real_list(
             _SI("coverageProbabilityXMLList", _PROBABILITY),
             _SI("distributionXMLList", "normal"),
         )
-        listed.append(uncertainty)
-    return listed
+        element.append(uncertainty)
+    return element
 
 
 def joint_list(
@@ -108,11 +108,11 @@ def joint_list(
     -------
     etree._Element : an element ``list`` with one ``realList``
     """
-    listed = _SI("realList")
+    element = _SI("realList")
     for name, unit, value in zip(names, units, values, strict=True):
         quantity = real(value, dsi_unit(unit))
         quantity.insert(0, _SI("label", name))
-        listed.append(quantity)
+        element.append(quantity)
     matrix = _SI("covarianceMatrix")
     for column, unit in zip(covariance.T, units, strict=True):
         elements = (
@@ -129,8 +129,8 @@ def joint_list(
         _SI("coverageProbability", str(_REGION_PROBABILITY)),
         _SI("distribution", "normal"),
     )
-    listed.append(region)
-    return _SI("list", listed)
+    element.append(region)
+    return _SI("list", element)
 
 
 def _number(value: float) -> str:

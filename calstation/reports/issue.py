@@ -57,13 +57,13 @@ class ReportRequest:
     source: Path  #: Result JSON, or a log.
     out: Path  #: PDF to write, or the folder for a file named after the certificate.
     language: Language = "en"
-    issued: date | None = None  #: Date of issue; None for the day of `earliest_issue`.
-    received: date | None = None  #: Date of receipt of the unit; None for the date in the last issue, if any.
+    issued: date | None = None  #: Date of issue; None for `earliest_issue`.
+    received: date | None = None  #: Date of receipt of the unit; None for the date of the last issue, if there is one.
     revise: str | None = None  #: Reason for a new revision.
     templates: Path | None = None  #: Folder of templates that take precedence over the site's templates.
     dcc: Path | None = None  #: XML to write: the digital calibration certificate, which is also in the PDF.
     signing: Path | None = None  #: PKCS #12 file to sign both with; None for no signatures.
-    first: Person | None = None  #: Person who issues it; None for the program.
+    first: Person | None = None  #: Person who issues the report; None for the program.
     second: Person | None = None  #: Person who confirms a new certificate, if the product requires it.
 
     def __post_init__(self) -> None:
@@ -74,13 +74,12 @@ class ReportRequest:
 
 @dataclass(frozen=True)
 class IssueState:
-    """Settings of a station, and state of the certificate of a result before it is made.
+    """Settings of a station for the certificate of a result, and the last certificate of this result.
 
-    last : the last certificate with the same number; None if none was issued, or if the number is unknown until the
-        log is solved
-    changed : whether result, templates or program differ from the last certificate's, so that it cannot be printed
-        again
-    pdf : the file of the last certificate in the language of the request; None if it is missing
+    last : last certificate with the same number; None if there is none, or if the number is unknown before the log is
+        solved
+    changed : whether result, templates or program have changed since, so that it cannot be printed again
+    pdf : file of the last certificate in the language of the request; None if it is missing
     """
 
     request: ReportRequest
@@ -98,9 +97,11 @@ def station_request(
     Without a folder, the PDF is written to ``certificates`` next to the folder of the runs; without a language, in
     `language`.
     """
-    section, beside = section or ReportSection(), station.absolute().parent
+    section, station_folder = section or ReportSection(), station.absolute().parent
     folder = (
-        result_file.absolute().parent.parent / "certificates" if section.folder is None else _at(beside, section.folder)
+        result_file.absolute().parent.parent / "certificates"
+        if section.folder is None
+        else _resolve_path(station_folder, section.folder)
     )
     if section.language is not None:
         language = "zh_CN" if section.language == "zh" else "en"
@@ -108,12 +109,12 @@ def station_request(
         result_file.absolute(),
         folder,
         language,
-        templates=None if section.template is None else _at(beside, section.template),
-        signing=None if section.signing is None else _at(beside, section.signing.certificate),
+        templates=None if section.template is None else _resolve_path(station_folder, section.template),
+        signing=None if section.signing is None else _resolve_path(station_folder, section.signing.certificate),
     )
 
 
-def _at(folder: Path, name: str) -> Path:
+def _resolve_path(folder: Path, name: str) -> Path:
     return folder / Path(name).expanduser()
 
 
@@ -130,13 +131,13 @@ def issue_state(report: ProgressCallback, result_file: Path, station: Path | Non
     required = ConfirmationRequired(pin=False, badge=False, second=False)
     if files is not None:
         required = confirmation_required("certificate", *files)
-    same = [] if result is None else _issued(log, certificate_number(result))
-    if not same:
+    issued = [] if result is None else _find_issued(log, certificate_number(result))
+    if not issued:
         return IssueState(request, required)
     result, log = load_source(report, request.source)
-    changed = _reprinted(same, _digest(result, log.meta, request.templates)) is None
-    pdf = request.out / pdf_name(same[-1].identification, request.language)
-    return IssueState(request, required, same[-1], changed, pdf if pdf.is_file() else None)
+    changed = _find_reprint(issued, _digest(result, log.meta, request.templates)) is None
+    pdf = request.out / pdf_name(issued[-1].identification, request.language)
+    return IssueState(request, required, issued[-1], changed, pdf if pdf.is_file() else None)
 
 
 def pdf_name(identification: str, language: Language) -> str:
@@ -166,10 +167,10 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
     """
     signer = None if request.signing is None else load_signer(request.signing)
     result, log = load_source(lambda done, *_, note="": report(_READ * done, note=note), request.source)
-    certificate, before, record = _numbered(result, log, request)
+    certificate, before, record = _number_certificate(result, log, request)
     confirmation = Confirmation("")
     if record is not None:
-        confirmation, names = _confirmed(log.meta, request)
+        confirmation, names = _confirm_issue(log.meta, request)
         record, certificate = replace(record, authorised=names), replace(certificate, authorised=names)
     share = _ANALYSED - _READ
     analysis = analyse(lambda done, *_, note="": report(_READ + share * done, note=note), log, result)
@@ -185,19 +186,19 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
     written = {out: pdf if signer is None else sign_pdf(pdf, signer)}
     if request.dcc is not None:
         written[request.dcc] = dcc
-    missing = {path: content for path, content in written.items() if not _is_written(path, content)}
+    unwritten = {path: content for path, content in written.items() if not _is_written(path, content)}
     if record is not None:
         _record(log, certificate, before, record, confirmation)
-    for path, content in missing.items():
+    for path, content in unwritten.items():
         _write(path, content)
     report(1.0)
     return certificate, out
 
 
-def _confirmed(meta: LogMeta, request: ReportRequest) -> tuple[Confirmation, tuple[str, ...]]:
-    """Return the issuers of a certificate, and the names of those who confirmed it with their own PIN.
+def _confirm_issue(meta: LogMeta, request: ReportRequest) -> tuple[Confirmation, tuple[str, ...]]:
+    """Return the persons who issue a certificate, and the names of those who entered their personal PIN.
 
-    Raises ConfigurationError if one or two people must confirm their identity, or InputError if that is unknown.
+    Raises ConfigurationError if a required confirmation is missing, or InputError if the requirement is unknown.
     """
     files = _files(meta, request.source)
     if files is None:
@@ -205,10 +206,10 @@ def _confirmed(meta: LogMeta, request: ReportRequest) -> tuple[Confirmation, tup
     product, station = files
     if request.first is None and not confirmation_required("certificate", product, station).second:
         return Confirmation(""), ()
-    found = confirm("certificate", product, station, request.first or Person(""), request.second)
+    confirmation = confirm("certificate", product, station, request.first or Person(""), request.second)
     names: Mapping[str, str] = {} if station.sign_in is None else station.sign_in.names
-    people = (found.by, found.confirmed_by) if found.pin == "personal" else ()
-    return found, tuple(names.get(badge, badge) for badge in people if badge is not None)
+    people = (confirmation.by, confirmation.confirmed_by) if confirmation.pin == "personal" else ()
+    return confirmation, tuple(names.get(badge, badge) for badge in people if badge is not None)
 
 
 def _files(meta: LogMeta, path: Path) -> tuple[ProductConfig, StationConfig] | None:
@@ -225,22 +226,22 @@ def attachments(certificate: Certificate) -> list[Attachment]:
     return [Attachment(name, "application/json", content.encode(), "source")]
 
 
-def _numbered(
+def _number_certificate(
     result: Result, log: Log, request: ReportRequest
 ) -> tuple[Certificate, list[IssuedReport], IssuedReport | None]:
-    """Return the certificate with revision and date, all records of its number, and a record of a new issue."""
+    """Return the certificate with revision and date, the records with its number, and the record of a new issue."""
     _check_dates(result, request)
     number, digest = certificate_number(result), _digest(result, log.meta, request.templates)
-    same = _issued(log, number)
-    last = same[-1] if same else None
-    known = None if last is None else date.fromisoformat(last.issued)
-    certificate = build_certificate(result, log.meta, issued=request.issued or known)
+    earlier = _find_issued(log, number)
+    last = earlier[-1] if earlier else None
+    last_date = None if last is None else date.fromisoformat(last.issued)
+    certificate = build_certificate(result, log.meta, issued=request.issued or last_date)
     if request.revise is None and last is not None:
         issued, received = (None if day is None else day.isoformat() for day in (request.issued, request.received))
-        reprinted = _reprinted(same, digest, issued, received)
+        reprinted = _find_reprint(earlier, digest, issued, received)
         if reprinted is not None:
-            return _revised(certificate, reprinted, same), same, None
-        if any(_is_same(each, digest, issued, received) for each in same if each.revision < last.revision):
+            return _with_record(certificate, reprinted, earlier), earlier, None
+        if any(_is_same(each, digest, issued, received) for each in earlier if each.revision < last.revision):
             values = {"number": number, "successor": last.identification, "date": last.issued, "why": last.reason or ""}
             raise InputError("report.superseded", **values)
         raise InputError("report.already_issued", number=last.identification, date=last.issued)
@@ -256,7 +257,7 @@ def _numbered(
     if request.received is not None:
         received = request.received.isoformat()
     record = IssuedReport(number, revision, issue_date.isoformat(), reason, digest, __version__, received)
-    return _revised(certificate, record, same), same, record
+    return _with_record(certificate, record, earlier), earlier, record
 
 
 def _check_dates(result: Result, request: ReportRequest) -> None:
@@ -266,9 +267,9 @@ def _check_dates(result: Result, request: ReportRequest) -> None:
         raise InputError("report.issued_too_early", date=request.issued.isoformat(), earliest=earliest.isoformat())
     if request.issued is not None and request.issued > today:
         raise InputError("report.issued_in_future", date=request.issued.isoformat(), today=today.isoformat())
-    begun = performed(result)
-    if request.received is not None and begun is not None and request.received > begun[0].date():
-        raise InputError("report.received_late", date=request.received.isoformat(), begun=begun[0].date().isoformat())
+    period = performed(result)
+    if request.received is not None and period is not None and request.received > period[0].date():
+        raise InputError("report.received_late", date=request.received.isoformat(), begun=period[0].date().isoformat())
     if request.revise is not None and not request.revise.strip():
         raise InputError("report.no_reason")
 
@@ -277,20 +278,20 @@ def _today() -> date:
     return datetime.now(UTC).date()
 
 
-def _issued(log: Log, number: str) -> list[IssuedReport]:
+def _find_issued(log: Log, number: str) -> list[IssuedReport]:
     """Return the records of a number next to the log and in the site's audit trail, see `issued_reports`."""
     return issued_reports(log.path.absolute().parent, read_audit(audit_path(site_folder())), number)
 
 
-def _reprinted(
-    same: list[IssuedReport], digest: str, issued: str | None = None, received: str | None = None
+def _find_reprint(
+    records: list[IssuedReport], digest: str, issued: str | None = None, received: str | None = None
 ) -> IssuedReport | None:
-    """Return the last revision if it was issued with this content and these dates; otherwise None.
+    """Return the last revision if its content and dates are the same; otherwise None.
 
-    A superseded certificate is never printed again, because it could be mistaken for a valid one; nor is one for which
-    a copy of the log has a different certificate with the same revision.
+    A superseded certificate is never printed again, because it could be mistaken for a valid one. The same applies to a
+    certificate if a copy of the log has a different certificate with the same revision.
     """
-    latest = [each for each in same if each.revision == same[-1].revision]
+    latest = [each for each in records if each.revision == records[-1].revision]
     return latest[0] if len(latest) == 1 and _is_same(latest[0], digest, issued, received) else None
 
 
@@ -307,15 +308,15 @@ def _record(
     ConfigurationError.
     """
     folder, result = log.path.absolute().parent, certificate.result
-    about = {"serial": result.serial, "certificate": certificate.identification, "verdict": certificate.verdict}
-    about |= {"log_sha256": result.log.sha256, **audit_values(record)}
+    values = {"serial": result.serial, "certificate": certificate.identification, "verdict": certificate.verdict}
+    values |= {"log_sha256": result.log.sha256, **audit_values(record)}
     try:
         with report_file(folder).locked():
             with audit_writer(site_folder()) as audit:
-                now = issued_reports(folder, audit.read(), record.number)
-                if now == [record] and not before:
+                current = issued_reports(folder, audit.read(), record.number)
+                if current == [record] and not before:
                     return  # another process has recorded the same first issue
-                if now != before:
+                if current != before:
                     raise InputError("report.issued_meanwhile", number=record.number)
                 audit.append_event(
                     "certificate",
@@ -323,16 +324,16 @@ def _record(
                     record.reason or "",
                     confirmed_by=people.confirmed_by,
                     pin=people.pin,
-                    **about,
+                    **values,
                 )
             report_file(folder).append(asdict(record))
     except OSError as exc:
         raise InputError("report.unwritable", file=folder, reason=os_reason(exc)) from exc
 
 
-def _revised(certificate: Certificate, record: IssuedReport, same: list[IssuedReport]) -> Certificate:
-    """Return a certificate with number, dates and people of its record; `same` are all records of its number."""
-    before = next((each for each in reversed(same) if each.revision < record.revision), None)
+def _with_record(certificate: Certificate, record: IssuedReport, records: list[IssuedReport]) -> Certificate:
+    """Return a certificate with revision, dates and persons of its record; `records` are all with its number."""
+    before = next((each for each in reversed(records) if each.revision < record.revision), None)
     return replace(
         certificate,
         revision=record.revision,

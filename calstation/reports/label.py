@@ -1,4 +1,4 @@
-"""The label of a unit that passed: a ZPL template for the station's label printer, or a Typst template for a PDF."""
+"""Labels of units that passed, from a ZPL template for the station's label printer or a Typst template for a PDF."""
 
 import socket
 import string
@@ -22,9 +22,10 @@ _NO_COMMANDS = str.maketrans("^~", "  ")
 
 
 def label_template(result: Result) -> Path | None:
-    """Return the label template of a result's product; None if it has none, or if the unit must not get a label.
+    """Return the label template of a result's product; None if there is none, or if the unit must not have a label.
 
-    Only a passed run of all stages gets a label. Raises ConfigurationError if the product cannot be read.
+    Labels are printed only for a run of all stages that passed. Raises ConfigurationError if the product cannot be
+    read.
     """
     source = result.configuration.get("product")
     if result.verdict is not Verdict.PASSED or source is None or source.name not in library.names("products"):
@@ -41,13 +42,13 @@ def print_label(report: ProgressCallback, result_file: Path, station: Path | Non
     """
     result = load_result(result_file)
     template = label_template(result)
-    if template is None or _failed_later(result, result_file.parent):
+    if template is None or _has_failed_later(result, result_file.parent):
         raise InputError("label.not_passed", serial=result.serial)
     if template.suffix == ".zpl":
-        _send(_filled(template, result), station)
+        _print_text(_fill_template(template, result), station)
         return None
     pdf = result_file.absolute().parent.parent / "labels" / f"{result_file.stem}.pdf"
-    content = _compiled(template, result)
+    content = _compile_pdf(template, result)
     try:
         pdf.parent.mkdir(exist_ok=True)
         write_atomic(pdf, content)
@@ -56,7 +57,7 @@ def print_label(report: ProgressCallback, result_file: Path, station: Path | Non
     return pdf
 
 
-def _failed_later(result: Result, folder: Path) -> bool:
+def _has_failed_later(result: Result, folder: Path) -> bool:
     history = History(folder)
     history.refresh()
     runs = [run for run in history.of(result.serial) if run.verdict in (Verdict.PASSED, Verdict.FAILED)]
@@ -79,7 +80,7 @@ def label_fields(result: Result) -> dict[str, str]:
     }
 
 
-def _filled(template: Path, result: Result) -> str:
+def _fill_template(template: Path, result: Result) -> str:
     fields = {name: text.translate(_NO_COMMANDS) for name, text in label_fields(result).items()}
     try:
         return string.Template(template.read_text(encoding="utf-8")).substitute(fields)
@@ -91,7 +92,7 @@ def _filled(template: Path, result: Result) -> str:
         raise InputError("label.not_a_template", file=template, detail=str(exc)) from exc
 
 
-def _send(text: str, station: Path | None) -> None:
+def _print_text(text: str, station: Path | None) -> None:
     path, config = load_station(station)
     address = None if config.label is None else host_and_port(config.label.printer)
     if config.label is None or address is None:
@@ -105,7 +106,7 @@ def _send(text: str, station: Path | None) -> None:
         ) from exc
 
 
-def _compiled(template: Path, result: Result) -> bytes:
+def _compile_pdf(template: Path, result: Result) -> bytes:
     """Return the PDF of a template, identical for identical results."""
     from typst import TypstError
 
@@ -116,5 +117,5 @@ def _compiled(template: Path, result: Result) -> bytes:
     try:
         return compile_template(template, fields, started, template.parent)
     except TypstError as exc:
-        known = list(fields)
-        raise InputError("label.typst", file=template, detail=exc.message, known=known) from exc
+        names = list(fields)
+        raise InputError("label.typst", file=template, detail=exc.message, known=names) from exc

@@ -8,10 +8,10 @@ from calstation.physics import display, unit_of
 #: Text of a number that is unknown.
 NONE = "–"
 
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 #: Display units of checks that do not compare a parameter, by their own unit; the size is in that unit.
-_OF_CHECKS = {"1": ("", 1.0), "sigma": ("σ", 1.0), "K": ("K", 1.0), "s": ("s", 1.0)}
+_CHECK_UNITS = {"1": ("", 1.0), "sigma": ("σ", 1.0), "K": ("K", 1.0), "s": ("s", 1.0)}
 
 
 def places(uncertainty: float) -> int:
@@ -31,7 +31,7 @@ def rounded(value: float | None, uncertainty: float) -> str:
 
 
 def in_display(name: str, value: float | None) -> float | None:
-    """Return an SI value of a parameter in its display unit; None for None."""
+    """Convert the SI value of a parameter to its display unit; None stays None."""
     return None if value is None else display(name, value)[0]
 
 
@@ -42,7 +42,7 @@ def short(value: float) -> str:
     text = f"{value:.0f}" if 1000.0 <= abs(value) < 1e9 else f"{value:.4g}"
     mantissa, _, exponent = text.partition("e")
     if exponent:
-        text = f"{mantissa} × 10{str(int(exponent)).translate(_RAISED)}"
+        text = f"{mantissa} × 10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
     return with_minus(text)
 
 
@@ -58,9 +58,9 @@ def interval(low: float, high: float) -> str:
 
 def check_unit(unit: str) -> tuple[str, float]:
     """Return the display unit of a check that does not compare a parameter, and its size in the check's unit."""
-    return _OF_CHECKS.get(unit) or unit_of(unit)
+    return _CHECK_UNITS.get(unit) or unit_of(unit)
 
 
 def percentage(probability: float) -> str:
-    """Return a probability in percent with one decimal, or as smaller than the last digit."""
+    """Return a probability in percent with one decimal, or that it is smaller than the last digit."""
     return "< 0.1 %" if probability < 0.0005 else f"{100.0 * probability:.1f} %"

@@ -14,7 +14,7 @@ from calstation.reports.analysis import Analysis
 from calstation.reports.content import Certificate
 from calstation.reports.document import document
 
-#: Folder of the templates among shipped files and in the site's own folder.
+#: Name of the folder of templates in the shipped files and in the site folder.
 FOLDER = "reports"
 #: Template of the document.
 _MAIN = "certificate.typ"
@@ -62,21 +62,21 @@ def typeset(
         ),
     }
     issued = datetime.combine(certificate.issued, time(), UTC)
-    where = folder or library.site_folder() / FOLDER
+    template_folder = folder or library.site_folder() / FOLDER
     try:
-        return compile_template({"main.typ": files.pop(_MAIN), **files}, inputs, issued, where)
+        return compile_template({"main.typ": files.pop(_MAIN), **files}, inputs, issued, template_folder)
     except TypstError as exc:
-        raise InputError("report.template", folder=where, detail=exc.message) from exc
+        raise InputError("report.template", folder=template_folder, detail=exc.message) from exc
 
 
-def compile_template(main: Path | dict[str, bytes], inputs: dict[str, str], moment: datetime, folder: Path) -> bytes:
+def compile_template(main: Path | dict[str, bytes], inputs: dict[str, str], time: datetime, folder: Path) -> bytes:
     """Return the PDF of a Typst template, in the shipped font and fonts in `folder`; installed fonts are ignored.
 
     Parameters
     ----------
     main : the template, or the contents of its files by name, of which the first is the template
     inputs : texts in `sys.inputs`
-    moment : time stated in the PDF
+    time : time stated in the PDF
     folder : may contain font files with characters that the shipped font lacks
 
     Raises InputError for characters without a font, and TypstError.
@@ -84,7 +84,7 @@ def compile_template(main: Path | dict[str, bytes], inputs: dict[str, str], mome
     import typst
 
     fonts = [library.fonts_folder(), folder]
-    options: dict[str, Any] = {"format": "pdf", "pdf_standards": ["a-3b"], "timestamp": int(moment.timestamp())}
+    options: dict[str, Any] = {"format": "pdf", "pdf_standards": ["a-3b"], "timestamp": int(time.timestamp())}
     options |= {"font_paths": [path for path in fonts if path.is_dir()], "ignore_system_fonts": True}
 
     def without_font(characters: str) -> list[str]:
@@ -105,28 +105,28 @@ def compile_template(main: Path | dict[str, bytes], inputs: dict[str, str], mome
 
 
 def used_templates(folder: Path | None) -> dict[str, bytes]:
-    """Return the files that the document uses, by name: the main template, and files whose names occur in used files.
+    """Return the main template and, recursively, the files whose names occur in it, by name.
 
     Raises InputError.
     """
     files = _templates(folder)
     used: dict[str, bytes] = {}
-    waiting = [_MAIN]
-    while waiting:
-        name = waiting.pop()
+    pending = [_MAIN]
+    while pending:
+        name = pending.pop()
         used[name] = files[name]
-        waiting += [other for other in files if other not in (*used, *waiting) and other.encode() in used[name]]
+        pending += [other for other in files if other not in (*used, *pending) and other.encode() in used[name]]
     return used
 
 
 def _templates(folder: Path | None) -> dict[str, bytes]:
     """Return the files in the folders of templates by name. Raises InputError."""
     files: dict[str, bytes] = {}
-    for place in (library.shipped_folder() / FOLDER, library.site_folder() / FOLDER, folder):
-        if place is None or (place != folder and not place.is_dir()):
+    for template_folder in (library.shipped_folder() / FOLDER, library.site_folder() / FOLDER, folder):
+        if template_folder is None or (template_folder != folder and not template_folder.is_dir()):
             continue
         try:
-            files |= {path.name: path.read_bytes() for path in sorted(place.iterdir()) if path.is_file()}
+            files |= {path.name: path.read_bytes() for path in sorted(template_folder.iterdir()) if path.is_file()}
         except OSError as exc:
-            raise InputError("report.templates_unreadable", folder=place, reason=os_reason(exc)) from exc
+            raise InputError("report.templates_unreadable", folder=template_folder, reason=os_reason(exc)) from exc
     return files

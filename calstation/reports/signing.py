@@ -28,7 +28,7 @@ KEYRING = ("calstation", "signing")
 
 @dataclass(frozen=True)
 class Signer:
-    """A private key and its certificates, starting with the signer's own."""
+    """A private key and its certificates; the first one belongs to the signer."""
 
     key: "RSAPrivateKey | EllipticCurvePrivateKey"
     certificates: "list[Certificate]"
@@ -84,7 +84,7 @@ def sign_pdf(pdf: bytes, signer: Signer) -> bytes:
     from pyhanko.sign.fields import SigSeedSubFilter
 
     class Writer(IncrementalPdfFileWriter):
-        """Keeps metadata and version as in PDF/A-3: the library's XMP is not PDF/A, and PDF/A-3 is based on PDF 1.7."""
+        """Leaves metadata and version unchanged, because those of the library do not conform to PDF/A-3."""
 
         def _update_meta(self) -> None:
             pass

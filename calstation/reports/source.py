@@ -1,6 +1,6 @@
 """The verified source of a certificate: every statement of a result file is compared with its log.
 
-The file of a run must equal the result that the run stored in its log. A later release must be in the audit trail of
+The file of a run must equal the result that the run stored in its log. A later override must be in the audit trail of
 the site. A log that was solved again is solved once more, and the file must agree with the new solution.
 """
 
@@ -28,11 +28,11 @@ from calstation.results import (
 #: Largest difference of a value between two computers, in sigmas or relative to the largest number of its row.
 ROUNDING = 1e-3
 
-#: Entries added to the file of a run later: a release, which must be in the audit trail, and the decision not to resume
-#: an interrupted run, which no certificate states.
-_LATER = ("override", "closed_utc", "closed_by")
-#: Entries that the certificate of a log that was solved again attaches without printing them. Their numbers have no
-#: common scale of rounding.
+#: Entries that are added to the file of a run later: an override, which must be in the audit trail, and the decision
+#: not to resume an interrupted run, which certificates do not state.
+_ADDED_LATER = ("override", "closed_utc", "closed_by")
+#: Entries that are attached to the certificate of a log that was solved again, but are not printed. Their numbers have
+#: no common scale for rounding.
 _ONLY_ATTACHED = ("details", "observability")
 
 
@@ -43,9 +43,9 @@ def load_source(report: ProgressCallback, path: Path) -> tuple[Result, Log]:
     """
     result, log = read_source(path)
     if result is None or result.outcome == "resolved":
-        result = _with_registers(_solved_again(report, path, result, log), stored_result(log))
+        result = _with_registers(_solve_again(report, path, result, log), stored_result(log))
     elif path.suffix == ".json":
-        result = _of_run(path, result, log)
+        result = _run_result(path, result, log)
     # The folder of the log is not part of the report.
     section = result.log.model_copy(update={"file": log.path.name})
     return result.model_copy(update={"log": section}), log
@@ -62,21 +62,21 @@ def read_source(path: Path) -> tuple[Result | None, Log]:
     result = load_result(path)
     if not result.tested:
         raise InputError("report.untested", file=path)
-    found = find_log(result, path)
-    if found is None:
+    log_path = find_log(result, path)
+    if log_path is None:
         raise InputError("report.no_log", file=path, log=result.log.file)
-    log = open_log(found)
+    log = open_log(log_path)
     if log.facts().sha256 != result.log.sha256:
-        raise InputError("report.other_log", file=path, log=found)
+        raise InputError("report.other_log", file=path, log=log_path)
     return result, log
 
 
-def _of_run(path: Path, result: Result, log: Log) -> Result:
-    """Return the result in the log of a run, with the release from the file if it is in the audit trail."""
+def _run_result(path: Path, result: Result, log: Log) -> Result:
+    """Return the result in the log of a run, with the override in the file if it is in the audit trail."""
     stored = stored_result(log)
     if stored is None:
         raise InputError("report.no_result_in_log", file=path, log=log.path)
-    _require_same(path, log, _content(path, _LATER), log.results[-1], 0.0)
+    _check_content(path, log, _content(path, _ADDED_LATER), log.results[-1], 0.0)
     if result.override is None:
         return stored
     if not recorded_release(result):
@@ -84,7 +84,7 @@ def _of_run(path: Path, result: Result, log: Log) -> Result:
     return stored.model_copy(update={"override": result.override})
 
 
-def _solved_again(report: ProgressCallback, path: Path, result: Result | None, log: Log) -> Result:
+def _solve_again(report: ProgressCallback, path: Path, result: Result | None, log: Log) -> Result:
     """Solve a log with the options of a result file, or with defaults for a log without a result, and compare both."""
     facts = log.facts()
 
@@ -99,10 +99,10 @@ def _solved_again(report: ProgressCallback, path: Path, result: Result | None, l
     span = result.log.first_seq, result.log.last_seq
     stages = None if result.missing_data else tuple(result.stages)
     meta, added = with_states(log.meta, tuple(result.states_added))
-    found = resolve_log(log, meta, stages, *span, progress, added=added).result
-    printed = {key: value for key, value in found.to_json().items() if key not in _ONLY_ATTACHED}
-    _require_same(path, log, _content(path, _ONLY_ATTACHED), printed, ROUNDING)
-    return found
+    solved = resolve_log(log, meta, stages, *span, progress, added=added).result
+    stated = {key: value for key, value in solved.to_json().items() if key not in _ONLY_ATTACHED}
+    _check_content(path, log, _content(path, _ONLY_ATTACHED), stated, ROUNDING)
+    return solved
 
 
 def _with_registers(result: Result, run: Result | None) -> Result:
@@ -117,14 +117,14 @@ def _content(path: Path, omitted: tuple[str, ...]) -> dict[str, Any]:
     return {key: value for key, value in content.items() if key not in omitted}
 
 
-def _require_same(
+def _check_content(
     path: Path, log: Log, content: Mapping[str, Any], expected: Mapping[str, Any], rounding: float
 ) -> None:
     """Raise InputError if a file differs from its expected content by more than rounding, ignoring the log's folder."""
     log_section = {**expected["log"], "file": content["log"]["file"]}
-    found = difference(content, {**expected, "log": log_section}, rounding)
-    if found is not None:
-        raise InputError("report.other_result", file=path, log=log.path, entry=found)
+    entry = difference(content, {**expected, "log": log_section}, rounding)
+    if entry is not None:
+        raise InputError("report.other_result", file=path, log=log.path, entry=entry)
 
 
 def difference(one: Any, other: Any, rounding: float, scale: float = 0.0) -> str | None:
@@ -141,12 +141,12 @@ def difference(one: Any, other: Any, rounding: float, scale: float = 0.0) -> str
         scale = _scale(dict(enumerate(other)))
     else:
         floats = isinstance(one, float) and isinstance(other, float)
-        same = floats and math.isclose(one, other, rel_tol=0.0, abs_tol=rounding * scale)
-        return None if same or (one == other and type(one) is type(other)) else ""
+        equal = floats and math.isclose(one, other, rel_tol=0.0, abs_tol=rounding * scale)
+        return None if equal or (one == other and type(one) is type(other)) else ""
     for key, (a, b) in pairs.items():
-        found = difference(a, b, rounding, scale)
-        if found is not None:
-            return f"{key}.{found}".removesuffix(".")
+        entry = difference(a, b, rounding, scale)
+        if entry is not None:
+            return f"{key}.{entry}".removesuffix(".")
     return None
 
 

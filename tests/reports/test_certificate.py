@@ -29,7 +29,7 @@ from calstation.records.meta import FurtherImuSection
 from calstation.reports import ReportRequest, build_certificate, issue_report, write_dcc
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import LATITUDE_ERROR_DEG
-from calstation.reports.content import arrangement, held_registers, power_up_sigmas
+from calstation.reports.content import arrangement, turn_on_sigmas, unit_registers
 from calstation.reports.deviations import deviations, not_included
 from calstation.reports.document import document
 from calstation.reports.issue import attachments
@@ -190,9 +190,9 @@ def test_turn_on_to_turn_on_change_is_taken_from_the_imu_profile(made: Made) -> 
     stability = {"gyro_bias": {"power_up": 5e-6}, "gyro_bias_z": {"power_up": 7e-6}, "accel_bias": {"year": 1.0}}
     profile = tomli_w.dumps({"stability": stability})
     known = meta.model_copy(update={"profiles": {**meta.profiles, "imu": profile}})
-    assert power_up_sigmas(known) == {"gyro_bias_x": 5e-6, "gyro_bias_y": 5e-6, "gyro_bias_z": 7e-6}
+    assert turn_on_sigmas(known) == {"gyro_bias_x": 5e-6, "gyro_bias_y": 5e-6, "gyro_bias_z": 7e-6}
     unknown = meta.model_copy(update={"profiles": {}})
-    assert power_up_sigmas(unknown) == {}
+    assert turn_on_sigmas(unknown) == {}
     texts = [text.code for text in not_included(replace(made.certificate, meta=unknown), made.analysis)]
     assert "certificate.n_stability_unknown" in texts
 
@@ -214,13 +214,13 @@ def test_the_registers_before_and_after_the_run_are_printed(made: Made) -> None:
     registers = made.certificate.result.registers
     assert registers is not None
     assert registers.new is not None
-    held = held_registers(made.certificate.result, made.certificate.meta)
+    held = unit_registers(made.certificate.result, made.certificate.meta)
     assert held["gyro_bias_x"] == (registers.old["gyro_bias_x"], registers.new["gyro_bias_x"])
     (page,) = [page for page in typeset_pages(made, "en") if "Registersoftheunit" in page]
     after = exact(display("gyro_bias_x", registers.new["gyro_bias_x"])[0])
     assert f"Gyrobiasx,°/h{exact(0.0)}{after}" in page
     unchanged = made.certificate.result.model_copy(update={"registers": registers.model_copy(update={"new": None})})
-    assert all(old == new for old, new in held_registers(unchanged, made.certificate.meta).values())
+    assert all(old == new for old, new in unit_registers(unchanged, made.certificate.meta).values())
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
