@@ -40,7 +40,9 @@ Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is Non
 class ResultSection(BaseModel):
     """A section of a result JSON. Keys from other versions of the program are kept."""
 
-    model_config = ConfigDict(frozen=True, extra="allow", populate_by_name=True, arbitrary_types_allowed=True, defer_build=True)
+    model_config = ConfigDict(
+        frozen=True, extra="allow", populate_by_name=True, arbitrary_types_allowed=True, defer_build=True
+    )
 
 
 class EntryError(ValueError):
