@@ -70,7 +70,7 @@ class Actions:
 
 
 class Trend(QWidget):
-    """Plots a parameter over the runs of a unit: passed runs as dots, failed ones as crosses, the selected one large."""
+    """Plots a parameter over the runs of a unit: dots for passed runs, crosses for failed ones, larger if selected."""
 
     def __init__(self) -> None:
         super().__init__()
