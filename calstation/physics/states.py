@@ -1,4 +1,4 @@
-"""Order of the 39 error states and of the 30 parameters among them, named once for every array and kernel.
+"""Slices of the 39 error states: φ, δv, δp and the parameters, whose names and order are in `parameters.py`.
 
 The states are φ, δv, δp and the errors of the parameters. A slice of a parameter group refers to a vector of the 30
 parameters; in the states the parameters start at `PARAMETER_START`.
