@@ -1,4 +1,4 @@
-"""The program `calstation`: finds the module of a command, runs the command, and shows errors."""
+"""The program `calstation`: imports the module of a command, runs the command, and shows errors."""
 
 import io
 import logging
@@ -117,7 +117,7 @@ def _report(error: BaseException, arguments: list[str], debug: bool) -> int:
         logger.error("%s: %s", type(error).__name__, error)
         complain(sentence(error.as_text))
         return error.exit_code
-    logger.error("the command ended by a mistake of the program", exc_info=error)
+    logger.error("the command ended with a programming error", exc_info=error)
     complain(say("cli.internal", words=f"{type(error).__name__}: {error}"))
     return 2 if isinstance(error, OSError) else 3
 

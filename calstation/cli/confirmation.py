@@ -5,19 +5,14 @@ from typing import TYPE_CHECKING
 import typer
 
 from calstation.cli.text import say
-from calstation.config import (
-    Person,
-    computer_user,
-    load_station,
-    pin_known,
-)
+from calstation.config import Person, computer_user, load_station, pin_known
 
 if TYPE_CHECKING:
     from calstation.runs import RunStart
 
 
 def ask_person(badge: str, *, pin: bool = True) -> Person:
-    """Return a person with the PIN that is entered on the terminal, or without one."""
+    """Return a person with the PIN that is entered on the terminal, or without a PIN."""
     return Person(badge, ask(say("cli.ask_pin", badge=badge)) if pin else "")
 
 

@@ -1,4 +1,4 @@
-"""Errors on the command line: incorrect usage, and errors with the commands that correct them."""
+"""Errors of the command line: incorrect usage, and remedies with complete commands."""
 
 import shlex
 import sys
@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from calstation.errors import CalstationError, ConfigurationError
 
-_USAGE = {
+_USAGE_CODES = {
     "int_parsing": "cli.not_whole",
     "float_parsing": "cli.not_a_number",
     "greater_than_equal": "cli.too_small",
@@ -35,15 +35,15 @@ def usage_error(error: typer.TyperException, arguments: list[str]) -> Calstation
     elif arguments and not arguments[0].startswith("-"):
         program = f"calstation {arguments[0]}"
     if parameter is not None and not isinstance(cause, ValidationError):
-        return ConfigurationError("cli.needs", command=command, name=_needed(parameter), program=program)
+        return ConfigurationError("cli.needs", command=command, name=_parameter_name(parameter), program=program)
     detail = cause.errors()[0] if isinstance(cause, ValidationError) else None
-    if parameter is None or detail is None or detail["type"] not in _USAGE:
+    if parameter is None or detail is None or detail["type"] not in _USAGE_CODES:
         return ConfigurationError("cli.usage", message=error.format_message(), program=program)
     values = {"option": parameter.opts[0], "value": detail["input"], "least": detail.get("ctx", {}).get("ge", 0)}
-    return ConfigurationError(_USAGE[detail["type"]], program=program, **values)
+    return ConfigurationError(_USAGE_CODES[detail["type"]], program=program, **values)
 
 
-def _needed(parameter: Any) -> str:
+def _parameter_name(parameter: Any) -> str:
     """Return an option with the placeholder of its value, or an argument, as shown in the help."""
     if parameter.param_type_name == "option":
         return f"{parameter.opts[0]} {parameter.metavar or 'FILE'}"
@@ -51,9 +51,9 @@ def _needed(parameter: Any) -> str:
 
 
 def station_options(station: Path | None, product: Path | None) -> str:
-    """Return the options that specify the station and the product, without the ones that are None."""
-    named = (("--station", station), ("--product", product))
-    return shlex.join(word for option, path in named if path is not None for word in (option, str(path)))
+    """Return the command-line options for the station and the product that are not None."""
+    options = (("--station", station), ("--product", product))
+    return shlex.join(word for option, path in options if path is not None for word in (option, str(path)))
 
 
 def command_options(

@@ -1,4 +1,4 @@
-"""`run`: shows the events of a run as progress bars and messages, and converts Ctrl-C to a safe stop."""
+"""`run`: shows the events of a run as progress bars and messages, and stops the run safely after Ctrl-C."""
 
 import shlex
 import sys
@@ -40,7 +40,7 @@ from calstation.sequencer import (
 )
 
 #: Largest number of checks listed per unit of a batch.
-_NAMED = 3
+_MAX_NAMED = 3
 
 #: Line that the user enters to end a repeated stage.
 _END_STAGE = "e"
@@ -48,10 +48,10 @@ _END_STAGE = "e"
 #: Exit code by verdict; all others exit with 3.
 _EXIT_CODES = {Verdict.PASSED: 0, Verdict.PARTIAL: 0, Verdict.FAILED: 1, Verdict.STOPPED: StoppedError.exit_code}
 
-#: Code of the result of a stage's innovation test, None if it had nothing to test.
+#: Code of the text for the result of a stage's innovation test; None means that nothing was tested.
 _CONSISTENCY = {True: "cli.consistent", False: "cli.not_consistent", None: "cli.consistency_untested"}
 
-#: Answers without a terminal to questions about a unit that may be calibrated again in any case, by their subject.
+#: Answers without a terminal to questions about a unit that may always be calibrated again, by their subject.
 _WITHOUT_TERMINAL = {"resume": "anew", "passed": "repeat"}
 
 
@@ -60,10 +60,10 @@ def run_command(
 ) -> int:
     """Run a calibration and return the exit code.
 
-    `answers` are those given by options, by the subject of the question, None without the option; the answer about a
-    check standard is the reason of the override. Raises ConfigurationError for an invalid request.
+    `answers` contains the answer of each option by the subject of its question, None without the option; the answer
+    about a check standard is the reason for the override. Raises ConfigurationError if the request is invalid.
     """
-    request = _answered(request, answers, confirmed_by)
+    request = _ask_questions(request, answers, confirmed_by)
     finalized: list[Finalized] = []
     fault = None
     with shared_records(request) as new_claims:
@@ -82,18 +82,18 @@ def run_command(
     return max((_EXIT_CODES.get(run.verdict, 3) for run in finalized), default=3)
 
 
-def _answered(request: RunRequest, answers: Mapping[str, str | None], confirmed_by: str | None) -> RunRequest:
-    """Return the request that the engine runs, after the questions before its start.
+def _ask_questions(request: RunRequest, answers: Mapping[str, str | None], confirmed_by: str | None) -> RunRequest:
+    """Ask the questions before the start of a run, and return the request for the engine.
 
-    A question without an answer is asked on a terminal. Otherwise it refuses the run, or is only shown if it has an
-    answer in `_WITHOUT_TERMINAL`. Raises ConfigurationError, StoppedError.
+    A question without an answer is asked on a terminal. Without a terminal, the run is refused unless
+    `_WITHOUT_TERMINAL` contains an answer. Raises ConfigurationError or StoppedError.
     """
     if request.out.is_dir():
         History(request.out).refresh()
     start = RunStart(request, "engineer")
-    changed = request.stages is not None or request.seed is not None
+    has_options = request.stages is not None or request.seed is not None
     while True:
-        if changed and start.request.resume is not None:
+        if has_options and start.request.resume is not None:
             raise ConfigurationError("cli.resume_options")
         question = start.next_question()
         if question is None:
@@ -147,11 +147,12 @@ def engine_events(
     claims of other stations on the unit, which are shown.
     """
     options = command_options(request.station, request.product, request.out, request.slot)
-    display = _Display(Console(stderr=True), options)
+    console = Console(stderr=True)
+    display = _Display(console, options)
 
     def end_stage() -> None:
         engine.send(Command.END_STAGE)
-        display.ending()
+        show_line(console, say("cli.ending_stage"))
 
     with (
         complete_commands(options),
@@ -192,10 +193,10 @@ def _show_run(run: Finalized, json: str | None, request: RunRequest) -> None:
     show_line(console, say("cli.log_file", file=run.log))
     show_line(console, say("cli.result_file", file=run.result_file))
     if result.advice == "resume":
-        show_line(console, _to_resume(run, request))
+        show_line(console, _resume_hint(run, request))
 
 
-def _to_resume(run: Finalized, request: RunRequest) -> str:
+def _resume_hint(run: Finalized, request: RunRequest) -> str:
     command = shlex.join(["calstation", "run", "--resume", run.log])
     options = station_options(request.station, request.product)
     return say("cli.to_resume", command=f"{command} {options}".rstrip())
@@ -211,22 +212,22 @@ def _show_batch(runs: Sequence[Finalized], json: str | None, request: RunRequest
         table.add_column(say(code), overflow="fold")
     for run, result in zip(runs, results, strict=True):
         verdict = say(f"cli.outcome_{run.verdict}")
-        table.add_row(run.slot, result.serial, verdict, _why(result), Path(run.result_file).name)
+        table.add_row(run.slot, result.serial, verdict, _failure_reason(result), Path(run.result_file).name)
     console.print(table)
     longest = max((result.cycle_seconds for result in results), key=lambda cycle: sum(cycle.values()))
     if longest:
         show_line(console, _cycle_line(longest))
     for run, result in zip(runs, results, strict=True):
         if result.advice == "resume":
-            show_line(console, _to_resume(run, request))
+            show_line(console, _resume_hint(run, request))
     for folder in {str(Path(run.result_file).parent) for run in runs}:
         show_line(console, say("cli.run_folder", folder=folder))
 
 
-def _why(result: Result) -> str:
-    """Return why a unit of a batch did not pass, and whether it contains unverified registers."""
-    outside = [check.name for check in result.checks if check.passed is False]
-    parts = [result.error or ", ".join(outside[:_NAMED]) + (" ..." if len(outside) > _NAMED else "")]
+def _failure_reason(result: Result) -> str:
+    """Return the reason why a unit of a batch did not pass, and a note about unverified registers."""
+    failed = [check.name for check in result.checks if check.passed is False]
+    parts = [result.error or ", ".join(failed[:_MAX_NAMED]) + (" ..." if len(failed) > _MAX_NAMED else "")]
     if result.verdict is Verdict.STOPPED:
         parts = [term("reason", result.stop_reason or "operator")]
     if result.registers is not None and result.registers.new is not None and not result.verified:
@@ -272,10 +273,6 @@ def outcome_text(result: Result) -> Text:
 class _Display:
     """Shows a bar per stage with the remaining time and the current step, or plain lines without a terminal."""
 
-    def ending(self) -> None:
-        """Confirm that the user has requested the end of the stage."""
-        show_line(self._console, say("cli.ending_stage"))
-
     def __init__(self, console: Console, options: Mapping[str, str]) -> None:
         self._console = console
         self._options = options  #: Options of commands in remedies.
@@ -295,28 +292,28 @@ class _Display:
         if isinstance(event, StageStarted):
             number = f"{event.index + 1}/{event.count}"
             self._bars[event.stage] = self.progress.add_task(
-                event.stage, total=1.0, number=number, left=_left(event.duration), now=""
+                event.stage, total=1.0, number=number, left=_time_left(event.duration), now=""
             )
             self._line(say("cli.stage_begins", number=number, stage=event.stage, time=_minutes(event.duration)))
             if event.repeated and sys.stdin.isatty():
                 show_line(self._console, say("cli.end_stage", stage=event.stage, key=_END_STAGE))
         elif isinstance(event, StageProgress):
-            self._update(event.stage, completed=event.fraction, left=_left(event.remaining))
+            self._update(event.stage, completed=event.fraction, left=_time_left(event.remaining))
         elif isinstance(event, StepStarted):
             self._update(event.stage, now=sentence(step_text(event.kind, event.label)))
         elif isinstance(event, PositionGuided):
-            self._update(event.stage, now=_guided(event))
+            self._update(event.stage, now=_guidance(event))
         elif isinstance(event, StageSolved):
             consistency = say(_CONSISTENCY[event.consistency["passed"]])
-            found = say("cli.stage_solved", count=len(event.parameters), consistency=consistency)
-            self._update(event.stage, completed=1.0, left=say("cli.done"), now=found)
-            self._line(_of_slot(event, f"{event.stage}: {found}"))
+            summary = say("cli.stage_solved", count=len(event.parameters), consistency=consistency)
+            self._update(event.stage, completed=1.0, left=say("cli.done"), now=summary)
+            self._line(_with_slot(event, f"{event.stage}: {summary}"))
         elif isinstance(event, Message):
             text = sentence(event_text(event.id, event.values))
-            self._console.print(_of_slot(event, text), highlight=False, markup=False)
+            self._console.print(_with_slot(event, text), highlight=False, markup=False)
         elif isinstance(event, Fault) and event.slot and event.code:
             values = {**event.values, **self._options, "slot_option": f" --slot {event.slot}"}
-            show_line(self._console, _of_slot(event, sentence(Text(event.code, values))))
+            show_line(self._console, _with_slot(event, sentence(Text(event.code, values))))
         elif isinstance(event, StateChanged) and event.state in ("pausing", "paused", "stopping"):
             self._console.print(f"{say(f'state.{event.state}')}.", highlight=False)
 
@@ -329,19 +326,19 @@ class _Display:
             self._console.print(text, highlight=False, markup=False)
 
 
-def _of_slot(event: Event, text: str) -> str:
+def _with_slot(event: Event, text: str) -> str:
     """Return a text with the slot of the unit concerned, if any."""
     return say("cli.of_slot", slot=event.slot, text=text) if event.slot else text
 
 
-def _guided(event: PositionGuided) -> str:
+def _guidance(event: PositionGuided) -> str:
     """Return the operator's next task and the state of the current position."""
     task = say("step.carry", outer=degrees(event.outer), inner=degrees(event.inner))
     state = say(f"guided.{event.state}", rest=event.rest, wanted=event.wanted)
     return f"{event.index}/{event.count} {task}: {state}"
 
 
-def _left(seconds: float) -> str:
+def _time_left(seconds: float) -> str:
     return say("cli.time_left", time=_minutes(seconds))
 
 

@@ -23,10 +23,10 @@ from calstation.messages import Text, known
 from calstation.physics import DEGREE, display, display_by_unit, number
 from calstation.results import PositionResidual, Result, write_json
 
-#: Marks of a rest or move with notable residuals, or with residuals that contradict the model.
-_MARKS = {"good": "", "caution": "!", "bad": "!!"}
-#: Headings of columns of texts, which are left-aligned.
-_TEXTS = (
+#: Marks of rests and moves by their state: "!" for notable residuals, "!!" for residuals that contradict the model.
+_STATE_MARKS = {"good": "", "caution": "!", "bad": "!!"}
+#: Headings of text columns, which are left-aligned.
+_TEXT_COLUMNS = (
     *("", "cli.column_parameter", "cli.column_unit", "cli.column_verdict", "cli.column_rest", "cli.column_group"),
     *("cli.column_stored_as", "cli.column_serial", "cli.column_product", "cli.column_station", "cli.column_operator"),
     *("cli.column_month", "cli.column_start", "cli.column_before", "cli.column_after", "cli.column_failed_checks"),
@@ -42,12 +42,12 @@ def show_line(console: Console, text: str) -> None:
 
 
 def ignore_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Ignore the progress of a job that takes only seconds."""
+    """Ignore the progress of a job that takes a few seconds."""
 
 
 @contextmanager
 def job_progress(text: str, describe: Callable[[str], str] = lambda note: "") -> Iterator[ProgressCallback]:
-    """Show the progress of a job, and what `describe` returns for its notes."""
+    """Show the progress of a job, and its notes as described by `describe`."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[note]}"))
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -80,11 +80,11 @@ def emit(result: Mapping[str, Any], target: str | None, lines: Iterable[str]) ->
 @contextmanager
 def on_interrupt(action: Callable[[], object]) -> Iterator[None]:
     """Call `action` each time Ctrl-C is pressed, instead of ending the program."""
-    before = signal.signal(signal.SIGINT, lambda number, frame: action())
+    previous = signal.signal(signal.SIGINT, lambda number, frame: action())
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGINT, previous)
 
 
 def on_line(line: str, action: Callable[[], object]) -> None:
@@ -103,13 +103,13 @@ def on_line(line: str, action: Callable[[], object]) -> None:
         threading.Thread(target=listen, name="keyboard", daemon=True).start()
 
 
-def table(title: str, *columns: str | Text, **style: Any) -> Table:
-    """Create a table; `columns` are headings, codes or messages, "" for none. Columns of texts are left-aligned."""
-    made = Table(title=title, title_justify="left", box=SIMPLE_HEAD, **{"padding": (0, 1), **style})
+def new_table(title: str, *columns: str | Text, **style: Any) -> Table:
+    """Create a table; `columns` are the headings: codes, messages, or "" for none. Text columns are left-aligned."""
+    created = Table(title=title, title_justify="left", box=SIMPLE_HEAD, **{"padding": (0, 1), **style})
     for column in columns:
         heading = sentence(column) if isinstance(column, Text) else column and say(column)
-        made.add_column(heading, justify="left" if column in _TEXTS else "right", no_wrap=True)
-    return made
+        created.add_column(heading, justify="left" if column in _TEXT_COLUMNS else "right", no_wrap=True)
+    return created
 
 
 def three_digits(value: float) -> str:
@@ -124,33 +124,37 @@ def interval(low: str, high: str) -> str:
 
 def result_table(console: Console, result: Result) -> None:
     """Show every parameter with its sigma, unit, limit and verdict, then the other checks and the decision rule."""
-    narrowed = any(check.acceptance for check in result.checks)  # by the decision rule; the JSON contains both
-    shown = table(
+    has_acceptance = any(check.acceptance for check in result.checks)  # by the decision rule; the JSON contains both
+    table = new_table(
         say("cli.unit_title", serial=result.serial),
         *("cli.column_parameter", "cli.column_value", "cli.column_sigma", "cli.column_unit"),
-        *("cli.column_accepted" if narrowed else "cli.column_limit", "cli.column_sigma_limit", "cli.column_verdict"),
+        *(
+            "cli.column_accepted" if has_acceptance else "cli.column_limit",
+            "cli.column_sigma_limit",
+            "cli.column_verdict",
+        ),
     )
     limits = {(c.kind, c.subject): c for c in result.checks if c.kind in ("within", "sigma_below")}
     for name, row in result.parameters.items():
         (value, unit), sigma = display(name, row.value), display(name, row.sigma)[0]
         within, below = limits.pop(("within", name), None), limits.pop(("sigma_below", name), None)
-        limits_text = "" if within is None else _interval(name, within.compared_with)
-        largest = "" if below is None else f"{display(name, _bounds(below)[-1])[0]:.3g}"
-        verdict = _verdict(name in result.undetermined, [c for c in (within, below) if c is not None])
-        shown.add_row(name, number(value, sigma), f"{sigma:.2g}", unit, limits_text, largest, verdict)
-    for column in (*shown.columns[:3], shown.columns[-1]):  # a narrow terminal shortens the others
+        limits_text = "" if within is None else _interval_text(name, within.compared_with)
+        largest_sigma = "" if below is None else f"{display(name, _bounds(below)[-1])[0]:.3g}"
+        verdict = _verdict_text(name in result.undetermined, [c for c in (within, below) if c is not None])
+        table.add_row(name, number(value, sigma), f"{sigma:.2g}", unit, limits_text, largest_sigma, verdict)
+    for column in (*table.columns[:3], table.columns[-1]):  # a narrow terminal shortens the others
         column.min_width = max((len(str(cell)) for cell in column.cells), default=0)
     if result.parameters:
-        console.print(shown)
+        console.print(table)
     for check in result.checks:
         if check.kind not in ("within", "sigma_below") or (check.kind, check.subject) in limits:
             console.print(_check_line(check), highlight=False)
         if cause := check.cause_text:
             console.print(f"  {sentence(cause)}", highlight=False)
     if result.conformity is not None:
-        worst, found = max(result.conformity.parameters.items(), key=lambda each: each[1].probability)
-        code = "cli.conformity_accept" if found.accepted else "cli.conformity_reject"
-        text = say(code, rule=result.conformity.rule, name=worst, percent=100.0 * found.probability)
+        worst, conformity = max(result.conformity.parameters.items(), key=lambda each: each[1].probability)
+        code = "cli.conformity_accept" if conformity.accepted else "cli.conformity_reject"
+        text = say(code, rule=result.conformity.rule, name=worst, percent=100.0 * conformity.probability)
         console.print(text, highlight=False, soft_wrap=True)
 
 
@@ -158,27 +162,27 @@ def residual_table(stage: str, rows: Sequence[PositionResidual]) -> None:
     """Show the residuals of a stage per rest and move, in sigmas."""
     if not rows:
         return
-    shown = table(
+    table = new_table(
         term("stage", stage),
         *("", "cli.column_rest", "cli.column_seconds", "cli.column_excess", "cli.column_mean", "cli.column_error"),
         *("cli.column_error_sigma", "cli.column_force", "cli.column_vertical", "cli.column_horizontal"),
     )
     for row in rows:
         component = term("residual", row.component_name)
-        shown.add_row(
-            _MARKS[row.state],
+        table.add_row(
+            _STATE_MARKS[row.state],
             sentence(row.text),
             f"{row.duration:.1f}",
-            _sigmas(row.excess),
+            _sigmas_text(row.excess),
             "" if math.isnan(row.mean) else f"{component} {row.mean:+.1f}",
-            _channel_error(row),
-            "" if row.channel is None else _sigmas(row.error / row.error_sigma),
-            *(_sigmas(value) for value in (row.force, row.vertical_rate, row.horizontal_rate)),
+            _channel_error_text(row),
+            "" if row.channel is None else _sigmas_text(row.error / row.error_sigma),
+            *(_sigmas_text(value) for value in (row.force, row.vertical_rate, row.horizontal_rate)),
         )
-    Console(file=sys.stdout, width=_TABLE_WIDTH).print(shown)
+    Console(file=sys.stdout, width=_TABLE_WIDTH).print(table)
 
 
-def _channel_error(row: PositionResidual) -> str:
+def _channel_error_text(row: PositionResidual) -> str:
     if row.channel is None:
         return ""
     value, unit = display_by_unit(row.error_unit, row.error)
@@ -186,7 +190,7 @@ def _channel_error(row: PositionResidual) -> str:
     return f"{term('residual', row.channel_name)} {number(value, sigma)} {unit}"
 
 
-def _sigmas(value: float) -> str:
+def _sigmas_text(value: float) -> str:
     return "" if math.isnan(value) else f"{value:+.1f}"
 
 
@@ -194,11 +198,11 @@ def _check_line(check: Check) -> str:
     verdict = "cli.verdict_outside" if not check.passed else "cli.verdict_near" if check.near_miss else "cli.verdict_ok"
     unit, size = ("°", DEGREE) if check.kind == "latitude" else (check.unit, 1.0)
     unit = "" if unit == "1" else f" {unit}"
-    where = say("cli.at_where", where=check.where) if str(check.where) else ""
+    location = say("cli.at_where", where=check.where) if str(check.where) else ""
     code = f"cli.check_{check.kind}"
     name = say(code) if known(code) else check.name
     bounds = [f"{bound / size:.4g}" for bound in _bounds(check)]
-    values = {"name": name, "value": f"{check.value / size:.4g}{unit}", "where": where, "verdict": say(verdict)}
+    values = {"name": name, "value": f"{check.value / size:.4g}{unit}", "where": location, "verdict": say(verdict)}
     limit = interval(*bounds) if len(bounds) == 2 else bounds[0]
     return say("cli.checked", **values, limit=f"{limit}{unit}")
 
@@ -207,13 +211,13 @@ def _bounds(check: Check) -> tuple[float, ...]:
     return check.limit if isinstance(check.limit, tuple) else (check.limit,)
 
 
-def _interval(name: str, limit: float | tuple[float, float]) -> str:
+def _interval_text(name: str, limit: float | tuple[float, float]) -> str:
     bounds = limit if isinstance(limit, tuple) else (-math.inf, limit)
     low, high = (display(name, bound)[0] for bound in bounds)
     return f"±{high:.4g}" if low == -high else interval(f"{low:.4g}", f"{high:.4g}")
 
 
-def _verdict(unobservable: bool, checks: list[Check]) -> str:
+def _verdict_text(unobservable: bool, checks: list[Check]) -> str:
     if unobservable:
         return say("cli.verdict_lost")
     if not checks:

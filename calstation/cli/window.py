@@ -25,7 +25,7 @@ def has_screen() -> bool:
         return True
     if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")):
         return False
-    # If a library or the screen is missing, Qt aborts its process without an exception, so try it in another process.
+    # If a library or the screen is missing, Qt aborts the process without an exception, so test it in another process.
     probed = "from PySide6.QtWidgets import QApplication; QApplication([])"
     try:
         probe = subprocess.run([sys.executable, "-c", probed], capture_output=True, timeout=60.0, check=False)

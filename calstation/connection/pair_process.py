@@ -156,6 +156,6 @@ def _serve(connection: "Connection[Any, Any]", request: RunRequest) -> None:
         with suppress(OSError):
             connection.send(CalstationError(error.code, **error.values))
     except Exception as error:
-        logger.exception("the watch ended by a mistake of the program")
+        logger.exception("the watch ended with a programming error")
         with suppress(OSError):
             connection.send(CalstationError("program.internal", detail=f"{type(error).__name__}: {error}"))

@@ -19,7 +19,7 @@ _POLL_INTERVAL = 0.1
 _MAX_MESSAGES = 1000
 
 #: Time allowed for a killed process to exit, host time, s.
-_KILLED_WITHIN = 5.0
+_KILL_TIMEOUT = 5.0
 
 
 @contextmanager
@@ -135,4 +135,4 @@ class ChildProcess(PipeReader):
         self.process.join(within)
         if self.process.is_alive():
             self.process.kill()
-            self.process.join(_KILLED_WITHIN)
+            self.process.join(_KILL_TIMEOUT)

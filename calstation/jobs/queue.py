@@ -39,7 +39,7 @@ logger = logging.getLogger(__name__)
 
 
 class ProgressCallback(Protocol):
-    """Called by a job to report its progress; raises an exception if the job should end."""
+    """Callback with which a job reports its progress; it raises an exception if the job must end."""
 
     def __call__(self, fraction: float, remaining_s: float | None = None, note: str = "") -> None:
         """Report the fraction done (0 to 1), the remaining time, s, if known, and the current activity."""
@@ -52,7 +52,7 @@ class Job:
         self._job_queue = job_queue
         self._call = call
         self._reported_remaining: float | None = None
-        self._reported_at = self._begun = 0.0
+        self._reported_at = self._started_at = 0.0
         self.cancellable = cancellable  #: False for a job that uses a device.
         self.state: State = "waiting"
         self.fraction = 0.0  #: Fraction done, 0 to 1.
@@ -75,8 +75,8 @@ class Job:
             return max(0.0, self._reported_remaining - (now - self._reported_at))
         if self.fraction < _ESTIMATE_FROM:
             return None
-        spent = self._reported_at - self._begun
-        return max(0.0, spent * (1.0 - self.fraction) / self.fraction - (now - self._reported_at))
+        elapsed = self._reported_at - self._started_at
+        return max(0.0, elapsed * (1.0 - self.fraction) / self.fraction - (now - self._reported_at))
 
     def poll(self) -> State:
         """Process messages from the worker and return the state; to be called from a timer."""
@@ -89,7 +89,7 @@ class Job:
 
     def _begin(self) -> None:
         self.state = "running"
-        self._begun = self._reported_at = time.monotonic()
+        self._started_at = self._reported_at = time.monotonic()
 
     def _progress(self, fraction: float, remaining: float | None, note: str) -> None:
         self.fraction = min(1.0, max(0.0, fraction))
@@ -115,7 +115,7 @@ class JobQueue:
         self._running: Job | None = None
         self._worker: ChildProcess | None = None
         self._ready = False
-        self._dying: list[BaseProcess] = []
+        self._killed: list[BaseProcess] = []
         self._closed = False
         self._start()
 
@@ -147,8 +147,8 @@ class JobQueue:
         """Process messages from the worker and send it the next job; never blocks."""
         if self._closed:
             return
-        self._dying = [process for process in self._dying if process.is_alive()]
-        self._take()
+        self._killed = [process for process in self._killed if process.is_alive()]
+        self._receive()
         if self._ready and self._running is None and self._worker is not None and not self._worker.process.is_alive():
             self._on_worker_exit()
         if self._waiting and self._worker is None:
@@ -185,10 +185,10 @@ class JobQueue:
         self._kill()
         self._closed = True
         deadline = time.monotonic() + _EXIT_TIMEOUT
-        for process in self._dying:
+        for process in self._killed:
             process.join(max(0.0, deadline - time.monotonic()))
 
-    def _take(self) -> None:
+    def _receive(self) -> None:
         while self._worker is not None:
             try:
                 message = self._worker.take()
@@ -245,7 +245,7 @@ class JobQueue:
         if self._worker is not None:
             self._worker.close()
             self._worker.process.kill()
-            self._dying.append(self._worker.process)
+            self._killed.append(self._worker.process)
         self._worker = self._running = None
         self._ready = False
 
@@ -277,13 +277,13 @@ def _run_job(connection: "Connection[Any, Any]", call: bytes) -> None:
     try:
         work, args, kwargs = pickle.loads(call)
         result = work(_progress_of(connection), *args, **kwargs)
-        answer = bytes(ForkingPickler.dumps(("done", result)))
+        message = bytes(ForkingPickler.dumps(("done", result)))
     except CalstationError as error:
-        answer = bytes(ForkingPickler.dumps(("failed", CalstationError(error.code, **error.values))))
+        message = bytes(ForkingPickler.dumps(("failed", CalstationError(error.code, **error.values))))
     except Exception as error:  # reported to the owner in the parent process
-        logger.exception("a job ended by a mistake of the program")
-        answer = bytes(ForkingPickler.dumps(("failed", _internal(error))))
-    connection.send_bytes(answer)
+        logger.exception("a job ended with a programming error")
+        message = bytes(ForkingPickler.dumps(("failed", _internal(error))))
+    connection.send_bytes(message)
 
 
 def _internal(error: BaseException) -> CalstationError:

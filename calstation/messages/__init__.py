@@ -3,17 +3,19 @@
 from calstation.messages import rendering
 from calstation.messages.catalogue import entry, known
 from calstation.messages.finding import Finding, Report
-from calstation.messages.progress import event_text, short_step_text, step_text
 from calstation.messages.rendering import (
     Language,
     Rendered,
     Text,
     Value,
+    event_text,
     local_time,
     os_reason,
     parameter_name,
     render,
     sentence,
+    short_step_text,
+    step_text,
     term,
     values_from_json,
     values_to_json,

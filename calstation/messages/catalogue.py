@@ -20,8 +20,8 @@ class Entry:
     """One message of the catalogue."""
 
     code: str  #: Family and name, such as ``modbus.no_answer``.
-    text: str  #: What happened, with the names of its values in braces.
-    remedy: str = ""  #: What to do; may be empty.
+    text: str  #: Sentence that says what happened, with the names of values in braces.
+    remedy: str = ""  #: Sentence that says what to do; may be empty.
     window: str = ""  #: Remedy in the window if it differs from the command line's; otherwise empty.
     zh: str = ""  #: Text in Chinese.
     zh_remedy: str = ""  #: Remedy in Chinese, as shown in the window.
@@ -64,8 +64,8 @@ def family(name: str) -> dict[str, Entry]:
     entries = {}
     for key, value in (item for texts in (tables, *(m.get(name, {}) for m in _methods())) for item in texts.items()):
         code = f"{name}.{key}"
-        given = {"text": value[0], "zh": value[1]} if isinstance(value, list) else value
-        entries[code] = Entry(code=code, **{**defaults, **given})
+        fields = {"text": value[0], "zh": value[1]} if isinstance(value, list) else value
+        entries[code] = Entry(code=code, **{**defaults, **fields})
     return entries
 
 

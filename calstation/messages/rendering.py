@@ -70,7 +70,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Rendered:
-    """A message in one language: location of the cause (may be empty), what happened, and what to do (may be empty)."""
+    """A message in one language: location of the cause or "", what happened, and the remedy or ""."""
 
     source: str
     text: str
@@ -93,14 +93,14 @@ def render(code: str, values: Mapping[str, Value], language: Language = "en", *,
 
     With `window`, remedies may refer to elements of the window, such as buttons; in Chinese they always do.
     """
-    found = entry(code)
+    message = entry(code)
     options = {name: values[name] for name in COMMAND_OPTIONS if name in values}
     form = _Formatter(language, window, options)
-    source = term("source", found.source.format(**values), language) if found.source else ""
-    if language == "zh_CN" and found.zh:
-        text, remedy = found.zh, found.zh_remedy
+    source = term("source", message.source.format(**values), language) if message.source else ""
+    if language == "zh_CN" and message.zh:
+        text, remedy = message.zh, message.zh_remedy
     else:
-        text, remedy = found.text, found.window if window and found.window else found.remedy
+        text, remedy = message.text, message.window if window and message.window else message.remedy
     return Rendered(source, form.vformat(text, (), values), form.vformat(remedy, (), values), language)
 
 
@@ -110,7 +110,7 @@ def sentence(message: Text, language: Language = "en", *, window: bool = False) 
 
 
 def joined(text: str, remedy: str, language: Language) -> str:
-    """Join what happened and what to do, with a full stop between them if the text ends with a reason or a name."""
+    """Join a text and its remedy, with a full stop between them if the text does not end with one."""
     if not remedy:
         return text
     stop = "" if text.endswith(_ENDS) else "。" if language == "zh_CN" else "."
@@ -121,6 +121,37 @@ def term(family: str, name: str, language: Language = "en", **values: Value) -> 
     """Return a term of a family, such as the stage ``rate``; underscores in an unknown name become spaces."""
     code = f"{family}.{name}"
     return render(code, values, language).text if known(code) else str(name).replace("_", " ")
+
+
+def event_text(event_id: str, values: Mapping[str, Value]) -> Text:
+    """Return the message of a progress event; an unknown id is shown with its values."""
+    code = f"event.{event_id}"
+    if known(code):
+        return Text(code, values)
+    details = ", ".join(f"{name} {value}" for name, value in values.items())
+    return Text.of("event.other", words=f"{event_id.replace('_', ' ')}{': ' if details else ''}{details}")
+
+
+def step_text(kind: str, label: tuple[str | float, ...]) -> Text:
+    """Return the description of a step from its kind (``move``, ``dwell``, ``carry``) and the label set by its plan."""
+    if kind == "dwell":
+        return Text("step.dwell")
+    if not label:
+        return Text("step.move")
+    if known(f"step.{label[0]}"):
+        return _labelled("step", label)
+    words = " ".join(f"{part:g}" if isinstance(part, float | int) else part.replace("_", " ") for part in label)
+    return Text.of("step.other", words=words)
+
+
+def short_step_text(label: tuple[str | float, ...]) -> Text:
+    """Return a short description of a move from its label, or else the result of `step_text`."""
+    return _labelled("step_short", label) if known(f"step_short.{label[0]}") else step_text("move", label)
+
+
+def _labelled(family: str, label: tuple[str | float, ...]) -> Text:
+    name, *values = label
+    return Text(f"{family}.{name}", dict(zip(entry(f"step.{name}").values, values, strict=False)))
 
 
 def local_time(utc: str, *, zone: bool = False) -> str:
@@ -192,8 +223,8 @@ class _Formatter(string.Formatter):
             text = render(value.code, values, self._language, window=self._window)
             return text.remedy if format_spec == "remedy" else text.text
         if isinstance(value, list | tuple):
-            between = "、" if self._language == "zh_CN" else ", "
-            return between.join(self.format_field(item, format_spec) for item in value) or "–"
+            separator = "、" if self._language == "zh_CN" else ", "
+            return separator.join(self.format_field(item, format_spec) for item in value) or "–"
         if format_spec == "local_time":
             return local_time(str(value), zone=True)
         if format_spec == "parameter":
@@ -202,8 +233,8 @@ class _Formatter(string.Formatter):
             return term(format_spec[1:], str(value), self._language)
         if value is None:
             return "–"
-        shown = str(super().format_field(value, format_spec))
-        return with_minus(shown) if self._window and isinstance(value, float | int) else shown
+        text_of_value = str(super().format_field(value, format_spec))
+        return with_minus(text_of_value) if self._window and isinstance(value, float | int) else text_of_value
 
 
 def _to_json(value: Value) -> Any:

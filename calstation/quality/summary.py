@@ -168,8 +168,10 @@ class QualitySummary:
     product: str | None  #: The selected product; None for all.
     yields: Yields
     parameters: tuple[ParameterQuality, ...]  #: One value per unit.
-    serial: str | None  #: The golden unit, which `yields` and `parameters` exclude; None without one.
-    golden: tuple[ParameterQuality, ...]  #: All runs of the golden unit.
+    serial: (
+        str | None
+    )  #: Unit that is charted individually and excluded from `yields` and `parameters`; None without one.
+    single_unit: tuple[ParameterQuality, ...]  #: All runs of the unit `serial`.
 
     def to_json(self) -> dict[str, Any]:
         """Return all values in SI as JSON data."""
@@ -189,7 +191,7 @@ class QualitySummary:
             "parameters": [each.to_json() for each in self.parameters],
             "golden": None
             if self.serial is None
-            else {"serial": self.serial, "parameters": [each.to_json() for each in self.golden]},
+            else {"serial": self.serial, "parameters": [each.to_json() for each in self.single_unit]},
         }
 
 
@@ -210,15 +212,15 @@ def summarise_quality(
     folder : folder of the runs, whose index is up to date, see `calstation.results.refresh_history`
     product : product file, whose limits apply; by default all products, with the limits of the product files with their
         names
-    serial : golden unit, whose runs are charted individually. The yield and the other charts, which use the last run of
-        each unit, exclude its runs and the runs of check standards according to their results or to a current product
-        file.
+    serial : unit, such as a check standard, whose runs are charted individually. The yield and the other charts, which
+        use the last run of each unit, exclude its runs and the runs of check standards according to their results or to
+        a current product file.
     parameter : parameter that is charted; by default all
     since : earliest start of the runs
     relative : whether to chart deviations in standard deviations, for runs of several schedules; then there is no
         capability. For all units it is (x - mean) / sqrt(sigma² + tau²), with each run's own sigma, and mean and tau of
-        the random effects model of the baseline. For a golden unit with a reference it is (x - reference) / sqrt(sigma²
-        + sigma_ref² + change²), in which the unit's expected change is taken from its IMU profile.
+        the random effects model of the baseline. For a single unit with reference values it is (x - reference) /
+        sqrt(sigma² + sigma_ref² + change²), in which the unit's expected change is taken from its IMU profile.
 
     Raises
     ------
@@ -233,21 +235,23 @@ def summarise_quality(
     yields = count_yields(runs, start, standards)
     report(0.4)
     parameters: list[ParameterQuality] = []
-    golden: list[ParameterQuality] = []
+    single_unit: list[ParameterQuality] = []
     names = sorted({name for name in runs.products.values if name is not None})
     in_period = runs.started >= start
-    production, golden_runs = production_runs(runs, standards), judged_runs(runs)
+    production, unit_runs = production_runs(runs, standards), judged_runs(runs)
     production = production[in_period[production]]
-    golden_runs = golden_runs[(in_period & runs.serials.among(() if serial is None else (serial,)))[golden_runs]]
+    unit_runs = unit_runs[(in_period & runs.serials.among(() if serial is None else (serial,)))[unit_runs]]
     for done, name in enumerate(names):
         of_product, config = runs.products.among((name,)), limits.get(name)
         units = last_of_each_unit(runs, production[of_product[production]])
-        golden_rows = golden_runs[of_product[golden_runs]]
+        unit_rows = unit_runs[of_product[unit_runs]]
         parameters += _charts(runs, name, units, parameter, None if relative else config, relative=relative)
-        reference = None if config is None else _Reference.of(config, serial, runs.started[golden_rows])
-        golden += _charts(runs, name, golden_rows, parameter, None, relative=relative, reference=reference)
+        reference = None if config is None else _Reference.of(config, serial, runs.started[unit_rows])
+        single_unit += _charts(runs, name, unit_rows, parameter, None, relative=relative, reference=reference)
         report(0.4 + 0.6 * (done + 1) / len(names))
-    return QualitySummary(None if chosen is None else chosen.name, yields, tuple(parameters), serial, tuple(golden))
+    return QualitySummary(
+        None if chosen is None else chosen.name, yields, tuple(parameters), serial, tuple(single_unit)
+    )
 
 
 def limit_interval(product: ProductConfig, parameter: str) -> tuple[float, float] | None:

@@ -8,7 +8,7 @@ from calstation.registers.interrupted import UnverifiedTransfer, recover_interru
 from calstation.registers.journal import Purpose, Transfer, journal_folder
 from calstation.registers.operation import moves_table, run_operation
 from calstation.registers.preconditions import check_flash, check_interrupted
-from calstation.registers.unit_registers import Register, TargetRegisters, UnitRegisters, read_unit, wanted_registers
+from calstation.registers.unit_registers import Register, TargetRegisters, UnitRegisters, read_unit, target_registers
 from calstation.registers.verification import (
     AppliedRegisters,
     close_checked,

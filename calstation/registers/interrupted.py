@@ -1,4 +1,4 @@
-"""Recovery of interrupted transfers: finds them at the next start, and finishes or restores them as decided."""
+"""Recovery of interrupted transfers, which are finished or restored at the next start as a person has decided."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,14 +24,14 @@ class UnverifiedTransfer:
 
     setup: RunConfiguration
     imu: Imu
-    done: Transferred
+    transferred: Transferred
     on_verified: Callable[[], None]
     open: bool = True
 
     def verify_output(self, data: VerificationData, run_in_background: RunInBackground) -> None:
         """Verify the output; if it is wrong, restore the old registers and raise DeviceFaultError."""
         self.open = False
-        finish_verification(self.setup, self.imu, self.done, data, run_in_background)
+        finish_verification(self.setup, self.imu, self.transferred, data, run_in_background)
         self.on_verified()
 
 
@@ -41,8 +41,8 @@ def recover_interrupted(
     """Recover an interrupted transfer to the unit before a run.
 
     If the unit still has its old registers, this is reported and nothing is changed. Otherwise `unfinished` in the
-    request specifies what to do; without it the run is refused and the options are reported. New registers are verified
-    later, when the run's table is ready; on a manual rig they are verified here, at rest.
+    request specifies whether to finish or to restore; without it, the options are reported and the run is refused. New
+    registers are verified later, when the run's table is ready, or immediately, at rest, on a manual rig.
 
     Raises DeviceFaultError if no decision was made, the output is wrong, or the link failed.
     """
@@ -54,27 +54,27 @@ def recover_interrupted(
     check_unit_model(entry, identity.model)
     registers = setup.register_map
     holds = recognise(imu, entry, registers)
-    about = {"serial": entry.serial, "holds": holds, "utc": entry.utc, "by": entry.by, "why": entry.why}
+    values = {"serial": entry.serial, "holds": holds, "utc": entry.utc, "by": entry.by, "why": entry.why}
     if holds is Holds.OLD:
         entry.close(Closing.KEPT)
         imu.start()
-        emit(Message("transfer_kept", about))
+        emit(Message("transfer_kept", values))
         return None
     if request.unfinished is None:
-        emit(Message("transfer_open", {**about, "offers": list(DECISIONS)}))
+        emit(Message("transfer_open", {**values, "offers": list(DECISIONS)}))
         raise undecided(entry, holds)
 
     def report() -> None:
-        emit(Message("transfer_settled", {**about, "closing": str(entry.closing)}))
+        emit(Message("transfer_settled", {**values, "closing": str(entry.closing)}))
 
     unverified = None
     if request.unfinished == "restore":
         restore(imu, registers, entry)
         report()
     elif setup.by_hand:
-        done = finish(imu, registers, entry)
+        transferred = finish(imu, registers, entry)
         session = ImuSession(imu, imu.identify(), devices.clock)
-        finish_verification(setup, imu, done, capture_rest(session, setup, check_cancelled))
+        finish_verification(setup, imu, transferred, capture_rest(session, setup, check_cancelled))
         report()
     else:
         table.identify()

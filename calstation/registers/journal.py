@@ -1,7 +1,7 @@
 """The journal of each unit's registers: the intended values of every transfer, its time, its author and its progress.
 
-There is one chained file per serial number, with a line for every event, each on disk before the announced action. If
-the journal is damaged, the unit is refused, because the written values are then unknown.
+There is one chained file per serial number, with a line for every event. The line of an action is on disk before the
+action begins. A unit with a damaged journal is refused, because its register values are unknown.
 
 The journals of hardware units are in the site's own folder, regardless of the folder of a run: flash cycles and
 interrupted transfers belong to the unit. The journals of virtual units are in the folder of their runs.
@@ -31,7 +31,7 @@ FOLDER = "registers"
 
 _SUFFIX = ".jsonl"
 
-#: Keys of a register entry that do not affect the meaning of its content.
+#: Keys of a register entry that do not change the meaning of its content.
 _WITHOUT_MEANING = {"tolerance", "range"}
 
 
@@ -140,14 +140,14 @@ class Transfer:
 
 
 def journal_folder(station: StationConfig, runs: Path) -> Path:
-    """Return the folder whose `FOLDER` has a station's journals: `runs` for a virtual bench, else the site's folder."""
+    """Return the folder of a station that contains `FOLDER`: `runs` for a virtual bench, else the site's folder."""
     return runs if station.bench is not None else site_folder()
 
 
 def begin(folder: Path, serial: str, old: Mapping[str, float], new: Mapping[str, float], purpose: Purpose) -> Transfer:
-    """Record an intended transfer, SI by parameter, in the journal in `journal_folder`. Raises ConfigurationError.
+    """Record an intended transfer, SI by parameter, in the journal in `journal_folder`, and return it.
 
-    The error means that the journal is damaged or cannot be written; otherwise the record is on disk.
+    Raises ConfigurationError if the journal is damaged or cannot be written; otherwise the record is on disk.
     """
     history(folder, serial)
     ident = f"{datetime.now(UTC):%Y%m%dT%H%M%S%f}-{secrets.token_hex(3)}"

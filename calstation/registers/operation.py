@@ -64,10 +64,10 @@ from calstation.sequencer import (
     unit_task,
 )
 
-#: Function that processes the operator's commands; it raises StopRequested if a stop is requested.
+#: Function that processes commands of the operator and raises StopRequested after a stop command.
 CheckCancelled = Callable[[], None]
 
-_PROOFS = {Step.TURNED: "turn", Step.AT_REST: "rest"}
+_VERIFIED_BY = {Step.TURNED: "turn", Step.AT_REST: "rest"}
 
 
 def moves_table(operation: RegisterOperation) -> bool:
@@ -80,22 +80,25 @@ def moves_table(operation: RegisterOperation) -> bool:
 def run_operation(operation: RegisterOperation, emit: Emit, control: Control) -> None:
     """Execute a register operation; its last event is `Settled`, or the `Fault` that ended it.
 
-    If the output with the new registers is wrong, the old ones are restored. After a stop or a table fault that follows
-    the write, the new registers stay written and their transfer stays open: the next start offers to finish or to
-    restore it.
+    If the output with the new registers is wrong, the old ones are restored. After a stop or a table fault later
+    than the write, the unit keeps the new registers and their transfer stays open; the next start offers to finish or
+    to restore it.
 
-    Raises InputError if there is nothing to finish or the journal does not contain the transfer; ConfigurationError if
-    the journal or the audit trail cannot be written (the unit is then unchanged), or the product requires a second
-    engineer but none confirmed; DeviceFaultError if another unit is connected, an earlier transfer is open, a value is
-    out of range, or the link fails.
+    Raises
+    ------
+    InputError : if there is nothing to finish, or the journal does not contain the transfer
+    ConfigurationError : if the journal or the audit trail cannot be written, after which the unit is unchanged, or if a
+        second engineer required by the product has not confirmed the operation
+    DeviceFaultError : if another unit is connected, an earlier transfer is open, a value is out of range, or the link
+        fails
     """
-    work = _ActiveOperation.of(operation, load_configuration(operation.request), emit)
-    _audit(operation, work.setup)
+    active = _ActiveOperation.of(operation, load_configuration(operation.request), emit)
+    _audit(operation, active.setup)
     try:
-        if operation.at_rest or work.setup.by_hand:
-            settled: Settled | None = _at_rest(work, control.check_cancelled)
+        if operation.at_rest or active.setup.by_hand:
+            settled: Settled | None = _run_at_rest(active, control.check_cancelled)
         else:
-            settled = _with_turns(work, control, control.check_cancelled)
+            settled = _run_with_turns(active, control, control.check_cancelled)
     except StopRequested:
         settled = Settled(operation.request.serial, "stopped", "")
     if settled is not None:
@@ -154,7 +157,7 @@ class _ActiveOperation:
             return cls(operation, setup, emit, entry, {}, "")
         if operation.what == "finish":
             raise InputError("transfer.nothing_to_finish", folder=str(folder), serial=serial)
-        earlier = _earlier(folder, serial, operation.transfer, hardware=setup.station.bench is None)
+        earlier = _find_earlier(folder, serial, operation.transfer, hardware=setup.station.bench is None)
         check_register_map(earlier, setup)
         check_product(earlier, setup)
         check_flash(setup, runs, emit)
@@ -165,7 +168,7 @@ class _ActiveOperation:
         """Whether the operation restores the old registers of an interrupted transfer."""
         return self.entry is not None and self.operation.what == "restore"
 
-    def unchanged(self, imu: Imu) -> Settled | None:
+    def settle_unchanged(self, imu: Imu) -> Settled | None:
         """Return the last event for a unit that still has its old registers; None if registers must be written.
 
         Raises DeviceFaultError for another unit, or for a unit with another open transfer.
@@ -179,7 +182,7 @@ class _ActiveOperation:
             check_no_interrupted(imu, self.setup, request.out)
         elif self.restoring and recognise(imu, self.entry, self.setup.register_map) is Holds.OLD:
             self.entry.close(Closing.KEPT)
-            return self._settled(self.entry.old, Closing.KEPT, "")
+            return self._settled_event(self.entry.old, Closing.KEPT, "")
         return None
 
     def write(self, imu: Imu) -> Transferred:
@@ -205,19 +208,25 @@ class _ActiveOperation:
             raise
 
     def verify(
-        self, imu: Imu, done: Transferred, data: VerificationData, run_in_background: RunInBackground | None = None
+        self,
+        imu: Imu,
+        transferred: Transferred,
+        data: VerificationData,
+        run_in_background: RunInBackground | None = None,
     ) -> Settled:
         """Verify the output and close the transfer. Raises DeviceFaultError if the output is wrong."""
         if self.restoring:
-            finish_restored(self.setup, done, data)
+            finish_restored(self.setup, transferred, data)
         else:
-            finish_verification(self.setup, imu, done, data, run_in_background)
-        proof = _PROOFS.get(verification_step(data), "read_back")
+            finish_verification(self.setup, imu, transferred, data, run_in_background)
+        proof = _VERIFIED_BY.get(verification_step(data), "read_back")
         message = "registers_read_back" if proof == "read_back" else "registers_proved"
-        self.emit(Message(message, {"count": len(done.registers_read), "proof": proof}))
-        return self._settled(done.registers_read, Closing.RESTORED if self.restoring else Closing.DONE, proof)
+        self.emit(Message(message, {"count": len(transferred.registers_read), "proof": proof}))
+        return self._settled_event(
+            transferred.registers_read, Closing.RESTORED if self.restoring else Closing.DONE, proof
+        )
 
-    def _settled(self, values: Mapping[str, float], closing: Closing, proof: str) -> Settled:
+    def _settled_event(self, values: Mapping[str, float], closing: Closing, proof: str) -> Settled:
         request = self.operation.request
         unit = unit_registers(self.setup, self.identity, values, request.out)
         return Settled(request.serial, str(closing), proof, unit.to_json())
@@ -229,34 +238,34 @@ class _ActiveOperation:
         return journal.begin(folder, request.serial, old, new, purpose)
 
 
-def _at_rest(work: _ActiveOperation, check_cancelled: CheckCancelled) -> Settled:
-    with open_imu_session(_unreported, work.setup, check_cancelled) as unit:
-        work.emit(StateChanged(State.PREPARING, State.IDLE))
-        unchanged = work.unchanged(unit.imu)
+def _run_at_rest(active: _ActiveOperation, check_cancelled: CheckCancelled) -> Settled:
+    with open_imu_session(_unreported, active.setup, check_cancelled) as unit:
+        active.emit(StateChanged(State.PREPARING, State.IDLE))
+        unchanged = active.settle_unchanged(unit.imu)
         if unchanged is not None:
             return unchanged
         check_cancelled()
-        work.emit(StateChanged(State.RUNNING, State.PREPARING))
-        work.emit(Message("registers_writing"))
-        done = work.write(unit.imu)
-        with work.verifying(check_cancelled):
-            data = capture_rest(unit, work.setup, check_cancelled)
-        return work.verify(unit.imu, done, data)
+        active.emit(StateChanged(State.RUNNING, State.PREPARING))
+        active.emit(Message("registers_writing"))
+        transferred = active.write(unit.imu)
+        with active.verifying(check_cancelled):
+            data = capture_rest(unit, active.setup, check_cancelled)
+        return active.verify(unit.imu, transferred, data)
 
 
-def _with_turns(work: _ActiveOperation, control: Control, check_cancelled: CheckCancelled) -> Settled | None:
+def _run_with_turns(active: _ActiveOperation, control: Control, check_cancelled: CheckCancelled) -> Settled | None:
     """Prepare the table, write, turn the unit, move to the load position; return None after an emitted fault."""
     settled: Settled | None = None
     with ExitStack() as stack:
         with _offering_at_rest():
-            devices = stack.enter_context(connected((work.setup,), check_cancelled))
+            devices = stack.enter_context(connected((active.setup,), check_cancelled))
         imu = devices.imu
-        unchanged = work.unchanged(imu)
+        unchanged = active.settle_unchanged(imu)
         if unchanged is not None:
             return unchanged
         imu.start()
         imu.read()  # discards earlier samples
-        drive = Driving(_context(work, devices, control))
+        drive = Driving(_context(active, devices, control))
 
         def write_and_turn() -> State:
             nonlocal settled
@@ -266,48 +275,50 @@ def _with_turns(work: _ActiveOperation, control: Control, check_cancelled: Check
                 drive.preflight()
                 drive.check_turns()
             drive.go(State.RUNNING)
-            if work.entry is None or corrected_output(work.setup) is Output.ASKED:
-                work.emit(Message("reference"))
+            if active.entry is None or corrected_output(active.setup) is Output.ASKED:
+                active.emit(Message("reference"))
                 with _offering_at_rest():
                     drive.reference(drive.units, tuple(drive.units))
             drive.control_loop.check_cancelled()
-            work.emit(Message("registers_writing"))
-            done = drive.run_in_background(lambda: work.write(imu))
-            with work.verifying(drive.control_loop.check_cancelled):
+            active.emit(Message("registers_writing"))
+            transferred = drive.run_in_background(lambda: active.write(imu))
+            with active.verifying(drive.control_loop.check_cancelled):
                 (data,) = drive.verification_data(drive.units).values()
-            settled = work.verify(imu, done, data, drive.run_in_background)
+            settled = active.verify(imu, transferred, data, drive.run_in_background)
             drive.finish()
             return State.DONE
 
         if drive.run(write_and_turn) is not None:
             return None
-    return settled or Settled(work.operation.request.serial, "stopped", "")
+    return settled or Settled(active.operation.request.serial, "stopped", "")
 
 
-def _context(work: _ActiveOperation, devices: Devices, control: Control) -> RunContext:
-    """Return a run without stages, log or solvers; the output is not checked before wrong registers are replaced."""
-    setup = work.setup
+def _context(active: _ActiveOperation, devices: Devices, control: Control) -> RunContext:
+    """Return a run without stages, log and solvers; the output is not checked before the registers are written."""
+    setup = active.setup
     unit = unit_task(setup)
     preflight = replace(unit.preflight, warm_up=0.0, warm_up_slope=None, output=not setup.after_registers)
     slot = Slot(devices.imu, replace(unit, preflight=preflight))
-    return RunContext(replace(table_task(setup), stages=()), devices.table, (slot,), devices.clock, work.emit, control)
+    return RunContext(
+        replace(table_task(setup), stages=()), devices.table, (slot,), devices.clock, active.emit, control
+    )
 
 
-def _earlier(folder: Path, serial: str, ident: str | None, *, hardware: bool) -> Transfer:
+def _find_earlier(folder: Path, serial: str, ident: str | None, *, hardware: bool) -> Transfer:
     """Return the transfer that replaced the registers to restore. Raises InputError."""
-    known = journal.history(folder, serial)
-    if not known:
+    transfers = journal.history(folder, serial)
+    if not transfers:
         code = "transfer.none_known" if hardware else "transfer.none_known_here"
         raise InputError(code, folder=str(folder), serial=serial)
-    matching = [transfer_ for transfer_ in known if ident in (None, transfer_.id)]
-    if not matching:
+    matches = [each for each in transfers if ident in (None, each.id)]
+    if not matches:
         raise InputError("transfer.unknown_id", folder=str(folder), serial=serial, id=ident)
-    return matching[-1]
+    return matches[-1]
 
 
 @contextmanager
 def _offering_at_rest() -> Iterator[None]:
-    """Add a note to table errors before the write that the operation is also possible without the table."""
+    """Extend errors of the table by a note that the operation is also possible at rest."""
     try:
         yield
     except CalstationError as error:

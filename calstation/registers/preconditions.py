@@ -15,7 +15,7 @@ from calstation.registers.journal import Transfer, journal_folder, map_digest
 from calstation.sequencer import Emit, Message
 
 #: Fraction of the flash cycles above which a warning is emitted.
-_NEAR = 0.9
+_WARN_ABOVE = 0.9
 
 
 def check_flash(setup: RunConfiguration, runs: Path, emit: Emit) -> None:
@@ -28,13 +28,13 @@ def check_flash(setup: RunConfiguration, runs: Path, emit: Emit) -> None:
     used, truncated = journal.cycles(folder, serial), journal.truncated(folder, serial)
     if truncated is not None:
         emit(Message("journal_torn", {"serial": serial, "file": str(truncated)}))
-    most = setup.imu.flash_cycles_max
-    if most is None or not setup.imu.registers:
+    limit = setup.imu.flash_cycles_max
+    if limit is None or not setup.imu.registers:
         return
-    if used >= most:
-        raise ConfigurationError("transfer.flash_worn", serial=serial, used=used, most=most, profile=setup.imu.name)
-    if used >= _NEAR * most:
-        emit(Message("flash_near", {"serial": serial, "used": used, "most": most}))
+    if used >= limit:
+        raise ConfigurationError("transfer.flash_worn", serial=serial, used=used, most=limit, profile=setup.imu.name)
+    if used >= _WARN_ABOVE * limit:
+        emit(Message("flash_near", {"serial": serial, "used": used, "most": limit}))
 
 
 def check_register_map(entry: Transfer, setup: RunConfiguration) -> None:
@@ -53,14 +53,14 @@ def check_register_map(entry: Transfer, setup: RunConfiguration) -> None:
 
 
 def check_product(entry: Transfer, setup: RunConfiguration) -> None:
-    """Check that a transfer was made with the product, which sets who confirms register writes. Raises InputError."""
+    """Raise InputError if a transfer was made with another product, which defines who confirms register writes."""
     recorded, product = entry.unit_type.product, setup.product.name
     if recorded and recorded != product:
         raise InputError("transfer.other_product", id=entry.id, serial=entry.serial, recorded=recorded, product=product)
 
 
 def check_unit_model(entry: Transfer, model: str) -> None:
-    """Raise DeviceFaultError if a transfer was to a different unit model than the connected unit's."""
+    """Raise DeviceFaultError if a transfer was made to another model than that of the connected unit."""
     recorded = entry.unit_type.model
     if recorded and recorded != model:
         raise DeviceFaultError("transfer.other_model", id=entry.id, serial=entry.serial, recorded=recorded, model=model)

@@ -45,18 +45,18 @@ class UnitRegisters:
         return {register.parameter: register.value for register in self.registers}
 
     def to_json(self) -> dict[str, Any]:
-        """Return the data for JSON."""
+        """Return the fields as JSON data."""
         return asdict(self)
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> "UnitRegisters":
-        """Convert the output of `to_json` back."""
+        """Restore the object from the data that `to_json` returned."""
         return cls(**{**data, "registers": tuple(Register(**row) for row in data["registers"])})
 
 
 @dataclass(frozen=True)
 class TargetRegisters:
-    """The registers that a result requires, that its run replaced, and that its run wrote and verified."""
+    """The registers that a result requires, those that its run replaced, and those that its run wrote and verified."""
 
     serial: str
     registers: tuple[Register, ...]
@@ -71,30 +71,35 @@ class TargetRegisters:
 
 
 def read_unit(progress: ProgressCallback, request: RunRequest, runs: Path) -> UnitRegisters:
-    """Read the registers of the unit in the fixture; write nothing. Raises DeviceFaultError or ConfigurationError."""
+    """Read the registers of the unit in the fixture. Raises DeviceFaultError or ConfigurationError."""
     setup = load_configuration(request)
     with open_imu_session(progress, setup) as unit:
         values = unit.imu.read_registers()
     return unit_registers(setup, unit.identity, values, runs)
 
 
-def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Result) -> TargetRegisters:
+def target_registers(progress: ProgressCallback, request: RunRequest, result: Result) -> TargetRegisters:
     """Return the registers that a result requires, with the encoding of its product's profile.
 
-    If its run wrote registers, these are returned, except for registers that it left unchanged. A result estimated from
-    output corrected by registers is combined with the registers in its log.
+    If its run wrote registers, they are returned, except those that it did not change. If the unit applied registers to
+    its output, the result is combined with the registers in the log.
 
-    Raises InputError if the log is needed but missing, the result has another IMU profile or product, or it was solved
-    for its parameters only or with states added for a trial.
+    Raises InputError if a required log is missing, if IMU profile or product differ from those of the result, or if the
+    result was not tested or contains states added for a trial.
     """
     if not result.tested:
         raise InputError("transfer.result_untested")
     if result.states_added:
         raise InputError("transfer.result_of_trial", states=", ".join(result.states_added))
     setup = load_configuration(request)
-    used, profile = result.configuration.get("imu"), setup.sources["imu"].section.name
-    if used is not None and used.name != profile:
-        names = {"profile": used.name, "product": setup.product.name, "own": profile, "result_product": result.product}
+    imu_file, profile = result.configuration.get("imu"), setup.sources["imu"].section.name
+    if imu_file is not None and imu_file.name != profile:
+        names = {
+            "profile": imu_file.name,
+            "product": setup.product.name,
+            "own": profile,
+            "result_product": result.product,
+        }
         raise InputError("transfer.result_other_profile", **names)
     if result.product and result.product != setup.product.name:
         raise InputError("transfer.result_other_product", product=setup.product.name, result_product=result.product)
@@ -108,12 +113,12 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
         estimates = compose(open_log(log).meta.registers, estimates)
     progress(0.5)
     entries = setup.register_map
-    named = [name for name in entries.parameters if name in estimates]
-    complete = dict.fromkeys(entries.parameters, 0.0) | {name: estimates[name] for name in named}
-    rounded = written or entries.rounded(complete)
+    known = [name for name in entries.parameters if name in estimates]
+    complete = dict.fromkeys(entries.parameters, 0.0) | {name: estimates[name] for name in known}
+    values = written or entries.rounded(complete)
     return TargetRegisters(
         result.serial,
-        _rows(entries, {name: rounded[name] for name in named}),
+        _rows(entries, {name: values[name] for name in known}),
         _rows(entries, registers.old),
         _rows(entries, written or {}),
         (registers.written_utc or "") if written else "",

@@ -1,7 +1,7 @@
 """Verification of a unit's output after its registers were written, against their definition and known references.
 
-Rests and turns are compared with identical ones captured without the registers (`compare`). The reference is the raw
-output (or the output with other registers) of the same unit in the same orientations, corrected by the written
+Rests and turns are compared with the same rests and turns captured without the registers (`compare`). The reference is
+the raw output (or the output with other registers) of the same unit in the same orientations, corrected by the written
 parameters. Mounting, table orientation and encoder errors are common to both and cancel, as does the uncertainty of the
 parameters. Only noise and the repeatability of the table remain.
 
@@ -53,7 +53,7 @@ DRIFT_SIGMAS = 4.0
 #: Allowed drift of a bias since its estimation, in bias instabilities.
 DRIFT = 3.0
 
-#: Maximum change of a gyro's scale factor between the rate of its calibration and the rate of the turns.
+#: Maximum change of a gyro's scale factor from the rate of its calibration to the rate of the turns.
 _NONLINEARITY = 5e-4
 
 #: Maximum cosine of the angle between the specific forces of two opposite rests.
@@ -85,16 +85,16 @@ class VerificationCheck:
 
 @dataclass(frozen=True)
 class AppliedRegisters:
-    """Registers of the unit, and those applied in the reference (None for raw output), by parameter, SI."""
+    """Current registers of the unit, and those applied to the reference (None for raw output), by parameter, SI."""
 
-    held: Mapping[str, float]
-    before: Mapping[str, float] | None = None
+    current: Mapping[str, float]
+    reference: Mapping[str, float] | None = None
 
 
 def finish_verification(
     setup: RunConfiguration,
     imu: Imu,
-    done: Transferred,
+    transferred: Transferred,
     data: VerificationData,
     run_in_background: RunInBackground | None = None,
 ) -> None:
@@ -103,18 +103,18 @@ def finish_verification(
     `run_in_background` runs a function while the table's watchdog is fed; None if no table moves.
     """
     run: RunInBackground = run_in_background or (lambda work: work())
-    checks = _prior_checks(setup, done, data, restored=False)
-    run(lambda: close_checked(imu, setup.register_map, done.entry, checks, data))
+    checks = _prior_checks(setup, transferred, data, restored=False)
+    run(lambda: close_checked(imu, setup.register_map, transferred.entry, checks, data))
 
 
-def finish_restored(setup: RunConfiguration, done: Transferred, data: VerificationData) -> None:
+def finish_restored(setup: RunConfiguration, transferred: Transferred, data: VerificationData) -> None:
     """Close the transfer of restored registers. Raises DeviceFaultError afterwards if the output is wrong."""
-    entry = done.entry
-    wrong = [check for check in _prior_checks(setup, done, data, restored=True) if not check.passed]
-    entry.note(Step.REFUTED if wrong else verification_step(data))
+    entry = transferred.entry
+    failed = [check for check in _prior_checks(setup, transferred, data, restored=True) if not check.passed]
+    entry.note(Step.REFUTED if failed else verification_step(data))
     entry.close(Closing.RESTORED)
-    if wrong:
-        raise _check_error("verification.old_wrong", wrong[0])
+    if failed:
+        raise _check_error("verification.old_wrong", failed[0])
 
 
 def close_checked(
@@ -123,19 +123,19 @@ def close_checked(
     entry: Entry,
     checks: Sequence[VerificationCheck],
     data: VerificationData,
-    on_restored: Callable[[Mapping[str, float]], None] = lambda found: None,
+    on_restored: Callable[[Mapping[str, float]], None] = lambda values: None,
 ) -> None:
     """Close the transfer if all `checks` of the unit's output passed.
 
     Otherwise restore the old registers, pass those read back to `on_restored`, SI, and raise DeviceFaultError.
     """
-    wrong = next((check for check in checks if not check.passed), None)
-    entry.note(verification_step(data) if wrong is None else Step.REFUTED)
-    if wrong is None:
+    failed = next((check for check in checks if not check.passed), None)
+    entry.note(verification_step(data) if failed is None else Step.REFUTED)
+    if failed is None:
         entry.close(Closing.DONE)
         return
     on_restored(restore(imu, registers, entry))
-    raise _check_error("verification.differs" if wrong.name in _DIFFERENCES else "verification.wrong", wrong)
+    raise _check_error("verification.differs" if failed.name in _DIFFERENCES else "verification.wrong", failed)
 
 
 def verification_step(data: VerificationData) -> Step:
@@ -157,11 +157,11 @@ def _check_error(code: str, check: VerificationCheck) -> DeviceFaultError:
 
 
 def _prior_checks(
-    setup: RunConfiguration, done: Transferred, data: VerificationData, *, restored: bool
+    setup: RunConfiguration, transferred: Transferred, data: VerificationData, *, restored: bool
 ) -> tuple[VerificationCheck, ...]:
-    """Check the output without an estimate from a run; the tolerances allow for any unit of the type."""
+    """Check the output without an estimate of a run, with tolerances for all units of the type."""
     meta = setup.log_meta()
-    entry = done.entry
+    entry = transferred.entry
     registers = AppliedRegisters(entry.old if restored else entry.new, entry.old if setup.after_registers else None)
     prior = prior_from_meta(meta).covariance
     return verify_output(data, registers, prior, context_from_meta(meta), setup.repeatability)
@@ -178,17 +178,22 @@ def verify_output(
 ) -> tuple[VerificationCheck, ...]:
     """Compare a unit's corrected output with its expected values.
 
+    Parameters
+    ----------
+    data : captured rests and turns of the unit
+    registers : registers of the unit and of the reference
     covariance : covariance of the parameters in the registers, SI, shape (30, 30)
+    context : site, IMU and table
     repeatability : repeatability of the table's positions, rad, one sigma
     joints : `value` and `sigma` of each gyro misalignment relative to a gimbal's joint axes, if a run has measured them
     effects : sizes of known effects without a register, SI by parameter
     """
     if data.drifts:
-        return tuple(_drift(drift, registers, covariance, context, joints) for drift in data.drifts)
+        return tuple(_check_drift(drift, registers, covariance, context, joints) for drift in data.drifts)
     checks: list[VerificationCheck] = []
     if data.reference is not None:
         checks += compare(data, data.reference, registers, context, repeatability)
-    applied = {} if data.corrected else registers.held
+    applied = {} if data.corrected else registers.current
     correction = compensation(parameter_vector(applied))
     omega, force = _compensated(np.array(data.rests), {**applied, **effects})
     site, imu, seconds = context.site, context.imu, data.seconds
@@ -199,21 +204,21 @@ def verify_output(
         checks.append(VerificationCheck("gravity", float(np.linalg.norm(f)), gravity, tolerance, "m/s²"))
         tolerance = _tolerance(covariance, "gyro", w, noises[1], imu.gyro_bias_instability)
         checks.append(VerificationCheck("earth_rate", float(np.linalg.norm(w)), RATE, tolerance, "rad/s"))
-    pair = _opposite(force)
+    pair = _opposite_rests(force)
     if pair is not None:
-        checks.append(_earth_rate_up(omega[pair], force[pair], covariance, context, noises[1]))
+        checks.append(_check_earth_rate_up(omega[pair], force[pair], covariance, context, noises[1]))
     for turned in data.turns:
         mean, _ = compensate(correction, (turned.angle / turned.seconds)[None], np.zeros((1, 3)))
         net = (mean[0] - omega[turned.turn.still]) * turned.seconds
-        checks.append(_turn(turned, net, covariance, context, repeatability, noises[1]))
+        checks.append(_check_turn(turned, net, covariance, context, repeatability, noises[1]))
     if len(data.carried):
         turning, _ = compensate(correction, data.carried[:, :3], data.carried[:, 3:])
-        checks.append(_carried_turn(turning * data.period, force, covariance, context))
+        checks.append(_check_carried_turn(turning * data.period, force, covariance, context))
     return tuple(checks)
 
 
-def _drift(
-    turned: TurnDrift,
+def _check_drift(
+    turn_drift: TurnDrift,
     registers: AppliedRegisters,
     covariance: FloatArray,
     context: SolveContext,
@@ -223,18 +228,18 @@ def _drift(
 
     The mounting of the unit affects the registers and their covariance, but not the drift.
     """
-    noise, J, axis = filter_noise(context), turned.matrix, AXES[turned.axis]
+    noise, J, axis = filter_noise(context), turn_drift.matrix, AXES[turn_drift.axis]
     names = [f"gyro_misalign_{a}{axis}" for a in AXES if a != axis]
     rows = [INDEX[name] for name in names]
-    known, expected = covariance[np.ix_(rows, rows)], np.zeros(2)
+    misalignment, expected = covariance[np.ix_(rows, rows)], np.zeros(2)
     if joints is not None:
-        known = np.diag([joints[name]["sigma"] ** 2 for name in names])
-        expected = -J @ [joints[name]["value"] - registers.held[name] for name in names]
-    random = noise.rate * (turned.seconds + 1.2 * turned.seconds**2 / turned.rest)
+        misalignment = np.diag([joints[name]["sigma"] ** 2 for name in names])
+        expected = -J @ [joints[name]["value"] - registers.current[name] for name in names]
+    random = noise.rate * (turn_drift.seconds + 1.2 * turn_drift.seconds**2 / turn_drift.rest)
     random += 2.0 * context.table.encoder_sigma**2
-    scatter = J @ known @ J.T + random * np.eye(2)
+    scatter = J @ misalignment @ J.T + random * np.eye(2)
     tolerance = DRIFT_SIGMAS * float(np.sqrt(np.linalg.eigvalsh(scatter)[-1]))
-    difference = float(np.linalg.norm(turned.drift - expected))
+    difference = float(np.linalg.norm(turn_drift.drift - expected))
     return VerificationCheck(f"gimbal_drift_{axis}", difference, 0.0, tolerance, "rad")
 
 
@@ -246,10 +251,10 @@ def compare(
     repeatability: float,
 ) -> tuple[VerificationCheck, ...]:
     """Compare each rest and turn of a unit's output with a reference; `repeatability` is the table's, rad."""
-    expected = _expected(np.array(reference.rests), registers)
+    expected = _expected_rests(np.array(reference.rests), registers)
     imu, count = context.imu, len(expected)
-    seen = np.array(data.rests[:count])
-    difference = seen - expected
+    measured = np.array(data.rests[:count])
+    difference = measured - expected
     rate_noise = 2.0 * _rate_noise(imu, data.seconds) ** 2 * np.eye(3)
     force_noise = [_force_scatter(here[3:], data.seconds, context, repeatability) for here in expected]
     rate_drift, force_drift = (
@@ -262,33 +267,35 @@ def compare(
         *((deviation, rate_noise, noise) for deviation, noise in zip(difference, force_noise, strict=True)),
         (difference.mean(axis=0), rate_noise / count, np.sum(force_noise, axis=0) / count**2),
     ):
-        checks.append(_difference("force_difference", deviation[3:], force + force_drift, "m/s²"))
-        checks.append(_difference("rate_difference", deviation[:3], rate + rate_drift, "rad/s"))
-    for own_turn, before in zip(data.turns, reference.turns, strict=True):
-        mean = _expected((before.integral / before.seconds)[None], registers)[0]
-        there = _net(before, mean[:3] * before.seconds, expected)
-        difference = _net(own_turn, own_turn.angle, seen) - there
-        scatter = _turn_scatter(there, (before.seconds, data.seconds), imu, repeatability)
+        checks.append(_check_difference("force_difference", deviation[3:], force + force_drift, "m/s²"))
+        checks.append(_check_difference("rate_difference", deviation[:3], rate + rate_drift, "rad/s"))
+    for turn, reference_turn in zip(data.turns, reference.turns, strict=True):
+        mean = _expected_rests((reference_turn.integral / reference_turn.seconds)[None], registers)[0]
+        expected_turn = _net_turn(reference_turn, mean[:3] * reference_turn.seconds, expected)
+        difference = _net_turn(turn, turn.angle, measured) - expected_turn
+        scatter = _turn_scatter(expected_turn, (reference_turn.seconds, data.seconds), imu, repeatability)
         # Earth rate accumulates if one turn takes longer than the other.
-        more = 2.0 * RATE * abs(own_turn.seconds - before.seconds)
-        checks.append(_difference("turn_difference", difference, scatter, "rad", more))
+        margin = 2.0 * RATE * abs(turn.seconds - reference_turn.seconds)
+        checks.append(_check_difference("turn_difference", difference, scatter, "rad", margin))
     return tuple(checks)
 
 
-def without_register(posterior: Posterior, held: Mapping[str, float]) -> FloatArray:
-    """Return the covariance of a posterior, shape (30, 30), increased for parameters without a register in `held`."""
-    unregistered = np.array([0.0 if name in held else value for name, value in zip(NAMES, posterior.mean, strict=True)])
+def without_register(posterior: Posterior, registers: Mapping[str, float]) -> FloatArray:
+    """Return the covariance of a posterior, shape (30, 30), increased for parameters that are not in `registers`."""
+    unregistered = np.array(
+        [0.0 if name in registers else value for name, value in zip(NAMES, posterior.mean, strict=True)]
+    )
     return np.asarray(posterior.covariance + np.diag(unregistered**2))
 
 
-def _opposite(force: FloatArray) -> list[int] | None:
+def _opposite_rests(force: FloatArray) -> list[int] | None:
     up = force / np.linalg.norm(force, axis=1, keepdims=True)
     cosines = up @ up.T
     first, second = np.unravel_index(int(np.argmin(cosines)), cosines.shape)
     return [int(first), int(second)] if cosines[first, second] < _OPPOSITE else None
 
 
-def _earth_rate_up(
+def _check_earth_rate_up(
     omega: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext, noise: float
 ) -> VerificationCheck:
     """Check the vertical earth rate from two opposite rests, free of gyro bias; detects a wrong latitude."""
@@ -304,11 +311,11 @@ def _earth_rate_up(
     return VerificationCheck("earth_rate_up", value, expected, SIGMAS * float(sigma), "rad/s")
 
 
-def _turn(
+def _check_turn(
     turned: Turned, net: FloatArray, covariance: FloatArray, context: SolveContext, repeatability: float, noise: float
 ) -> VerificationCheck:
     """Check the angle of a turn about any body axis against the encoder; `net` is free of bias and earth rate, rad."""
-    size, measured = abs(turned.turn.amount), float(np.linalg.norm(net))
+    angle, measured = abs(turned.turn.amount), float(np.linalg.norm(net))
     jacobian = np.zeros(COUNT)
     for i, p in enumerate(PARAMETERS):
         if p.group in ("gyro_scale", "gyro_misalign"):
@@ -317,11 +324,11 @@ def _turn(
     variance = max(float(jacobian @ covariance @ jacobian), 0.0) + 2.0 * encoder**2
     variance += context.imu.gyro_arw**2 * turned.seconds + (noise * turned.seconds) ** 2
     name = "outer_turn" if turned.turn.joint == OUTER else "inner_turn"
-    tolerance = SIGMAS * float(np.sqrt(variance)) + _NONLINEARITY * size
-    return VerificationCheck(name, measured, size, tolerance, "rad")
+    tolerance = SIGMAS * float(np.sqrt(variance)) + _NONLINEARITY * angle
+    return VerificationCheck(name, measured, angle, tolerance, "rad")
 
 
-def _carried_turn(
+def _check_carried_turn(
     angles: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext
 ) -> VerificationCheck:
     """Check the angle, rad, between gravity at the second rest and gravity propagated by the gyros; needs no encoder.
@@ -338,42 +345,42 @@ def _carried_turn(
     matrix = max(sigma[group_indices(group)].max() for group in ("gyro_scale", "gyro_misalign"))
     bias = sigma[group_indices("gyro_bias")].max() + DRIFT * context.imu.gyro_bias_instability
     tilt = max(sigma[group_indices(group)].max() for group in ("accel_scale", "accel_misalign"))
-    size = float(np.linalg.norm(force[0]))
-    level = np.sqrt(2.0) * (tilt + sigma[group_indices("accel_bias")].max() / size)
+    gravity = float(np.linalg.norm(force[0]))
+    level = np.sqrt(2.0) * (tilt + sigma[group_indices("accel_bias")].max() / gravity)
     noise = context.imu.gyro_arw * np.sqrt(seconds)
     known = np.sqrt((matrix * path) ** 2 + (bias * seconds) ** 2 + level**2 + noise**2)
     return VerificationCheck("carried_turn", value, 0.0, SIGMAS * float(known) + RATE * seconds, "rad")
 
 
-def _tolerance(covariance: FloatArray, sensor: str, seen: FloatArray, noise: float, instability: float) -> float:
-    """Return the tolerance of the magnitude of a corrected vector `seen`, for any direction."""
+def _tolerance(covariance: FloatArray, sensor: str, vector: FloatArray, noise: float, instability: float) -> float:
+    """Return the tolerance of the magnitude of a corrected `vector` in any direction."""
     jacobian = np.zeros((3, COUNT))
     for i, p in enumerate(PARAMETERS):
         if p.group == f"{sensor}_bias":
             jacobian[p.row, i] = 1.0
         elif p.group in (f"{sensor}_scale", f"{sensor}_misalign"):
-            jacobian[p.row, i] = seen[p.column]
+            jacobian[p.row, i] = vector[p.column]
         elif p.group == f"{sensor}_quadratic":
-            jacobian[p.row, i] = seen[p.row] ** 2
+            jacobian[p.row, i] = vector[p.row] ** 2
     variance = float(np.linalg.eigvalsh(jacobian @ covariance @ jacobian.T)[-1])
     return SIGMAS * float(np.sqrt(max(variance, 0.0) + noise**2 + (DRIFT * instability) ** 2))
 
 
-def _expected(rests: FloatArray, registers: AppliedRegisters) -> FloatArray:
+def _expected_rests(rests: FloatArray, registers: AppliedRegisters) -> FloatArray:
     """Return the rests of the reference, corrected by the unit's current registers, shape (n, 6)."""
-    raw = _raw(rests, registers.before)
-    return np.hstack(_compensated(raw, registers.held))
+    raw = _raw_output(rests, registers.reference)
+    return np.hstack(_compensated(raw, registers.current))
 
 
 def _compensated(raw: FloatArray, parameters: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
     """Return rate and specific force, shape (n, 3), of raw output at rest with these parameters and effects."""
     constants = compensation(parameter_vector(parameters))
     omega, force = compensate(constants, raw[:, :3], raw[:, 3:])
-    less = raw - effect_errors(parameters, omega, force)
-    return compensate(constants, less[:, :3], less[:, 3:])
+    reduced = raw - effect_errors(parameters, omega, force)
+    return compensate(constants, reduced[:, :3], reduced[:, 3:])
 
 
-def _raw(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArray:
+def _raw_output(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArray:
     """Return the raw output of a unit that applied `registers`, shape (n, 6), without the size effect (0 at rest)."""
     if registers is None:
         return output
@@ -389,7 +396,7 @@ def _raw(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArra
     return np.asarray(raw + effect_errors(registers, output[:, :3], force))
 
 
-def _net(turned: Turned, angle: FloatArray, rests: FloatArray) -> FloatArray:
+def _net_turn(turned: Turned, angle: FloatArray, rests: FloatArray) -> FloatArray:
     """Return a turn minus the gyro output at rest (bias and earth rate along the axis), rad, shape (3,)."""
     return np.asarray(angle - rests[turned.turn.still, :3] * turned.seconds)
 
@@ -399,31 +406,31 @@ def _force_scatter(force: FloatArray, seconds: float, context: SolveContext, rep
 
     Table tilt acts only perpendicular to the force.
     """
-    size = float(np.linalg.norm(force))
-    up = force / size
+    magnitude = float(np.linalg.norm(force))
+    up = force / magnitude
     noise = 2.0 * _force_noise(context, seconds) ** 2 * np.eye(3)
-    return np.asarray(noise + 2.0 * (repeatability * size) ** 2 * (np.eye(3) - np.outer(up, up)))
+    return np.asarray(noise + 2.0 * (repeatability * magnitude) ** 2 * (np.eye(3) - np.outer(up, up)))
 
 
 def _turn_scatter(turn: FloatArray, seconds: tuple[float, float], imu: ImuModel, repeatability: float) -> FloatArray:
     """Return the covariance of a turn difference, rad², shape (3, 3): its joint along it, the other joint across it."""
     duration, rest = seconds
-    size = float(np.linalg.norm(turn))
-    along = np.outer(turn, turn) / size**2
+    angle = float(np.linalg.norm(turn))
+    along = np.outer(turn, turn) / angle**2
     noise = 2.0 * (imu.gyro_arw**2 * duration + (_rate_noise(imu, rest) * duration) ** 2)
     noise += 2.0 * (imu.gyro_bias_instability * duration) ** 2
-    joint, other = 4.0 * repeatability**2, 2.0 * (repeatability * size) ** 2
+    joint, other = 4.0 * repeatability**2, 2.0 * (repeatability * angle) ** 2
     return np.asarray(noise * np.eye(3) + joint * along + other * (np.eye(3) - along))
 
 
-def _difference(
-    name: str, difference: FloatArray, scatter: FloatArray, unit: str, more: float = 0.0
+def _check_difference(
+    name: str, difference: FloatArray, scatter: FloatArray, unit: str, margin: float = 0.0
 ) -> VerificationCheck:
     """Check the magnitude of a difference against its tolerance in that direction."""
-    size = float(np.linalg.norm(difference))
-    way = difference / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
-    sigma = 1.0 / np.sqrt(way @ np.linalg.solve(scatter, way))
-    return VerificationCheck(name, size, 0.0, SIGMAS * float(sigma) + more, unit)
+    magnitude = float(np.linalg.norm(difference))
+    direction = difference / magnitude if magnitude > 0.0 else np.array([1.0, 0.0, 0.0])
+    sigma = 1.0 / np.sqrt(direction @ np.linalg.solve(scatter, direction))
+    return VerificationCheck(name, magnitude, 0.0, SIGMAS * float(sigma) + margin, unit)
 
 
 def _rate_noise(imu: ImuModel, seconds: float) -> float:

@@ -1,4 +1,4 @@
-"""Automatic reports of verdicts, made in separate processes that neither delay nor endanger the engine."""
+"""Automatic reports after verdicts, made in separate processes that cannot delay or stop the engine."""
 
 import json
 import logging
@@ -13,10 +13,10 @@ from calstation.reports import station_request
 from calstation.schema import EntryError
 from calstation.sequencer import Emit, Message
 
-#: Program that runs several commands in sequence, so that the computer makes one report at a time.
-_IN_TURN = "import json, subprocess, sys\nfor command in json.loads(sys.argv[1]):\n    subprocess.run(command)"
+#: Program that runs several commands in sequence, so that only one report is made at a time.
+_RUN_IN_SEQUENCE = "import json, subprocess, sys\nfor command in json.loads(sys.argv[1]):\n    subprocess.run(command)"
 
-#: Longest time that an unresponsive network share may delay the verdict, s; the report is then started anyway.
+#: Longest time for which an unresponsive network share may delay the verdict, s; the report is started afterwards.
 _SEARCH_S = 2.0
 
 #: Processes that may outlive the engine; without a reference, Python would issue a warning about them.
@@ -26,7 +26,7 @@ logger = logging.getLogger(__name__)
 
 
 def report_command(setup: RunConfiguration, result_file: Path, emit: Emit) -> list[str]:
-    """Return the command that makes the report of a result, [] if the station does not request one.
+    """Return the command that makes the report of a result, or [] if the station does not request reports.
 
     A certificate that a second person must confirm is not made automatically; a message reports that it is pending.
     Another message names a missing folder or file of the station file that a certificate needs.
@@ -56,15 +56,15 @@ def report_command(setup: RunConfiguration, result_file: Path, emit: Emit) -> li
 
 def start_reports(commands: Iterable[list[str]]) -> None:
     """Start the commands of reports in sequence; their errors are written to the application log."""
-    wanted = [command for command in commands if command]
-    if not wanted:
+    requested = [command for command in commands if command]
+    if not requested:
         return
-    started = wanted[0] if len(wanted) == 1 else [sys.executable, "-c", _IN_TURN, json.dumps(wanted)]
-    nothing = subprocess.DEVNULL
+    command = requested[0] if len(requested) == 1 else [sys.executable, "-c", _RUN_IN_SEQUENCE, json.dumps(requested)]
+    null = subprocess.DEVNULL
     try:
-        process = subprocess.Popen(started, stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True)
+        process = subprocess.Popen(command, stdin=null, stdout=null, stderr=null, start_new_session=True)
     except OSError:
-        logger.exception("the reports were not started: %s", wanted)
+        logger.exception("the reports were not started: %s", requested)
         return
     _started.append(process)
-    logger.info("reports started: %s", wanted)
+    logger.info("reports started: %s", requested)

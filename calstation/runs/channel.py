@@ -1,4 +1,4 @@
-"""The engine's end of the listener pipe: sends events and heartbeats, receives commands, detects a lost listener."""
+"""The engine's end of the pipe to its listener: sends events and heartbeats, receives commands, detects its loss."""
 
 import threading
 import time
@@ -15,11 +15,11 @@ BEAT = "beat"
 #: Host time between two heartbeats, s.
 BEAT_EVERY = 0.25
 
-#: Host time without a reply to a heartbeat after which the listener counts as frozen, s.
+#: Host time without a reply to a heartbeat after which the listener is considered frozen, s.
 LISTENER_SILENT_AFTER = 10.0
 
-_MAX_WAITING = 10_000
-_FLUSH_WITHIN = 5.0
+_MAX_QUEUED = 10_000
+_FLUSH_TIMEOUT = 5.0
 
 
 class Channel:
@@ -42,8 +42,8 @@ class Channel:
         self._connection = connection
         self._on_command, self._on_lost, self._on_silent = on_command, on_lost, on_silent
         self._alive, self._silent_after = alive, silent_after
-        self._queue: Queue[dict[str, Any] | None] = Queue(_MAX_WAITING)
-        self._unanswered: float | None = None
+        self._queue: Queue[dict[str, Any] | None] = Queue(_MAX_QUEUED)
+        self._unanswered_since: float | None = None
         self._lost = threading.Event()
         self._closing = False
         self._sender = threading.Thread(target=self._send, name="events", daemon=True)
@@ -65,7 +65,7 @@ class Channel:
         self._closing = True
         if not self._lost.is_set():
             self._queue.put(None)
-            self._sender.join(_FLUSH_WITHIN)
+            self._sender.join(_FLUSH_TIMEOUT)
         self._connection.close()
 
     def _send(self) -> None:
@@ -77,8 +77,8 @@ class Channel:
                     due = now + BEAT_EVERY
                     if self._alive():
                         self._connection.send(BEAT)
-                        if self._unanswered is None:
-                            self._unanswered = now
+                        if self._unanswered_since is None:
+                            self._unanswered_since = now
                 try:
                     message = self._queue.get(timeout=due - now)
                 except Empty:
@@ -93,10 +93,11 @@ class Channel:
         while True:
             try:
                 if not self._connection.poll(BEAT_EVERY):
-                    # Only if there is nothing to read: a late engine must not mistake its listener for frozen.
-                    since = self._unanswered
+                    # Only if there is nothing to read, because after a delay of the engine the reply may be in the
+                    # pipe.
+                    since = self._unanswered_since
                     if since is not None and time.monotonic() - since > self._silent_after:
-                        self._unanswered = None
+                        self._unanswered_since = None
                         self._on_silent()
                     continue
                 text = self._connection.recv()
@@ -105,7 +106,7 @@ class Channel:
             except Exception:  # noqa: BLE001 - end of the pipe, or invalid data
                 self._lose()
                 return
-            self._unanswered = None
+            self._unanswered_since = None
 
     def _lose(self) -> None:
         if not self._lost.is_set() and not self._closing:

@@ -20,8 +20,8 @@ logger = logging.getLogger(__name__)
 def close_run(run: OpenRun, ended: Ended) -> None:
     """Write the result into the log and next to it; emit the verdict.
 
-    A run that ended before it was judged is judged by the stages that it solved. In a batch, the caller starts the
-    report when the table is at rest.
+    A run that ended early is judged by the stages that it solved. In a batch, the caller starts the reports after the
+    table has stopped.
     """
     run.closed = True
     history, log, control = run.prepared.history, run.log, run.prepared.control
@@ -40,29 +40,29 @@ def close_run(run: OpenRun, ended: Ended) -> None:
         cycle=run.prepared.cycle.phases(),
         table=run.chain.table(),
     )
-    written = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending).to_json()
-    log.add_result(written)
+    result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending).to_json()
+    log.add_result(result)
     log.close(verdict.outcome)
-    beside = log.path.with_suffix(".json")
-    ignored = () if ended.error is None else (ConfigurationError,)  # the fault itself is reported
-    with suppress(*ignored):
-        write_json(beside, written)
+    result_file = log.path.with_suffix(".json")
+    suppressed = () if ended.error is None else (ConfigurationError,)  # the fault itself is reported
+    with suppress(*suppressed):
+        write_json(result_file, result)
     with suppress(OSError):  # only the index, which the next run restores
         history.refresh()
-    logger.info("verdict %s, result %s", verdict, beside)
+    logger.info("verdict %s, result %s", verdict, result_file)
     if verdict.judged:
-        _report_table(run, beside.stem)
-        run.report = report_command(run.setup, beside.absolute(), run.prepared.emit)
+        _report_table(run, result_file.stem)
+        run.report = report_command(run.setup, result_file.absolute(), run.prepared.emit)
         if not run.setup.request.batch:
             start_reports([run.report])
-    run.prepared.emit(Finalized(verdict, str(log.path), str(beside), written))
+    run.prepared.emit(Finalized(verdict, str(log.path), str(result_file), result))
 
 
 def _report_table(run: OpenRun, name: str) -> None:
     """Emit a message if a control chart of the table's geometry raises an alarm for this run."""
     station, product = run.setup.station, run.setup.product
     charts = table_charts(station, run.prepared.history.columns(RunFilter(product=product.name, station=station.name)))
-    moved = [quantity for quantity, chart in charts.items() if name in {chart.names[k] for k in chart.alarms}]
-    if moved:
-        logger.warning("the geometry of the table has changed: %s", ", ".join(moved))
-        run.prepared.emit(Message("table_moved", {"quantities": moved}))
+    changed = [quantity for quantity, chart in charts.items() if name in {chart.names[k] for k in chart.alarms}]
+    if changed:
+        logger.warning("the geometry of the table has changed: %s", ", ".join(changed))
+        run.prepared.emit(Message("table_moved", {"quantities": changed}))

@@ -1,4 +1,4 @@
-"""Durations of a run's phases, from its start to the load position and the result, derived from its events."""
+"""Durations of the phases of a run, from its start to the load position and the result, derived from its events."""
 
 import threading
 import time
@@ -39,13 +39,13 @@ class Cycle:
     def __init__(self) -> None:
         self._clock: Clock | None = None
         self._host, self._station = time.monotonic(), 0.0
-        self._done: list[CyclePhase] = []
+        self._completed: list[CyclePhase] = []
         self._phase, self._stage, self._seconds = "opening", "", 0.0
         self._paused = ("", "")
         self._lock = threading.Lock()  # the result of a unit that leaves a batch is written in another thread
 
     @contextmanager
-    def on(self, clock: Clock) -> Iterator[None]:
+    def using(self, clock: Clock) -> Iterator[None]:
         """Also use the station's clock while the context is open."""
         self._measure()
         self._clock, self._station = clock, clock.now()
@@ -56,13 +56,13 @@ class Cycle:
             self._clock = None
 
     def follow(self, event: Event) -> None:
-        """Begin another phase if the event starts one."""
+        """Begin a phase if the event is the start of one."""
         if isinstance(event, StageStarted):
             self._begin("stage", event.stage)
         elif isinstance(event, StageEnded):
             self._begin("solving", event.stage)
         elif isinstance(event, StageSolved) and self._phase in ("solving", "files"):
-            self._solved()
+            self._on_solved()
         elif isinstance(event, StateChanged) and event.previous == State.PAUSED and event.state == State.RUNNING:
             self._begin(*self._paused)
         elif isinstance(event, StateChanged) and event.state in _STATES:
@@ -76,13 +76,13 @@ class Cycle:
         """Return the phases so far, in order; the last one is still in progress."""
         with self._lock:
             self._measure()
-            return [*self._done, self._current()]
+            return [*self._completed, self._current()]
 
-    def _solved(self) -> None:
-        """Begin ``files``; solving a batch lasts until its last unit is solved."""
+    def _on_solved(self) -> None:
+        """Begin the phase ``files``; in a batch, solving continues until the last unit has been solved."""
         with self._lock:
             if self._phase == "files":
-                solving = self._done.pop()
+                solving = self._completed.pop()
                 self._phase, self._stage = solving.phase, solving.stage
                 self._seconds += solving.seconds
         self._begin("files")
@@ -90,7 +90,7 @@ class Cycle:
     def _begin(self, phase: str, stage: str = "") -> None:
         with self._lock:
             self._measure()
-            self._done.append(self._current())
+            self._completed.append(self._current())
             self._phase, self._stage, self._seconds = phase, stage, 0.0
 
     def _current(self) -> CyclePhase:

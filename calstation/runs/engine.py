@@ -20,21 +20,21 @@ from calstation.sequencer import Command, Control, Event, Fault, Finalized, Sett
 #: Maximum uninterruptible wait for a message, s.
 _SLICE = 0.2
 
-#: Host time without a message, while the listener polls, after which the engine counts as frozen, s.
+#: Host time without a message, while the listener polls, after which the engine is considered frozen, s.
 FROZEN_AFTER = 2.0
 
 #: Host time without a message after which `events` raises an error, s.
 _EVENTS_FROZEN_AFTER = 30.0
 
 #: Limit for the first event, s: a computer that was just started loads hundreds of megabytes of libraries.
-_FIRST_EVENT_WITHIN = 60.0
+_FIRST_EVENT_TIMEOUT = 60.0
 
-#: Host time without processing commands after which the sequencer counts as stuck and heartbeats stop, s; it exceeds
-#: three lost replies of a slow table plus a slow disk.
+#: Host time without processing commands after which the sequencer is considered stuck and heartbeats stop, s. It is
+#: longer than three lost replies of a slow table and a slow disk together.
 STUCK_AFTER = 10.0
 
 #: Maximum time that `close` waits for the engine's safe stop and its result, s.
-_CLOSES_WITHIN = 60.0
+_CLOSE_TIMEOUT = 60.0
 
 #: Kind of a `Fault` that is a programming error; its text is the traceback.
 INTERNAL = "internal"
@@ -45,14 +45,14 @@ logger = logging.getLogger(__name__)
 class Engine:
     """The listener's interface to a running engine: use `poll` in a timer, or `events` in a loop.
 
-    A listener must read at least every few seconds; otherwise it counts as frozen, and its run is stopped safely. If
-    `ended`, `poll` returns no more events.
+    A listener must read at least every few seconds; otherwise it is considered frozen, and its run is stopped safely.
+    When `ended` is True, `poll` returns no more events.
     """
 
     def __init__(self, child: ChildProcess, units: int = 1) -> None:
         self._child, self.process = child, child.process
-        self._begun = False
-        self._missing = units
+        self._has_event = False
+        self._pending_units = units
         self.ended = False
         self._frozen = False
         self._silence = 0.0
@@ -66,12 +66,12 @@ class Engine:
 
     @property
     def _has_ending(self) -> bool:
-        """Return whether every unit has a verdict, or the run has a fault."""
-        return self._missing <= 0
+        """Whether every unit has a verdict, or the run has a fault."""
+        return self._pending_units <= 0
 
     @property
     def alive(self) -> bool:
-        """Return whether the engine's process is alive; it may stay alive briefly after its last event."""
+        """Whether the engine's process is alive; it may stay alive briefly after its last event."""
         return self.process.is_alive()
 
     def poll(self) -> list[Event]:
@@ -96,13 +96,13 @@ class Engine:
                 last = time.monotonic()
             if timeout is not None and time.monotonic() - last > timeout:
                 return
-        self.process.join(_CLOSES_WITHIN)
+        self.process.join(_CLOSE_TIMEOUT)
 
     def send(self, command: Command) -> None:
         """Send a command; ignored if the engine has ended."""
         self._send(str(command))
 
-    def hang_up(self) -> None:
+    def stop_listening(self) -> None:
         """Stop listening without waiting: a run in progress then stops safely, a frozen engine is killed.
 
         `alive` becomes False when the process has ended.
@@ -112,9 +112,9 @@ class Engine:
         if self._frozen:
             self.process.kill()
 
-    def close(self, within: float = _CLOSES_WITHIN) -> None:
-        """Hang up and wait at most `within` s for the safe stop and the result; then kill the process."""
-        self.hang_up()
+    def close(self, within: float = _CLOSE_TIMEOUT) -> None:
+        """Stop listening and wait at most `within` s for the safe stop and the result; then kill the process."""
+        self.stop_listening()
         self._child.end(within)
 
     def __enter__(self) -> "Engine":
@@ -124,7 +124,7 @@ class Engine:
         self.close()
 
     def _read(self, frozen_after: float, wait: float = 0.0) -> list[Event]:
-        """Return complete messages; wait at most `wait` s for the first, so that Ctrl-C always takes effect."""
+        """Return the complete messages; wait at most `wait` s for the first one, so that Ctrl-C always takes effect."""
         events: list[Event] = []
         received = False
         while not self.ended:
@@ -143,11 +143,11 @@ class Engine:
                 self._send(BEAT)
             else:
                 event = from_json(message)
-                self._begun = True
+                self._has_event = True
                 if isinstance(event, Finalized | Settled):
-                    self._missing -= 1
+                    self._pending_units -= 1
                 elif isinstance(event, Fault) and not event.slot:
-                    self._missing = 0
+                    self._pending_units = 0
                 events.append(event)
         if not self.ended and self._becomes_frozen(received, frozen_after):
             events.append(self._fault("run.engine_silent"))
@@ -158,14 +158,14 @@ class Engine:
             self._child.send(text)
 
     def _becomes_frozen(self, received: bool, frozen_after: float) -> bool:
-        """Return whether the engine has just become frozen; only time during which this listener polled counts."""
+        """Return whether the engine has just become frozen, excluding time during which this listener did not poll."""
         now = time.monotonic()
         if received:
             self._silence, self._frozen = 0.0, False
         else:
             self._silence += min(now - self._polled, _SLICE)
         self._polled = now
-        if self._frozen or self._silence <= (frozen_after if self._begun else _FIRST_EVENT_WITHIN):
+        if self._frozen or self._silence <= (frozen_after if self._has_event else _FIRST_EVENT_TIMEOUT):
             return False
         self._frozen = True
         return True
@@ -183,7 +183,7 @@ def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterOp
     control = Control()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda number, frame: control.send(Command.STOP, StopReason.SIGNAL))
-    if sys.platform != "win32":  # a closed or suspended terminal stops the listener's replies, which stops the run
+    if sys.platform != "win32":  # without replies of the listener, a closed or suspended terminal stops the run
         for number in (signal.SIGHUP, signal.SIGTSTP, signal.SIGTTIN):
             signal.signal(number, signal.SIG_IGN)
 
@@ -210,9 +210,9 @@ def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterOp
     except CalstationError as error:
         logger.error("fault %s: %s", error.code, error)
         channel.emit(Fault.of(error))
-    except Exception as mistake:
-        logger.exception("the engine ended by a mistake of the program")
-        values = {"detail": f"{type(mistake).__name__}: {mistake}"}
+    except Exception as error:
+        logger.exception("the engine ended with a programming error")
+        values = {"detail": f"{type(error).__name__}: {error}"}
         channel.emit(Fault(INTERNAL, traceback.format_exc(), 3, "program.internal", values))
     finally:
         channel.close()

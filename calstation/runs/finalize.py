@@ -1,4 +1,4 @@
-"""Evaluation of a unit: checks limits after each stage and at the end, transfers the registers and verifies them."""
+"""Evaluation of a unit: it checks limits after each stage and at the end, and transfers and verifies the registers."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -46,8 +46,8 @@ class Finalization:
         self.imu = imu
         self._entries = run.setup.register_map
         self._old: Mapping[str, float] = {}
-        self._wanted: Mapping[str, float] = {}
-        self._done: Transferred | None = None
+        self._target: Mapping[str, float] = {}
+        self._transferred: Transferred | None = None
         self._posterior: Posterior | None = None
         #: Sizes of the effects in the unit's model, SI, by parameter.
         self._effects: dict[str, float] = {}
@@ -81,7 +81,7 @@ class Finalization:
         # a check standard is never adjusted
         to_write = judgement.passed is True and judgement.standard is None and bool(self._entries.parameters)
         if to_write:
-            self._wanted = self._registers(solutions)
+            self._target = self._registers_to_write(solutions)
         return Judged(judgement, to_write)
 
     def read_registers(self, run_in_background: RunInBackground) -> None:
@@ -97,9 +97,9 @@ class Finalization:
         run.log.event({"event": "OldRegisters", "registers": dict(old)})
         run_in_background(run.log.begin_sync().result)
         run.log.service()
-        kept = [name for name in self._effects if name not in self._entries.parameters]
-        if kept:
-            run.emit(Message("states_without_register", {"states": ", ".join(kept)}))
+        unregistered = [name for name in self._effects if name not in self._entries.parameters]
+        if unregistered:
+            run.emit(Message("states_without_register", {"states": ", ".join(unregistered)}))
 
     def transfer(self, run_in_background: RunInBackground) -> None:
         """Write the registers.
@@ -110,11 +110,11 @@ class Finalization:
         run, check_cancelled = self.run, self.run.prepared.control.check_cancelled
         check_cancelled()
         run.emit(Message("registers_transfer"))
-        logger.info("transfer of %d registers begins", len(self._wanted))
-        self._done = done = run_in_background(
-            lambda: transfer(self.imu, self._entries, run.serial, self._wanted, self._begin, self._old)
+        logger.info("transfer of %d registers begins", len(self._target))
+        self._transferred = transferred = run_in_background(
+            lambda: transfer(self.imu, self._entries, run.serial, self._target, self._begin, self._old)
         )
-        run.registers["new"] = dict(done.registers_read)
+        run.registers["new"] = dict(transferred.registers_read)
         try:
             check_cancelled()
         except StopRequested:
@@ -129,27 +129,24 @@ class Finalization:
             return None
         determined = estimated_stage(solutions).keys() - set(unobservable(run.chain.prior, solutions))
         started = run.prepared.started
-        compared = judge_standard(standard, self._setup.imu, started, solutions[-1].posterior, determined)
-        worst = max(compared.e_n, key=lambda name: abs(compared.e_n[name]), default="")
+        comparison = judge_standard(standard, self._setup.imu, started, solutions[-1].posterior, determined)
+        worst = max(comparison.e_n, key=lambda name: abs(comparison.e_n[name]), default="")
         values = {
             "serial": run.serial,
             "parameter": worst,
-            "e_n": abs(compared.e_n.get(worst, 0.0)),
-            "e_n_limit": compared.e_n_limit,
-            "t_squared": compared.t_squared,
-            "t_squared_limit": compared.t_squared_limit,
+            "e_n": abs(comparison.e_n.get(worst, 0.0)),
+            "e_n_limit": comparison.e_n_limit,
+            "t_squared": comparison.t_squared,
+            "t_squared_limit": comparison.t_squared_limit,
         }
-        run.emit(Message("standard_agrees" if compared.passed else "standard_differs", values))
-        return compared
+        run.emit(Message("standard_agrees" if comparison.passed else "standard_differs", values))
+        return comparison
 
     def verify(self, data: VerificationData, run_in_background: RunInBackground) -> None:
-        """Verify the restarted unit's output; if it is wrong, restore the old registers.
-
-        Raises DeviceFaultError.
-        """
-        if self._done is None or self._posterior is None:
+        """Verify the restarted unit's output; if it is wrong, restore the old registers and raise DeviceFaultError."""
+        if self._transferred is None or self._posterior is None:
             raise RuntimeError("nothing was transferred")
-        run, entry = self.run, self._done.entry
+        run, entry = self.run, self._transferred.entry
         checks = verify_output(
             data,
             AppliedRegisters(entry.new, entry.old if self._setup.after_registers else None),
@@ -167,7 +164,7 @@ class Finalization:
         run.registers |= {"verified": True, "proved_on": verified_on(data), "written_utc": written}
         run.registers["estimate"] = estimate
         message = "registers_written" if data.corrected else "registers_read_back"
-        run.emit(Message(message, {"count": len(self._done.registers_read)}))
+        run.emit(Message(message, {"count": len(self._transferred.registers_read)}))
 
     def ended(self, ended: Ended) -> None:
         """Write the result of the unit and emit its verdict."""
@@ -176,14 +173,14 @@ class Finalization:
             run.emit(Message("transfer_unproved"))
         close_run(run, ended)
 
-    def _registers(self, solutions: tuple[Solution, ...]) -> dict[str, float]:
-        """Return the registers to write; registers of parameters that no stage estimated keep their values."""
+    def _registers_to_write(self, solutions: tuple[Solution, ...]) -> dict[str, float]:
+        """Return the registers to write: those of the parameters that a stage has estimated."""
         self._posterior = posterior = solutions[-1].posterior
-        found = dict(zip(NAMES, posterior.mean.tolist(), strict=True))
+        values = dict(zip(NAMES, posterior.mean.tolist(), strict=True))
         effects = {p.name for p in EFFECT_PARAMETERS}
         self._effects = {n: e.value for s in solutions for n, e in s.estimates.items() if n in effects}
-        answer = {name: found[name] for name in estimated_stage(solutions)} | self._effects
-        return compose(self.run.meta.registers, answer) if self._setup.after_registers else answer
+        estimates = {name: values[name] for name in estimated_stage(solutions)} | self._effects
+        return compose(self.run.meta.registers, estimates) if self._setup.after_registers else estimates
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
         log = self.run.log.path

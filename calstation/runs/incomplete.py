@@ -1,4 +1,4 @@
-"""Incomplete runs: writes a result for runs whose process died, and closes runs that will not be resumed."""
+"""Incomplete runs: results for runs whose process died, and closing of runs that will not be resumed."""
 
 import json
 from contextlib import suppress
@@ -28,7 +28,7 @@ def finish_incomplete(folder: Path) -> list[Path]:
 
     Their results are delivered at the next hand-over, and their runs can still be resumed. Unreadable logs are ignored.
     """
-    found = []
+    logs = []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
         if path.with_suffix(".json").exists():
             continue
@@ -38,10 +38,10 @@ def finish_incomplete(folder: Path) -> list[Path]:
             log = open_log(path)
             if log.outcome is None:
                 _write_result(log)
-                found.append(path)
+                logs.append(path)
         except InputError:
             continue
-    return found
+    return logs
 
 
 def close_incomplete(path: Path, operator: str | None = None) -> Path:
@@ -53,19 +53,19 @@ def close_incomplete(path: Path, operator: str | None = None) -> Path:
     if not path.with_suffix(".json").exists() and being_written(path):
         raise ConfigurationError("run.still_running", path=path)
     log = open_log(path)
-    beside = path.with_suffix(".json")
-    if not beside.exists():
+    result_file = path.with_suffix(".json")
+    if not result_file.exists():
         if log.outcome is None:
             _write_result(log)
         elif log.results:
-            write_json(beside, log.results[-1])
+            write_json(result_file, log.results[-1])
         else:
             raise InputError("run.not_resumable", path=path)
-    load_result(beside)  # raises the errors of an unreadable file
-    result: dict[str, Any] = json.loads(beside.read_text(encoding="utf-8"))
-    closed = {"closed_utc": datetime.now(UTC).isoformat(timespec="seconds"), "closed_by": operator}
-    write_json(beside, {**result, **closed})
-    return beside
+    load_result(result_file)  # raises the errors of an unreadable file
+    result: dict[str, Any] = json.loads(result_file.read_text(encoding="utf-8"))
+    decision = {"closed_utc": datetime.now(UTC).isoformat(timespec="seconds"), "closed_by": operator}
+    write_json(result_file, {**result, **decision})
+    return result_file
 
 
 def _write_result(log: Log) -> None:

@@ -41,7 +41,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class PreparedRun:
-    """The run of a unit before its devices are open; `continuation` is the start of a resumed run.
+    """The run of a unit before its devices are opened; `continuation` is the start of a resumed run.
 
     The units of a batch share a `cycle`, which follows the events passed to the `listener`.
     """
@@ -75,22 +75,22 @@ class PreparedRun:
         `registers` are the unit's registers, SI, or None if they could not be read. The prior of a partial run is the
         current calibration. Raises ConfigurationError or DeviceFaultError if a run to be resumed has changed.
         """
-        before, serial, message = self.continuation, self.setup.request.serial, None
-        attempt = 1 + self.history.attempts(serial) if before is None else before.attempt
+        continuation, serial, message = self.continuation, self.setup.request.serial, None
+        attempt = 1 + self.history.attempts(serial) if continuation is None else continuation.attempt
         meta = self.setup.log_meta(self.started, attempt, registers)
         if registers is not None and is_partial(meta):
             calibration, message = current_calibration(self.history, self.setup, registers)
             if calibration is not None:
                 meta = calibration.prior(self.setup, meta)
-        if before is not None:
-            return before.meta(meta, registers is not None), None
+        if continuation is not None:
+            return continuation.meta(meta, registers is not None), None
         checks = self.setup.product.checks
         if checks is None or checks.previous is None:
             return meta, message
-        of_mounting = group_indices("outer_lever") if self.slot else ()  # another slot has a different lever arm
+        mounting = group_indices("outer_lever") if self.slot else ()  # another slot has a different lever arm
         previous = self.history.previous(serial).items()
-        known = {name: value for name, value in previous if name in INDEX and INDEX[name] not in of_mounting}
-        return meta.model_copy(update={"previous": known}), message
+        values = {name: value for name, value in previous if name in INDEX and INDEX[name] not in mounting}
+        return meta.model_copy(update={"previous": values}), message
 
     def open(self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None = None) -> "OpenRun":
         """Open the run's log and register its result as pending for the hand-over.
@@ -155,7 +155,7 @@ class OpenRun:
 def prepare(
     request: RunRequest, emit: Emit, control: Control, hooks: type[RunHooks] | None = None
 ) -> tuple[PreparedRun, ...]:
-    """Check everything that can be checked before a device is opened; return the run of each unit.
+    """Make all checks that need no open device, and return the run of each unit.
 
     `hooks` replaces the hooks of the station. Raises ConfigurationError or InputError if the run is not possible as
     requested.
@@ -166,25 +166,25 @@ def prepare(
         request = continuation.request
     elif request.serials and request.batch is None:
         request = replace(request, batch=new_batch_id())
-    called = station_hooks(load_station(request.station)[1]) if hooks is None else hooks()
-    setups = prepare_batch(request, called.adjust)
+    run_hooks = station_hooks(load_station(request.station)[1]) if hooks is None else hooks()
+    setups = prepare_batch(request, run_hooks.adjust)
     _check_folder(request.out)
     for log in finish_incomplete(request.out):
         emit(Message("incomplete_run", {"log": str(log)}))
     history, started = History(request.out), datetime.now(UTC)
     history.refresh()
-    allowed = [_allowed(setup, history) for setup in setups]
-    for setup in allowed:
+    permitted = [_check_permitted(setup, history) for setup in setups]
+    for setup in permitted:
         check_flash(setup, request.out, partial(_emit_of_slot, emit, setup.request.slot or ""))
         check_interrupted(setup, request.out)
-    accompanied = called.listener(allowed[0], request.out, emit)
+    hook_listener = run_hooks.listener(permitted[0], request.out, emit)
 
     def listener(event: Event) -> None:
         cycle.follow(event)
-        accompanied(event)
+        hook_listener(event)
 
     units = tuple(
-        PreparedRun(setup, history, listener, control, called, continuation, started, cycle) for setup in allowed
+        PreparedRun(setup, history, listener, control, run_hooks, continuation, started, cycle) for setup in permitted
     )
     for unit in units:
         meta, _ = unit.meta(None)  # refuses a run that cannot be resumed unchanged
@@ -199,45 +199,42 @@ def _emit_of_slot(emit: Emit, slot: str, event: Event) -> None:
     emit(replace(event, slot=slot))
 
 
-def _allowed(setup: RunConfiguration, history: History) -> RunConfiguration:
-    """Check that a unit may be calibrated; return its configuration, see `_with_standards`.
-
-    Raises ConfigurationError.
-    """
+def _check_permitted(setup: RunConfiguration, history: History) -> RunConfiguration:
+    """Raise ConfigurationError if a unit must not be calibrated; return its configuration, see `_check_standards`."""
     refusal, request = attempts_used(setup, history), setup.request
     if refusal is not None and not request.beyond_attempts:
         raise refusal
-    setup = _with_standards(setup, history)
+    setup = _check_standards(setup, history)
     if refusal is not None:
         station = setup.station.name
         append_audit(site_folder(), "attempt_allowed", request.operator or "", station=station, **refusal.values)
     return setup
 
 
-def _with_standards(setup: RunConfiguration, history: History) -> RunConfiguration:
+def _check_standards(setup: RunConfiguration, history: History) -> RunConfiguration:
     """Refuse production if a check standard or a certificate is overdue or failed, or record the permitted exception.
 
     Returns the configuration with the override only if it was needed. Raises ConfigurationError, also if the site has
     PINs and nobody has confirmed their identity, or if a second person required by the product has not confirmed the
     exception.
     """
-    found, request = require_standards(setup, history, datetime.now(UTC)), setup.request
-    if not found:
+    problems, request = require_standards(setup, history, datetime.now(UTC)), setup.request
+    if not problems:
         return replace(setup, request=replace(request, override_standard=None))
-    people = request.overridden_by or Confirmation(request.operator or "")
+    confirmation = request.overridden_by or Confirmation(request.operator or "")
     if request.overridden_by is None and pin_known(setup.station):
         raise ConfigurationError("confirmation.standard_required", station=setup.station.name)
-    if confirmation_required("override", setup.product, setup.station).second and people.confirmed_by is None:
+    if confirmation_required("override", setup.product, setup.station).second and confirmation.confirmed_by is None:
         raise ConfigurationError("confirmation.second_missing", product=setup.product.name)
     values = {"serial": request.serial, "station": setup.station.name, "product": setup.product.name}
-    overridden = [f"{due.reason} {due.name}" for due in found]
+    overridden = [f"{due.reason} {due.name}" for due in problems]
     append_audit(
         site_folder(),
         "standard_overridden",
-        people.by,
+        confirmation.by,
         request.override_standard or "",
-        confirmed_by=people.confirmed_by,
-        pin=people.pin,
+        confirmed_by=confirmation.confirmed_by,
+        pin=confirmation.pin,
         overridden=overridden,
         **values,
     )

@@ -1,6 +1,6 @@
-"""Resumption of a run after its last completed stage in a new log that begins with the samples of completed stages.
+"""Resumption of a run after its last completed stage. The new log begins with the samples of the completed stages.
 
-These stages are solved again by the same chain with bit-identical results, so posteriors are not stored.
+The same chain solves these stages again with bit-identical results, so that posteriors are not stored.
 """
 
 import tomllib
@@ -58,88 +58,84 @@ class Resumable:
     why: str
 
 
-def resumable(folder: Path) -> list[Resumable]:
-    """Return the runs in a folder that can be resumed, the latest first: at most one per unit, none after a verdict."""
+def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
+    """Job: return the runs in a folder that can be resumed, the latest first.
+
+    At most one run per unit is returned, and none that is older than a verdict of the unit.
+    """
     history = History(folder)
     history.refresh()
-    found: list[Resumable] = []
-    seen: set[str] = set()
+    runs: list[Resumable] = []
+    serials: set[str] = set()
     filters = [RunFilter(verdict=verdict) for verdict in Verdict if not verdict.judged]
-    records = [run for wanted in filters for run in history.runs(wanted) if run.stages]
+    records = [run for run_filter in filters for run in history.runs(run_filter) if run.stages]
     for record in sorted(records, key=lambda r: r.started_utc, reverse=True):
-        if record.serial in seen:
+        if record.serial in serials:
             continue
-        seen.add(record.serial)
-        best = _most_complete(history.of(record.serial))
-        if best is not None:
-            found += _offer(best)
-        if len(found) == _MAX_OFFERED:
+        serials.add(record.serial)
+        run = _best_run(history.of(record.serial))
+        if run is not None:
+            runs.append(run)
+        if len(runs) == _MAX_OFFERED:
             break
-    return found
+    return runs
 
 
 def resumable_run(folder: Path, serial: str) -> Resumable | None:
     """Return the run of a unit that can be resumed according to the index of the folder's runs, or None."""
-    best = _most_complete(History(folder).of(serial))
-    return next(iter(_offer(best)), None) if best is not None else None
+    return _best_run(History(folder).of(serial))
 
 
-def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
-    """Job: see `resumable`."""
-    return resumable(folder)
-
-
-def _most_complete(runs: list[RunRecord]) -> RunRecord | None:
-    """Return the folder's latest run with the most finished stages since the unit's last verdict anywhere."""
+def _best_run(runs: list[RunRecord]) -> Resumable | None:
+    """Return the folder's latest run with the most finished stages since the unit's last verdict at any station."""
     best: RunRecord | None = None
     for run in runs:
         if run.verdict.judged or run.closed:
             break
         if run.stages and not run.origin and (best is None or len(run.stages) > len(best.stages)):
             best = run
-    return best
+    return None if best is None else _as_resumable(best)
 
 
-def _offer(record: RunRecord) -> list[Resumable]:
+def _as_resumable(record: RunRecord) -> Resumable | None:
+    """Return a run that can be resumed; None if its log does not permit it."""
     try:
         log = open_log(record.log)
-        finished = _finished(log)
+        finished = _finished_stages(log)
         result = stored_result(log)
     except (InputError, ConfigurationError, ValueError, KeyError):
-        return []  # a log that cannot be read cannot be resumed
+        return None  # a log that cannot be read cannot be resumed
     if result is not None and result.registers is not None and result.registers.new is not None:
-        return []  # its registers have changed: finish or restore the transfer instead
+        return None  # its registers have changed; the transfer must be finished or restored
     if result is not None and not latitude_agrees(result.checks):
-        return []  # it was solved for another latitude
-    return [
-        Resumable(
-            serial=record.serial,
-            log=record.log,
-            started_utc=record.started_utc,
-            attempt=record.attempt,
-            product=record.product,
-            station=record.station,
-            operator=record.operator,
-            stages=_run_stages(log),
-            finished=finished,
-            verdict=record.verdict,
-            why=(result.end_reason if result is not None else None) or "",
-        )
-    ]
+        return None  # it was solved for another latitude
+    return Resumable(
+        serial=record.serial,
+        log=record.log,
+        started_utc=record.started_utc,
+        attempt=record.attempt,
+        product=record.product,
+        station=record.station,
+        operator=record.operator,
+        stages=_run_stages(log),
+        finished=finished,
+        verdict=record.verdict,
+        why=(result.end_reason if result is not None else None) or "",
+    )
 
 
 def _run_stages(log: Log) -> tuple[str, ...]:
     return tuple(log.meta.run.stages) if log.meta.run is not None else ()
 
 
-def _finished(log: Log) -> tuple[str, ...]:
+def _finished_stages(log: Log) -> tuple[str, ...]:
     """Return the stages that need not be repeated. Raises ConfigurationError if the run cannot be resumed."""
-    finished, wanted = solved_stages(log.events), _run_stages(log)
+    finished, planned = solved_stages(log.events), _run_stages(log)
     if log.outcome in _ENDED:
         raise ConfigurationError("run.ended", path=log.path)
     if not finished:
         raise ConfigurationError("run.no_stage_finished", path=log.path)
-    if finished != wanted[: len(finished)]:
+    if finished != planned[: len(finished)]:
         raise ConfigurationError("run.stages_out_of_order", path=log.path)
     return finished
 
@@ -160,7 +156,7 @@ class Continuation:
         log = open_log(path)
         if being_written(path):
             raise ConfigurationError("run.still_running", path=path)
-        finished = _finished(log)
+        finished = _finished_stages(log)
         _check_not_continued(log)
         if log.meta.imu.serial != request.serial:
             raise ConfigurationError("run.other_unit", path=path, found=log.meta.imu.serial, serial=request.serial)
@@ -191,25 +187,25 @@ class Continuation:
         """
         old, path = self.log.meta, self.log.path
         for name in ("site", "imu", "table", "product", "schedule"):
-            if _stored(getattr(new, name)) != _stored(getattr(old, name)):
+            if _without_none(getattr(new, name)) != _without_none(getattr(old, name)):
                 raise ConfigurationError("run.section_changed", path=path, section=name)
-        if registers_read and _known(new) != _known(old):
+        if registers_read and _prior_information(new) != _prior_information(old):
             raise DeviceFaultError("run.registers_changed", log=path.name)
         calibration = old.run.calibration if old.run is not None else None
-        changed: dict[str, Any] = {"resumed_from": path.name, "calibration": calibration}
+        changes: dict[str, Any] = {"resumed_from": path.name, "calibration": calibration}
         if old.run is not None and old.run.standard_override and new.run and new.run.standard_override is None:
-            changed["standard_override"] = old.run.standard_override
-        run = new.run.model_copy(update=changed) if new.run is not None else None
-        kept = {name: getattr(old, name) for name in ("prior", "prior_correlation", "registers")}
-        return new.model_copy(update={**kept, "run": run})
+            changes["standard_override"] = old.run.standard_override
+        run = new.run.model_copy(update=changes) if new.run is not None else None
+        sections = {name: getattr(old, name) for name in ("prior", "prior_correlation", "registers")}
+        return new.model_copy(update={**sections, "run": run})
 
     def copy(
         self, log: RawLogWriter, chain: StageChain, on_block: Callable[[], None], on_solved: Callable[[Solution], None]
     ) -> LastSample:
         """Copy the finished stages into the new log and solve them again; return the last sample copied.
 
-        `on_block` is called for every block and may raise, `on_solved` with each solution. Raises InputError if the
-        solution of a stage differs from the original run's.
+        `on_block` is called before every block and may raise an exception; `on_solved` is called with each solution.
+        Raises InputError if the solution of a stage differs from that of the original run.
         """
         last: SampleBlock | None = None
         for stage, block in self._blocks():
@@ -230,23 +226,23 @@ class Continuation:
         return LastSample(int(last.seq[-1]), float(last.time[-1]), int(last.step[-1]))
 
     def _blocks(self) -> Iterator[tuple[str, SampleBlock | None]]:
-        """Yield blocks up to the end of the last finished stage, each with the stage before it; None ends a stage."""
+        """Yield the blocks of the finished stages, each with the previous stage, and None at the end of each stage."""
         stage = ""
-        left = list(self.finished)
+        remaining = list(self.finished)
         for block in self.log.blocks():
             if stage and block.stage != stage:
                 yield stage, None
-                left.remove(stage)
+                remaining.remove(stage)
                 stage = ""
-                if not left:
+                if not remaining:
                     return
             yield stage, block
             stage = block.stage
-        if stage in left:
+        if stage in remaining:
             yield stage, None
-            left.remove(stage)
-        if left:
-            raise InputError("run.samples_missing", path=self.log.path, stage=left[0])
+            remaining.remove(stage)
+        if remaining:
+            raise InputError("run.samples_missing", path=self.log.path, stage=remaining[0])
 
     def _compare(self, solution: Solution) -> None:
         solved = to_json(solution_events(solution)[0])
@@ -256,7 +252,7 @@ class Continuation:
 
 
 def _check_not_continued(log: Log) -> None:
-    """Raise ConfigurationError if another run has already completed this one: the unit may have changed."""
+    """Raise ConfigurationError if another run has completed this one, because the unit may have changed since."""
     history = History(log.path.parent)
     history.refresh()
     names = {log.path.name}
@@ -268,7 +264,7 @@ def _check_not_continued(log: Log) -> None:
 
 
 def _check_station(log: Log, here: StationConfig) -> None:
-    """Raise ConfigurationError if this is not the run's station, even if both are at the same site."""
+    """Raise ConfigurationError if the run belongs to another station, even at the same site."""
     began = log.meta.run.station if log.meta.run is not None else None
     if began is not None and began != here.name:
         raise ConfigurationError("run.other_station", path=log.path, began=began, here=here.name)
@@ -284,19 +280,19 @@ def _check_station(log: Log, here: StationConfig) -> None:
 
 def _schedule(meta: LogMeta, stage: str) -> dict[str, Any]:
     """Return the original schedule of a stage; values that are not in the log were None."""
-    given = meta.schedule.get(stage, {})
-    return {name: given.get(name) for name in method(stage).schedule.model_fields}
+    values = meta.schedule.get(stage, {})
+    return {name: values.get(name) for name in method(stage).schedule.model_fields}
 
 
-def _known(meta: LogMeta) -> Any:
-    """Return the prior information of a run: its current calibration, or else the prior; and the registers applied."""
+def _prior_information(meta: LogMeta) -> Any:
+    """Return the registers applied in a run, and its current calibration or else its prior."""
     calibration = meta.run.calibration if meta.run is not None else None
     return meta.registers, meta.prior if calibration is None else calibration.log
 
 
-def _stored(value: Any) -> Any:
+def _without_none(value: Any) -> Any:
     """Return a section as stored in a log, without None values."""
     plain = value.model_dump() if hasattr(value, "model_dump") else value
     if isinstance(plain, Mapping):
-        return {key: _stored(item) for key, item in plain.items() if item is not None}
+        return {key: _without_none(item) for key, item in plain.items() if item is not None}
     return plain

@@ -1,4 +1,4 @@
-"""Executes one run: prepares it, opens the devices, drives and solves the stages, finalizes it, writes its result."""
+"""Execution of one run: preparation, opening of the devices, stages, finalization and result."""
 
 import logging
 from collections.abc import Iterator, Sequence
@@ -58,30 +58,30 @@ def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHo
 
 
 def _run(units: tuple[PreparedRun, ...]) -> None:
-    """Open the devices and run; without devices or after an early stop, the logs have results but no samples."""
+    """Open the devices and run; if they cannot be opened, or after an early stop, the logs contain only results."""
     runs: list[OpenRun] = []
     first = units[0]
     try:
         with (
             connected(tuple(unit.setup for unit in units), first.control.check_cancelled) as devices,
-            first.cycle.on(devices.clock),
+            first.cycle.using(devices.clock),
         ):
             first.hooks.connected(devices)
-            with _closing(runs):
+            with _closing_on_error(runs):
                 evaluations = _open(units, devices, runs)
-            with applog.run(_name(runs)), _closing(runs):
+            with applog.run(_name(runs)), _closing_on_error(runs):
                 _drive(evaluations, devices)
     except (DeviceFaultError, StopRequested) as error:
         unopened = units[len(runs) :]
         if not unopened:
             raise
-        with _closing(runs):
+        with _closing_on_error(runs):
             for unit in unopened:
                 runs.append(unit.open(None))
             with applog.run(_name(runs)):
                 for run in runs:
                     if not run.closed:
-                        close_run(run, _ended(run, error))
+                        close_run(run, _ended_by(run, error))
     finally:
         start_reports(run.report for run in runs if run.setup.request.batch)
 
@@ -92,22 +92,22 @@ def _name(runs: Sequence[OpenRun]) -> str:
 
 
 @contextmanager
-def _closing(runs: Sequence[OpenRun]) -> Iterator[None]:
+def _closing_on_error(runs: Sequence[OpenRun]) -> Iterator[None]:
     """Close the runs still open with a fault if the context ends with any exception, including programming errors."""
     try:
         yield
     except StopRequested:
         raise
     except Exception as mistake:
-        left = [run for run in runs if not run.closed]
-        if not left:  # the result itself could not be written
+        open_runs = [run for run in runs if not run.closed]
+        if not open_runs:  # the result itself could not be written
             raise
         if isinstance(mistake, CalstationError):
             error = mistake
         else:
-            logger.exception("the run ended by a mistake of the program")
+            logger.exception("the run ended with a programming error")
             error = CalstationError("program.internal", detail=f"{type(mistake).__name__}: {mistake}")
-        for run in left:
+        for run in open_runs:
             with suppress(OSError, RuntimeError, CalstationError):  # the log itself may have failed
                 close_run(run, Ended(State.FAULT, tuple(run.chain.solutions), error))
         raise
@@ -127,8 +127,8 @@ def _open(units: Sequence[PreparedRun], devices: Devices, runs: list[OpenRun]) -
                 check_cancelled()
             if imu is None:
                 raise devices.failed[index]
-            own = replace(devices, imus=(imu,))
-            unverified = recover_interrupted(own, unit.setup, unit.folder, unit.emit, check_cancelled)
+            unit_devices = replace(devices, imus=(imu,))
+            unverified = recover_interrupted(unit_devices, unit.setup, unit.folder, unit.emit, check_cancelled)
             run = unit.open(_registers(imu, unit.setup), unverified)
         except CalstationError as error:
             if len(units) == 1:
@@ -136,7 +136,7 @@ def _open(units: Sequence[PreparedRun], devices: Devices, runs: list[OpenRun]) -
             run = unit.open(None)
             runs.append(run)
             run.emit(Message("unit_left", {"serial": run.serial, "reason": error.as_text}))
-            close_run(run, _ended(run, error))
+            close_run(run, _ended_by(run, error))
         else:
             runs.append(run)
             evaluations.append(Finalization(run, imu))
@@ -146,9 +146,9 @@ def _open(units: Sequence[PreparedRun], devices: Devices, runs: list[OpenRun]) -
 def _registers(imu: Imu, setup: RunConfiguration) -> dict[str, float]:
     """Return the unit's registers by parameter, SI.
 
-    A unit that applies them to its samples is restarted first: otherwise a restart during the run would discard
-    uncommitted values, and later samples would be corrected by other registers. A unit on a gimbal is restarted too,
-    because it may still hold the correction of a run that was killed.
+    A unit that applies them to its samples is restarted first. Otherwise a restart during the run would discard
+    uncommitted values, so that later samples would be corrected by other registers. A unit on a gimbal is also
+    restarted, because it may still contain the correction of a killed run.
     """
     uncommitted = setup.after_registers or setup.table.gimbal is not None
     if uncommitted and imu.identify().serial == setup.request.serial:
@@ -163,15 +163,15 @@ def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:
     for evaluation in evaluations:
         run, imu = evaluation.run, evaluation.imu
         try:
-            after = _resume(run)
+            last_sample = _resume(run)
             solved = tuple(run.chain.solutions)
             if solved:
                 imu.read()  # discards samples received while the stages were solved
         except (StopRequested, CalstationError) as error:  # error of a single unit
-            evaluation.ended(_ended(run, error))
+            evaluation.ended(_ended_by(run, error))
             return
         unit = unit_task(run.setup, run.meta)
-        slots.append(Slot(imu, unit, run.log, run.chain, after, run.prepared.slot, evaluation, solved))
+        slots.append(Slot(imu, unit, run.log, run.chain, last_sample, run.prepared.slot, evaluation, solved))
     prepared = evaluations[0].run.prepared
     task = table_task(prepared.setup)
     stages = task.stages[len(slots[0].solved) :]
@@ -184,22 +184,22 @@ def _resume(run: OpenRun) -> LastSample | None:
 
     Raises StopRequested, InputError, ConfigurationError.
     """
-    before = run.prepared.continuation
-    if before is None:
+    continuation = run.prepared.continuation
+    if continuation is None:
         return None
-    run.emit(Message("resumed", {"log": before.log.path.name, "stages": list(before.finished)}))
+    run.emit(Message("resumed", {"log": continuation.log.path.name, "stages": list(continuation.finished)}))
 
     def on_solved(solution: Solution) -> None:
         for event in solution_events(solution):
             run.emit(event)
         run.log.sync()
 
-    after = before.copy(run.log, run.chain, run.prepared.control.check_cancelled, on_solved)
+    last_sample = continuation.copy(run.log, run.chain, run.prepared.control.check_cancelled, on_solved)
     check_seen_latitude(run.meta, tuple(run.chain.solutions))
-    return after
+    return last_sample
 
 
-def _ended(run: OpenRun, error: CalstationError | StopRequested) -> Ended:
+def _ended_by(run: OpenRun, error: CalstationError | StopRequested) -> Ended:
     solutions = tuple(run.chain.solutions)
     if isinstance(error, StopRequested):
         return Ended(State.STOPPED, solutions)

@@ -1,4 +1,4 @@
-"""The one way to start a run: what is asked or refused before it, and the request that the engine runs."""
+"""Start of a run: the questions and refusals before it, and the request that the engine executes."""
 
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -53,8 +53,8 @@ class Question:
 class RunStart:
     """A run before its start.
 
-    `next_question` returns what must be asked, `answer` and `override` take the answers, and `request` is the request
-    that the engine runs, of one unit or of a batch.
+    `next_question` returns the next question, `answer` and `override` process the answers, and `request` is the request
+    that the engine executes, for one unit or for a batch.
     """
 
     def __init__(self, request: RunRequest, role: Role) -> None:
@@ -64,9 +64,9 @@ class RunStart:
         """
         self._role, self._history = role, History(request.out)
         self._answered: set[Subject] = set()
-        self._use(_completed(request, self._history))
+        self._set_request(_complete_request(request, self._history))
 
-    def _use(self, request: RunRequest) -> None:
+    def _set_request(self, request: RunRequest) -> None:
         resumed = None if request.resume is None else Continuation.of(request, request.resume).request
         adjust = station_hooks(load_station(request.station)[1]).adjust
         self.request, self._setups = request, prepare_batch(resumed or request, adjust)
@@ -88,13 +88,13 @@ class RunStart:
         return None
 
     def answer(self, question: Question, answer: str) -> None:
-        """Take one of the answers to a question; see `override` for a check standard.
+        """Process one of the answers to a question; see `override` for a check standard.
 
         Raises ConfigurationError or InputError if an interrupted run cannot be resumed.
         """
         if answer == "resume":
             log = Path(str(question.refusal.values["log"]))
-            self._use(replace(self.request, resume=log, product=product_of(log) or self.request.product))
+            self._set_request(replace(self.request, resume=log, product=product_of(log) or self.request.product))
         elif answer == "beyond":
             self.request = replace(self.request, beyond_attempts=True)
         self._answered.add(question.subject)
@@ -120,8 +120,8 @@ class RunStart:
     @property
     def _strictest(self) -> RunConfiguration:
         """Configuration of a unit whose product requires two people for an override, or of the first unit."""
-        two = (s for s in self._setups if confirmation_required("override", s.product, s.station).second)
-        return next(two, self._setups[0])
+        setups = (s for s in self._setups if confirmation_required("override", s.product, s.station).second)
+        return next(setups, self._setups[0])
 
     def _ask_resume(self) -> Question | None:
         request = self.request
@@ -153,10 +153,15 @@ class RunStart:
         if not passed:
             return None
         first, serials = passed[0], [run.serial for run in passed]
-        about = {"serial": first.serial, "when": first.started_utc, "station": first.station or "?", "serials": serials}
-        elsewhere = "passed_elsewhere" if first.origin and not self.request.serials else "passed_before"
+        values = {
+            "serial": first.serial,
+            "when": first.started_utc,
+            "station": first.station or "?",
+            "serials": serials,
+        }
+        code = "passed_elsewhere" if first.origin and not self.request.serials else "passed_before"
         refusal = ConfigurationError("run.passed_before", serials=serials)
-        return Question("passed", self._text(elsewhere, about), ("repeat",), refusal)
+        return Question("passed", self._text(code, values), ("repeat",), refusal)
 
     def _ask_standard(self) -> Question | None:
         for setup in self._setups:
@@ -182,7 +187,7 @@ class RunStart:
 
 
 def resume_question(run: Resumable) -> Text:
-    """Return the question whether to resume a run after its finished stages."""
+    """Return the question of whether to resume a run after its finished stages."""
     finished = len(run.finished)
     stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
     return Text.of("question.resume", serial=run.serial, number=finished + 1, stage=stage, when=run.started_utc)
@@ -199,7 +204,7 @@ def attempts_used(setup: RunConfiguration, history: History) -> ConfigurationErr
     )
 
 
-def _completed(request: RunRequest, history: History) -> RunRequest:
+def _complete_request(request: RunRequest, history: History) -> RunRequest:
     """Complete a request with the unit of the log that it resumes, the bench's units, and the id of a batch.
 
     Raises ConfigurationError if it names no unit, InputError if the log cannot be read.

@@ -120,7 +120,7 @@ def _observe(request: RunRequest, planned: Planned, patience: float) -> tuple[bo
                     if steps == moment and "operator_stop" in kinds:
                         engine.send(Command.STOP)
                     if steps == moment and "window_killed" in kinds:
-                        engine.hang_up()
+                        engine.stop_listening()
             if time.monotonic() > deadline:
                 return True, memory
             time.sleep(0.05)

@@ -104,7 +104,7 @@ def test_killed_window_causes_a_safe_stop(fault_runs: FaultRuns) -> None:
     for event in engine.events():
         if isinstance(event, StepStarted) and event.stage:
             break
-    engine.hang_up()
+    engine.stop_listening()
     engine.process.join(120.0)
     report = json.loads((fault_runs.folder / "bench.json").read_text(encoding="utf-8"))
     assert not report["enabled"]

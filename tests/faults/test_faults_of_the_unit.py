@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import ignore_progress
 
 from calstation.errors import ConfigurationError
 from calstation.records import open_log
 from calstation.registers import journal as register_journal
 from calstation.results import resolve
-from calstation.runs.resume import resumable
+from calstation.runs import find_resumable
 from calstation.sequencer import Message, StepStarted, Trace
 from tests.faults.conftest import SERIAL, FaultRuns, fault
 from tests.helpers import complaint, sampled
@@ -150,7 +151,7 @@ def test_gyros_detect_a_wrong_latitude_before_any_register_is_written(fault_runs
     assert [c["name"] for c in ran.ended.result["checks"] if not c["passed"]] == ["latitude"]
     assert not register_journal.history(fault_runs.folder / "runs", SERIAL)
     assert ran.ended.result["advice"] != "resume"
-    assert resumable(fault_runs.folder / "runs") == []
+    assert find_resumable(ignore_progress, fault_runs.folder / "runs") == []
 
 
 def test_the_verification_detects_a_wrong_latitude(fault_runs: FaultRuns) -> None:

@@ -86,7 +86,7 @@ def test_one_command_solves_selected_logs_and_lists_changed_verdicts(
     logs: list[Path], tmp_path: Path, calstation: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
-    monkeypatch.setattr("calstation.cli.commands.fleet._LINE_EVERY", 0.0)
+    monkeypatch.setattr("calstation.cli.commands.fleet._LINE_INTERVAL", 0.0)
     wrong = logs[4]  # the only one of bench 2 since March
     log = open_log(wrong)
     copy, computed = tmp_path / "logs" / "copy.h5", tmp_path / "logs" / "computed.h5"

@@ -6,6 +6,7 @@ import sys
 import time
 
 import pytest
+from helpers import ignore_progress
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTabWidget, QWidget
 from pytestqt.qtbot import QtBot
@@ -15,7 +16,7 @@ from calstation.gui.operator.header import RunHeader
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.widgets import theme
 from calstation.records import open_log
-from calstation.runs.resume import resumable
+from calstation.runs import find_resumable
 from tests.gui.conftest import SiteFolder
 
 pytestmark = pytest.mark.usefixtures("job_queue")
@@ -168,7 +169,7 @@ def test_killed_window_stops_the_table_and_leaves_a_complete_resumable_log(site_
     assert open_log(log).outcome == "stopped"
     result = json.loads(results[0].read_text(encoding="utf-8"))
     assert (result["outcome"], result["stop_reason"]) == ("stopped", "listener_lost")
-    (offered,) = resumable(site_folder.runs)
+    (offered,) = find_resumable(ignore_progress, site_folder.runs)
     assert offered.finished == ("six_position",)
 
 

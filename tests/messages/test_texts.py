@@ -34,7 +34,7 @@ SENTENCE = re.compile(r"[A-Za-z]{2,},? [A-Za-z]{2,}")
 #: Sentences that nobody reads in the window or the terminal: fonts, the application log, comments of files.
 NOT_SHOWN = {
     *("DejaVu Sans Mono", "WenQuanYi Micro Hei Mono", "a run is in progress", "Allan deviation of ,  s", "_fast"),
-    *("bind needs a widget or a bound method of a Qt object", "the command ended by a mistake of the program"),
+    *("bind needs a widget or a bound method of a Qt object", "the command ended with a programming error"),
     "from PySide6.QtWidgets import QApplication; QApplication([])",
 }
 

@@ -136,7 +136,7 @@ def test_check_standard_in_two_schedules_keeps_the_false_alarm_rate(
     name = load_product(product)[1].name
     store(tmp_path, name, random.normal(reference + error, sigmas), sigmas, "GOLD")
 
-    found = summarise_quality(lambda *_: None, tmp_path, product, "GOLD", relative=True).golden
+    found = summarise_quality(lambda *_: None, tmp_path, product, "GOLD", relative=True).single_unit
     assert {(each.process, each.declared) for each in found} == {(Process(0.0, 1.0), True)}
     assert alarms_per_1000(found, 0) == pytest.approx(2.7, rel=0.4)
     scores = np.array([each.values for each in found])
@@ -146,11 +146,11 @@ def test_check_standard_in_two_schedules_keeps_the_false_alarm_rate(
     ]
     assert (row["limits_from"], row["center_from"], row["center"]) == ("stated", "reference", 0.0)
 
-    (bias,) = summarise_quality(lambda *_: None, tmp_path, product, "GOLD", "gyro_bias_x").golden
+    (bias,) = summarise_quality(lambda *_: None, tmp_path, product, "GOLD", "gyro_bias_x").single_unit
     assert (bias.process.center, bias.declared) == (reference[NAMES.index("gyro_bias_x")], True)
     assert bias.process.baseline == BASELINE
     (unknown,) = summarise_quality(
         lambda *_: None, tmp_path, library.find("products", "nav_a"), "GOLD", "gyro_bias_x", relative=True
-    ).golden
+    ).single_unit
     assert not unknown.declared
     assert unknown.effects is not None

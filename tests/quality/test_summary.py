@@ -84,13 +84,13 @@ def test_former_check_standard_is_excluded(tmp_path: Path) -> None:
         assert found.yields.overall is not None
         assert (found.yields.overall.passed, found.yields.overall.count) == (12, 12)
         assert [len(each.names) for each in found.parameters] == [12]
-    (golden,) = summarise_quality(ignore, tmp_path, serial="GOLD").golden
+    (golden,) = summarise_quality(ignore, tmp_path, serial="GOLD").single_unit
     assert len(golden.names) == 12
 
 
 def test_step_in_the_runs_of_one_unit_is_detected(folder: Path) -> None:
     found = summarise_quality(ignore, folder, serial="GOLD")
-    (bias,) = found.golden
+    (bias,) = found.single_unit
     assert (len(bias.names), bias.capability) == (15, None)
     assert bias.alarms["ewma"] > 0
     shown = found.to_json()["golden"]

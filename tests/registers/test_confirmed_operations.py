@@ -10,7 +10,7 @@ from calstation.config import Confirmation, RunRequest
 from calstation.config import site_folder as site
 from calstation.errors import ConfigurationError, InputError
 from calstation.records import audit_path, read_audit
-from calstation.registers import journal, wanted_registers
+from calstation.registers import journal, target_registers
 from calstation.results import Result
 from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import RegisterOperations
@@ -90,6 +90,6 @@ def test_result_of_another_product_is_not_written(site_folder: SiteFolder) -> No
         "log": {"file": ""},
     }
     made, request = Result.from_json(result), site_folder.request()
-    assert wanted_registers(ignore_progress, request, made).serial == SERIAL
+    assert target_registers(ignore_progress, request, made).serial == SERIAL
     with raises_code(InputError, "transfer.result_other_product"):
-        wanted_registers(ignore_progress, replace(request, product=another_product(site_folder)), made)
+        target_registers(ignore_progress, replace(request, product=another_product(site_folder)), made)

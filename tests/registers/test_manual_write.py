@@ -9,7 +9,7 @@ import pytest
 
 from calstation.cli.app import run_app
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
-from calstation.registers import UnitRegisters, read_unit, wanted_registers
+from calstation.registers import UnitRegisters, read_unit, target_registers
 from calstation.registers.journal import FOLDER, history
 from calstation.registers.unit_registers import compose
 from calstation.results import Result
@@ -47,7 +47,7 @@ def test_unit_contains_the_written_values(unit: SiteFolder) -> None:
     before = read_unit(ignore_progress, unit.request(), runs)
     assert (before.serial, before.commits, before.virtual) == (SERIAL, 0, True)
     assert before.model.startswith("bench-imu")
-    wanted = wanted_registers(ignore_progress, unit.request(), result_of(unit, gyro_bias_x=1e-6, accel_scale_y=3e-4))
+    wanted = target_registers(ignore_progress, unit.request(), result_of(unit, gyro_bias_x=1e-6, accel_scale_y=3e-4))
     assert [(r.address, r.parameter) for r in wanted.registers] == [(0, "gyro_bias_x"), (19, "accel_scale_y")]
     assert wanted.registers[0].value == np.float32(1e-6)
     assert bytes.fromhex(wanted.registers[0].raw) == np.array([1e-6], ">f4").tobytes()
@@ -116,14 +116,14 @@ def test_write_is_refused_without_a_journal(unit: SiteFolder) -> None:
 @pytest.mark.long
 def test_result_from_corrected_output_is_composed_with_the_registers(behind: SiteFolder) -> None:
     result = dict(behind.run("six_position").result)
-    wanted = wanted_registers(ignore_progress, behind.request(), Result.from_json(result))
+    wanted = target_registers(ignore_progress, behind.request(), Result.from_json(result))
     found = {name: row["value"] for name, row in result["parameters"].items()}
     expected = compose(result["registers"]["old"], found)
     for name, value in wanted.values.items():
         assert value == pytest.approx(np.float32(expected[name]), abs=1e-12)
     moved = replace(behind.request(), out=Path("elsewhere"))
     Path(result["log"]["file"]).unlink()
-    again = wanted_registers(ignore_progress, moved, Result.from_json(result))
+    again = target_registers(ignore_progress, moved, Result.from_json(result))
     assert again.values == wanted.values, "as the run wrote them"
     with raises_code(InputError, "transfer.log_missing"):
-        wanted_registers(ignore_progress, moved, Result.from_json({**result, "registers": None}))
+        target_registers(ignore_progress, moved, Result.from_json({**result, "registers": None}))

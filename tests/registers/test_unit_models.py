@@ -12,7 +12,7 @@ from calstation.config import RegisterOperation, library, load_configuration
 from calstation.devices.imu import Closing, RegisterMap, Step
 from calstation.devices.profiles import RegisterEntry, load_imu_profile
 from calstation.errors import DeviceFaultError, InputError
-from calstation.registers import Transfer, moves_table, wanted_registers
+from calstation.registers import Transfer, moves_table, target_registers
 from calstation.registers import journal as register_journal
 from calstation.registers.journal import UnitType, map_digest
 from calstation.results import Result
@@ -140,7 +140,7 @@ def test_a_result_of_another_profile_is_not_offered_to_the_unit(known: Known) ->
         "log": {"file": ""},
     }
     with raises_code(InputError, "transfer.result_other_profile"):
-        wanted_registers(ignore_progress, known.site_folder.request(), Result.from_json(result))
+        target_registers(ignore_progress, known.site_folder.request(), Result.from_json(result))
 
 
 def test_registers_are_not_written_from_unjudged_parameters(known: Known) -> None:
@@ -154,7 +154,7 @@ def test_registers_are_not_written_from_unjudged_parameters(known: Known) -> Non
         "log": {"file": ""},
     }
     with raises_code(InputError, "transfer.result_untested"):
-        wanted_registers(ignore_progress, known.site_folder.request(), Result.from_json(result))
+        target_registers(ignore_progress, known.site_folder.request(), Result.from_json(result))
 
 
 def test_largest_change_is_relative_to_the_expected_change(known: Known) -> None:

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers import ignore_progress
 
 from calstation.errors import InputError
 from calstation.records import CheckId, IndexedRun, LogMeta, RawLogWriter, RunFilter, RunIndex, Verdict, acquire_lock
 from calstation.records.run_index import FILE
 from calstation.results import History, refresh_history
 from calstation.results import history as history_module
-from calstation.runs import recover_startup
-from calstation.runs.resume import resumable
+from calstation.runs import find_resumable, recover_startup
 from tests.check_rows import check_row
 from tests.helpers import raises_code
 from tests.records.records_samples import META, make_block
@@ -287,7 +287,7 @@ def test_two_programs_can_share_an_index(three: Path) -> None:
 def test_missing_folder_has_no_runs(tmp_path: Path) -> None:
     history = refreshed(tmp_path / "none")
     assert history.runs() == []
-    assert resumable(tmp_path / "none") == []
+    assert find_resumable(ignore_progress, tmp_path / "none") == []
     assert not (tmp_path / "none").exists()
 
 
@@ -335,4 +335,4 @@ def test_runs_count_for_all_stations_but_resume_only_where_the_log_is(three: Pat
     assert [run.station for run in history.of("SN-1")] == ["bench 2", "bench 1", "bench 1"]
     with raises_code(InputError, "result.elsewhere"):
         history.result(history.of("SN-1")[0])
-    assert resumable(three) == []
+    assert find_resumable(ignore_progress, three) == []

@@ -37,7 +37,7 @@ def measured(scene: Scene, watch: Callable[[Event], None] = lambda event: None) 
             watch(event)
 
     scene.events = Events()
-    with cycle.on(scene.clock):
+    with cycle.using(scene.clock):
         scene.run()
         phases = cycle.phases()
     return Result.from_json({**RESULT, "cycle": [phase.model_dump() for phase in phases]})
@@ -69,7 +69,7 @@ def test_phases_of_a_run_are_contiguous_and_add_up_to_its_duration() -> None:
 
 def test_solving_phase_ends_when_the_last_unit_of_a_batch_is_solved() -> None:
     cycle, clock = Cycle(), FakeClock()
-    with cycle.on(clock):
+    with cycle.using(clock):
         cycle.follow(StageEnded("rate", "plan", 0))
         for slot in ("A", "B", "C"):
             clock.time += 10.0
@@ -119,7 +119,7 @@ def test_terminated_bench_does_not_prevent_the_result() -> None:
             return super().now()
 
     cycle, clock = Cycle(), DeadClock()
-    with cycle.on(clock):
+    with cycle.using(clock):
         clock.time = 4.0
         cycle.follow(StateChanged(State.PREPARING, State.IDLE))
         clock.time = 9.0

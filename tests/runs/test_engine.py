@@ -119,7 +119,7 @@ def test_frozen_engine_is_terminated_when_its_window_closes(site_folder: SiteFol
     assert engine.process.pid is not None
     os.kill(engine.process.pid, signal.SIGSTOP)
     polled(engine, lambda events: any(isinstance(e, Fault) for e in events))
-    engine.hang_up()
+    engine.stop_listening()
     engine.process.join(30.0)
     assert not engine.alive
 

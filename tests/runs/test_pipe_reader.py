@@ -42,7 +42,7 @@ def test_engine_frozen_within_a_message_does_not_block_the_reader() -> None:
     assert first == Message("homing")
     assert isinstance(fault, Fault)
     assert fault.code == "run.engine_silent"
-    engine.hang_up()
+    engine.stop_listening()
     engine.process.join(PATIENCE)
     assert not engine.alive
 

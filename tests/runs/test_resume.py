@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from helpers import ignore_progress
 
 from calstation.config import RunRequest
 from calstation.devices.imu import FramedImu
@@ -16,7 +17,7 @@ from calstation.records import open_log
 from calstation.results import History, load_finished_run, resolve
 from calstation.runs import Engine, execute, find_resumable, finish_incomplete
 from calstation.runs.incomplete import close_incomplete
-from calstation.runs.resume import Continuation, resumable
+from calstation.runs.resume import Continuation
 from calstation.sequencer import Command, Control, Event, Finalized, Message, StageSolved, StageStarted, StepStarted
 from tests.helpers import raises_code
 from tests.shared_runs import SharedRuns
@@ -72,8 +73,7 @@ def resumed(site_folder: SiteFolder, log: str | Path, **more: object) -> Finaliz
 def test_stopped_run_is_resumed_after_its_last_finished_stage(site_folder: SiteFolder, before: Finalized) -> None:
     assert before.result["stages"] == ["rate"]
     assert (before.result["advice"], before.result["stop_reason"]) == ("resume", "operator")
-    (offer,) = resumable(site_folder.folder / "runs")
-    assert offer == find_resumable(lambda *_: None, site_folder.folder / "runs")[0]
+    (offer,) = find_resumable(ignore_progress, site_folder.folder / "runs")
     assert (offer.serial, offer.stages, offer.finished) == ("SN-000042", STAGES, ("rate",))
     assert (offer.verdict, offer.why, offer.attempt) == ("stopped", "operator", 1)
 
@@ -94,7 +94,7 @@ def test_stopped_run_is_resumed_after_its_last_finished_stage(site_folder: SiteF
     again = resolve(Path(ended.log)).result.to_json()
     for key in ("parameters", "consistency", "unobservable", "details", "configuration"):
         assert again[key] == result[key]
-    assert resumable(site_folder.folder / "runs") == []
+    assert find_resumable(ignore_progress, site_folder.folder / "runs") == []
     assert History(site_folder.folder / "runs").attempts("SN-000042") == 1
 
 
@@ -105,7 +105,7 @@ def test_a_resumed_run_can_be_resumed_again(site_folder: SiteFolder, before: Fin
     second = resumed(site_folder, first.log)
     assert (second.verdict, second.result["stages"]) == ("stopped", [])
     site_folder.events, site_folder.control = [], Control()
-    (offer,) = resumable(site_folder.folder / "runs")
+    (offer,) = find_resumable(ignore_progress, site_folder.folder / "runs")
     assert offer.log == Path(first.log)
 
     def stop(event: Event) -> None:
@@ -143,7 +143,7 @@ def test_run_killed_in_the_third_stage_resumes_with_bit_identical_results(site_f
             time.sleep(0.01)
     assert killed
     (log,) = runs.glob("*.h5")
-    (offer,) = resumable(runs)
+    (offer,) = find_resumable(ignore_progress, runs)
     assert (offer.stages, offer.finished) == (stages, STAGES)
     assert offer.verdict == "incomplete"
 
@@ -231,7 +231,7 @@ def test_changed_registers_require_a_new_run(
     assert ended.verdict == "fault"
     assert site_folder.fault().code == "run.registers_changed"
     monkeypatch.undo()
-    (offer,) = resumable(site_folder.folder / "runs")
+    (offer,) = find_resumable(ignore_progress, site_folder.folder / "runs")
     assert offer.log == Path(before.log)
 
 
@@ -240,7 +240,7 @@ def test_a_run_that_cannot_be_resumed_gives_the_reason(site_folder: SiteFolder, 
     short(site_folder)
     log = (site_folder.run("rate") if end == "passed" else stopped_in(site_folder, "rate")).log
     site_folder.events = []
-    assert resumable(site_folder.folder / "runs") == []
+    assert find_resumable(ignore_progress, site_folder.folder / "runs") == []
     with raises_code(ConfigurationError, "run.ended" if end == "passed" else "run.no_stage_finished"):
         resumed(site_folder, log)
 
@@ -288,7 +288,7 @@ def test_malformed_result_hides_only_its_own_run(site_folder: SiteFolder, before
     with h5py.File(before.log, "r+", libver="latest") as file:
         at = bytes(file["results"][:]).index(b'"name"')
         file["results"][at : at + 6] = list(b'"nome"')
-    assert resumable(site_folder.folder / "runs") == []
+    assert find_resumable(ignore_progress, site_folder.folder / "runs") == []
     with raises_code(InputError, "result.not_a_result"):
         load_finished_run(lambda *_, **__: None, Path(before.log), site_folder.folder)
 
@@ -304,7 +304,7 @@ def test_closed_run_is_no_longer_offered(site_folder: SiteFolder, before: Finali
     closed = json.loads(path.read_text("utf-8"))
     assert closed["closed_by"] == "li"
     assert {k: v for k, v in closed.items() if not k.startswith("closed")} == before.result
-    assert resumable(site_folder.folder / "runs") == []
+    assert find_resumable(ignore_progress, site_folder.folder / "runs") == []
 
 
 @pytest.mark.long
@@ -332,7 +332,7 @@ def test_run_counts_as_running_until_its_process_ends(site_folder: SiteFolder, t
 
 @pytest.mark.exhaustive
 def test_a_verdict_closes_earlier_runs(site_folder: SiteFolder, before: Finalized) -> None:
-    assert resumable(site_folder.folder / "runs")[0].log == Path(before.log)
-    assert len(resumable(site_folder.folder / "runs")) == 1
+    assert find_resumable(ignore_progress, site_folder.folder / "runs")[0].log == Path(before.log)
+    assert len(find_resumable(ignore_progress, site_folder.folder / "runs")) == 1
     assert site_folder.run("rate").verdict.passed
-    assert resumable(site_folder.folder / "runs") == []
+    assert find_resumable(ignore_progress, site_folder.folder / "runs") == []

@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from calstation.cli.options import JsonOption, ProductOption, StationOption, command_group
-from calstation.cli.show import emit_json, ignore_progress, show_line, table, three_digits
+from calstation.cli.show import emit_json, ignore_progress, new_table, show_line, three_digits
 from calstation.cli.text import say
 from calstation.connection import OtherUnit, read_unit
 from calstation.errors import ConfigurationError
@@ -34,49 +34,49 @@ def apply(
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.csv")] = None,
     json: JsonOption = None,
 ) -> int:
-    """Apply a result to a recording or to the output of the connected unit, and show every rest before and after.
+    """Apply a result to a recording or to the output of the connected unit, and compare every rest before and after.
 
-    Raises ConfigurationError if both are given or the unit is a different one, and any error from reading them.
+    Raises ConfigurationError if both are given or another unit is connected, and the errors of reading them.
     """
     if log is not None and station is not None:
         raise ConfigurationError("cli.apply_to_one")
     result = load_result(result_file)
-    solved = find_log(result, result_file)
+    solved_log = find_log(result, result_file)
     values_before = registers = result.registers.old if result.registers is not None else {}
-    if solved is not None:
-        meta = open_log(solved).meta
+    if solved_log is not None:
+        meta = open_log(solved_log).meta
         values_before, registers = dict(zip(NAMES, prior_from_meta(meta).mean.tolist(), strict=True)), meta.registers
-    before, found = before_and_found(values_before, result.parameters)
-    if np.array_equal(before, found):
+    before, values_after = before_and_found(values_before, result.parameters)
+    if np.array_equal(before, values_after):
         raise ConfigurationError("cli.apply_nothing", file=result_file)
     if log is not None:
         output = read_recording(log, registers)
     else:
-        unit = read_unit(ignore_progress, result.serial, solved, station, product)
+        unit = read_unit(ignore_progress, result.serial, solved_log, station, product)
         if isinstance(unit, OtherUnit):
             raise ConfigurationError("applied.other_unit", connected=unit.serial, serial=result.serial)
         output = unit
-    shown = output.applied(before, found)
-    cautions = _cautions(shown, result.serial)
+    applied = output.applied(before, values_after)
+    cautions = _warnings(applied, result.serial)
     for caution in cautions:
         show_line(Console(stderr=True), caution)
     if out is not None:
-        parameters = np.zeros_like(found) if output.corrected else found
+        parameters = np.zeros_like(values_after) if output.corrected else values_after
         export_corrected(output.path, output.meta, output.blocks, parameters, out)
         show_line(Console(stderr=True), str(out))
-    errors = np.stack([shown.rest_length, shown.rest_rate - shown.earth])
-    emit_json(_json(shown, errors), json)
+    errors = np.stack([applied.rest_length, applied.rest_rate - applied.earth])
+    emit_json(_json(applied, errors), json)
     if json != "-":
-        _show(Console(file=sys.stdout), shown, errors)
+        _show(Console(file=sys.stdout), applied, errors)
     return 0
 
 
-def _cautions(shown: Applied, serial: str) -> list[str]:
+def _warnings(applied: Applied, serial: str) -> list[str]:
     """Return warnings about the unit that produced the samples."""
-    if shown.serial != serial:
-        return [say("applied.other_recording", recorded=shown.serial, serial=serial)]
-    corrected = [say("applied.corrected")] if shown.corrected else []
-    return corrected + ([] if shown.named else [say("applied.unnamed", serial=serial)])
+    if applied.serial != serial:
+        return [say("applied.other_recording", recorded=applied.serial, serial=serial)]
+    corrected = [say("applied.corrected")] if applied.corrected else []
+    return corrected + ([] if applied.named else [say("applied.unnamed", serial=serial)])
 
 
 def _summary(errors: FloatArray) -> dict[str, FloatArray]:
@@ -84,7 +84,7 @@ def _summary(errors: FloatArray) -> dict[str, FloatArray]:
     return {"rms": np.sqrt(np.mean(errors**2, axis=1)), "max": np.abs(errors).max(axis=1)}
 
 
-def _json(shown: Applied, errors: FloatArray) -> dict[str, object]:
+def _json(applied: Applied, errors: FloatArray) -> dict[str, object]:
     """Return the errors of every rest, shape (2, rests, 2), as JSON, SI."""
 
     def row(values: FloatArray) -> dict[str, float]:
@@ -92,18 +92,19 @@ def _json(shown: Applied, errors: FloatArray) -> dict[str, object]:
         return dict(zip(names, values.ravel().tolist(), strict=True))
 
     return {
-        "serial": shown.serial,
-        "corrected": shown.corrected,
+        "serial": applied.serial,
+        "corrected": applied.corrected,
         "rests": [
-            {"start_s": start, "end_s": end, **row(errors[:, k])} for k, (start, end) in enumerate(shown.rests.tolist())
+            {"start_s": start, "end_s": end, **row(errors[:, k])}
+            for k, (start, end) in enumerate(applied.rests.tolist())
         ],
         **{name: row(values) for name, values in _summary(errors).items()},
     }
 
 
-def _show(out: Console, shown: Applied, errors: FloatArray) -> None:
-    made = table(
-        say("cli.unit_at_rest", serial=shown.serial),
+def _show(out: Console, applied: Applied, errors: FloatArray) -> None:
+    table = new_table(
+        say("cli.unit_at_rest", serial=applied.serial),
         *("cli.column_rest_number", "cli.column_from", "cli.column_to"),
         *(f"cli.column_{quantity}_{when}" for quantity, _ in _QUANTITIES for when in ("before", "after")),
     )
@@ -112,9 +113,9 @@ def _show(out: Console, shown: Applied, errors: FloatArray) -> None:
         sizes = np.array([[size] for _, size in _QUANTITIES])
         return [three_digits(value) for value in (values / sizes).ravel()]
 
-    for k, (start, end) in enumerate(shown.rests.tolist()):
-        made.add_row(str(k), f"{start:.1f}", f"{end:.1f}", *cells(errors[:, k]))
-    made.add_section()
+    for k, (start, end) in enumerate(applied.rests.tolist()):
+        table.add_row(str(k), f"{start:.1f}", f"{end:.1f}", *cells(errors[:, k]))
+    table.add_section()
     for name, values in _summary(errors).items():
-        made.add_row(say(f"cli.{name}_at_rest"), "", "", *cells(values))
-    out.print(made)
+        table.add_row(say(f"cli.{name}_at_rest"), "", "", *cells(values))
+    out.print(table)

@@ -35,8 +35,8 @@ def audit(
     except ValueError as exc:
         raise ConfigurationError("cli.not_a_date", option="--since", value=since, program="calstation audit") from exc
     path, trail = _read(file)
-    known = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in trail.entries)))  # includes events of later versions
-    check_choice("--event", event, tuple(known))
+    names = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in trail.entries)))  # includes events of later versions
+    check_choice("--event", event, tuple(names))
     events = [
         each
         for each in trail.entries

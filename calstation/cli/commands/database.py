@@ -65,15 +65,15 @@ def exchange(
 
 
 def _watch(out: Path, url: str, name: str, archive: str | None) -> None:
-    """Exchange a folder until a signal to end, and show each change of its state in a line."""
-    stop, console, shown = threading.Event(), Console(stderr=True), list[str]()
+    """Exchange a folder until the process receives a signal to end, and show each change of the state."""
+    stop, console, previous = threading.Event(), Console(stderr=True), list[str]()
 
     def wait(seconds: float) -> bool:
         lines = _lines(read_state(out))
         for line in lines:
-            if line not in shown:
+            if line not in previous:
                 show_line(console, line)
-        shown[:] = lines
+        previous[:] = lines
         return stop.wait(seconds)
 
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -82,7 +82,7 @@ def _watch(out: Path, url: str, name: str, archive: str | None) -> None:
 
 
 def _lines(state: ExchangeState) -> list[str]:
-    """Return the obstacles to the exchange of runs and the copying of logs, or that all runs are exchanged."""
+    """Return the errors of the exchange and of the archive, and a line if all runs have been exchanged."""
     errors = (state.error, state.refusal, state.archive_error)
     lines = [sentence(error) for error in errors if error is not None]
     if not state.pending and state.error is None and state.refusal is None:
@@ -106,7 +106,7 @@ def adopt(
     out: RunsOption = Path("runs"),
     copy: Annotated[bool, typer.Option("--copy")] = False,
 ) -> None:
-    """Exchange a folder of runs that was moved, at its current location."""
+    """Continue the exchange of a folder of runs that was moved or copied."""
     adopt_folder(out, copied=copy)
     show_line(Console(stderr=True), say("cli.copy_adopted" if copy else "cli.folder_adopted", folder=out))
 

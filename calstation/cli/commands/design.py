@@ -24,7 +24,7 @@ from calstation.design import (
 from calstation.errors import ConfigurationError
 from calstation.physics import display_by_unit
 
-#: Code of the text for a step of the search; any other step is the best result so far.
+#: Code of the text for each step of the search; the note of any other step is the best result so far.
 _STEPS = {"checking": "cli.design_checking", "present": "cli.design_present", "": ""}
 
 

@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from calstation.cli.options import JsonOption, ParametersOnlyOption, StagesOption, command_group, parsed_stages
-from calstation.cli.show import emit_json, job_progress, on_interrupt, show_line, table
+from calstation.cli.show import emit_json, job_progress, new_table, on_interrupt, show_line
 from calstation.cli.text import say
 from calstation.fleet import (
     UNCHANGED,
@@ -35,7 +35,7 @@ _WIDTH = 150
 #: Largest number of changed verdicts listed; the JSON contains all.
 _MAX_CHANGES = 30
 #: Interval of progress lines without a terminal for a bar, s.
-_LINE_EVERY = 60.0
+_LINE_INTERVAL = 60.0
 
 DatabaseOption = Annotated[str, typer.Option(metavar="URL")]
 VersionOption = Annotated[str, typer.Option()]
@@ -70,7 +70,7 @@ def resolve(
         tuple(sources), database, scheduler, patch, label, chosen, first, last, diagnostics,
         Selection(station, product, *days), retry_failed,
     )  # fmt: skip
-    before = None if compare_with is None else request.baseline(compare_with)
+    baseline = None if compare_with is None else request.baseline(compare_with)
     console = Console(stderr=True)
     requests = [request.unchanged, request] if compare_with == UNCHANGED else [request]
     for each in requests:
@@ -78,11 +78,11 @@ def resolve(
         if summary.stopped:
             break
     comparison = None
-    if before is not None and summary.solutions and not summary.stopped:
+    if baseline is not None and summary.solutions and not summary.stopped:
         with job_progress(say("cli.reading_solutions")) as progress:
-            comparison = compare_versions(progress, database, before, summary.version, summary.solutions)
+            comparison = compare_versions(progress, database, baseline, summary.version, summary.solutions)
     if json is not None:
-        with _target(json) as stream:
+        with _open_output(json) as stream:
             stream.writelines(_json_parts(request, summary, comparison))
     if comparison is not None and json != "-":
         _show(comparison)
@@ -110,20 +110,20 @@ def _solve(console: Console, request: FleetRequest) -> FleetSummary:
     )
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar, on_interrupt(interrupt):
         task = bar.add_task("", total=None, rate="")
-        begin: tuple[float, int] | None = None
-        shown = time.monotonic()
+        start: tuple[float, int] | None = None
+        last_line = time.monotonic()
 
         def show(summary: FleetSummary) -> None:
-            nonlocal begin, shown
+            nonlocal start, last_line
             now = time.monotonic()
-            begin = begin or (now, summary.done)
-            speed = (summary.done - begin[1]) / max(now - begin[0], 1e-3)
+            start = start or (now, summary.done)
+            speed = (summary.done - start[1]) / max(now - start[0], 1e-3)
             rate = say("cli.fleet_rate", rate=speed, failed=summary.failed)
             bar.update(task, completed=summary.done, total=summary.total, rate=rate)
-            if not console.is_terminal and now - shown >= _LINE_EVERY:
-                shown = now
-                left = summary.total - summary.done
-                show_line(console, say("cli.fleet_progress", left=left, rate=speed, failed=summary.failed))
+            if not console.is_terminal and now - last_line >= _LINE_INTERVAL:
+                last_line = now
+                remaining = summary.total - summary.done
+                show_line(console, say("cli.fleet_progress", left=remaining, rate=speed, failed=summary.failed))
 
         summary = resolve_fleet(request, show, stop)
     for status in summary.failures:
@@ -140,7 +140,7 @@ def _solve(console: Console, request: FleetRequest) -> FleetSummary:
     return summary
 
 
-def _target(json: str) -> AbstractContextManager[IO[str]]:
+def _open_output(json: str) -> AbstractContextManager[IO[str]]:
     return nullcontext(sys.stdout) if json == "-" else Path(json).open("w", encoding="utf-8")
 
 
@@ -188,7 +188,7 @@ def _show(comparison: Comparison) -> None:
     console = Console(file=sys.stdout, width=_WIDTH)
 
     def section(title: str, *columns: str) -> Table:
-        return table(title, *(f"cli.column_{name}" for name in columns), padding=(0, 1, 0, 0))
+        return new_table(title, *(f"cli.column_{name}" for name in columns), padding=(0, 1, 0, 0))
 
     numbers = {"logs": comparison.logs, "only_before": comparison.only_before, "only_after": comparison.only_after}
     show_line(console, say("cli.fleet_compared", before=comparison.before, after=comparison.after, **numbers))
@@ -198,10 +198,10 @@ def _show(comparison: Comparison) -> None:
             verdicts.add_row(was, now, str(count))
     console.print(verdicts)
     if comparison.changes:
-        shown = comparison.changes[:_MAX_CHANGES]
-        title = say("cli.changed_verdicts", shown=len(shown), count=len(comparison.changes))
+        listed = comparison.changes[:_MAX_CHANGES]
+        title = say("cli.changed_verdicts", shown=len(listed), count=len(comparison.changes))
         changes = section(title, "serial", "product", "station", "start", "before", "after", "failed_checks")
-        for each in shown:
+        for each in listed:
             failed = each.failed_after or each.failed_before
             start = (each.started_utc or "")[:16]
             changes.add_row(each.serial, each.product or "", each.station or "", start, each.before, each.after, failed)

@@ -20,7 +20,7 @@ from calstation.cli.options import (
     command_group,
     existing_folder,
 )
-from calstation.cli.show import emit, emit_json, ignore_progress, interval, job_progress, show_line, table
+from calstation.cli.show import emit, emit_json, ignore_progress, interval, job_progress, new_table, show_line
 from calstation.cli.text import say, term
 from calstation.config import load_product, load_station
 from calstation.errors import ConfigurationError, InputError
@@ -89,7 +89,7 @@ def quality(
         _show_summary(console, summary, relative=relative)
         if serial is not None and not History(out).of(serial):
             show_line(console, say("quality.no_run_of_unit", serial=serial, folder=out))
-        elif serial is not None and not summary.golden:
+        elif serial is not None and not summary.single_unit:
             show_line(console, say("quality.few_golden", serial=serial, least=MIN_VALUES))
 
 
@@ -115,21 +115,23 @@ def gauge(
         return _evaluate(path, product, parameter, out, json)
     if product is None:
         raise ConfigurationError("quality.plan_without_product")
-    parts, people, places = (_names(text) for text in (units, operators, stations))
+    unit_names, operator_names, station_names = (_split_names(text) for text in (units, operators, stations))
     if path.exists():
         raise ConfigurationError("quality.plan_exists", file=path)
     name = load_product(product)[1].name
-    gauge_plan = GaugePlan.random(name, parts, people, places, trials, seed, datetime.now(UTC).replace(microsecond=0))
+    gauge_plan = GaugePlan.random(
+        name, unit_names, operator_names, station_names, trials, seed, datetime.now(UTC).replace(microsecond=0)
+    )
     gauge_plan.save(path)
     emit_json(gauge_plan.model_dump(by_alias=True, mode="json"), json)
     if json != "-":
         title = say("cli.plan_title", file=path, runs=len(gauge_plan.order), product=name)
-        shown = _table(
+        table = _table(
             title, "run", "trial", *("serial" if factor == "unit" else factor for factor in gauge_plan.factors)
         )
         for number, each in enumerate(gauge_plan.order, 1):
-            shown.add_row(str(number), str(each.trial), *(getattr(each, factor) for factor in gauge_plan.factors))
-        Console(file=sys.stdout, width=_WIDTH).print(shown)
+            table.add_row(str(number), str(each.trial), *(getattr(each, factor) for factor in gauge_plan.factors))
+        Console(file=sys.stdout, width=_WIDTH).print(table)
     return 0
 
 
@@ -162,7 +164,7 @@ def _evaluate(path: Path, product: Path | None, parameter: str | None, out: Path
     return 1 if any(study.verdict == "unacceptable" for study in studies.values()) else 0
 
 
-def _names(text: str | None) -> list[str]:
+def _split_names(text: str | None) -> list[str]:
     return [part.strip() for part in (text or "").split(",") if part.strip()]
 
 
@@ -176,9 +178,9 @@ def _show_summary(console: Console, summary: QualitySummary, *, relative: bool) 
     if yields.overall is None:
         show_line(console, say("quality.no_runs"))
     else:
-        show_line(console, say("quality.yield_runs", share=_share(yields.overall)))
+        show_line(console, say("quality.yield_runs", share=_share_text(yields.overall)))
     if yields.first_pass is not None:
-        show_line(console, say("quality.yield_first", share=_share(yields.first_pass)))
+        show_line(console, say("quality.yield_first", share=_share_text(yields.first_pass)))
     groups = _table(say("cli.yield"), "", "", "passed", "runs", "percent", "interval")
     for kind in ("products", "stations", "operators"):
         for name, share in getattr(yields, kind).items():
@@ -194,8 +196,8 @@ def _show_summary(console: Console, summary: QualitySummary, *, relative: bool) 
     for product in dict.fromkeys(each.product for each in summary.parameters):
         rows = [each for each in summary.parameters if each.product == product]
         _show_charts(console, product, rows, relative=relative)
-    for product in dict.fromkeys(each.product for each in summary.golden):
-        rows = [each for each in summary.golden if each.product == product]
+    for product in dict.fromkeys(each.product for each in summary.single_unit):
+        rows = [each for each in summary.single_unit if each.product == product]
         title = say("cli.golden_title", serial=summary.serial, product=product)
         _show_charts(console, title, rows, relative=relative)
 
@@ -206,19 +208,19 @@ def _show_charts(console: Console, title: str, rows: Sequence[ParameterQuality],
     signals = ("moving_range", "ewma", "cusum")
     rules = [Text.of("cli.column_rule", rule=rule) for rule in RULES]
     indices = ("cpk", "interval", "ppk", "interval", "outside", "normal") if capable else ()
-    shown = _table(title, "parameter", "count", "limits_from", "center", "sigma", "unit", *rules, *signals, *indices)
+    table = _table(title, "parameter", "count", "limits_from", "center", "sigma", "unit", *rules, *signals, *indices)
     for each in rows:
         center, sigma, unit = each.process.center, each.process.sigma, "σ"
         if not relative:
             (center, unit), (sigma, _) = (display(each.parameter, x) for x in (center, sigma))
-        known = term("limits_from", each.process.source, baseline=each.process.baseline)
-        cells = [str(len(each.names)), known, number(center, sigma) + "*" * each.declared, f"{sigma:.3g}", unit]
+        source = term("limits_from", each.process.source, baseline=each.process.baseline)
+        cells = [str(len(each.names)), source, number(center, sigma) + "*" * each.declared, f"{sigma:.3g}", unit]
         cells += [str(count) if count else "·" for count in each.alarms.values()]
-        if (found := each.capability) is not None:
-            normal = say("cli.yes" if found.normal else "cli.no")
-            cells += [*_index(found.cpk), *_index(found.ppk), str(found.outside), normal]
-        shown.add_row(each.parameter, *cells)
-    console.print(shown)
+        if (capability := each.capability) is not None:
+            normal = say("cli.yes" if capability.normal else "cli.no")
+            cells += [*_index_text(capability.cpk), *_index_text(capability.ppk), str(capability.outside), normal]
+        table.add_row(each.parameter, *cells)
+    console.print(table)
     if any(each.declared for each in rows):
         show_line(console, say("quality.center_declared"))
 
@@ -228,29 +230,31 @@ def _show_study(console: Console, plan: GaugePlan, studies: dict[str, GaugeStudy
     title = ", ".join([plan.product, *sizes, say("cli.study_trials", count=plan.trials)])
     parts = [factor for factor in plan.factors[1:] if len(plan.factors) > 2]
     columns = "interval", "pv", "tv", "of_study", "of_tolerance", "categories", "verdict"
-    shown = _table(title, "parameter", "unit", "ev", *parts, "av", "interaction", "grr", *columns)
+    table = _table(title, "parameter", "unit", "ev", *parts, "av", "interaction", "grr", *columns)
     for name, study in studies.items():
         unit, size = display(name, 1.0)[1], 1.0 / display(name, 1.0)[0]
-        of_parts = [study.components[factor] for factor in parts]
-        sigmas = [study.repeatability, *of_parts, study.reproducibility, study.interaction, study.gauge]
+        factor_components = [study.components[factor] for factor in parts]
+        sigmas = [study.repeatability, *factor_components, study.reproducibility, study.interaction, study.gauge]
         cells = [say("cli.pooled") if each is None else f"{each.sigma / size:.3g}" for each in sigmas]
         bounds = interval(f"{study.gauge.low / size:.3g}", f"{study.gauge.high / size:.3g}")
-        more = [f"{each.sigma / size:.3g}" for each in (study.part, study.total)]
+        part_and_total = [f"{each.sigma / size:.3g}" for each in (study.part, study.total)]
         tolerance = study.gauge.percent_tolerance
         shares = [f"{study.gauge.percent_study:.1f}", "" if tolerance is None else f"{tolerance:.1f}"]
-        few = study.categories < MIN_CATEGORIES
-        categories = say("cli.few_categories", count=study.categories) if few else str(study.categories)
-        shown.add_row(name, unit, *cells, bounds, *more, *shares, categories, say(f"cli.gauge_{study.verdict}"))
-    console.print(shown)
+        is_few = study.categories < MIN_CATEGORIES
+        categories = say("cli.few_categories", count=study.categories) if is_few else str(study.categories)
+        table.add_row(
+            name, unit, *cells, bounds, *part_and_total, *shares, categories, say(f"cli.gauge_{study.verdict}")
+        )
+    console.print(table)
 
 
 def _table(title: str, *columns: str | Text) -> Table:
     """Create a table; `columns` are messages, or names of headings without ``cli.column_``."""
     codes = (f"cli.column_{name}" if isinstance(name, str) and name else name for name in columns)
-    return table(title, *codes, padding=(0, 1, 0, 0))
+    return new_table(title, *codes, padding=(0, 1, 0, 0))
 
 
-def _share(share: Share) -> str:
+def _share_text(share: Share) -> str:
     return f"{100 * share.value:.1f} % ({_bounds(share)}), n = {share.count}"
 
 
@@ -258,7 +262,7 @@ def _bounds(share: Share) -> str:
     return interval(f"{100 * share.low:.1f}", f"{100 * share.high:.1f} %")
 
 
-def _index(index: Interval) -> tuple[str, str]:
+def _index_text(index: Interval) -> tuple[str, str]:
     return f"{index.value:.2f}", interval(f"{index.low:.2f}", f"{index.high:.2f}")
 
 

@@ -21,7 +21,7 @@ from calstation.cli.options import (
     command_group,
 )
 from calstation.cli.run import complain_fault, engine_events
-from calstation.cli.show import emit, ignore_progress, show_line, table
+from calstation.cli.show import emit, ignore_progress, new_table, show_line
 from calstation.cli.text import say, term
 from calstation.config import (
     RegisterOperation,
@@ -73,18 +73,18 @@ def list_transfers(
 ) -> None:
     """Show the transfers to one unit, or to every unit with a journal in the site's folder or the runs folder."""
     site = site_folder()
-    known = sorted({*journal.serials(out), *journal.serials(site)})
+    serials = sorted({*journal.serials(out), *journal.serials(site)})
     units = [
         _UnitTransfers(name, kind, transfers)
-        for name in known
+        for name in serials
         if serial in (None, name)
         for kind, folder in (("hardware", site), ("virtual", out))
         if (transfers := journal.history(folder, name))
     ]
     rows: dict[str, dict[str, Any]] = {}
     for unit in units:
-        shown = [_json(transfer, unit.kind) for transfer in unit.transfers]
-        rows.setdefault(unit.serial, {})[unit.kind] = {"flash_cycles": unit.cycles, "transfers": shown}
+        content = [_json(transfer, unit.kind) for transfer in unit.transfers]
+        rows.setdefault(unit.serial, {})[unit.kind] = {"flash_cycles": unit.cycles, "transfers": content}
     lines = [line for unit in units for line in _lines(unit)]
     emit(rows, json, lines or [say("cli.no_transfers", runs=out, site=site)])
 
@@ -109,11 +109,11 @@ def read(
     emit(unit.to_json(), json, lines if unit.registers else [*lines, say("cli.no_registers")])
     if json != "-" and unit.registers:
         columns = "cli.column_register", "cli.column_parameter", "cli.column_value", "cli.column_unit"
-        shown = table("", *columns, "cli.column_stored_as")
+        table = new_table("", *columns, "cli.column_stored_as")
         for row in unit.registers:
             value, name = display(row.parameter, row.value)
-            shown.add_row(str(row.address), row.parameter, f"{value:.4f}", name, row.raw)
-        Console(file=sys.stdout).print(shown)
+            table.add_row(str(row.address), row.parameter, f"{value:.4f}", name, row.raw)
+        Console(file=sys.stdout).print(table)
 
 
 @app.command()
@@ -132,7 +132,7 @@ def finish(
 ) -> int:
     """Complete a unit's interrupted transfer and verify it."""
     operation = RegisterOperation(_request(serial, station, product, out, slot), "finish", at_rest=at_rest)
-    return _operate(operation, by, confirmed_by, json, yes=yes, debug=bool(context.obj))
+    return _run_operation(operation, by, confirmed_by, json, yes=yes, debug=bool(context.obj))
 
 
 @app.command()
@@ -153,7 +153,7 @@ def restore(
     """Restore the registers that a unit had before a transfer, by default the latest, and verify them."""
     request = _request(serial, station, product, out, slot)
     operation = RegisterOperation(request, "restore", transfer=transfer, at_rest=at_rest)
-    return _operate(operation, by, confirmed_by, json, yes=yes, debug=bool(context.obj))
+    return _run_operation(operation, by, confirmed_by, json, yes=yes, debug=bool(context.obj))
 
 
 def _request(serial: str, station: Path | None, product: Path | None, out: Path, slot: str | None) -> RunRequest:
@@ -164,11 +164,11 @@ def _request(serial: str, station: Path | None, product: Path | None, out: Path,
     return RunRequest(serial, station, product, out=out, operator=computer_user(), slot=slot)
 
 
-def _operate(
+def _run_operation(
     operation: RegisterOperation, by: str | None, confirmed_by: str | None, json: str | None, *, yes: bool, debug: bool
 ) -> int:
     """Announce a register operation, run it in the engine, and show its result; two people confirm it if required."""
-    _confirm(operation, yes)
+    _announce_and_confirm(operation, yes)
     operation = _with_people(operation, by, confirmed_by)
     settled = fault = None
     for event in engine_events(operation.request, operation):
@@ -195,14 +195,14 @@ def _with_people(operation: RegisterOperation, by: str | None, confirmed_by: str
     return replace(operation, request=replace(operation.request, operator=people.by), people=people)
 
 
-def _confirm(operation: RegisterOperation, yes: bool) -> None:
+def _announce_and_confirm(operation: RegisterOperation, yes: bool) -> None:
     """Announce the operation and, on hardware, ask for confirmation. Raises StoppedError if the user declines."""
     moves = moves_table(operation)
     _, station = load_station(operation.request.station)
     values = {"station": station.name, "serial": operation.request.serial}
-    what = say(f"cli.operate_{operation.what}")
-    how = say("cli.moves" if moves else "cli.at_rest", **values)
-    show_line(Console(stderr=True), f"{what} {how}")
+    announcement = say(f"cli.operate_{operation.what}")
+    effect = say("cli.moves" if moves else "cli.at_rest", **values)
+    show_line(Console(stderr=True), f"{announcement} {effect}")
     question = say("cli.confirm_moves" if moves else "cli.confirm_at_rest", **values)
     if station.bench is None and not yes and not typer.confirm(question, err=True):
         raise StoppedError("cli.not_confirmed_nor_written")
@@ -212,24 +212,24 @@ def _lines(unit: _UnitTransfers) -> Iterator[str]:
     """Yield the lines that describe a unit's transfers, each id on a separate short line."""
     yield say(f"cli.transfers_{unit.kind}", serial=unit.serial, cycles=unit.cycles)
     for t in unit.transfers:
-        yield f"  {t.id}  {_closing(t)}"
+        yield f"  {t.id}  {_closing_text(t)}"
         reason = f"{t.why} {t.source}".rstrip()
         yield "    " + say("cli.transfer_by" if t.by else "cli.transfer_at", utc=t.utc, by=t.by, reason=reason)
         if t.unit_type.profile:
             yield "    " + say("cli.transfer_unit", **asdict(t.unit_type))
-        yield "    " + say("cli.largest_change", change=_change(t))
+        yield "    " + say("cli.largest_change", change=_change_text(t))
 
 
-def _closing(transfer: Transfer) -> str:
+def _closing_text(transfer: Transfer) -> str:
     """Return how the transfer ended and, if recorded, how the output was verified."""
     closing = say(f"cli.registers_{transfer.closing or 'open'}")
-    proofs = [name for step, name in _VERIFICATIONS.items() if step in transfer.steps]
-    if transfer.closing is None or not proofs:
+    verifications = [name for step, name in _VERIFICATIONS.items() if step in transfer.steps]
+    if transfer.closing is None or not verifications:
         return closing
-    return f"{closing}, {term('proof', proofs[-1])}"
+    return f"{closing}, {term('proof', verifications[-1])}"
 
 
-def _change(transfer: Transfer) -> str:
+def _change_text(transfer: Transfer) -> str:
     name = largest_change(transfer)
     if name is None:
         return say("cli.none")

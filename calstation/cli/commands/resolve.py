@@ -70,10 +70,10 @@ def resolve(
         for stage, rows in solved.residuals.items():
             residual_table(stage, rows)
         result_table(out, solved.result)
-        without = "parameters" if parameters_only else "without_limits"
-        unjudged = "in_part" if solved.missing_data else without
-        inside = "partial" if solved.result.partial else "passed"
-        ending = unjudged if passed is None else inside if passed else "failed"
+        reason = "parameters" if parameters_only else "without_limits"
+        without_verdict = "in_part" if solved.missing_data else reason
+        within_limits = "partial" if solved.result.partial else "passed"
+        ending = without_verdict if passed is None else within_limits if passed else "failed"
         out.print(say(f"cli.resolved_{ending}", stages=solved.result.stages), highlight=False)
     if solved.missing_data:
         raise InsufficientDataError(

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from calstation.cli.errors import complain
 from calstation.cli.options import JsonOption, command_group
-from calstation.cli.show import emit_json, on_interrupt, show_line, table
+from calstation.cli.show import emit_json, new_table, on_interrupt, show_line
 from calstation.cli.text import say
 from calstation.errors import StoppedError
 from calstation.simulation import Soak
@@ -77,10 +77,10 @@ def _soak(runs: int, seed: int, folder: Path, full: bool, interrupted: list[bool
 
 def _show_soak(console: Console, counts: dict[str, Any]) -> None:
     columns = "cli.column_fault", "cli.column_injected", "cli.column_recovered", "cli.column_stopped_safely"
-    shown = table(say("cli.soak_title", seed=counts["seed"]), *columns)
+    table = new_table(say("cli.soak_title", seed=counts["seed"]), *columns)
     for kind, row in counts["faults"].items():
-        shown.add_row(kind, *(str(row[name]) for name in ("injected", "recovered", "stopped_safely")))
-    console.print(shown)
+        table.add_row(kind, *(str(row[name]) for name in ("injected", "recovered", "stopped_safely")))
+    console.print(table)
     totals = Table(box=None, show_header=False)
     totals.add_column()
     totals.add_column(justify="right")

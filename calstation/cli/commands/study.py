@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from calstation.cli.options import JsonOption, check_choice, command_group
-from calstation.cli.show import emit_json, interval, table
+from calstation.cli.show import emit_json, interval, new_table
 from calstation.cli.text import say
 from calstation.errors import ConfigurationError
 from calstation.physics import DISPLAY
@@ -73,17 +73,17 @@ def _follow(bar: Progress, name: str) -> Callable[[int, int], None]:
 
 
 def _show_groups(console: Console, title: str, row: Mapping[str, Any]) -> None:
-    more = [key for key in ("largest", "cost") if all(key in group for group in row["groups"].values())]
+    optional = [key for key in ("largest", "cost") if all(key in group for group in row["groups"].values())]
     columns = "cli.column_group", "cli.column_sigma", "cli.column_error_ratio", "cli.column_band"
-    shown = table(title, *columns, *(f"cli.column_{key}" for key in more), "cli.column_verdict")
+    table = new_table(title, *columns, *(f"cli.column_{key}" for key in optional), "cli.column_verdict")
     for name, group in row["groups"].items():
         unit, size = DISPLAY[name]
-        shown.add_row(
+        table.add_row(
             name,
             f"{group['sigma'] / size:.3g} {unit}",
             f"{group['rms']:.3f}",
             interval(f"{group['low']:.3f}", f"{group['high']:.3f}"),
-            *(f"{group[key]:.2f}" for key in more),
+            *(f"{group[key]:.2f}" for key in optional),
             say("cli.verdict_ok" if group["passed"] else "cli.verdict_outside"),
         )
-    console.print(shown)
+    console.print(table)

@@ -54,25 +54,25 @@ def link(
     lines: list[str] = []
     for slot in slots or (None,):
         request = LinkTestRequest(configured, product, slot)
-        tested = _TESTS[device](progress, request)
-        if device == "table" and product is not None and tested.state != "error":
+        report = _TESTS[device](progress, request)
+        if device == "table" and product is not None and report.state != "error":
             more = incompatibilities(link_test_configuration(request))
-            tested = replace(tested, findings=(*tested.findings, *more))
-        findings, shown = _findings(tested, command_options(station, product))
-        row = {"device": tested.device, "state": tested.state, "findings": findings}
+            report = replace(report, findings=(*report.findings, *more))
+        findings, finding_lines = _findings(report, command_options(station, product))
+        row = {"device": report.device, "state": report.state, "findings": findings}
         rows.append(row if slot is None else {"slot": slot, **row})
-        lines += ([] if slot is None else [f"[{slot}]"]) + shown
-    wrong = next((row["state"] for row in rows if row["state"] != "ok"), "ok")
-    emit({"device": device, "state": wrong, "slots": rows} if slots else rows[0], json, lines)
-    return 0 if wrong == "ok" else DeviceFaultError.exit_code
+        lines += ([] if slot is None else [f"[{slot}]"]) + finding_lines
+    worst = next((row["state"] for row in rows if row["state"] != "ok"), "ok")
+    emit({"device": device, "state": worst, "slots": rows} if slots else rows[0], json, lines)
+    return 0 if worst == "ok" else DeviceFaultError.exit_code
 
 
-def _findings(tested: Report, options: Mapping[str, str]) -> tuple[list[dict[str, Any]], list[str]]:
+def _findings(report: Report, options: Mapping[str, str]) -> tuple[list[dict[str, Any]], list[str]]:
     """Return the findings of a link test for JSON, and as lines of text."""
     findings, lines = [], []
-    for finding in tested.findings:
+    for finding in report.findings:
         text = render(finding.message.code, {**finding.message.values, **options}, LANGUAGE)
         findings.append({**finding.to_json(), "text": text.text, "mend": text.remedy})
         lines.append(f"{say(f'cli.finding_{finding.state}'):<7} {text.text}")
         lines += [f"        {text.remedy}"] if text.remedy else []
-    return findings, [*lines, say(f"cli.link_{tested.state}")]
+    return findings, [*lines, say(f"cli.link_{report.state}")]

@@ -25,11 +25,11 @@ from calstation.records import LogMeta, open_log
 from calstation.results import CorrectedOutput, PairWatchResult, pair_report, watch_log
 
 #: Thresholds below these are shown in °/h and µg, SI.
-_SMALL_RATE, _SMALL_FORCE = 0.1 * DEGREE, 10_000 * MICRO_G
-#: Time for which a replayed log waits for a slow client, s per line.
-_REPLAY_PATIENCE = 10.0
+_MAX_SMALL_RATE, _MAX_SMALL_FORCE = 0.1 * DEGREE, 10_000 * MICRO_G
+#: Longest time for which a replay waits for a slow client, s per line.
+_REPLAY_TIMEOUT = 10.0
 #: Interval of the messages while waiting for motion, s.
-_SHOWN_EVERY = 5.0
+_STATE_INTERVAL = 5.0
 
 
 app = command_group()
@@ -50,8 +50,8 @@ def watch(
 ) -> int:
     """Monitor IMUs on one body, in a log or live, calibrate the sensors out of tolerance, and store the results.
 
-    Returns 0 if every sensor of every IMU is within its threshold at the last check or has been calibrated, no IMU is
-    silent at the end, and everything was written; else 1. Live: the exit code of a stop after Ctrl-C.
+    Returns 0 if every sensor of every IMU was within its threshold at the last check or has been calibrated, every IMU
+    sends data at the end, and all data were written, otherwise 1; after Ctrl-C, the exit code of a stop.
     """
     delivery = Delivery(serve, out)
     if log is not None and station is None:
@@ -94,7 +94,7 @@ class _LinesFile:
 
     def close(self) -> None:
         """Close the file."""
-        with suppress(OSError):  # data refused earlier by a full disk
+        with suppress(OSError):  # data that a full disk has refused
             self._file.close()
 
     def _error(self, exc: OSError) -> ConfigurationError:
@@ -105,11 +105,11 @@ def _watch_log(log: Path, folder: Path | None, command: bool, json: str | None, 
     out, file = _console(json), delivery.file
     if file is not None and file.exists() and file.samefile(log):
         raise InputError("csv.export_onto_itself", file=file)
-    with _delivered(open_log(log).meta, delivery, out, replay=True) as (consumers, written):
-        watched = watch_log(log, folder or pair_folder(), command, [_Shown(out), *consumers])
-    _show_checks(out, watched)
-    emit_json(pair_report(watched), json)
-    return 0 if watched.within and written() else 1
+    with _deliver(open_log(log).meta, delivery, out, replay=True) as (consumers, all_written):
+        result = watch_log(log, folder or pair_folder(), command, [_EventPrinter(out), *consumers])
+    _show_checks(out, result)
+    emit_json(pair_report(result), json)
+    return 0 if result.within and all_written() else 1
 
 
 def _watch_station(
@@ -123,27 +123,27 @@ def _watch_station(
     """Monitor until `seconds` of device time have passed or Ctrl-C is pressed; entering c requests a check."""
 
     def check_cancelled() -> None:
-        if stopped.is_set():
+        if stop.is_set():
             raise StoppedError("cli.stopped")
 
-    out, stopped = _console(json), threading.Event()
+    out, stop = _console(json), threading.Event()
     _, station = load_station(request.station)
     setup = load_pair_configuration(
         RunRequest(request.serial or station.virtual_serial, request.station, request.product)
     )
-    with on_interrupt(stopped.set), open_pair(setup, folder or pair_folder(), check_cancelled) as live:
+    with on_interrupt(stop.set), open_pair(setup, folder or pair_folder(), check_cancelled) as live:
         watch = live.session.watch
         if command:
             watch.command()
         on_line("c", watch.command)
-        with _delivered(live.session.meta, delivery, out) as (consumers, written):
-            shown = _Shown(out, waiting=True)
-            watched = live.session.run(live.blocks(seconds, stopped.is_set), [shown, *consumers], stopped.is_set)
-    _show_checks(out, watched)
-    emit_json(pair_report(watched, live.alignments()), json)
-    if stopped.is_set():
+        with _deliver(live.session.meta, delivery, out) as (consumers, all_written):
+            printer = _EventPrinter(out, waiting=True)
+            result = live.session.run(live.blocks(seconds, stop.is_set), [printer, *consumers], stop.is_set)
+    _show_checks(out, result)
+    emit_json(pair_report(result, live.alignments()), json)
+    if stop.is_set():
         return StoppedError.exit_code
-    return 0 if watched.within and written() else 1
+    return 0 if result.within and all_written() else 1
 
 
 def _console(json: str | None) -> Console:
@@ -152,7 +152,7 @@ def _console(json: str | None) -> Console:
 
 
 @contextmanager
-def _delivered(
+def _deliver(
     meta: LogMeta, delivery: Delivery, out: Console, *, replay: bool = False
 ) -> Iterator[tuple[list[CorrectedOutput], Callable[[], bool]]]:
     """Deliver corrected data while the context is open; a replay waits for the first client and for slow ones.
@@ -166,7 +166,7 @@ def _delivered(
         if file is not None:
             stack.callback(file.close)
             sinks.append(file.write)
-        server = None if delivery.serve is None else LineServer(delivery.serve, _REPLAY_PATIENCE if replay else 0.0)
+        server = None if delivery.serve is None else LineServer(delivery.serve, _REPLAY_TIMEOUT if replay else 0.0)
         if server is not None:
             stack.callback(server.close)
             sinks.append(server.write)
@@ -182,45 +182,45 @@ def _delivered(
         yield [output], lambda: file is None or not file.failed
 
 
-class _Shown:
-    """Prints the events of a session and, if it is live, what it is `waiting` for."""
+class _EventPrinter:
+    """Prints the events of a session and, while a live session is `waiting` for motion, its state."""
 
     def __init__(self, out: Console, *, waiting: bool = False) -> None:
         self._out, self._waiting = out, waiting
-        self._shown = ("", 0.0)
+        self._last_state = ("", 0.0)
 
     def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
         for event in events:
-            values = {name: _imus(value) for name, value in event.values.items()}
+            values = {name: _imu_names(value) for name, value in event.values.items()}
             text = say(f"cli.watch_{event.kind}", **{"number": event.number, **values})
             show_line(self._out, f"{event.time:9.1f} s  {text}")
         if self._waiting and len(block):
             self._show_state(float(block.time[-1]), watch)
 
     def _show_state(self, now: float, watch: PairWatch) -> None:
-        state, at = self._shown
-        if watch.state == "waiting" or (watch.state == state and now - at < _SHOWN_EVERY):
+        state, at = self._last_state
+        if watch.state == "waiting" or (watch.state == state and now - at < _STATE_INTERVAL):
             return
-        self._shown = (watch.state, now)
+        self._last_state = (watch.state, now)
         code = "axes" if watch.state == "calibrating" and watch.progress >= 1.0 else watch.state
         show_line(self._out, f"{now:9.1f} s  {say(f'pair.state_{code}', percent=100.0 * watch.progress)}")
 
 
-def _show_checks(out: Console, watched: PairWatchResult) -> None:
+def _show_checks(out: Console, result: PairWatchResult) -> None:
     """Print the last check of every sensor and its verdict."""
-    for number, check in watched.checks.items():
+    for number, check in result.checks.items():
         for sensor in SENSORS:
-            verdict = watched.verdicts[number][sensor]
+            verdict = result.verdicts[number][sensor]
             _show_check(out, f"imu{number}", sensor, check.secondary[sensor], verdict)
         for sensor in check.primary_out_of_tolerance:
             _show_check(out, say("cli.primary"), sensor, check.primary[sensor], "out_of_tolerance")
-    if not watched.checks:
+    if not result.checks:
         show_line(out, say("cli.no_rest"))
 
 
-def _show_check(out: Console, imu: str, sensor: str, shown: RestDeviation, verdict: str) -> None:
-    size, unit = _unit(sensor, shown.limit)
-    value, limit = (f"{three_digits(x / size)} {unit}" for x in (shown.value, shown.limit))
+def _show_check(out: Console, imu: str, sensor: str, deviation: RestDeviation, verdict: str) -> None:
+    size, unit = _unit(sensor, deviation.limit)
+    value, limit = (f"{three_digits(x / size)} {unit}" for x in (deviation.value, deviation.limit))
     values = {"name": f"{imu} {sensor}", "value": value, "limit": limit, "verdict": say(f"cli.pair_{verdict}")}
     show_line(out, say("cli.pair_check", **values))
 
@@ -228,11 +228,11 @@ def _show_check(out: Console, imu: str, sensor: str, shown: RestDeviation, verdi
 def _unit(sensor: str, limit: float) -> tuple[float, str]:
     """Return the SI size and the name of a readable unit for a threshold."""
     if sensor == "gyro":
-        return (DEGREE_PER_HOUR, "°/h") if limit < _SMALL_RATE else (DEGREE, "°/s")
-    return (MICRO_G, "µg") if limit < _SMALL_FORCE else (1.0, "m/s²")
+        return (DEGREE_PER_HOUR, "°/h") if limit < _MAX_SMALL_RATE else (DEGREE, "°/s")
+    return (MICRO_G, "µg") if limit < _MAX_SMALL_FORCE else (1.0, "m/s²")
 
 
-def _imus(value: Any) -> Any:
+def _imu_names(value: Any) -> Any:
     """Replace IMU numbers in a list by IMU names."""
     if not isinstance(value, list | tuple):
         return value

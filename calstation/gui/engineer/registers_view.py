@@ -40,7 +40,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import Text, event_text, local_time
 from calstation.physics import display
-from calstation.registers import Register, TargetRegisters, UnitRegisters, read_unit, wanted_registers
+from calstation.registers import Register, TargetRegisters, UnitRegisters, read_unit, target_registers
 from calstation.results import FinishedRun
 from calstation.sequencer import Event, Fault, Message, Settled, StepStarted
 
@@ -82,7 +82,7 @@ class RegistersView(QWidget):
         self._progress: Words = ""
         failed, cancelled = self._show_failure, self._refresh
         self.watch = app.job(self, read_unit, self._show_unit, failed=failed, cancelled=cancelled, cancellable=False)
-        self._target_watch = app.job(self, wanted_registers, self._show_target, failed=failed)
+        self._target_watch = app.job(self, target_registers, self._show_target, failed=failed)
         self._lay_out()
         app.engine_link.event.connect(self._follow)
         app.product_changed.connect(self._product_changed)

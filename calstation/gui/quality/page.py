@@ -182,7 +182,7 @@ class QualityPage(Page):
     def _fill(self, view: QWidget, summary: QualitySummary) -> None:
         """Show the summary in a view; hidden views are updated when they are shown."""
         if view is self.control:
-            charts = summary.parameters if summary.serial is None else summary.golden
+            charts = summary.parameters if summary.serial is None else summary.single_unit
             self.control.show_charts(charts, relative=self.scale.currentData())
         elif view is self.capability:
             self.capability.show_charts(summary.parameters)

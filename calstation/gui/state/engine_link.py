@@ -49,7 +49,7 @@ class EngineLink(QObject):
     def hang_up(self) -> None:
         """Disconnect; a run in progress stops safely, and an engine that does not respond is killed."""
         if self._engine is not None:
-            self._engine.hang_up()
+            self._engine.stop_listening()
             self._end()
 
     def close(self) -> None:
