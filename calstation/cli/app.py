@@ -2,6 +2,8 @@
 
 import io
 import logging
+import os
+import subprocess
 import sys
 import traceback
 from collections.abc import Sequence
@@ -82,9 +84,29 @@ def _program(
     applog.configure("window" if window else "cli", site_folder() / "logs", log_level)
     if not window:
         return None
-    from calstation.cli.window import window_command
+    if has_screen():
+        from calstation.gui.shell import main
 
-    return window_command(lambda: _run(["run"], debug=bool(context.obj)))
+        return main()
+    from calstation.cli.errors import complain
+
+    complain(say("cli.no_screen"))
+    return _run(["run"], debug=bool(context.obj))
+
+
+def has_screen() -> bool:
+    """Return whether a window can be opened on this computer."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")):
+        return False
+    # If a library or the screen is missing, Qt aborts the process without an exception, so test it in another process.
+    probed = "from PySide6.QtWidgets import QApplication; QApplication([])"
+    try:
+        probe = subprocess.run([sys.executable, "-c", probed], capture_output=True, timeout=60.0, check=False)
+    except subprocess.TimeoutExpired:
+        return False
+    return probe.returncode == 0
 
 
 def run_app(arguments: list[str]) -> int:

@@ -11,21 +11,7 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from sqlalchemy import (
-    Connection,
-    Engine,
-    Row,
-    String,
-    bindparam,
-    case,
-    func,
-    insert,
-    literal,
-    literal_column,
-    null,
-    select,
-    update,
-)
+import sqlalchemy as sa
 from sqlalchemy.exc import DataError, DBAPIError
 
 from calstation.database.claims import claim_units, database_time, other_claims, release_units
@@ -58,7 +44,7 @@ class Exchange:
         self.claimed = claimed
         self.complete = False  #: Whether the last exchange was complete; if not, the next one continues.
         self._claimed_serials: set[str] = set()  #: Serial numbers of units that are claimed in the database.
-        self._engine: Engine | None = None
+        self._engine: sa.Engine | None = None
         self.created_utc = datetime.now(UTC)  #: Time when this exchange was created.
         self.outbox = Outbox(folder)
         self._index = self.outbox.index
@@ -101,12 +87,12 @@ class Exchange:
             self._engine.dispose()
             self._engine = None
 
-    def _connected(self) -> Engine:
+    def _connected(self) -> sa.Engine:
         if self._engine is None:
             self._engine = connect(self._url)
         return self._engine
 
-    def _renew_claims(self, engine: Engine) -> None:
+    def _renew_claims(self, engine: sa.Engine) -> None:
         """Claim the current units, or renew their claims, and release the previous ones.
 
         A claim of another process on the same folder is not released.
@@ -117,7 +103,7 @@ class Exchange:
         claim_units(engine, self.outbox.id, self._station, claimed)
         self._claimed_serials = set(claimed)
 
-    def _synchronise(self, engine: Engine) -> None:
+    def _synchronise(self, engine: sa.Engine) -> None:
         """Read the acknowledged stamps from the database if they differ from the copy in the index.
 
         They differ after a commit whose confirmation was lost, in a new index, and if the database was restored from a
@@ -129,34 +115,34 @@ class Exchange:
             if revision == known_revision:
                 return
             if revision < known_revision:
-                connection.execute(update(revisions).values(database=str(uuid4())))
-            stamps = select(literal("run"), runs.c.name, runs.c.stamp).where(runs.c.outbox == self.outbox.id)
-            urls = select(literal("copy"), log_copies.c.name, log_copies.c.url)
+                connection.execute(sa.update(revisions).values(database=str(uuid4())))
+            stamps = sa.select(sa.literal("run"), runs.c.name, runs.c.stamp).where(runs.c.outbox == self.outbox.id)
+            urls = sa.select(sa.literal("copy"), log_copies.c.name, log_copies.c.url)
             rows = connection.execute(stamps.union_all(urls.where(log_copies.c.outbox == self.outbox.id))).all()
         self.outbox.acknowledge(revision, [(kind, name, stamp) for kind, name, stamp in rows], replace=True)
 
-    def _register(self, connection: Connection) -> int:
+    def _register(self, connection: sa.Connection) -> int:
         """Return the revision of the last message that arrived; register the outbox and its login if necessary.
 
         Raises ConfigurationError if the outbox belongs to another login, whose runs this login must not change.
         """
         is_outbox = outboxes.c.id == self.outbox.id
-        login = func.current_user() if connection.dialect.name == "postgresql" else null()
+        login = sa.func.current_user() if connection.dialect.name == "postgresql" else sa.null()
         same_login = outboxes.c.login.is_not_distinct_from(login).label("same_login")
-        row = connection.execute(select(outboxes.c.revision, outboxes.c.login, same_login).where(is_outbox)).first()
+        row = connection.execute(sa.select(outboxes.c.revision, outboxes.c.login, same_login).where(is_outbox)).first()
         if row is None:
             values = {"id": self.outbox.id, "station": self._station, "revision": 0, "login": login}
-            connection.execute(insert(outboxes).values(values))
+            connection.execute(sa.insert(outboxes).values(values))
             return 0
         if (
             not row.same_login
-            and connection.execute(update(outboxes).where(is_outbox).values(login=login)).rowcount == 0
+            and connection.execute(sa.update(outboxes).where(is_outbox).values(login=login)).rowcount == 0
         ):
             database = without_password(connection.engine.url)
             raise ConfigurationError("database.other_login", database=database, login=row.login)
         return int(row.revision)
 
-    def _send_all(self, engine: Engine, end: float) -> bool:
+    def _send_all(self, engine: sa.Engine, end: float) -> bool:
         """Send all messages; return False if some are pending at the time `end`."""
         sent = True
         while sent:
@@ -170,7 +156,7 @@ class Exchange:
                 sent = sent or bool(messages)
         return True
 
-    def _send(self, engine: Engine, messages: Sequence[OutboxMessage]) -> None:
+    def _send(self, engine: sa.Engine, messages: Sequence[OutboxMessage]) -> None:
         """Send messages; if the database refuses one of them, they are sent one by one, and it is skipped."""
         try:
             self._deliver(engine, messages)
@@ -184,14 +170,14 @@ class Exchange:
             logger.warning("run %s is refused and skipped: %s", messages[0].columns["name"], database_reason(exc))
             self.outbox.refuse(messages[0], database_reason(exc))
 
-    def _deliver(self, engine: Engine, messages: Sequence[OutboxMessage]) -> None:
+    def _deliver(self, engine: sa.Engine, messages: Sequence[OutboxMessage]) -> None:
         """Store messages in one transaction, unless another process has sent some since the stamps were read."""
         if not messages:
             return
         unchanged = (outboxes.c.id == self.outbox.id, outboxes.c.revision == self.outbox.revision)
         with engine.connect() as connection:
             revision = _store(connection, self.outbox.id, messages)
-            advance = update(outboxes).where(*unchanged).values(revision=revision, station=self._station)
+            advance = sa.update(outboxes).where(*unchanged).values(revision=revision, station=self._station)
             accepted = bool(connection.execute(advance).rowcount)
             if accepted:
                 connection.commit()
@@ -200,7 +186,7 @@ class Exchange:
         else:
             self._synchronise(engine)
 
-    def _receive(self, engine: Engine, end: float) -> bool:
+    def _receive(self, engine: sa.Engine, end: float) -> bool:
         """Receive the runs of other folders that are new or have changed.
 
         Returns False if there are more at the time `end`.
@@ -210,14 +196,14 @@ class Exchange:
         while is_full_page:
             with engine.connect() as connection:
                 # read first: all revisions up to the last one have been committed
-                last, current = connection.execute(select(revisions.c.last, revisions.c.database)).one()
+                last, current = connection.execute(sa.select(revisions.c.last, revisions.c.database)).one()
                 if current != database or last < cursor:
                     self._index.receive((), "", 0)  # the database was restored or replaced
                     database, cursor = current, 0
                 if last == cursor:
                     return True
                 conditions = (runs.c.revision > cursor, runs.c.outbox != self.outbox.id)
-                query = select(*_INDEX_COLUMNS).where(*conditions).order_by(runs.c.revision).limit(_PAGE_SIZE)
+                query = sa.select(*_INDEX_COLUMNS).where(*conditions).order_by(runs.c.revision).limit(_PAGE_SIZE)
                 rows = connection.execute(query).all()
             is_full_page = len(rows) == _PAGE_SIZE
             received_revision = rows[-1].revision if is_full_page else max([last, *(row.revision for row in rows)])
@@ -230,14 +216,14 @@ class Exchange:
         return True
 
 
-def _store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage]) -> int:
+def _store(connection: sa.Connection, outbox: str, messages: Sequence[OutboxMessage]) -> int:
     """Add or replace runs and copies of logs, and store the location of a log's copy in its run.
 
     Returns the revision of the last message.
     """
     now = int(database_time(connection).timestamp() * 1e6)
-    last = case((revisions.c.last < now, now), else_=revisions.c.last) + len(messages)
-    last_revision = connection.execute(update(revisions).values(last=last).returning(revisions.c.last)).scalar_one()
+    last = sa.case((revisions.c.last < now, now), else_=revisions.c.last) + len(messages)
+    last_revision = connection.execute(sa.update(revisions).values(last=last).returning(revisions.c.last)).scalar_one()
     rows: dict[str, list[dict[str, Any]]] = {"run": [], "copy": []}
     locations = []
     for revision, message in enumerate(messages, last_revision - len(messages) + 1):
@@ -247,13 +233,16 @@ def _store(connection: Connection, outbox: str, messages: Sequence[OutboxMessage
             row["revision"] = revision
         else:
             locations.append({"run": row["name"], "url": row["url"], "changed": revision})
-    name, log = literal_column("excluded.name", String), literal_column("excluded.log", String)  # values of the new row
-    url = select(log_copies.c.url).where(log_copies.c.outbox == outbox, log_copies.c.name == name).scalar_subquery()
-    upsert(connection, runs, rows["run"], log=func.coalesce(url, log))
+    name, log = (
+        sa.literal_column("excluded.name", sa.String),
+        sa.literal_column("excluded.log", sa.String),
+    )  # values of the new row
+    url = sa.select(log_copies.c.url).where(log_copies.c.outbox == outbox, log_copies.c.name == name).scalar_subquery()
+    upsert(connection, runs, rows["run"], log=sa.func.coalesce(url, log))
     upsert(connection, log_copies, rows["copy"])
     if locations:
-        run = (runs.c.outbox == outbox, runs.c.name == bindparam("run"))
-        statement = update(runs).where(*run).values(log=bindparam("url"), revision=bindparam("changed"))
+        run = (runs.c.outbox == outbox, runs.c.name == sa.bindparam("run"))
+        statement = sa.update(runs).where(*run).values(log=sa.bindparam("url"), revision=sa.bindparam("changed"))
         connection.execute(statement, locations)
     return int(last_revision)
 
@@ -267,7 +256,7 @@ def _is_refusal(error: DBAPIError) -> bool:
     return isinstance(error, DataError) or sqlstate(error) in (_TOO_LARGE, _MISSING_RUN)
 
 
-def _indexed_run(row: Row[Any]) -> IndexedRun | None:
+def _indexed_run(row: sa.Row[Any]) -> IndexedRun | None:
     """Return a run of another folder as a row of the index; None for an unreadable run, which is logged."""
     try:
         run = from_columns(row.name, "", row.content, row.failed_checks, row.parameters, row.numbers)

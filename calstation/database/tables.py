@@ -3,29 +3,10 @@
 from collections.abc import Sequence
 from typing import Any
 
-from sqlalchemy import (
-    BigInteger,
-    Boolean,
-    Column,
-    ColumnElement,
-    Connection,
-    DateTime,
-    ForeignKey,
-    ForeignKeyConstraint,
-    Index,
-    Integer,
-    LargeBinary,
-    MetaData,
-    String,
-    Table,
-    Text,
-    UniqueConstraint,
-    false,
-    text,
-)
+import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
-metadata = MetaData(
+metadata = sa.MetaData(
     naming_convention={
         "pk": "pk_%(table_name)s",
         "fk": "fk_%(table_name)s_%(column_0_name)s",
@@ -37,133 +18,141 @@ metadata = MetaData(
 #: One row: the last revision of a run, and a random name of the database. The row's lock orders the transactions, so
 #: that revisions appear in order. Revisions are not below the time, µs since 1970, so that a database restored from a
 #: backup does not assign a revision twice.
-revisions = Table(
+revisions = sa.Table(
     "revisions",
     metadata,
-    Column("last", BigInteger, primary_key=True, autoincrement=False),
-    Column("database", String(36), nullable=False),
+    sa.Column("last", sa.BigInteger, primary_key=True, autoincrement=False),
+    sa.Column("database", sa.String(36), nullable=False),
 )
 
 #: The outbox of each folder of runs; `revision` is that of its last message. Only `login`, a role of PostgreSQL, may
 #: change rows of the outbox (`roles.sql`).
-outboxes = Table(
+outboxes = sa.Table(
     "outboxes",
     metadata,
-    Column("id", String(36), primary_key=True),
-    Column("station", String, nullable=False),
-    Column("revision", BigInteger, nullable=False),
-    Column("login", String),
+    sa.Column("id", sa.String(36), primary_key=True),
+    sa.Column("station", sa.String, nullable=False),
+    sa.Column("revision", sa.BigInteger, nullable=False),
+    sa.Column("login", sa.String),
 )
 
 #: Runs of all stations; `name` is the file name of the log without suffix. The columns from `serial` to `numbers` have
 #: the same meaning as in `calstation.records.run_index`.
-runs = Table(
+runs = sa.Table(
     "runs",
     metadata,
-    Column("outbox", String(36), ForeignKey("outboxes.id"), primary_key=True),
-    Column("name", String, primary_key=True),
-    Column("revision", BigInteger, nullable=False, unique=True),
-    Column("stamp", Text, nullable=False),  #: Stamp of the files from which the station read the run.
-    Column("serial", String, nullable=False, index=True),
-    Column("started_utc", String, nullable=False),
-    Column("content", Text, nullable=False),
-    Column("failed_checks", Text, nullable=False),
-    Column("parameters", Text, nullable=False),
-    Column("numbers", LargeBinary, nullable=False),
-    Column("result", Text),  #: The result JSON.
-    Column("log_sha256", String(64)),
-    Column("log", Text),  #: Location of the log: URL of the archive, or host and path of the station.
+    sa.Column("outbox", sa.String(36), sa.ForeignKey("outboxes.id"), primary_key=True),
+    sa.Column("name", sa.String, primary_key=True),
+    sa.Column("revision", sa.BigInteger, nullable=False, unique=True),
+    sa.Column("stamp", sa.Text, nullable=False),  #: Stamp of the files from which the station read the run.
+    sa.Column("serial", sa.String, nullable=False, index=True),
+    sa.Column("started_utc", sa.String, nullable=False),
+    sa.Column("content", sa.Text, nullable=False),
+    sa.Column("failed_checks", sa.Text, nullable=False),
+    sa.Column("parameters", sa.Text, nullable=False),
+    sa.Column("numbers", sa.LargeBinary, nullable=False),
+    sa.Column("result", sa.Text),  #: The result JSON.
+    sa.Column("log_sha256", sa.String(64)),
+    sa.Column("log", sa.Text),  #: Location of the log: URL of the archive, or host and path of the station.
 )
 #: Runs that have a log, by revision, as read by a comparison.
 _LOGGED = runs.c.log_sha256.is_not(None)
-Index("ix_runs_logged", runs.c.revision, postgresql_where=_LOGGED, sqlite_where=_LOGGED)
+sa.Index("ix_runs_logged", runs.c.revision, postgresql_where=_LOGGED, sqlite_where=_LOGGED)
 
 #: Verified copies of logs in an archive.
-log_copies = Table(
+log_copies = sa.Table(
     "log_copies",
     metadata,
-    Column("outbox", String(36), primary_key=True),
-    Column("name", String, primary_key=True),
-    Column("url", Text, nullable=False),
-    Column("file_sha256", String(64), nullable=False),
-    Column("size", BigInteger, nullable=False),
-    ForeignKeyConstraint(["outbox", "name"], ["runs.outbox", "runs.name"]),
+    sa.Column("outbox", sa.String(36), primary_key=True),
+    sa.Column("name", sa.String, primary_key=True),
+    sa.Column("url", sa.Text, nullable=False),
+    sa.Column("file_sha256", sa.String(64), nullable=False),
+    sa.Column("size", sa.BigInteger, nullable=False),
+    sa.ForeignKeyConstraint(["outbox", "name"], ["runs.outbox", "runs.name"]),
 )
 
 #: Units that stations are working on.
-claims = Table(
+claims = sa.Table(
     "claims",
     metadata,
-    Column("serial", String, primary_key=True),
-    Column("outbox", String(36), primary_key=True),
-    Column("station", String, nullable=False),
-    Column("operator", String),
-    Column("claimed", DateTime(timezone=True), nullable=False),
-    Column("expires", DateTime(timezone=True), nullable=False),
+    sa.Column("serial", sa.String, primary_key=True),
+    sa.Column("outbox", sa.String(36), primary_key=True),
+    sa.Column("station", sa.String, nullable=False),
+    sa.Column("operator", sa.String),
+    sa.Column("claimed", sa.DateTime(timezone=True), nullable=False),
+    sa.Column("expires", sa.DateTime(timezone=True), nullable=False),
 )
 
 #: Common properties of the solutions of a version; the first job that uses a version adds it.
-versions = Table(
+versions = sa.Table(
     "versions",
     metadata,
-    Column("version", String, primary_key=True),  #: Software version, with ``+label`` if the configuration was changed.
-    Column("changes_sha256", String(64), nullable=False),  #: Digest of the changes to the configuration.
-    Column("first_seq", BigInteger, nullable=False),  #: First requested sequence number; 0 for the start of the log.
-    Column("last_seq", BigInteger, nullable=False),  #: Last requested sequence number; -1 for the end of the log.
+    sa.Column(
+        "version", sa.String, primary_key=True
+    ),  #: Software version, with ``+label`` if the configuration was changed.
+    sa.Column("changes_sha256", sa.String(64), nullable=False),  #: Digest of the changes to the configuration.
+    sa.Column(
+        "first_seq", sa.BigInteger, nullable=False
+    ),  #: First requested sequence number; 0 for the start of the log.
+    sa.Column("last_seq", sa.BigInteger, nullable=False),  #: Last requested sequence number; -1 for the end of the log.
     #: Requested stages, separated by commas; empty for the stages of the log.
-    Column("stages", String, nullable=False),
+    sa.Column("stages", sa.String, nullable=False),
 )
 
 #: Files that have been read, so that unchanged files are not read again; several files may contain the same log.
-locations = Table(
+locations = sa.Table(
     "locations",
     metadata,
-    Column("location", Text, primary_key=True),  #: URL or path of the log.
-    Column("fingerprint", String, primary_key=True),  #: Stamp of its files; the digest of a file in the archive.
-    Column("log_sha256", String(64)),  #: NULL for a log that was not selected and therefore not read to its end.
-    Column("station", String),
-    Column("product", String),
-    Column("started_utc", String),
+    sa.Column("location", sa.Text, primary_key=True),  #: URL or path of the log.
+    sa.Column("fingerprint", sa.String, primary_key=True),  #: Stamp of its files; the digest of a file in the archive.
+    sa.Column("log_sha256", sa.String(64)),  #: NULL for a log that was not selected and therefore not read to its end.
+    sa.Column("station", sa.String),
+    sa.Column("product", sa.String),
+    sa.Column("started_utc", sa.String),
 )
 
 #: Solutions of logs. A solution is identified by log, version, configuration, requested range and stages. Every
 #: repeated attempt at a failed log adds a row, and the last row is valid.
-solutions = Table(
+solutions = sa.Table(
     "solutions",
     metadata,
-    Column("id", BigInteger().with_variant(Integer, "sqlite"), primary_key=True),
-    Column("log_sha256", String(64), nullable=False),  #: Digest of the file's bytes for an unreadable log.
-    Column("version", String, nullable=False),
-    Column("configuration_sha256", String(64), nullable=False),
-    Column("first_seq", BigInteger, nullable=False),
-    Column("last_seq", BigInteger, nullable=False),
-    Column("stages", String, nullable=False),
-    Column("changes_sha256", String(64), nullable=False),
-    Column("attempt", Integer, nullable=False, server_default=text("0")),
-    Column("location", Text, nullable=False),  #: URL or path from which the log was read.
-    Column("outcome", String, nullable=False),  #: ``resolved`` or ``failed``.
-    Column("error_code", String),
-    Column("passed", Boolean),
-    Column("partial", Boolean, nullable=False, server_default=false()),  #: Whether stages of the product were omitted.
-    Column("changed", Boolean),  #: Whether configuration, range or stages differ from the log's own; NULL: unknown.
-    Column("serial", String),
-    Column("product", String),
-    Column("station", String),
-    Column("started_utc", String),
-    Column("batch", String),
-    Column("slot", String),
-    Column("failed_checks", Text, nullable=False),
-    Column("parameters", Text, nullable=False),
-    Column("numbers", LargeBinary, nullable=False),
-    Column("solved", DateTime(timezone=True), nullable=False),
-    Column("result", Text, nullable=False),
-    UniqueConstraint("log_sha256", "version", "configuration_sha256", "first_seq", "last_seq", "stages", "attempt"),
-    Index("ix_solutions_version", "version", "id"),
+    sa.Column("id", sa.BigInteger().with_variant(sa.Integer, "sqlite"), primary_key=True),
+    sa.Column("log_sha256", sa.String(64), nullable=False),  #: Digest of the file's bytes for an unreadable log.
+    sa.Column("version", sa.String, nullable=False),
+    sa.Column("configuration_sha256", sa.String(64), nullable=False),
+    sa.Column("first_seq", sa.BigInteger, nullable=False),
+    sa.Column("last_seq", sa.BigInteger, nullable=False),
+    sa.Column("stages", sa.String, nullable=False),
+    sa.Column("changes_sha256", sa.String(64), nullable=False),
+    sa.Column("attempt", sa.Integer, nullable=False, server_default=sa.text("0")),
+    sa.Column("location", sa.Text, nullable=False),  #: URL or path from which the log was read.
+    sa.Column("outcome", sa.String, nullable=False),  #: ``resolved`` or ``failed``.
+    sa.Column("error_code", sa.String),
+    sa.Column("passed", sa.Boolean),
+    sa.Column(
+        "partial", sa.Boolean, nullable=False, server_default=sa.false()
+    ),  #: Whether stages of the product were omitted.
+    sa.Column(
+        "changed", sa.Boolean
+    ),  #: Whether configuration, range or stages differ from the log's own; NULL: unknown.
+    sa.Column("serial", sa.String),
+    sa.Column("product", sa.String),
+    sa.Column("station", sa.String),
+    sa.Column("started_utc", sa.String),
+    sa.Column("batch", sa.String),
+    sa.Column("slot", sa.String),
+    sa.Column("failed_checks", sa.Text, nullable=False),
+    sa.Column("parameters", sa.Text, nullable=False),
+    sa.Column("numbers", sa.LargeBinary, nullable=False),
+    sa.Column("solved", sa.DateTime(timezone=True), nullable=False),
+    sa.Column("result", sa.Text, nullable=False),
+    sa.UniqueConstraint("log_sha256", "version", "configuration_sha256", "first_seq", "last_seq", "stages", "attempt"),
+    sa.Index("ix_solutions_version", "version", "id"),
 )
 
 
 def upsert(
-    connection: Connection, table: Table, rows: Sequence[dict[str, Any]], **replaced: ColumnElement[Any]
+    connection: sa.Connection, table: sa.Table, rows: Sequence[dict[str, Any]], **replaced: sa.ColumnElement[Any]
 ) -> None:
     """Add rows, or replace rows with the same primary keys; psycopg sends all of them in one round trip.
 

@@ -1,7 +1,7 @@
 """Check standards of a station: due dates of their runs, and refusal of production while one is overdue or failed."""
 
 from dataclasses import dataclass
-from datetime import UTC, date, datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from typing import Literal
 
 from calstation.config import CheckStandardSection, ProductConfig, RunConfiguration, StationConfig, library
@@ -98,7 +98,7 @@ def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
     """Return the station's table and surveys whose next calibration was due before the date of `now`, all in UTC."""
     today = now.astimezone(UTC).date()
     return [
-        Due(instrument.name, "certificate", _midnight(instrument.due))
+        Due(instrument.name, "certificate", datetime.combine(instrument.due, datetime.min.time()).astimezone())
         for instrument in station.instruments
         if instrument.kind in ("table", "site") and instrument.due is not None and instrument.due < today
     ]
@@ -173,7 +173,3 @@ def _time(text: str) -> datetime:
         return datetime.fromisoformat(text).astimezone(UTC)
     except (ValueError, OverflowError) as exc:
         raise InputError("quality.no_start", text=text) from exc
-
-
-def _midnight(day: date) -> datetime:
-    return datetime.combine(day, datetime.min.time()).astimezone()

@@ -12,31 +12,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+import sqlalchemy as sa
 from pydantic import TypeAdapter
-from sqlalchemy import (
-    BigInteger,
-    Boolean,
-    Column,
-    ColumnElement,
-    Connection,
-    Engine,
-    Index,
-    Integer,
-    LargeBinary,
-    MetaData,
-    Row,
-    Select,
-    String,
-    Table,
-    create_engine,
-    delete,
-    event,
-    func,
-    insert,
-    literal_column,
-    select,
-    text,
-)
 from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
@@ -83,39 +60,41 @@ _NO_CHECKS = "[]"
 _SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from", "batch", "slot")
 #: Columns of the conditions, in a separate index, so that a query does not read the contents of other runs.
 _FILTERED = ("started_utc", "name", "verdict", "product", "station", "operator", "batch", "text")
-_metadata = MetaData()
-_runs = Table(
+_metadata = sa.MetaData()
+_runs = sa.Table(
     "runs",
     _metadata,
-    Column("origin", String, primary_key=True),
-    Column("name", String, primary_key=True),
-    Column("stamp", String, nullable=False),
-    *(Column(name, String, index=name == "serial") for name in _SEARCHED),
-    Column("text", String, nullable=False),
-    Column("content", String, nullable=False),
-    Column("partial", Boolean, nullable=False),
-    Column("check_standard", Boolean, nullable=False),
-    Column("failed_checks", String, nullable=False),
-    Column("parameters", String, nullable=False),
-    Column("numbers", LargeBinary, nullable=False),
+    sa.Column("origin", sa.String, primary_key=True),
+    sa.Column("name", sa.String, primary_key=True),
+    sa.Column("stamp", sa.String, nullable=False),
+    *(sa.Column(name, sa.String, index=name == "serial") for name in _SEARCHED),
+    sa.Column("text", sa.String, nullable=False),
+    sa.Column("content", sa.String, nullable=False),
+    sa.Column("partial", sa.Boolean, nullable=False),
+    sa.Column("check_standard", sa.Boolean, nullable=False),
+    sa.Column("failed_checks", sa.String, nullable=False),
+    sa.Column("parameters", sa.String, nullable=False),
+    sa.Column("numbers", sa.LargeBinary, nullable=False),
 )
-Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
+sa.Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
 #: One row: the shared database from which runs of other folders were received, and the last revision received.
-_received = Table("received", _metadata, Column("database", String, primary_key=True), Column("revision", BigInteger))
+_received = sa.Table(
+    "received", _metadata, sa.Column("database", sa.String, primary_key=True), sa.Column("revision", sa.BigInteger)
+)
 #: Copy of the stamps that the shared database has acknowledged: runs, and URLs of copies of their logs.
-_acknowledged = Table(
+_acknowledged = sa.Table(
     "acknowledged",
     _metadata,
-    Column("kind", String, primary_key=True),
-    Column("name", String, primary_key=True),
-    Column("stamp", String, nullable=False),
+    sa.Column("kind", sa.String, primary_key=True),
+    sa.Column("name", sa.String, primary_key=True),
+    sa.Column("stamp", sa.String, nullable=False),
 )
 #: One row after the first exchange: revision of the acknowledged stamps in the shared database.
-_acknowledged_at = Table("acknowledged_at", _metadata, Column("revision", BigInteger, primary_key=True))
+_acknowledged_at = sa.Table("acknowledged_at", _metadata, sa.Column("revision", sa.BigInteger, primary_key=True))
 #: One row after the first change of the runs: a random value, which every change replaces.
-_changed = Table("changed", _metadata, Column("mark", String, primary_key=True))
-_mark = select(_changed.c.mark)
-_rowid: ColumnElement[int] = literal_column("runs.rowid", Integer)
+_changed = sa.Table("changed", _metadata, sa.Column("mark", sa.String, primary_key=True))
+_mark = sa.select(_changed.c.mark)
+_rowid: sa.ColumnElement[int] = sa.literal_column("runs.rowid", sa.Integer)
 
 
 class RunIndex:
@@ -126,7 +105,7 @@ class RunIndex:
         self._path = folder / FILE
         self.may_lack_runs = False  #: Whether runs may be missing, because the index is new or its file was unusable.
         self._engine = _file_engine(self._path)
-        self._memory: Engine | None = None  #: Replaces the file until `_retry_at`.
+        self._memory: sa.Engine | None = None  #: Replaces the file until `_retry_at`.
         self._retry_at = 0.0
         #: Stamps as last read, with the value of `mark` at that time.
         self._stamps: tuple[str | None, dict[str, str]] = (None, {})
@@ -139,9 +118,9 @@ class RunIndex:
 
     def stamps(self) -> Mapping[str, str]:
         """Return the stamp of each run of the folder by name."""
-        query = select(_runs.c.name, _runs.c.stamp).where(_runs.c.origin == "")
+        query = sa.select(_runs.c.name, _runs.c.stamp).where(_runs.c.origin == "")
 
-        def read(connection: Connection) -> dict[str, str]:
+        def read(connection: sa.Connection) -> dict[str, str]:
             mark = connection.execute(_mark).scalar()
             if mark is None or mark != self._stamps[0]:
                 self._stamps = mark, dict(_rows(connection, query))
@@ -153,9 +132,9 @@ class RunIndex:
         """Add or replace runs of the folder, and remove those in `removed`."""
         rows, names = [_row(run) for run in runs], [*removed]
 
-        def change(connection: Connection) -> None:
+        def change(connection: sa.Connection) -> None:
             for name in names:
-                connection.execute(delete(_runs).where(_runs.c.origin == "", _runs.c.name == name))
+                connection.execute(sa.delete(_runs).where(_runs.c.origin == "", _runs.c.name == name))
             _store(connection, rows)
 
         if rows or names:
@@ -163,14 +142,14 @@ class RunIndex:
 
     def named(self, names: Sequence[str]) -> list[IndexedRun]:
         """Return the runs of the folder with these names."""
-        return self._select_runs(select(_runs).where(_runs.c.origin == "", _runs.c.name.in_(names)))
+        return self._select_runs(sa.select(_runs).where(_runs.c.origin == "", _runs.c.name.in_(names)))
 
     def received(self) -> tuple[str, int]:
         """Return the name of the shared database and the last revision received from it, ("", 0) for none.
 
         Raises ConfigurationError if the file is currently unusable.
         """
-        rows = self._in_file(lambda connection: connection.execute(select(_received)).all())
+        rows = self._in_file(lambda connection: connection.execute(sa.select(_received)).all())
         return (rows[0].database, rows[0].revision) if rows else ("", 0)
 
     def receive(self, runs: Iterable[IndexedRun], database: str, revision: int) -> None:
@@ -180,57 +159,59 @@ class RunIndex:
         """
         rows = [_row(run) for run in runs]
 
-        def change(connection: Connection) -> None:
-            connection.execute(delete(_received))
-            connection.execute(insert(_received).values(database=database, revision=revision))
+        def change(connection: sa.Connection) -> None:
+            connection.execute(sa.delete(_received))
+            connection.execute(sa.insert(_received).values(database=database, revision=revision))
             _store(connection, rows)
 
         if self.received()[0] != database:
-            self._in_file(lambda connection: connection.execute(delete(_received)))
-            some = select(_rowid).select_from(_runs).where(_runs.c.origin > "").limit(_MAX_REMOVED)
-            while self._in_file(lambda connection: connection.execute(delete(_runs).where(_rowid.in_(some))).rowcount):
+            self._in_file(lambda connection: connection.execute(sa.delete(_received)))
+            some = sa.select(_rowid).select_from(_runs).where(_runs.c.origin > "").limit(_MAX_REMOVED)
+            while self._in_file(
+                lambda connection: connection.execute(sa.delete(_runs).where(_rowid.in_(some))).rowcount
+            ):
                 pass
         self._in_file(change)
 
     def acknowledged_revision(self) -> int:
         """Return the revision of the acknowledged stamps in the shared database; 0 for none."""
-        return self._try(lambda connection: connection.execute(select(_acknowledged_at.c.revision)).scalar() or 0)
+        return self._try(lambda connection: connection.execute(sa.select(_acknowledged_at.c.revision)).scalar() or 0)
 
     def acknowledged(self) -> dict[tuple[str, str], str]:
         """Return the stamps that the shared database has acknowledged, by kind of message and name of the run."""
-        rows = self._try(lambda connection: _rows(connection, select(_acknowledged)))
+        rows = self._try(lambda connection: _rows(connection, sa.select(_acknowledged)))
         return {(kind, name): stamp for kind, name, stamp in rows}
 
     def acknowledge(self, revision: int, stamps: Iterable[tuple[str, str, str]], *, replace: bool) -> None:
         """Store kind, name and stamp of messages acknowledged at a revision; `replace` removes all others."""
         rows = [{"kind": kind, "name": name, "stamp": stamp} for kind, name, stamp in stamps]
 
-        def change(connection: Connection) -> None:
+        def change(connection: sa.Connection) -> None:
             if replace:
-                connection.execute(delete(_acknowledged))
-            connection.execute(delete(_acknowledged_at))
-            connection.execute(insert(_acknowledged_at).values(revision=revision))
+                connection.execute(sa.delete(_acknowledged))
+            connection.execute(sa.delete(_acknowledged_at))
+            connection.execute(sa.insert(_acknowledged_at).values(revision=revision))
             if rows:
-                connection.execute(insert(_acknowledged).prefix_with("OR REPLACE"), rows)
+                connection.execute(sa.insert(_acknowledged).prefix_with("OR REPLACE"), rows)
 
         self._try(change)
 
     def find(self, conditions: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Find at most `limit` runs that meet all conditions, the latest first."""
         order = (_runs.c.started_utc.desc(), _runs.c.name.desc())
-        rows = select(_rowid).select_from(_runs).where(*_conditions(conditions)).order_by(*order).limit(limit)
-        return self._select_runs(select(_runs).where(_rowid.in_(rows)).order_by(*order))
+        rows = sa.select(_rowid).select_from(_runs).where(*_conditions(conditions)).order_by(*order).limit(limit)
+        return self._select_runs(sa.select(_runs).where(_rowid.in_(rows)).order_by(*order))
 
     def count(self, conditions: RunFilter) -> int:
         """Return the number of runs that meet all conditions."""
-        query = select(func.count()).select_from(_runs).where(*_conditions(conditions))
+        query = sa.select(sa.func.count()).select_from(_runs).where(*_conditions(conditions))
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
 
     def choices(self) -> RunChoices:
         """Return the values that can be chosen as conditions."""
-        query = select(_runs.c.product, _runs.c.station, _runs.c.operator).distinct()
+        query = sa.select(_runs.c.product, _runs.c.station, _runs.c.operator).distinct()
         rows = self._try(lambda connection: connection.execute(query).all())
-        query_first = select(func.min(_runs.c.started_utc)).where(_runs.c.started_utc != "")
+        query_first = sa.select(sa.func.min(_runs.c.started_utc)).where(_runs.c.started_utc != "")
         first = self._try(lambda connection: connection.execute(query_first).scalar())
         products, stations, operators = (tuple(sorted({row[k] for row in rows if row[k]})) for k in range(3))
         return RunChoices(products, stations, operators, first or "")
@@ -243,7 +224,7 @@ class RunIndex:
         limit: int | None = None,
     ) -> list[IndexedRun]:
         """Return at most `limit` runs of a unit, latest first, by verdicts and by start before a time (ISO 8601)."""
-        query = select(_runs).where(_runs.c.serial == serial)
+        query = sa.select(_runs).where(_runs.c.serial == serial)
         if verdicts is not None:
             query = query.where(_runs.c.verdict.in_(verdicts))
         if before is not None:
@@ -253,20 +234,27 @@ class RunIndex:
 
     def attempts(self, serial: str) -> int:
         """Return the number of runs started for a unit; a resumed run counts once."""
-        query = select(func.count()).select_from(_runs).where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))
+        query = (
+            sa.select(sa.func.count())
+            .select_from(_runs)
+            .where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))
+        )
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
 
     def columns(self, conditions: RunFilter) -> RunColumns:
         """Return the runs that meet all conditions and have a start time, in columns."""
-        days = func.julianday(_runs.c.started_utc)  # NULL for an invalid time
+        days = sa.func.julianday(_runs.c.started_utc)  # NULL for an invalid time
         fields = ("name", "serial", "verdict", "product", "station", "operator", "partial", "check_standard")
         where = (days.is_not(None), *_conditions(conditions))
 
-        def read(connection: Connection) -> tuple[str, list[tuple[Any, ...]]]:
+        def read(connection: sa.Connection) -> tuple[str, list[tuple[Any, ...]]]:
             # NULL for the usual texts, because 50,000 equal texts take a fifth of the time
-            usual_parameters = connection.execute(select(_runs.c.parameters).where(*where).limit(1)).scalar() or ""
-            texts = func.nullif(_runs.c.failed_checks, _NO_CHECKS), func.nullif(_runs.c.parameters, usual_parameters)
-            query = select(days, *(_runs.c[name] for name in fields), *texts, _runs.c.numbers)
+            usual_parameters = connection.execute(sa.select(_runs.c.parameters).where(*where).limit(1)).scalar() or ""
+            texts = (
+                sa.func.nullif(_runs.c.failed_checks, _NO_CHECKS),
+                sa.func.nullif(_runs.c.parameters, usual_parameters),
+            )
+            query = sa.select(days, *(_runs.c[name] for name in fields), *texts, _runs.c.numbers)
             return usual_parameters, _rows(connection, query.where(*where))
 
         usual_parameters, rows = self._try(read)
@@ -289,16 +277,16 @@ class RunIndex:
             operators,
             np.array(partial, dtype=bool),
             np.array(standard, dtype=bool),
-            Categories(tuple(read_check_ids(text or _NO_CHECKS) for text in checks.values), checks.codes),
+            Categories(tuple(read_check_ids(each or _NO_CHECKS) for each in checks.values), checks.codes),
             values,
             {name: sigmas[name] for name in values},
             table,
         )
 
-    def _select_runs(self, query: Select[Any]) -> list[IndexedRun]:
+    def _select_runs(self, query: sa.Select[Any]) -> list[IndexedRun]:
         return self._try(lambda connection: [self._run(row) for row in connection.execute(query)])
 
-    def _run(self, row: Row[Any]) -> IndexedRun:
+    def _run(self, row: sa.Row[Any]) -> IndexedRun:
         """Return a stored run with the paths of its files in the folder of the index.
 
         The log of a run of another folder gets a path in a folder named after its outbox.
@@ -308,7 +296,7 @@ class RunIndex:
         result = record.result and self._folder / record.result.name
         return replace(run, record=replace(record, log=self._folder / record.origin / record.log.name, result=result))
 
-    def _try(self, action: Callable[[Connection], T]) -> T:
+    def _try(self, action: Callable[[sa.Connection], T]) -> T:
         """Run `action` on the file, or in memory while the file cannot be used."""
         if time.monotonic() >= self._retry_at:
             try:
@@ -320,13 +308,13 @@ class RunIndex:
                     self._memory, self.may_lack_runs = None, True
                 return result
         if self._memory is None:
-            self._memory, self.may_lack_runs = create_engine("sqlite://", poolclass=StaticPool), True
+            self._memory, self.may_lack_runs = sa.create_engine("sqlite://", poolclass=StaticPool), True
             with self._memory.begin() as connection:
                 _create(connection)
         with self._memory.begin() as connection:
             return action(connection)
 
-    def _in_file(self, action: Callable[[Connection], T]) -> T:
+    def _in_file(self, action: Callable[[sa.Connection], T]) -> T:
         """Run `action` on the file. Raises ConfigurationError if the file is currently unusable."""
         try:
             return self._use_file(action)
@@ -334,7 +322,7 @@ class RunIndex:
             reason = str(exc.orig if isinstance(exc, DatabaseError) else exc)
             raise ConfigurationError("database.index_unusable", file=self._path, reason=reason) from exc
 
-    def _use_file(self, action: Callable[[Connection], T]) -> T:
+    def _use_file(self, action: Callable[[sa.Connection], T]) -> T:
         """Run `action` on the file; if the file is damaged or missing, on a new one."""
         try:
             with self._engine.begin() as connection:
@@ -357,12 +345,12 @@ def _is_lost(error: DatabaseError) -> bool:
     return code & 0xFF in _DAMAGED or str(error.orig).startswith("no such table")
 
 
-def _file_engine(path: Path) -> Engine:
-    engine = create_engine(
+def _file_engine(path: Path) -> sa.Engine:
+    engine = sa.create_engine(
         f"sqlite:///{path}", poolclass=NullPool, connect_args={"timeout": _BUSY_S, "check_same_thread": False}
     )
 
-    @event.listens_for(engine, "connect")
+    @sa.event.listens_for(engine, "connect")
     def _prepare(connection: sqlite3.Connection, _: object) -> None:
         with suppress(sqlite3.OperationalError):  # WAL is not available in a network folder
             connection.execute("PRAGMA journal_mode=WAL")
@@ -371,21 +359,21 @@ def _file_engine(path: Path) -> Engine:
     return engine
 
 
-def _create(connection: Connection) -> None:
+def _create(connection: sa.Connection) -> None:
     """Create the tables; those of an index of another version are replaced."""
-    if connection.execute(text("PRAGMA user_version")).scalar_one() != _VERSION:
+    if connection.execute(sa.text("PRAGMA user_version")).scalar_one() != _VERSION:
         _metadata.drop_all(connection)
         _metadata.create_all(connection)
-        connection.execute(text(f"PRAGMA user_version={_VERSION}"))
+        connection.execute(sa.text(f"PRAGMA user_version={_VERSION}"))
 
 
-def _rows(connection: Connection, query: Select[Any]) -> list[tuple[Any, ...]]:
+def _rows(connection: sa.Connection, query: sa.Select[Any]) -> list[tuple[Any, ...]]:
     """Return the rows as tuples of SQLite, which takes a third of the time of SQLAlchemy's rows."""
     cursor = connection.execute(query).cursor
     return [] if cursor is None else list(cursor.fetchall())
 
 
-def _conditions(run_filter: RunFilter) -> list[ColumnElement[bool]]:
+def _conditions(run_filter: RunFilter) -> list[sa.ColumnElement[bool]]:
     columns = ("verdict", "product", "station", "operator", "batch")
     conditions = [_runs.c[name] == getattr(run_filter, name) for name in columns if getattr(run_filter, name)]
     if run_filter.since:
@@ -436,12 +424,12 @@ def from_columns(
     return IndexedRun(name, stamp, record, values, sigmas, read_check_ids(failed_checks), table)
 
 
-def _store(connection: Connection, rows: list[dict[str, Any]]) -> None:
+def _store(connection: sa.Connection, rows: list[dict[str, Any]]) -> None:
     """Add or replace rows, and change `mark`."""
     if rows:
-        connection.execute(insert(_runs).prefix_with("OR REPLACE"), rows)
-    connection.execute(delete(_changed))
-    connection.execute(insert(_changed).values(mark=secrets.token_hex(8)))
+        connection.execute(sa.insert(_runs).prefix_with("OR REPLACE"), rows)
+    connection.execute(sa.delete(_changed))
+    connection.execute(sa.insert(_changed).values(mark=secrets.token_hex(8)))
 
 
 def _estimates(

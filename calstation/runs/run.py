@@ -15,8 +15,7 @@ from calstation.estimation import Solution
 from calstation.judgement import check_seen_latitude
 from calstation.registers import recover_interrupted
 from calstation.results import HandOver, one_blas_thread
-from calstation.runs.automatic_report import start_reports
-from calstation.runs.closing import close_run
+from calstation.runs.closing import close_run, start_reports
 from calstation.runs.finalize import Finalization
 from calstation.runs.hooks import RunHooks
 from calstation.runs.preparation import OpenRun, PreparedRun, prepare

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from calstation.cli import window
+from calstation.cli import app
 from calstation.cli.app import run_app
 from calstation.config import RunRequest
 
@@ -35,12 +35,12 @@ def test_without_a_screen_a_run_starts_after_a_message(
 @pytest.mark.skipif(not LINUX, reason="elsewhere there is always a screen")
 def test_unusable_screen_counts_as_no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("QT_QPA_PLATFORM", "there-is-no-such-platform")
-    assert not window.has_screen()
+    assert not app.has_screen()
 
 
 def test_with_a_screen_the_window_opens(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
-    monkeypatch.setattr(window, "has_screen", lambda: True)
+    monkeypatch.setattr(app, "has_screen", lambda: True)
     monkeypatch.setattr("calstation.gui.shell.main", lambda: 0)
     assert run_app([]) == 0
 

@@ -21,8 +21,8 @@ from calstation.records import audit_path, open_log, read_audit, read_reports, r
 from calstation.reports import certificate_number, issue
 from calstation.reports.pdf import typeset
 from calstation.results import Result, override_result
-from calstation.runs import automatic_report
-from calstation.runs.automatic_report import report_command, start_reports
+from calstation.runs import closing
+from calstation.runs.closing import report_command, start_reports
 from calstation.sequencer import Event, Message
 from tests.helpers import ignore_progress
 from tests.reports.certificates import Made, make, with_laboratory
@@ -405,8 +405,8 @@ def test_missing_report_is_explained_in_the_events(
 
 def test_unresponsive_network_share_delays_no_verdict(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     goes_on = threading.Event()
-    monkeypatch.setattr(automatic_report, "missing_report_places", lambda *_: [goes_on.wait()])
-    monkeypatch.setattr(automatic_report, "_SEARCH_S", 0.0)
+    monkeypatch.setattr(closing, "missing_report_places", lambda *_: [goes_on.wait()])
+    monkeypatch.setattr(closing, "_SEARCH_S", 0.0)
     with_laboratory(site_folder, report={"folder": "reports"})
     events: list[Event] = []
     assert report_command(load_configuration(site_folder.request()), Path("SN_1.json"), events.append)
@@ -426,7 +426,7 @@ def test_station_settings_request_reports_of_verdicts(
         (site_folder.folder / name).mkdir()
     with_laboratory(site_folder, report={"folder": "reports", "language": "zh", "template": "mine"})
     start_reports([report_command(load_configuration(site_folder.request()), Path("SN_1.json"), events.append)])
-    automatic_report._started.clear()
+    closing._started.clear()
     site_folder.write({"confirmation": {"required_for": ["certificate"]}})
     with_laboratory(site_folder, report={"folder": "reports"})
     start_reports([report_command(load_configuration(site_folder.request()), Path("SN_1.json"), events.append)])

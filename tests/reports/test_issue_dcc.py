@@ -19,7 +19,7 @@ from calstation.config import ReportSection, prepare_run
 from calstation.config.station_sections import SigningSection
 from calstation.reports.signing import PASSWORD_VARIABLE
 from calstation.results import load_result
-from calstation.runs import automatic_report
+from calstation.runs import closing
 from tests.reports.dcc_reader import read_dcc
 from tests.reports.seal import KEYS, PASSWORD, pem, write_certificate
 from tests.shared_runs import SharedRuns
@@ -105,5 +105,5 @@ def test_reports_of_a_station_with_a_certificate_are_signed(site_folder: SiteFol
     (site_folder.folder / "reports").mkdir()
     (site_folder.folder / "keys").mkdir()
     (site_folder.folder / "keys" / "seal.p12").touch()
-    command = automatic_report.report_command(signed, Path("SN-000042_1.json"), lambda _: None)
+    command = closing.report_command(signed, Path("SN-000042_1.json"), lambda _: None)
     assert command[-2:] == ["--sign", str(site_folder.folder / "keys" / "seal.p12")]

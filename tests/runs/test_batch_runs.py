@@ -18,9 +18,9 @@ from calstation.devices.imu import StreamedImu
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.records import open_log
 from calstation.results import History, resolve
-from calstation.runs import automatic_report, execute
+from calstation.runs import closing, execute
 from calstation.runs import run as run_module
-from calstation.runs.automatic_report import start_reports
+from calstation.runs.closing import start_reports
 from calstation.runs.preparation import PreparedRun
 from calstation.sequencer import (
     Command,
@@ -238,7 +238,7 @@ def test_failed_report_does_not_prevent_the_next_one(tmp_path: Path) -> None:
     written = tmp_path / "written"
     second = [sys.executable, "-c", f"import pathlib; pathlib.Path({str(written)!r}).write_text('x')"]
     start_reports([[sys.executable, "-c", "raise SystemExit(2)"], [], second])
-    process = automatic_report._started.pop()
+    process = closing._started.pop()
     assert process.wait(60) == 0
     assert written.exists()
 

@@ -5,10 +5,10 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from datetime import datetime
 from pathlib import Path
-from typing import IO, Annotated
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -82,7 +82,7 @@ def resolve(
         with job_progress(say("cli.reading_solutions")) as progress:
             comparison = compare_versions(progress, database, baseline, summary.version, summary.solutions)
     if json is not None:
-        with _open_output(json) as stream:
+        with nullcontext(sys.stdout) if json == "-" else Path(json).open("w", encoding="utf-8") as stream:
             stream.writelines(_json_parts(request, summary, comparison))
     if comparison is not None and json != "-":
         _show(comparison)
@@ -138,10 +138,6 @@ def _solve(console: Console, request: FleetRequest) -> FleetSummary:
     if summary.unchanged:
         show_line(console, say("cli.fleet_unchanged", count=summary.unchanged))
     return summary
-
-
-def _open_output(json: str) -> AbstractContextManager[IO[str]]:
-    return nullcontext(sys.stdout) if json == "-" else Path(json).open("w", encoding="utf-8")
 
 
 def _json_parts(request: FleetRequest, summary: FleetSummary, comparison: Comparison | None) -> Iterator[str]:

@@ -115,7 +115,9 @@ def gauge(
         return _evaluate(path, product, parameter, out, json)
     if product is None:
         raise ConfigurationError("quality.plan_without_product")
-    unit_names, operator_names, station_names = (_split_names(text) for text in (units, operators, stations))
+    unit_names, operator_names, station_names = (
+        [part.strip() for part in (text or "").split(",") if part.strip()] for text in (units, operators, stations)
+    )
     if path.exists():
         raise ConfigurationError("quality.plan_exists", file=path)
     name = load_product(product)[1].name
@@ -162,10 +164,6 @@ def _evaluate(path: Path, product: Path | None, parameter: str | None, out: Path
             runs = len(state.plan.order)
             show_line(console, say("quality.order_not_kept", count=state.out_of_order, runs=runs))
     return 1 if any(study.verdict == "unacceptable" for study in studies.values()) else 0
-
-
-def _split_names(text: str | None) -> list[str]:
-    return [part.strip() for part in (text or "").split(",") if part.strip()]
 
 
 def _check_parameter(name: str | None) -> None:
