@@ -94,7 +94,7 @@ def test_truncated_stage_is_reported_and_earlier_stages_are_solved(
     assert done.code == 2
     assert (done.json["stages"], list(done.json["lacking"])) == (["six_position"], ["rate"])
     assert "No whole turn about +x" in done.err
-    assert done.err.rstrip().endswith("solved without it, as --stages six_position does.")
+    assert done.err.rstrip().endswith("solved without it, as with --stages six_position.")
     done = calstation("resolve", log)
     assert "Not every stage of the log could be solved." in done.out
     assert calstation("resolve", log, "--stages", "six_position").code == 0

@@ -92,7 +92,7 @@ def test_folder_without_judged_runs_is_reported(calstation: Run, tmp_path: Path)
     [
         (("--out", "nowhere"), "nowhere: No such folder of runs"),
         (("--parameter", "gyro_bias"), "--parameter 'gyro_bias' is unknown"),
-        (("--since", "yesterday"), "--since yesterday: must be a day such as 2026-11-23."),
+        (("--since", "yesterday"), "--since yesterday: must be a date such as 2026-11-23."),
         (("gauge", "none.json"), "none.json"),
         (
             ("gauge", "p.json", "--plan", "--units", "A,B", "--operators", "x,y"),

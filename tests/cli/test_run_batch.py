@@ -134,7 +134,7 @@ def test_summary_lists_the_units_of_a_batch(
     said = " ".join(capsys.readouterr().out.split())
     assert "1 SN-1 FAULT no answer; registers written, not verified" in said
     assert "2 SN-2 STOPPED stopped by the operator 2.json" in said
-    assert "3 SN-3 STOPPED the window or terminal that watched the run is gone" in said
+    assert "3 SN-3 STOPPED the window or terminal that monitored the run has ended" in said
     assert "4 SN-4 PASSED 4.json" in said
     assert said.count("50.0 s") == 2, "the longest cycle, and its stages"
     assert "20.0 s" not in said

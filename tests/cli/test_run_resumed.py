@@ -34,7 +34,7 @@ def test_stopped_run_is_resumed(
     assert "STOPPED by the operator" in said
     lost = replace(before, result={**before.result, "stop_reason": "listener_lost"})
     _show_run(lost, None, site_folder.request())
-    assert "STOPPED: the window or terminal that watched the run is gone" in capsys.readouterr().out
+    assert "STOPPED: the window or terminal that monitored the run has ended" in capsys.readouterr().out
     done = calstation("run", *where, "--resume", before.log, "--json", "-")
     assert done.code == 0, done.err
     assert done.json["resumed_from"] == Path(before.log).name

@@ -312,7 +312,7 @@ def test_remedy_refers_to_the_settings_of_a_serial_server() -> None:
     with server(lambda _: bytes(range(0x80, 0xA0))) as address:
         garbled = wrong(table(port=f"socket://{address}"))
     assert garbled.id == "garbled"
-    assert english_texts(garbled)[1].startswith("Set the baud and parity in the serial server (the profile says 115200")
+    assert english_texts(garbled)[1].startswith("Set the baud and parity in the serial server (115200")
     with server(silent) as address:
         assert "set in the serial server" in english_texts(wrong(table(port=f"socket://{address}")))[1]
 

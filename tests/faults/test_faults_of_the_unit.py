@@ -197,7 +197,7 @@ def test_brown_out_during_the_write_is_a_fault_and_keeps_the_registers(fault_run
     # Behind the mark, the biases and the gyros' matrix, which is then lost.
     ran = fault_runs.run({"kind": "brown_out_write", "value": 75.0})
     ran.assert_stopped(
-        "before the commit. The unit was restarted and holds its old registers.", "Check the unit's supply"
+        "before the commit. The unit was restarted and contains its old registers.", "Check the unit's supply"
     )
     assert ran.bench["flash_cycles"] == 0
     (entry,) = register_journal.history(fault_runs.folder / "runs", SERIAL)

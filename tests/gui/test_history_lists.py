@@ -304,7 +304,7 @@ def test_stopped_and_partial_runs_are_not_shown_as_passed(
         assert page.details._serial.text() == serial
         assert page.details.failed_label.isVisible() == (verdict == "FAIL")
     select_row(page, 1, qtbot)
-    assert page.details.reason_label.text() == "Only Rate: every value found is inside its limits."
+    assert page.details.reason_label.text() == "Only Rate: all solved values are within their limits."
 
 
 def test_trend_shows_the_time_of_day(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:

@@ -303,7 +303,7 @@ def test_narrow_table_hides_other_columns_before_the_stages(
     ("by", "text"),
     [
         ("operator", "The run was stopped by the operator."),
-        ("listener_lost", "Stopped safely: the window or terminal that watched the run is gone."),
+        ("listener_lost", "Stopped safely: the window or terminal that monitored the run has ended."),
     ],
 )
 def test_reason_of_a_stop_is_shown(page: HistoryPage, folder: Path, qtbot: QtBot, by: str, text: str) -> None:

@@ -433,7 +433,7 @@ def test_dropped_csv_is_opened_and_a_dropped_image_is_not(page: OfflinePage, tmp
         QApplication.sendEvent(page, QDropEvent(QPointF(50, 50), *how))
         assert page.reader.busy == taken
     qtbot.waitUntil(lambda: page.log is not None, timeout=WAIT)
-    assert page.comparison.online_badge.text() == "The log holds no result of a run"
+    assert page.comparison.online_badge.text() == "The log contains no result of a run"
     solve(page, qtbot)
     assert page.solved is not None
     assert page.solved.result.to_json()["parameters"] == resolve(log).result.to_json()["parameters"]

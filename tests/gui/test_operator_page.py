@@ -258,7 +258,7 @@ def test_real_table_moves_only_after_confirmation(operator: Operator, site_folde
     assert "virtual bench" not in operator.says()
     operator.scan(SERIAL)
     operator.press("start_button")
-    assert "The table of 'station 7' is going to move" in operator.says()
+    assert "The table of 'station 7' will move" in operator.says()
     operator.qtbot.keyClick(operator.window, Qt.Key.Key_Escape)
     assert "is going to move" not in operator.says()
     operator.press("start_button")

@@ -162,7 +162,7 @@ CASES: dict[str, tuple[Callable[[SiteFolder], None], str, str, dict[str, object]
         "override",
         {"override_standard": "at the laboratory"},
     ),
-    "table_moves": (hardware, "The table of 'line 3' is going to move", "clear", {}),
+    "table_moves": (hardware, "The table of 'line 3' will move", "clear", {}),
     "resume": (
         interrupted,
         "SN-000003 was interrupted in stage 2, ",
@@ -201,7 +201,7 @@ def test_units_in_slots_are_asked_about_together_and_run_as_a_batch(
     site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
     opened = front_end()
     opened.start("SN-000001", "SN-000002")
-    assert "The table of 'line 3' is going to move" in opened.asked()
+    assert "The table of 'line 3' will move" in opened.asked()
     assert started == []
     opened.answer("clear")
     (request,) = started

@@ -422,7 +422,7 @@ def test_an_operator_can_reset_a_latched_fault(
             going.setattr(EngineLink, "running", property(lambda _: True))
             operator.app.engine_link.running_changed.emit(True)
             assert not reset.isEnabled()
-            assert reset.toolTip() == "A run is going on; reset when it has ended."
+            assert reset.toolTip() == "A run is in progress; reset after it has ended."
         operator.app.engine_link.running_changed.emit(False)
         result = operator.find(QLabel, "table_reset_button_result")
         operator.press("table_reset_button")
@@ -500,12 +500,12 @@ def test_a_run_prevents_connection_tests_and_saving(page_driver: PageDriver, mon
     page_driver.app.engine_link.running_changed.emit(True)
     button = page_driver.find(QPushButton, "test_table_button")
     assert not button.isEnabled()
-    assert button.toolTip() == "A run is going on; test when it has ended."
+    assert button.toolTip() == "A run is in progress; test after it has ended."
     page_driver.show_section(STATION)
     page_driver.type("name_edit", "line 7")
     save = page_driver.find(QPushButton, "save_station_button")
     assert not save.isEnabled()
-    assert save.toolTip() == "A run is going on; changes can be saved when it has ended."
+    assert save.toolTip() == "A run is in progress; changes can be saved after it has ended."
     assert not page_driver.find(QComboBox, "station_combo").isEnabled()
     assert page_driver.page.may_leave(lambda: None), "during a run the page can be left"
     monkeypatch.undo()

@@ -167,7 +167,7 @@ def test_range_of_unwrapped_counts_is_selected(tmp_path: Path) -> None:
     assert (log.facts().first_seq, log.facts().last_seq) == (0, 399)
     with raises_code(InputError, "log.empty_range") as caught:
         list(log.blocks(500, 600))
-    assert "The log holds no sample from 500 to 600, only from 0 to 399." in str(caught.value)
+    assert "The log contains no sample from 500 to 600, only from 0 to 399." in str(caught.value)
     with raises_code(InputError, "log.empty_range") as caught:
         list(log.blocks(500))
     assert "from 500 to the end" in str(caught.value)

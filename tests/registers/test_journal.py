@@ -177,7 +177,7 @@ def test_unknown_journal_line_blocks_the_unit(tmp_path: Path, content: dict[str,
     made = begun(tmp_path)
     ChainedFile[dict[str, object]](made.path, dict).append({"id": made.id, "utc": "", **content})
     assert complaint(tmp_path).startswith(
-        f"Data: {made.path}, line 4: this program does not know the content of the line"
+        f"Data: {made.path}, line 4: the content of the line is unknown to this program"
     )
 
 
