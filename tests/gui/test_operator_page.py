@@ -260,7 +260,7 @@ def test_real_table_moves_only_after_confirmation(operator: Operator, site_folde
     operator.press("start_button")
     assert "The table of 'station 7' will move" in operator.says()
     operator.qtbot.keyClick(operator.window, Qt.Key.Key_Escape)
-    assert "is going to move" not in operator.says()
+    assert "will move" not in operator.says()
     operator.press("start_button")
     operator.press("clear_choice")
     operator.until(lambda: operator.verdict)

@@ -288,7 +288,7 @@ def test_command_line_reports_motion_and_verification(floor: Floor, capsys: pyte
     files += ["--product", str(floor.site_folder.product)]
     assert run_app(["registers", "restore", SERIAL, *files]) == 0
     shown = capsys.readouterr()
-    assert shown.err.index("is going to move") < shown.err.index("Writing the registers")
+    assert shown.err.index("will move") < shown.err.index("Writing the registers")
     assert "old registers" not in shown.out  # of a transfer that had been closed: a new one, proved
     assert "verified with a turn of the table" in shown.out
     assert run_app(["registers", "restore", SERIAL, *files, "--at-rest", "--json", "-"]) == 0
@@ -302,7 +302,7 @@ def test_command_line_reports_motion_and_verification(floor: Floor, capsys: pyte
     assert run_app(["registers", "finish", SERIAL, *files]) == 2
     shown = capsys.readouterr()
     assert "nothing to finish" in shown.err
-    assert "is going to move" not in shown.err
+    assert "will move" not in shown.err
 
 
 @pytest.mark.exhaustive
