@@ -103,7 +103,7 @@ def test_empty_or_repeated_stages_are_reported(calstation: Run, tmp_path: Path) 
 
 def test_range_outside_the_log_is_reported(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
-    check(calstation("resolve", log, "--from", 10**6), 2, "The log holds")
+    check(calstation("resolve", log, "--from", 10**6), 2, "The log contains")
     check(calstation("resolve", log, "--from", 20, "--to", 10), 2, "--from")
     rows = len(six_position_rows())
     check(calstation("resolve", log, "--to", rows), 2, f"contains sequence numbers 0 to {rows - 1}, not {rows}.")
@@ -341,7 +341,7 @@ def test_declining_the_motion_prompt_ends_the_command(
 ) -> None:
     station = edited(tmp_path, "stations", "example_hardware", SURVEYED)
     run = ("run", "--station", station, "--serial", "SN-1")
-    check(calstation(*run), 2, "nobody has confirmed that everyone is clear", "--yes")
+    check(calstation(*run), 2, "no one has confirmed that everyone is clear", "--yes")
     monkeypatch.setattr("typer.confirm", lambda *a, **k: False)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     check(calstation(*run), 4, "nothing has moved")

@@ -89,7 +89,7 @@ def test_force_error_in_one_rest_is_reported_with_its_size(stage: Stage) -> None
     assert solution.diagnosis.size == pytest.approx(3e-3, abs=4.0 * solution.diagnosis.sigma)
     text = cause(stage, solution)
     assert "comes from rest 4 (-z up, outer 1" in text
-    assert "the accelerometer x is off by 3" in text
+    assert "the accelerometer x deviates by 3" in text
     worst = max(stage.residuals(solution).rows, key=lambda r: r.worst)
     assert (worst.kind, worst.number, worst.state) == ("rest", 4, "bad")
 

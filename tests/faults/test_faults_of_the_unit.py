@@ -217,7 +217,7 @@ def test_register_page_lost_in_a_brown_out_is_reported(fault_runs: FaultRuns) ->
 @pytest.mark.exhaustive
 def test_a_brown_out_during_the_commit_is_recovered_at_the_next_start(fault_runs: FaultRuns) -> None:
     runs = fault_runs.folder / "runs"
-    fault_runs.run({"kind": "brown_out_commit", "value": 60.0}).assert_stopped("holds its old registers")
+    fault_runs.run({"kind": "brown_out_commit", "value": 60.0}).assert_stopped("contains its old registers")
     fault_runs.run({"kind": "brown_out_commit", "value": 128.0}).assert_stopped("new registers, not yet verified")
     refused = fault_runs.run()
     refused.assert_stopped("was interrupted", "registers finish")

@@ -321,7 +321,7 @@ def test_schedule_is_validated_previewed_and_saved_to_the_product(
     assert "name" in engineer.why_not("save_product_button")
     engineer.type("engineer_name_edit", "wang")
     engineer.press("save_product_button")
-    assert "Every later run of this product uses it" in engineer.says()
+    assert "All later runs of this product use it" in engineer.says()
     engineer.press("confirm_save_button")
     engineer.until(lambda: "version" in engineer.says())
     stored = tomllib.loads(engineer.site_folder.product.read_text(encoding="utf-8"))
@@ -504,7 +504,7 @@ def test_registers_are_read_compared_and_written_after_confirmation(engineer: En
     after = engineer.cells("register_table")
     assert after["accel_scale_x"]["Change"] == "0"
     assert after["accel_scale_x"]["In the unit"] == before["accel_scale_x"]["New"]
-    assert "holds these values already" in engineer.why_not("write_registers_button")
+    assert "already contains these values" in engineer.why_not("write_registers_button")
 
 
 def finished_run(found: dict[str, Any], **more: Any) -> FinishedRun:

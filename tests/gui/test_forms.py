@@ -185,7 +185,7 @@ def test_limit_beyond_the_register_range_is_explained_in_display_units(forms: Fo
     forms.enter("gyro bias", "Highest", "30000")
     (sentence,) = forms.problems()
     assert sentence.startswith("Gyro bias (°/h): The limit allows gyro_bias_x from −30000 to 30000, but register 0")
-    assert "can hold only −20626.5 to 20626.5" in sentence
+    assert "can store only −20626.5 to 20626.5" in sentence
     language.use("zh_CN")
     assert forms.problems()[0].startswith("陀螺零偏（°/h）：限差允许 gyro_bias_x 为 −30000 至 30000")
 

@@ -327,13 +327,13 @@ OTHERS: dict[str, tuple[dict[str, Any], str]] = {
             "error_code": "label.not_passed",
             "error_values": {"serial": "7"},
         },
-        "Fault: 7 gets no label",
+        "Fault: No label is printed for 7",
     ),
     "incomplete": ({"outcome": "incomplete", "passed": None}, "The run ended before a verdict (incomplete)"),
     "without limits": ({"outcome": "resolved", "passed": None, "registers": None}, "solved again offline"),
     "lacking data": (
         {"outcome": "resolved", "passed": None, "lacking": {"rate": "No rest."}},
-        "The data lack a part that is needed for the limits",
+        "Data required for the comparison with the limits are missing",
     ),
     "standard overridden": ({"standard_override": "golden unit is away"}, "not in order: golden unit is away"),
     "gaps": (

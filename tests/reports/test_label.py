@@ -146,7 +146,7 @@ def test_unreachable_printer_is_a_device_fault(site: Path) -> None:
 def test_only_a_passed_full_run_has_a_label(site: Path, changes: dict[str, Any]) -> None:
     assert label_template(load_result(write_result(site))) == site / "products" / "label.zpl"
     assert label_template(load_result(write_result(site, **changes))) is None
-    with pytest.raises(InputError, match="SN-000042 gets no label"):
+    with pytest.raises(InputError, match="No label is printed for SN-000042"):
         printed(site, **changes)
 
 

@@ -109,7 +109,7 @@ def test_a_stopped_partial_run_is_resumed_with_its_prior(
     where = ("--station", site_folder.station, "--product", site_folder.product, "--resume", before.log)
     into = site_folder.folder / "resumed.json"
     assert run_app([str(word) for word in ("run", *where, "--json", into)]) == 0
-    assert "PARTIAL: excitation, azimuth_flip inside the limits" in capsys.readouterr().out
+    assert "PARTIAL: excitation, azimuth_flip within the limits" in capsys.readouterr().out
     done = json.loads(into.read_text(encoding="utf-8"))
     assert done["calibration"]["log"] == before.result["calibration"]["log"]
     old, new = (open_log(Path(log)).meta for log in (before.log, done["log"]["file"]))
