@@ -1,4 +1,4 @@
-"""The application log records what the program did, for support; it never contains sample data.
+"""Application log of the actions of the program, for support; it never contains sample data.
 
 Each process writes its own file, named after its kind, start time and process id; the oldest files are deleted. Child
 processes read folder and level from their environment.

@@ -1,4 +1,4 @@
-"""Read TOML files into validated pydantic models, and report errors with file, entry and remedy."""
+"""Reading of TOML files into validated pydantic models; errors name file, entry and remedy."""
 
 import difflib
 import math
@@ -48,13 +48,13 @@ class ResultSection(BaseModel):
 class EntryError(ValueError):
     """An entry of a file violates a rule, given by a code of the message catalogue and the values of its sentences.
 
-    `place` is the path (keys and element numbers) to the wrong entry, starting where the rule is checked.
+    `place` is the path (keys and element numbers) to the wrong entry, relative to the location of the check.
     """
 
-    def __init__(self, code: str, *place: str | int, **values: Any) -> None:
+    def __init__(self, code: str, *key_path: str | int, **values: Any) -> None:
         super().__init__(code)
         self.code = catalogue_entry(code).code
-        self.place = place
+        self.place = key_path
         self.values = values
 
     def __str__(self) -> str:
@@ -76,14 +76,14 @@ Pattern = Annotated[str, AfterValidator(check_pattern)]
 
 
 @contextmanager
-def entry(*place: str | int) -> Iterator[None]:
-    """Attribute every rule violation inside the block to the entry at `place`."""
+def entry(*key_path: str | int) -> Iterator[None]:
+    """Attribute every rule violation inside the block to the entry at `key_path`."""
     try:
         yield
     except EntryError as exc:
-        raise EntryError(exc.code, *place, *exc.place, **exc.values) from None
+        raise EntryError(exc.code, *key_path, *exc.place, **exc.values) from None
     except ValueError as exc:
-        raise EntryError("entry.other", *place, words=str(exc)) from None
+        raise EntryError("entry.other", *key_path, words=str(exc)) from None
 
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -190,7 +190,7 @@ class Problem:
 
     @classmethod
     def of(cls, error: EntryError, *prefix: str | int) -> "Problem":
-        """Create the problem of a violated rule; `prefix` is the path to where the rule was checked."""
+        """Create the problem of a violated rule; `prefix` is the key path to which its `place` is relative."""
         return cls((*prefix, *error.place), "value_error", Text(error.code, error.values))
 
     @property
@@ -224,36 +224,36 @@ def problems_of(model: type[BaseModel], data: Any) -> list[Problem]:
 
 
 def _problems(error: ValidationError, data: Any, model: type[BaseModel]) -> list[Problem]:
-    details = _fitting_branches(error.errors(include_url=False, include_context=True), data)
+    details = _best_branches(error.errors(include_url=False, include_context=True), data)
     details.sort(key=lambda d: d["type"] != "extra_forbidden")
     return [_problem(d, data, model) for d in details]
 
 
-def _fitting_branches(details: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
-    """Report a value of several possible types once, by the type that it fits best, at its location in `data`.
+def _best_branches(details: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
+    """Keep one error per value that may have several types, for the best matching type, at its location in `data`.
 
     Pydantic reports the errors of each possible type, with the name of the type in the location.
     """
-    places: list[KeyPath] = []
+    key_paths: list[KeyPath] = []
     branches: list[tuple[KeyPath, str] | None] = []
     for detail in details:
-        path: list[str | int] = []
+        keys: list[str | int] = []
         branch, present = None, data
         for part in detail["loc"]:
             if isinstance(part, str) and isinstance(present, list | str | float | int):
-                branch = (tuple(path), part)
+                branch = (tuple(keys), part)
                 continue
-            path.append(part)
+            keys.append(part)
             present = _element(present, part)
-        places.append(tuple(path))
+        key_paths.append(tuple(keys))
         branches.append(branch)
     depths: dict[KeyPath, tuple[int, str]] = {}
-    for place, branch in zip(places, branches, strict=True):
-        if branch is not None and len(place) > depths.get(branch[0], (0, ""))[0]:
-            depths[branch[0]] = (len(place), branch[1])
+    for key_path, branch in zip(key_paths, branches, strict=True):
+        if branch is not None and len(key_path) > depths.get(branch[0], (0, ""))[0]:
+            depths[branch[0]] = (len(key_path), branch[1])
     return [
-        {**detail, "loc": place}
-        for detail, place, branch in zip(details, places, branches, strict=True)
+        {**detail, "loc": key_path}
+        for detail, key_path, branch in zip(details, key_paths, branches, strict=True)
         if branch is None or depths[branch[0]][1] == branch[1]
     ]
 
@@ -266,21 +266,21 @@ def _element(data: Any, key: str | int) -> Any:
         return None
 
 
-def value_at(data: Any, place: KeyPath) -> Any:
+def value_at(data: Any, key_path: KeyPath) -> Any:
     """Return the value at a key path of dictionaries and lists, None if there is none."""
-    for key in place:
+    for key in key_path:
         data = _element(data, key)
     return data
 
 
-def field_name(place: KeyPath, data: Any = None) -> str:
+def field_name(key_path: KeyPath, data: Any = None) -> str:
     """Return the name of an entry as it is written in messages, e.g. ``slots["B"].port`` or ``registers[2].range[1]``.
 
     An element of a list is called by its `name` in the data of the file if no other one has it, or else by its number,
     counted from 1.
     """
     text = ""
-    for part in place:
+    for part in key_path:
         text += f"[{_element_name(data, part)}]" if isinstance(part, int) else f".{part}" if text else part
         data = _element(data, part)
     return text
@@ -293,7 +293,7 @@ def _element_name(elements: Any, number: int) -> str:
 
 
 def near_miss(name: str, known: Iterable[str], otherwise: Text | None = None) -> Text:
-    """Return the remedy for an unknown name: the most similar known name, else `otherwise` (default: remove it)."""
+    """Return the remedy for an unknown name: the most similar known name, or `otherwise` (default: remove it)."""
     names = {other.lower(): other for other in known}
     near = difflib.get_close_matches(name.lower(), list(names), n=1)
     if near:

@@ -21,7 +21,7 @@ def ask_people(
 ) -> tuple[Person, Person | None]:
     """Return the acting person, by default `default`, and the confirming person, None if there is none.
 
-    Named persons must enter their PIN; `default` only if `pin` is set or somebody confirms.
+    Named persons must enter their PIN; `default` must do so only if `pin` is set or a second person confirms.
     """
     first = ask_person(by or default, pin=pin or bool(by) or confirmed_by is not None)
     return first, None if confirmed_by is None else ask_person(confirmed_by)

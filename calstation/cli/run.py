@@ -292,13 +292,13 @@ class _Display:
         if isinstance(event, StageStarted):
             number = f"{event.index + 1}/{event.count}"
             self._bars[event.stage] = self.progress.add_task(
-                event.stage, total=1.0, number=number, left=_time_left(event.duration), now=""
+                event.stage, total=1.0, number=number, left=_remaining_text(event.duration), now=""
             )
             self._line(say("cli.stage_begins", number=number, stage=event.stage, time=_minutes(event.duration)))
             if event.repeated and sys.stdin.isatty():
                 show_line(self._console, say("cli.end_stage", stage=event.stage, key=_END_STAGE))
         elif isinstance(event, StageProgress):
-            self._update(event.stage, completed=event.fraction, left=_time_left(event.remaining))
+            self._update(event.stage, completed=event.fraction, left=_remaining_text(event.remaining))
         elif isinstance(event, StepStarted):
             self._update(event.stage, now=sentence(step_text(event.kind, event.label)))
         elif isinstance(event, PositionGuided):
@@ -338,7 +338,7 @@ def _guidance(event: PositionGuided) -> str:
     return f"{event.index}/{event.count} {task}: {state}"
 
 
-def _time_left(seconds: float) -> str:
+def _remaining_text(seconds: float) -> str:
     return say("cli.time_left", time=_minutes(seconds))
 
 

@@ -36,7 +36,7 @@ def archive_log(log: Path, archive: str, folder: str) -> ArchivedLog:
 
     The copy is renamed to its final name after its bytes have been read back and compared, so that an interrupted copy
     leaves no file with that name. Raises InputError, after which the copy can be tried again. A missing local path
-    is an error, too, because an unmounted share must not become a local folder.
+    is also an error, because an unmounted share must not become a local folder.
     """
     url = f"{archive.rstrip('/')}/{folder}/{log.name}"
     try:

@@ -37,8 +37,8 @@ def other_claims(engine: Engine, outbox: str) -> list[Claim]:
     """
     with engine.connect() as connection:
         now = database_time(connection)
-        own_serials = select(claims.c.serial).where(claims.c.outbox == outbox, claims.c.expires > now)
-        others = (claims.c.outbox != outbox, claims.c.expires > now, claims.c.serial.in_(own_serials))
+        claimed_serials = select(claims.c.serial).where(claims.c.outbox == outbox, claims.c.expires > now)
+        others = (claims.c.outbox != outbox, claims.c.expires > now, claims.c.serial.in_(claimed_serials))
         rows = connection.execute(select(claims).where(*others).order_by(claims.c.claimed)).all()
     return [Claim(row.serial, row.station, row.operator, _utc(row.claimed)) for row in rows]
 

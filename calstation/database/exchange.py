@@ -248,7 +248,7 @@ def _store(connection: sa.Connection, outbox: str, messages: Sequence[OutboxMess
 
 
 def _is_refusal(error: DBAPIError) -> bool:
-    """Return whether the database refuses the content of the messages, so that sending them again would fail, too.
+    """Return whether the database refuses the content of the messages, so that sending them again would also fail.
 
     A run may contain characters or numbers that a column does not accept, or a text that is too long for an index. The
     copy of a log is refused if its run was refused.

@@ -47,7 +47,7 @@ class OutboxMessage:
 
     kind: str  #: ``run``, or ``copy`` for the copy of a log.
     stamp: str  #: Stamp of the run's files, or URL of the copy.
-    columns: Mapping[str, Any]  #: Columns of `tables.runs` or `tables.log_copies` that the station knows.
+    columns: Mapping[str, Any]  #: Columns of `tables.runs` or `tables.log_copies` that the station provides.
 
     @property
     def key(self) -> tuple[str, str]:
@@ -62,7 +62,7 @@ class Outbox:
         """Open the outbox. Raises ConfigurationError if the folder was moved or copied, or cannot be used."""
         self._folder = folder
         self._to_send: list[str] = []  #: Names of the runs to send, the oldest first.
-        #: Value of the index's `mark` and revision when nothing was left to send; None before.
+        #: Value of the index's `mark` and revision when all messages had been sent; None before.
         self._compared: tuple[str | None, int] | None = None
         #: Stamps and reasons of messages that the database refused; the next process sends them again.
         self._refused: dict[tuple[str, str], tuple[str, str]] = {}

@@ -142,7 +142,7 @@ def _generation(files: list[Path]) -> str:
 def _current_files(folder: Path) -> list[Path]:
     """Return the files of the last generation, and delete earlier ones, which another program may have been reading.
 
-    Files with other columns, which an earlier version of the program wrote, are deleted, too.
+    Files with other columns, which an earlier version of the program wrote, are also deleted.
     """
     files = sorted(folder.glob("*-*.parquet"))
     current = [path for path in files if _generation([path]) == _generation(files[-1:])]

@@ -106,7 +106,7 @@ class FleetSummary:
         return self.solved_now + self.already_there + self.failed + self.not_selected
 
     def add(self, status: Status) -> None:
-        """Count a log; a further copy of a log counts as already solved."""
+        """Count a log; a further copy of a log is counted as already solved."""
         outcome = status.outcome
         if status.solution is not None:
             location = self.solutions.setdefault(status.solution, status.location)

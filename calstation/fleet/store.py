@@ -62,7 +62,7 @@ class SolveSettings:
 
     @property
     def columns(self) -> dict[str, Any]:
-        """The columns that identify the settings; solutions without diagnostics count as changed."""
+        """The columns that identify the settings; solutions without diagnostics have another digest of the changes."""
         changes = self.changes.sha256
         return {
             "version": self.changes.version,

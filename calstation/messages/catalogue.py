@@ -20,8 +20,8 @@ class Entry:
     """One message of the catalogue."""
 
     code: str  #: Family and name, such as ``modbus.no_answer``.
-    text: str  #: Sentence that says what happened, with the names of values in braces.
-    remedy: str = ""  #: Sentence that says what to do; may be empty.
+    text: str  #: Sentence about the event, with the names of values in braces.
+    remedy: str = ""  #: Sentence with an instruction; may be empty.
     window: str = ""  #: Remedy in the window if it differs from the command line's; otherwise empty.
     zh: str = ""  #: Text in Chinese.
     zh_remedy: str = ""  #: Remedy in Chinese, as shown in the window.

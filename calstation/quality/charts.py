@@ -186,9 +186,9 @@ def ewma_chart(
     average, _ = lfilter([weight], [1.0, weight - 1.0], values - center, zi=[0.0])
     average = np.asarray(average) + center
     spread = width * sigma * _ewma_sigmas(weight, len(values))
-    beyond = np.abs(average - center) > spread
+    is_outside = np.abs(average - center) > spread
     return EwmaChart(
-        values, average, center, sigma, center - spread, center + spread, weight, width, np.flatnonzero(beyond)
+        values, average, center, sigma, center - spread, center + spread, weight, width, np.flatnonzero(is_outside)
     )
 
 
@@ -238,15 +238,15 @@ def nelson_signals(values: FloatArray, center: float, sigma: float, width: float
     steps = np.sign(np.diff(values))
     turns = np.concatenate([[False, False], steps[1:] * steps[:-1] < 0.0])[: len(values)]
     rising, falling = (np.concatenate([[False], steps == sign])[: len(values)] for sign in (1.0, -1.0))
-    beyond = {k: (deviation > k * sigma, deviation < -k * sigma) for k in (1, 2)}
-    outside = beyond[1][0] | beyond[1][1]
+    exceeding = {k: (deviation > k * sigma, deviation < -k * sigma) for k in (1, 2)}
+    outside = exceeding[1][0] | exceeding[1][1]
     flags = {
         1: np.abs(deviation) > width * sigma,
         2: _frequent(above, 9, 9) | _frequent(below, 9, 9),
         3: _frequent(rising, 5, 5) | _frequent(falling, 5, 5),
         4: _frequent(turns, 12, 12),
-        5: _frequent_on_one_side(beyond[2], 2, 3),
-        6: _frequent_on_one_side(beyond[1], 4, 5),
+        5: _frequent_on_one_side(exceeding[2], 2, 3),
+        6: _frequent_on_one_side(exceeding[1], 4, 5),
         7: _frequent(~outside, 15, 15),
         8: _frequent(outside, 8, 8),
     }

@@ -173,12 +173,12 @@ class GaugePlan(BaseModel):
         """
         self.check_complete(self.remaining(runs))
         rows = self._measurements(runs)
-        found = {}
+        by_parameter = {}
         for name, column in runs.values.items():
             values = [(key, float(column[k])) for key, k in rows]
             if not np.isnan([value for _, value in values]).any():
-                found[name] = crossed(self.factors, values)[1]
-        return found
+                by_parameter[name] = crossed(self.factors, values)[1]
+        return by_parameter
 
     def _key(self, each: Measurement) -> tuple[str, ...]:
         return tuple(getattr(each, factor) for factor in self.factors)

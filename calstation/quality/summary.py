@@ -124,7 +124,7 @@ class ParameterQuality:
     def to_json(self) -> dict[str, Any]:
         """Return values in SI and signals as JSON data; `run` is the name of a run."""
         charts, names, process = self.charts(), self.names, self.process
-        chart, found = charts.individuals, charts.individuals.signals
+        chart, signals = charts.individuals, charts.individuals.signals
         return {
             "product": self.product,
             "parameter": self.parameter,
@@ -141,7 +141,7 @@ class ParameterQuality:
             "range_high": chart.range_high,
             "signals": [
                 {"run": names[k], "rule": rule}
-                for k, rule in zip(found.index.tolist(), found.rule.tolist(), strict=True)
+                for k, rule in zip(signals.index.tolist(), signals.rule.tolist(), strict=True)
             ],
             "range_signals": [names[k] for k in chart.range_signals],
             "ewma_signals": [names[k] for k in charts.ewma.signals],

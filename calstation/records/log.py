@@ -83,7 +83,7 @@ class Log:
 
     @property
     def jitter(self) -> float:
-        """Rms deviation of the arrival times of a CSV from the sample clock, s; known after reading, else 0."""
+        """Rms deviation of the arrival times of a CSV from the sample clock, s; 0 before the samples have been read."""
         return sum(self._jitter)
 
     def facts(self) -> LogFacts:

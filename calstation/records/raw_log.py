@@ -46,7 +46,7 @@ FLUSH_INTERVAL = 0.1
 #: Host time between fsyncs, s: a power failure loses less than this plus a tick and the duration of the fsync. They run
 #: in a separate thread, because a disk may take seconds, during which the table's watchdog must be fed.
 SYNC_INTERVAL = 0.8
-#: Host time to wait for the lock, s, because `being_written` holds it briefly.
+#: Host time to wait for the lock, s, because `being_written` acquires it briefly.
 _LOCK_TIMEOUT = 1.0
 #: Name of the column with the row checksums.
 CHECK = "check"

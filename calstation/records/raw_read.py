@@ -21,7 +21,7 @@ from calstation.records.files import TEST_TIMEOUT, is_locked
 from calstation.records.log import DamagedRows, Log
 from calstation.records.meta import meta_from_json
 from calstation.records.raw_log import CHECK, CHUNK_ROWS, FORMAT, row_checks
-from calstation.records.superblock import SUPERBLOCK, AsClosed, is_left_open, superblock_end, superblock_valid
+from calstation.records.superblock import SUPERBLOCK, AsClosed, is_unclosed, superblock_end, superblock_valid
 
 _READ_ROWS = 16 * CHUNK_ROWS
 #: Exceptions that h5py raises for a damaged file.
@@ -55,7 +55,7 @@ def open_raw(path: Path, _: Path | None = None) -> Log:
 def being_written(path: Path, within: float = TEST_TIMEOUT) -> bool:
     """Return whether a run is still writing the log, according to its lock, which is tested for `within` s.
 
-    Raises InputError for an unreadable file.
+    Raises InputError if the file cannot be read.
     """
     try:
         return is_locked(path, within)
@@ -77,7 +77,7 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
     """Yield the samples of a raw log in order, in blocks of one stage.
 
     Damaged rows are omitted and added to `damaged`. Rows at the end of a log that was not closed were never written and
-    do not count as damaged.
+    are not damaged.
 
     Raises InputError if other parts of the file are damaged.
     """
@@ -192,13 +192,13 @@ def _open_repeatedly(path: Path, stack: ExitStack) -> h5py.File:
 
 
 def _open(path: Path, stack: ExitStack) -> h5py.File:
-    """Open the file, whether or not it was closed. Raises InputError for another format, or `_BROKEN`."""
+    """Open the file, whether or not it was closed. Raises InputError if the format is different, or `_BROKEN`."""
     with path.open("rb") as stream:
         head = stream.read(SUPERBLOCK)
     if not superblock_valid(head):
         raise OSError("the superblock is damaged")
     short = path.stat().st_size < superblock_end(head)
-    source = stack.enter_context(AsClosed(path)) if short or is_left_open(head) else path
+    source = stack.enter_context(AsClosed(path)) if short or is_unclosed(head) else path
     # without HDF5's chunk cache, which would not be reused
     file = stack.enter_context(h5py.File(source, "r", libver="latest", rdcc_nbytes=0))
     if not _is_raw_log(file):

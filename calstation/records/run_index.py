@@ -289,7 +289,7 @@ class RunIndex:
     def _run(self, row: sa.Row[Any]) -> IndexedRun:
         """Return a stored run with the paths of its files in the folder of the index.
 
-        The log of a run of another folder gets a path in a folder named after its outbox.
+        The path of the log of a run of another folder is in a folder named after its outbox.
         """
         run = from_columns(row.name, row.stamp, row.content, row.failed_checks, row.parameters, row.numbers)
         record = run.record
@@ -437,7 +437,7 @@ def _estimates(
 ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     """Return values and sigmas by parameter from the columns of the table, NaN if a run has none.
 
-    None in `parameters` stands for `usual`.
+    None in `parameters` means `usual`.
     """
     names_of = [json.loads(names_json or usual) for names_json in parameters.values]
     column = {name: j for j, name in enumerate(dict.fromkeys(name for names in names_of for name in names))}

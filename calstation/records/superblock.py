@@ -34,7 +34,7 @@ def superblock_valid(head: bytes) -> bool:
     )
 
 
-def is_left_open(head: bytes) -> bool:
+def is_unclosed(head: bytes) -> bool:
     """Return whether the writer has not closed the file."""
     return head[_FLAGS] != 0
 

@@ -4,7 +4,7 @@ from enum import StrEnum
 
 
 class Verdict(StrEnum):
-    """What a run, or the solution of its log, says about its unit; only `calstation.judgement.verdict_of` makes it."""
+    """Verdict of a run, or of the solution of its log; only `calstation.judgement.verdict_of` determines it."""
 
     PASSED = "passed"  #: Within all limits, after all stages of the product.
     PARTIAL = "partial"  #: Within the limits of the stages that were run; other stages of the product are missing.

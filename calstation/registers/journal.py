@@ -140,7 +140,7 @@ class Transfer:
 
 
 def journal_folder(station: StationConfig, runs: Path) -> Path:
-    """Return the folder of a station that contains `FOLDER`: `runs` for a virtual bench, else the site's folder."""
+    """Return the folder of a station that contains `FOLDER`: `runs` for a virtual bench, otherwise the site folder."""
     return runs if station.bench is not None else site_folder()
 
 
@@ -176,7 +176,7 @@ def history(folder: Path, serial: str) -> list[Transfer]:
 
 
 def interrupted(folder: Path, serial: str) -> Transfer | None:
-    """Return the unit's latest transfer if it is still open, else None. Raises ConfigurationError as `history`."""
+    """Return the unit's latest transfer if it is still open, or None. Raises ConfigurationError as `history`."""
     transfers = history(folder, serial)
     return transfers[-1] if transfers and transfers[-1].closing is None else None
 

@@ -171,7 +171,7 @@ class _ActiveOperation:
     def settle_unchanged(self, imu: Imu) -> Settled | None:
         """Return the last event for a unit that still has its old registers; None if registers must be written.
 
-        Raises DeviceFaultError for another unit, or for a unit with another open transfer.
+        Raises DeviceFaultError if another unit is connected, or if the unit has another open transfer.
         """
         request = self.operation.request
         check_serial(imu, request.serial)
@@ -186,7 +186,10 @@ class _ActiveOperation:
         return None
 
     def write(self, imu: Imu) -> Transferred:
-        """Write, read back, commit, restart and read again. Raises DeviceFaultError or ConfigurationError."""
+        """Write the registers, read them back, commit them, restart the unit, and read them again.
+
+        Raises DeviceFaultError or ConfigurationError.
+        """
         entries = self.setup.register_map
         if self.entry is not None:
             return (put_back if self.restoring else finish)(imu, entries, self.entry)

@@ -19,7 +19,7 @@ _WARN_ABOVE = 0.9
 
 
 def check_flash(setup: RunConfiguration, runs: Path, emit: Emit) -> None:
-    """Check, before any device is opened, that the unit's flash may be written again; warn near the limit.
+    """Check that the unit's flash may be written again, before any device is opened; warn near the limit.
 
     Raises ConfigurationError if the profile's `flash_cycles_max` is reached or the journal is damaged.
     """
@@ -38,7 +38,7 @@ def check_flash(setup: RunConfiguration, runs: Path, emit: Emit) -> None:
 
 
 def check_register_map(entry: Transfer, setup: RunConfiguration) -> None:
-    """Check, before any device is opened, that a transfer's values match the product's registers. Raises InputError.
+    """Raise InputError if a transfer does not match the product's registers; called before any device is opened.
 
     If no unit type was recorded, only the parameters are compared.
     """
@@ -67,7 +67,7 @@ def check_unit_model(entry: Transfer, model: str) -> None:
 
 
 def check_interrupted(setup: RunConfiguration, runs: Path) -> None:
-    """Check, before any device is opened, the unit type of an interrupted transfer. Raises InputError."""
+    """Raise InputError if an interrupted transfer does not match the product; called before any device is opened."""
     entry = journal.interrupted(journal_folder(setup.station, runs), setup.request.serial)
     if entry is not None:
         check_register_map(entry, setup)

@@ -146,7 +146,7 @@ def verification_step(data: VerificationData) -> Step:
 
 
 def verified_on(data: VerificationData) -> str:
-    """Return what was verified: "corrected_output", or "read_back" if the unit has no corrected output."""
+    """Return the verified data: "corrected_output", or "read_back" if the unit has no corrected output."""
     return "corrected_output" if data.corrected else "read_back"
 
 
@@ -381,7 +381,7 @@ def _compensated(raw: FloatArray, parameters: Mapping[str, float]) -> tuple[Floa
 
 
 def _raw_output(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArray:
-    """Return the raw output of a unit that applied `registers`, shape (n, 6), without the size effect (0 at rest)."""
+    """Return raw output from output corrected by `registers`, shape (n, 6), without the size effect (0 at rest)."""
     if registers is None:
         return output
     p = parameter_vector(registers)

@@ -117,7 +117,7 @@ def build_certificate(
 
 
 def arrangement(meta: LogMeta) -> Iterator[Text]:
-    """Yield the arrangement on the table of a unit that belongs to a batch or is rotated; nothing for other units."""
+    """Yield the arrangement of a rotated unit, or of a unit in a batch, on the table; nothing for other units."""
     run, table = meta.run, meta.table
     in_batch = run is not None and run.batch is not None
     if run is not None and in_batch:

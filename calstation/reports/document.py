@@ -39,7 +39,7 @@ from procedures import method
 
 #: Smaller shares of the noise estimated from the data are due to rounding and nonlinearity and have no column.
 _NEGLIGIBLE = 0.005
-#: Display units of checks whose SI unit other quantities have, too.
+#: Display units of checks whose SI unit is also used by other quantities.
 _UNITS = {"latitude": ("°", DEGREE), "sample_clock": ("ppm", 1e-6)}
 #: Largest number of failed checks listed in the verdict.
 _MAX_NAMED = 4

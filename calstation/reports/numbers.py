@@ -14,7 +14,7 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _CHECK_UNITS = {"1": ("", 1.0), "sigma": ("σ", 1.0), "K": ("K", 1.0), "s": ("s", 1.0)}
 
 
-def places(uncertainty: float) -> int:
+def decimal_places(uncertainty: float) -> int:
     """Return the number of decimal places for two significant digits, negative for tens and above (GUM 7.2.6)."""
     return 1 - int(f"{uncertainty:.1e}".partition("e")[2])
 
@@ -25,7 +25,7 @@ def rounded(value: float | None, uncertainty: float) -> str:
         return NONE
     if not 0.0 < uncertainty < math.inf:
         return with_minus(f"{value:.6g}")
-    digits = places(uncertainty)
+    digits = decimal_places(uncertainty)
     text = f"{round(value, digits):.{max(0, digits)}f}"
     return with_minus(text.removeprefix("-") if float(text) == 0.0 else text)
 

@@ -79,7 +79,7 @@ def compile_template(main: Path | dict[str, bytes], inputs: dict[str, str], time
     time : time stated in the PDF
     folder : may contain font files with characters that the shipped font lacks
 
-    Raises InputError for characters without a font, and TypstError.
+    Raises InputError if no font contains a character, and TypstError.
     """
     import typst
 

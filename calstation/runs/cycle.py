@@ -42,7 +42,7 @@ class Cycle:
         self._completed: list[CyclePhase] = []
         self._phase, self._stage, self._seconds = "opening", "", 0.0
         self._paused = ("", "")
-        self._lock = threading.Lock()  # the result of a unit that leaves a batch is written in another thread
+        self._lock = threading.Lock()  # another thread writes the result if a unit leaves its batch
 
     @contextmanager
     def using(self, clock: Clock) -> Iterator[None]:

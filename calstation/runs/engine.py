@@ -177,7 +177,7 @@ class Engine:
 
 
 def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterOperation) -> None:
-    """Entry point of the engine's process; signals that can be handled end it only after a safe stop."""
+    """Run the engine in its process, which signals that can be handled end only after a safe stop."""
     applog.configure("engine")
     logger.info("engine begins, calstation %s", __version__)
     control = Control()

@@ -82,7 +82,7 @@ def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
 
 
 def resumable_run(folder: Path, serial: str) -> Resumable | None:
-    """Return the run of a unit that can be resumed according to the index of the folder's runs, or None."""
+    """Return the resumable run of a unit according to the index of the folder's runs, or None."""
     return _best_run(History(folder).of(serial))
 
 

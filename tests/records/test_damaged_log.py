@@ -10,7 +10,7 @@ from records_samples import META, make_block
 
 from calstation.errors import InputError
 from calstation.records import LogMeta, RawLogWriter, open_log
-from calstation.records.superblock import SUPERBLOCK, _lookup3, is_left_open, superblock_valid
+from calstation.records.superblock import SUPERBLOCK, _lookup3, is_unclosed, superblock_valid
 
 ROWS = 650
 
@@ -46,7 +46,7 @@ def write(path: Path, data: bytes) -> Path:
 
 def test_unclosed_log_reads_like_a_closed_log(tmp_path: Path, logs: dict[str, bytes]) -> None:
     for name, data in logs.items():
-        assert is_left_open(data) is (name == "left open")
+        assert is_unclosed(data) is (name == "left open")
         assert superblock_valid(data[:SUPERBLOCK])
         assert rows(write(tmp_path / "run.h5", data)) == ROWS
     alike = open_log(tmp_path / "run.h5")

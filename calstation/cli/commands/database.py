@@ -113,7 +113,7 @@ def adopt(
 
 @app.command()
 def status(out: RunsOption = Path("runs"), json: JsonOption = None) -> None:
-    """Show what is pending for the shared database and the last contact. Does not use the network."""
+    """Show the pending runs and logs and the last contact with the shared database, without using the network."""
     state = read_state(out)
     contact = "-" if state.contact_utc is None else local_time(state.contact_utc.isoformat())
     errors = (state.error, state.refusal, state.archive_error)

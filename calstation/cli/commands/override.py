@@ -1,4 +1,4 @@
-"""`override`: permits the use of a unit that failed."""
+"""`override`: permits the use of a failed unit."""
 
 from pathlib import Path
 from typing import Annotated

@@ -196,7 +196,7 @@ def _with_people(operation: RegisterOperation, by: str | None, confirmed_by: str
 
 
 def _announce_and_confirm(operation: RegisterOperation, yes: bool) -> None:
-    """Announce the operation and, on hardware, ask for confirmation. Raises StoppedError if the user declines."""
+    """Announce the operation and, on hardware, request confirmation. Raises StoppedError if the user declines."""
     moves = moves_table(operation)
     _, station = load_station(operation.request.station)
     values = {"station": station.name, "serial": operation.request.serial}

@@ -36,7 +36,7 @@ def soak(
 ) -> int:
     """Run calibrations with random faults and show the outcome.
 
-    Returns 0 if no verdict was wrong and nothing was lost, unsafe or hung, else 1; 4 if Ctrl-C ended it early.
+    Returns 0 if no verdict was wrong, no data were lost, and no run was unsafe or hung, otherwise 1; 4 after Ctrl-C.
     """
     interrupted: list[bool] = []
 
