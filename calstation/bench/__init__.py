@@ -1,6 +1,6 @@
-"""The virtual bench: a simulated table and unit with known true values and the real protocols.
+"""The virtual bench, a simulated table and unit with known true values and the real protocols.
 
-It shares only parameter names, steps of a plan and array types with the estimators, and none of their equations.
+It uses none of the equations of the estimators, only the same names of parameters, steps of plans and array types.
 """
 
 from calstation.bench.client import BenchClock, BenchHost

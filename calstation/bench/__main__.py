@@ -1,4 +1,4 @@
-"""`python -m calstation.bench --config FILE_OR_JSON` runs one virtual bench and prints its links as one JSON line."""
+"""Command `python -m calstation.bench --config FILE_OR_JSON`, which runs a virtual bench and prints its ports."""
 
 import argparse
 import json
@@ -26,8 +26,8 @@ def read_config(text: str) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Run the command; return exit code 0, or 2 if the configuration is unusable."""
-    about = "Virtual calibration bench; prints its ports and lives until its standard input closes."
+    """Run the command; return exit code 0, or 2 if the configuration is not valid."""
+    about = "Virtual calibration bench, which prints its ports and runs until its standard input closes."
     parser = argparse.ArgumentParser(prog="calstation.bench", description=about)
     parser.add_argument("--config", default="{}", help="JSON text, or a .json or .toml file")
     argument = parser.parse_args().config
@@ -42,7 +42,7 @@ def main() -> int:
         return 2
     serve(config)
     sys.stdout.flush()
-    # The thread that reads standard input may still be blocked: exit without waiting for it.
+    # The thread that reads standard input may be blocked, so that the process must exit without waiting for it.
     os._exit(0)
 
 

@@ -1,4 +1,4 @@
-"""The owner's side of a virtual bench: its process, which also exits if its standard input is closed, and its clock."""
+"""The process and the clock of a virtual bench, for the program that starts the bench."""
 
 import json
 import socket
@@ -19,12 +19,12 @@ from calstation.messages import os_reason
 _START_TIMEOUT = 180.0
 
 _CHECK_INTERVAL = 0.1
-_STOP_TIMEOUT = 15.0  # more than the watchdog timeout of the virtual table, for which a bench with a report waits
+_STOP_TIMEOUT = 15.0  # longer than the watchdog timeout of the virtual table, for which a bench with a report waits
 
-#: Interval at which the devices are polled if the bench follows host time, s, as on hardware.
+#: Polling interval if the bench follows host time, s, as on hardware.
 _TICK = 0.05
 
-#: Polling interval at full speed, s: long, because each tick has a cost, but shorter than the shortest rest that
+#: Polling interval at full speed, s. It is long because ticks take time, but shorter than the shortest rest that
 #: `find_rests` accepts (`REST_WINDOW` of `estimation.common`).
 _FAST_TICK = 0.4
 
@@ -34,23 +34,23 @@ _REPLY_TIMEOUT = 20.0
 #: Timeout for reading the samples that the bench has sent, host time in s.
 _READ_TIMEOUT = 5.0
 
-#: Host time in which these samples are usually read, s; until then the wait only yields the processor.
+#: Host time in which these samples are usually read, s; during this time, the wait only yields the processor.
 _YIELD_TIME = 0.001
 
-#: On Windows, shields the bench from Ctrl-C in the console; on other systems a separate session does.
+#: Flag that prevents Ctrl-C in the console from ending the bench on Windows; other systems use a separate session.
 _CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 
 
 @dataclass
 class BenchHost:
-    """A running bench process; `endpoints` is the JSON object that it printed on its first line."""
+    """A running bench process with its `endpoints`, the JSON object on its first output line."""
 
     process: subprocess.Popen[bytes]
     endpoints: Mapping[str, Any]
 
     @classmethod
     def start(cls, config: Mapping[str, Any], check_cancelled: Callable[[], None] = lambda: None) -> "BenchHost":
-        """Start a bench; raises DeviceFaultError if it fails. The process is killed if `check_cancelled` raises."""
+        """Start a bench, or kill its process if `check_cancelled` raises. Raises DeviceFaultError."""
         command = [sys.executable, "-m", "calstation.bench", "--config", json.dumps(config)]
         process = subprocess.Popen(
             command,
@@ -96,8 +96,8 @@ class BenchHost:
 class BenchClock:
     """Clock whose station time is the virtual time of the bench.
 
-    `sleep` returns when the IMUs' readers have read every byte that the bench sent up to the new time, so a run does
-    not depend on the computer's load. Raises DeviceFaultError if the bench refuses a request or does not reply.
+    `sleep` returns once the IMUs' readers have read every byte that the bench sent up to the new time, so that a run
+    does not depend on the computer's load. Raises DeviceFaultError if the bench refuses a request or does not reply.
 
     endpoint : host and port of the clock service
     speed : multiple of real time; 0 if time advances only by `sleep`
@@ -107,15 +107,15 @@ class BenchClock:
         self.tick = _TICK if speed > 0.0 else _FAST_TICK
         self.speed = speed
         self._received: Callable[[], Mapping[int, int]] = dict
-        self._lost: Mapping[int, int] = {}  #: Number of bytes that a reader will never receive, by IMU index.
+        self._missing: Mapping[int, int] = {}  #: Number of bytes that readers will never receive, by IMU index.
         try:
             self._socket = socket.create_connection(endpoint, timeout=_REPLY_TIMEOUT)
         except OSError as exc:
             raise DeviceFaultError("connection.bench_silent", cause=os_reason(exc)) from exc
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._file = self._socket.makefile("rb")
-        self._asking = threading.Lock()  # the result of a unit that leaves a batch is written in another thread
-        self._now = float(self._ask({"now": None})["now"])
+        self._request_lock = threading.Lock()  # the result of a unit that leaves a batch is written in another thread
+        self._now = float(self._request({"now": None})["now"])
 
     def attach(self, received: Callable[[], Mapping[int, int]]) -> None:
         """Make `sleep` wait for the IMUs' readers.
@@ -125,28 +125,28 @@ class BenchClock:
         self._received = received
 
     def now(self) -> float:
-        """Return the virtual time, s; it is queried from the bench if it follows host time."""
+        """Return the virtual time, s."""
         if self.speed > 0.0:
-            self._now = float(self._ask({"now": None})["now"])
+            self._now = float(self._request({"now": None})["now"])
         return self._now
 
     def sleep(self, seconds: float) -> None:
         """Advance virtual time by `seconds` and wait until the samples of this interval are read."""
-        answer = self._ask({"advance": seconds})
+        answer = self._request({"advance": seconds})
         self._now = float(answer["now"])
         self._wait_for_bytes(answer["bytes"])
 
     def idle(self, seconds: float) -> None:
-        """Wait in host time; virtual time advances only if it follows host time."""
+        """Wait for `seconds` of host time, in which virtual time advances only if it follows host time."""
         time.sleep(seconds)
 
     def order(self, order: Mapping[str, Any]) -> None:
         """Command the bench to inject a fault, immediately or after a delay."""
-        self._ask(dict(order))
+        self._request(dict(order))
 
     def carry(self, outer: float, inner: float, rest: float) -> None:
-        """Let the simulated operator turn the manual rig to these angles, rad, and rest there for `rest` s."""
-        self._ask({"carry": [outer, inner], "rest": rest})
+        """Make the simulated operator turn the manual rig to these angles, rad, and rest there for `rest` s."""
+        self._request({"carry": [outer, inner], "rest": rest})
 
     def close(self) -> None:
         """Close the connection; the bench keeps running."""
@@ -156,25 +156,25 @@ class BenchClock:
     def _wait_for_bytes(self, sent: Sequence[int]) -> None:
         begin = time.monotonic()
         # only for the current link
-        lost = {place: count for place, count in self._lost.items() if count <= sent[place]}
-        while late := {
-            place: sent[place] - count
-            for place, count in self._received().items()
-            if count + lost.get(place, 0) < sent[place]
+        missing = {index: count for index, count in self._missing.items() if count <= sent[index]}
+        while behind := {
+            index: sent[index] - count
+            for index, count in self._received().items()
+            if count + missing.get(index, 0) < sent[index]
         }:
             waited = time.monotonic() - begin
             time.sleep(0.0 if waited < _YIELD_TIME else _YIELD_TIME)
             if waited > _READ_TIMEOUT:  # the sequencer detects the gap
-                lost |= late
+                missing |= behind
                 break
-        self._lost = lost
+        self._missing = missing
 
-    def _ask(self, request: dict[str, Any]) -> dict[str, Any]:
+    def _request(self, request: dict[str, Any]) -> dict[str, Any]:
         timeout = _REPLY_TIMEOUT
         if self.speed > 0.0 and request.get("advance"):
             timeout += 2.0 * request["advance"] / self.speed
         try:
-            with self._asking:
+            with self._request_lock:
                 self._socket.settimeout(timeout)
                 self._socket.sendall(json.dumps(request).encode() + b"\n")
                 line = self._file.readline()
@@ -199,7 +199,7 @@ def _wait_for_line(lines: "SimpleQueue[bytes]", check_cancelled: Callable[[], No
 
 
 def _read_line(stream: IO[bytes], lines: "SimpleQueue[bytes]") -> None:
-    with suppress(OSError, ValueError):  # a stop closed the pipe while the bench was starting
+    with suppress(OSError, ValueError):  # a stop may close the pipe while the bench is starting
         lines.put(stream.readline())
 
 

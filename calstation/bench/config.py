@@ -1,4 +1,4 @@
-"""Configuration of a virtual bench: unit, site, table, transports, planned faults."""
+"""The configuration of a virtual bench: unit, site, table, transports and planned faults."""
 
 from dataclasses import replace
 from math import radians
@@ -28,7 +28,7 @@ from calstation.bench.truth import (
 from calstation.physics import INDEX, group_indices
 from calstation.schema import EntryError, near_miss
 
-#: Groups of parameters that are 0 in a unit on a body, because a pair has one lever arm.
+#: Groups of parameters that are 0 for units on a body, because a pair has only one lever arm.
 _NOT_ON_A_BODY = ("accel_quadratic", "inner_lever", "outer_lever")
 _ARCSECOND = radians(1.0 / 3600.0)
 
@@ -38,13 +38,13 @@ NonNegative = Annotated[float, Field(ge=0.0)]
 Positive = Annotated[float, Field(gt=0.0)]
 
 
-def _known(name: str) -> str:
+def _known_parameter(name: str) -> str:
     if name not in INDEX:
         raise EntryError("entry.unknown_parameter", name=name, remedy=near_miss(name, INDEX))
     return name
 
 
-def _right_angled(orientation: str) -> str:
+def _valid_orientation(orientation: str) -> str:
     unit_axes(orientation)  # raises ValueError
     return orientation
 
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 else:
     ImuProtocolName = Literal[IMU_PROTOCOLS]
 
-ParameterName = Annotated[str, AfterValidator(_known)]
+ParameterName = Annotated[str, AfterValidator(_known_parameter)]
 
 _Trip = Literal["interlock", "drive_fault", "limit_fault", "stall", "trip_watchdog"]
 _Motion = Literal["jam", "overshoot", "never_settle"]
@@ -75,10 +75,9 @@ class Settings(BaseModel):
 
 
 class Order(Settings):
-    """An order to inject a fault; `docs/reference/bench.md` explains the orders and their values.
+    """A command to inject a fault at device time `at`, s, or `after` a delay, s; see `docs/reference/bench.md`.
 
-    `at` is a device time, s; `after` is a delay from the time of the order, s. `unit` is the number of the affected
-    unit; it is ignored for the table.
+    `unit` is the number of the affected unit, which is ignored for the table.
     """
 
     order: OrderName
@@ -94,7 +93,7 @@ class Order(Settings):
 
 
 class BodySettings(Settings):
-    """Motion of a body that carries several units: rests of `rest_s`, and between them motions of `motion_s`."""
+    """The motion of a body with several units, which alternates between rests of `rest_s` and motions of `motion_s`."""
 
     rest_s: Positive = 8.0
     motion_s: Positive = 24.0
@@ -109,7 +108,7 @@ class BenchConfig(Settings):
     parameters: dict[ParameterName, float] = Field(default_factory=dict)
     serial: str = "SN-000001"
     unit: Annotated[int, Field(ge=1)] = 1
-    orientation: Annotated[str, AfterValidator(_right_angled)] = "+x+z"
+    orientation: Annotated[str, AfterValidator(_valid_orientation)] = "+x+z"
     lever_m: Vector = (0.0, 0.0, 0.0)
     table_serial: str = "T-0001"
     speed: NonNegative = 0.0
@@ -186,8 +185,8 @@ class BenchConfig(Settings):
     def truth(self, earlier: int = 0) -> BenchTruth:
         """Draw the true values of the bench from this configuration and its seed.
 
-        `earlier` is the number of writes to the unit's flash, which equals its number of power-ups since its first run;
-        at each one its errors have changed by the repeatability of its grade.
+        `earlier` is the number of writes to the unit's flash, which equals the number of power-ups since the first run;
+        the unit's errors change at each power-up by the repeatability of its grade.
         """
         unit_seed, table_seed = np.random.SeedSequence(self.seed).spawn(2)
         imu = draw_imu(
@@ -279,7 +278,7 @@ class BenchConfig(Settings):
 
 
 class BenchReport(BaseModel):
-    """Final state of a bench at device time `time`, s, and the executed orders; see `report_file`."""
+    """The final state of a bench at device time `time`, s, and the executed orders; see `report_file`."""
 
     model_config = ConfigDict(frozen=True)
 

@@ -1,4 +1,4 @@
-"""The bench over time: joints, controller, stream and unit advance together, and faults occur at their times."""
+"""The bench over time, in which joints, controller, stream and unit advance together, and faults occur."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,7 +13,7 @@ from calstation.bench.truth import (
     BodyStream,
     Field,
     GimbalStream,
-    HandStream,
+    ManualRigStream,
     Mounting,
     SensorStream,
     TableDrive,
@@ -29,16 +29,16 @@ _FAULTS = {
     "trip_watchdog": Fault.WATCHDOG,
 }
 
-#: Largest joint angle at power-on if drawn at random, rad.
-_START = np.deg2rad(15.0)
+#: Maximum joint angle at power-on if it is drawn at random, rad.
+_MAX_START_ANGLE = np.deg2rad(15.0)
 
 
 class LiveBench:
-    """All devices on a common time, without their links.
+    """All devices with a common time, without their links.
 
-    `host_time` is the clock of the watchdog, `now` the time of the clock service, s. Orders for the links are passed to
-    `on_link`. A further unit is on the table or body of the `first` one and advances with it; `outbox` contains the
-    frames it has sent since.
+    `host_time` is the clock of the watchdog, and `now` the time of the clock service, s. Orders for the links are
+    passed to `on_link`. A unit with a `first` unit is on the table or body of that unit and advances with it; `outbox`
+    contains the frames that it has sent meanwhile.
     """
 
     def __init__(self, config: BenchConfig, host_time: Callable[[], float], first: "LiveBench | None" = None) -> None:
@@ -47,7 +47,7 @@ class LiveBench:
         self.number = config.unit
         self.outbox: list[bytes] = []
         self._followers: list[LiveBench] = []
-        self._leads = first is None
+        self._is_first = first is None
         if first is not None:
             first._followers.append(self)
             if config.body is None:
@@ -57,13 +57,13 @@ class LiveBench:
         stream_seed, encoder_seed, other_seed = np.random.SeedSequence([config.seed, 1, earlier]).spawn(3)
         self._random = np.random.default_rng(other_seed)
         if config.start_deg is None:
-            outer, inner = self._random.uniform(-_START, _START, 2)
+            outer, inner = self._random.uniform(-_MAX_START_ANGLE, _MAX_START_ANGLE, 2)
         else:
             outer, inner = np.deg2rad(config.start_deg)
         start = (float(outer), float(inner))
         self._gain = 1.0 + 1e-6 * config.clock_drift_ppm
         self._power_on = config.power_on_s
-        self._stream: SensorStream | HandStream | BodyStream | GimbalStream
+        self._stream: SensorStream | ManualRigStream | BodyStream | GimbalStream
         if config.body is not None:
             body, table = config.body, self.truth.table
             self._stream = BodyStream(
@@ -77,7 +77,7 @@ class LiveBench:
                 np.reshape(config.gyro_steps, (-1, 2)) * [1.0, np.deg2rad(1.0)],
             )
         elif config.table_protocol == "hand":
-            self._stream = HandStream(self.truth.imu, config.rig(), stream_seed)
+            self._stream = ManualRigStream(self.truth.imu, config.rig(), stream_seed)
         elif config.table_protocol == "gimbal":
             self._stream = config.gimbal(self.truth.imu, stream_seed)
         elif first is None:
@@ -144,7 +144,7 @@ class LiveBench:
         return b"".join(parts)
 
     def _advance_in_steps(self, now: float) -> list[bytes]:
-        """Advance to `now`, s, in steps that end with timed faults; their effect then does not depend on the caller."""
+        """Advance to `now`, s, in steps that end with timed faults, whose effect then does not depend on the caller."""
         ends = (self._power_on + end / self._gain for end in self.faults.until.values())
         return [self._produce(cut) for cut in (*sorted(end for end in ends if self.now < end < now), now)]
 
@@ -169,7 +169,7 @@ class LiveBench:
         elif order.order == "overshoot":
             machine.overshoot = np.deg2rad(value)
         elif order.order == "never_settle":
-            machine.restless_until = time + value
+            machine.unsettled_until = time + value
         elif order.order == "freeze_channel":
             faults.frozen, faults.frozen_until = int(value), np.inf
         elif order.order == "reset_imu":
@@ -177,15 +177,15 @@ class LiveBench:
         elif order.order == "jump_counter":
             self.unit.counter = int(value)
         elif order.order == "brown_out_write":
-            self.unit.fails_writing = int(value)
+            self.unit.write_power_cut = int(value)
         elif order.order == "brown_out_commit":
-            self.unit.fails_committing = int(value)
+            self.unit.commit_power_cut = int(value)
         else:
             self.on_link(order)
 
     def carry(self, outer: float, inner: float, rest: float) -> None:
-        """Request rail angles, rad, and a rest, s, from the operator of a manual rig; no effect on a driven table."""
-        if isinstance(self._stream, HandStream):
+        """Request rail angles, rad, and a rest, s, from the operator of a manual rig; do nothing on a driven table."""
+        if isinstance(self._stream, ManualRigStream):
             self._stream.carry((outer, inner), rest, self.device_time)
 
     def _produce(self, now: float) -> bytes:
@@ -198,13 +198,13 @@ class LiveBench:
         count = int(self.device_time / interval + 1e-6) - first
         if count <= 0:
             return b""
-        if isinstance(self._stream, HandStream | BodyStream):
+        if isinstance(self._stream, ManualRigStream | BodyStream):
             output = self._stream.produce(count)
         elif isinstance(self._stream, GimbalStream):
             output = self._stream.produce(count, self.unit.correction().gyro)
         else:
             output = self._stream.produce(count, *self.machine.drive.profiles)
-        if self._leads:
+        if self._is_first:
             self.machine.advance(self.device_time)
         ends = np.arange(first + 1, first + count + 1, dtype=np.float64) * interval
         frames = self.unit.frames(self.faults.samples(output, middle), ends)

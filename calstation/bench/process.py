@@ -1,4 +1,4 @@
-"""The bench process: opens the device links, announces them, and runs until its standard input closes."""
+"""The bench process, which opens the links of the devices and runs until its standard input closes."""
 
 import asyncio
 import json
@@ -22,21 +22,21 @@ from calstation.physics import Dwell, Move, Step
 
 #: Interval between watchdog checks, and between steps of a bench that follows host time, in host time, s.
 TICK = 0.005
-#: Largest step of device time, s; limits the number of samples in memory during a long advance.
-SLICE = 0.5
+#: Largest step of device time, s, which limits the number of samples in memory during a long advance.
+MAX_STEP = 0.5
 #: Largest step of a bench that follows host time, s; requests are processed between steps.
-PACED_SLICE = 0.1
+MAX_PACED_STEP = 0.1
 #: Largest backlog of host time, s; if the computer is too slow, device time passes more slowly.
-BACKLOG = 1.0
-#: Iterations of the event loop before the watchdog is checked: a pending request on the table's link is processed
-#: first, because the computer, not the client, may have been late.
+MAX_BACKLOG = 1.0
+#: Iterations of the event loop before the watchdog is checked, so that pending requests on the table's link are
+#: processed first; they may be late because of the computer instead of the client.
 _LOOP_ITERATIONS = 3
 #: Device time allowed for the table to come to rest after the last client has disconnected, s.
-COASTING = 2.0
+COASTING_TIME = 2.0
 
 
 class BenchProcess:
-    """Runs a bench on an event loop until `stop`; announces its ports at the start and whenever a port name changes."""
+    """A bench on an event loop, which prints its ports at the start and whenever a port name changes."""
 
     def __init__(self, config: BenchConfig) -> None:
         self._config = config
@@ -54,8 +54,8 @@ class BenchProcess:
             line_kind = TerminalLine if config.table_transport == "rtu" else SocketLine
             self._table_line = line_kind(self._controller.talk)
         self._clock = ClockService(self._units, self._advance, self._report, self.stop)
-        self._moving = asyncio.Lock()
-        self._moved = asyncio.Condition()
+        self._advance_lock = asyncio.Lock()
+        self._advanced = asyncio.Condition()
         self._stopped = asyncio.Event()
 
     def stop(self) -> None:
@@ -63,7 +63,7 @@ class BenchProcess:
         self._stopped.set()
 
     async def run(self) -> None:
-        """Open all links, announce them on standard output, and serve until stopped."""
+        """Open all links, print them on standard output, and serve until stopped."""
         lines = [line for line in (self._table_line, *self._lines) if line is not None]
         for line in lines:
             await line.open()
@@ -98,31 +98,31 @@ class BenchProcess:
         """Check the watchdog in host time, and advance device time if it follows host time."""
         speed, last, due = self._config.speed, time.monotonic(), 0.0
         while True:
-            await asyncio.sleep(0.0 if due > PACED_SLICE else TICK)
+            await asyncio.sleep(0.0 if due > MAX_PACED_STEP else TICK)
             for _ in range(_LOOP_ITERATIONS):
                 await asyncio.sleep(0)
             self._bench.machine.watch(self._bench.clocks.host(), self._bench.device_time)
             if speed > 0.0:
                 passed, last = time.monotonic() - last, time.monotonic()
-                due = min(due + passed * speed, BACKLOG * speed)
+                due = min(due + passed * speed, MAX_BACKLOG * speed)
                 before = self._bench.now
-                await self._reach(before + min(due, PACED_SLICE))
+                await self._advance_to(before + min(due, MAX_PACED_STEP))
                 due -= self._bench.now - before
-                async with self._moved:
-                    self._moved.notify_all()
+                async with self._advanced:
+                    self._advanced.notify_all()
 
     async def _advance(self, seconds: float) -> None:
         until = self._bench.now + seconds
         if self._config.speed == 0.0:
-            await self._reach(until)
+            await self._advance_to(until)
             return
-        async with self._moved:
-            await self._moved.wait_for(lambda: self._bench.now >= until)
+        async with self._advanced:
+            await self._advanced.wait_for(lambda: self._bench.now >= until)
 
-    async def _reach(self, until: float) -> None:
-        async with self._moving:
+    async def _advance_to(self, until: float) -> None:
+        async with self._advance_lock:
             while self._bench.now < until:
-                now = min(until, self._bench.now + SLICE)
+                now = min(until, self._bench.now + MAX_STEP)
                 frames = self._bench.advance(now)
                 for other, line in zip(self._units[1:], self._lines[1:], strict=True):
                     sent, other.outbox = b"".join(other.outbox), []
@@ -134,31 +134,31 @@ class BenchProcess:
         return {"now": self._bench.now, "samples": self._bench.sampled, "bytes": sent}
 
     def _execute(self, order: Order, line: Line) -> None:
-        """Execute orders for the links; `line` is the line of the unit."""
+        """Execute an order for a link; `line` is the line of the unit."""
         controller, number = self._controller, int(order.value)
         if order.order == "hang_up_imu":
             line.hang_up()
             if isinstance(line, TerminalLine):
                 self._announce()
         elif order.order == "slow_imu":
-            line.slow.append(order.value)
+            line.reply_delays.append(order.value)
         elif order.order == "mute_table" and controller is not None:
             controller.mute += number
         elif self._table_line is None or not isinstance(controller, ModbusServer):
             return
         elif order.order == "slow_table":
-            self._table_line.slow.append(order.value)
+            self._table_line.reply_delays.append(order.value)
         elif order.order == "garble_table":
             controller.garble += number
         elif order.order == "refuse_table":
             controller.refuse = number
 
     async def _wait_for_watchdog(self) -> None:
-        """Keep the table running after its client has disconnected, until its watchdog has tripped."""
+        """Wait after the table's client has disconnected until the watchdog has tripped."""
         machine, deadline = self._bench.machine, time.monotonic() + self._bench.machine.watchdog + 1.0
         while machine.power is Power.ENABLED and machine.watchdog > 0.0 and time.monotonic() < deadline:
             await asyncio.sleep(TICK)
-        self._bench.advance(self._bench.now + COASTING)
+        self._bench.advance(self._bench.now + COASTING_TIME)
 
     def _write_report(self) -> None:
         if self._config.report_file is not None:
@@ -176,7 +176,7 @@ class BenchProcess:
 
 
 def _with_orders(config: BenchConfig, unit: BenchConfig) -> BenchConfig:
-    """Return the configuration of a unit with the orders for it; the first unit executes the orders for the table."""
+    """Return the configuration of a unit with its orders; the first unit executes the orders for the table."""
     if not config.secondaries:
         return unit
     if unit is config:
@@ -186,7 +186,7 @@ def _with_orders(config: BenchConfig, unit: BenchConfig) -> BenchConfig:
 
 
 def _controller(config: BenchConfig, bench: LiveBench) -> ModbusServer | TextController | None:
-    """Return the controller of a table with its own line; None for a table without one."""
+    """Return the controller of a table with a line, or None."""
     serial, tcp = config.table_serial, config.table_transport == "tcp"
     match config.table_protocol:
         case "modbus":
@@ -202,7 +202,7 @@ def _controller(config: BenchConfig, bench: LiveBench) -> ModbusServer | TextCon
 
 
 def warm_up(config: BenchConfig) -> None:
-    """Compile the code that would otherwise delay the first samples, or load it from the cache."""
+    """Compile the code that would delay the first samples, or load it from the cache."""
     steps: list[Step] = [Move(0.01, 0.01, 1.0, 1.0), Dwell(0.1)]
     truth = config.truth()
     Simulator(truth, 0).run(steps, "")

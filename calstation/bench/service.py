@@ -1,4 +1,4 @@
-"""The clock service: JSON lines over TCP that advance or query the bench's time, or inject a fault.
+"""The clock service, with JSON lines over TCP that advance or query the bench's time, or inject a fault.
 
     {"advance": seconds}                 -> {"now": s, "samples": n, "bytes": [n, ...]}
     {"now": null}                        -> the same, immediately
@@ -6,8 +6,8 @@
     {"carry": [outer, inner], "rest": s} -> the same; asks the simulated operator to set the rails to angles, rad
     anything else                        -> {"error": text}
 
-`samples` counts the samples that the first unit has produced, `bytes` the bytes sent to the current client of each IMU
-link, 0 once it has disconnected.
+`samples` is the number of samples that the first unit has produced. `bytes` are the numbers of bytes sent to the
+current client of each IMU link, 0 once the client has disconnected.
 """
 
 import asyncio
@@ -26,7 +26,7 @@ class ClockService:
     """TCP server of the clock service.
 
     `advance` advances time by some seconds and returns when the samples have been sent, `report` returns the fields of
-    a reply, and `on_deserted` is called when the last connection has closed.
+    a reply, and `on_last_disconnect` is called when the last connection has closed.
     """
 
     def __init__(
@@ -34,10 +34,10 @@ class ClockService:
         units: Sequence[LiveBench],
         advance: Callable[[float], Awaitable[None]],
         report: Callable[[], dict[str, Any]],
-        on_deserted: Callable[[], None],
+        on_last_disconnect: Callable[[], None],
     ) -> None:
         self.endpoint = ""
-        self._units, self._advance, self._report, self._on_deserted = units, advance, report, on_deserted
+        self._units, self._advance, self._report, self._on_last_disconnect = units, advance, report, on_last_disconnect
         self._connections = 0
         self._server: asyncio.Server | None = None
 
@@ -65,7 +65,7 @@ class ClockService:
             self._connections -= 1
             writer.close()
             if self._connections == 0:
-                self._on_deserted()
+                self._on_last_disconnect()
 
     async def _reply(self, line: bytes) -> dict[str, Any]:
         try:
@@ -74,7 +74,7 @@ class ClockService:
                 await self._advance(max(0.0, float(request["advance"])))
             elif "order" in request:
                 order = Order.model_validate(request)
-                self._concerned(order).execute(order)
+                self._unit_for(order).execute(order)
             elif "carry" in request:
                 outer, inner = map(float, request["carry"])
                 self._units[0].carry(outer, inner, float(request.get("rest", 0.0)))
@@ -84,8 +84,8 @@ class ClockService:
             return {"error": str(exc)}
         return self._report()
 
-    def _concerned(self, order: Order) -> LiveBench:
-        """Return the unit that executes an order; the first unit executes orders for the table. Raises ValueError."""
+    def _unit_for(self, order: Order) -> LiveBench:
+        """Return the unit that executes an order, which for the table is the first unit. Raises ValueError."""
         first = self._units[0]
         if order.of_table or len(self._units) == 1:
             return first

@@ -1,10 +1,9 @@
-"""Files that a person writes: stations, products and profiles, their editing, and the configuration of a run.
+"""Configuration files of stations and products, their editing, and the configuration of a run.
 
-This package knows no device, no task and no bench. More than 15 modules: one a kind or section of files.
+The package depends on no device, task or bench. It has more than 15 modules: one for each kind or section of files.
 """
 
 from calstation.config import access, editing, library, versions
-from calstation.config.batch import new_batch_id, prepare_batch, unit_requests
 from calstation.config.bench import BenchSettings, load_bench
 from calstation.config.blocks import arrange_entries
 from calstation.config.confirmation import (
@@ -44,8 +43,11 @@ from calstation.config.run_configuration import (
     check_station,
     compatible_products,
     load_configuration,
+    new_batch_id,
+    prepare_batch,
     prepare_run,
     unit_files,
+    unit_requests,
 )
 from calstation.config.schedules import (
     ScheduleOptions,
@@ -56,7 +58,7 @@ from calstation.config.schedules import (
 )
 from calstation.config.site_check import (
     confirmation_key,
-    gravity_beyond,
+    excess_gravity_sigma,
     gravity_contradiction,
     is_confirmed,
     needs_surveyed_gravity,

@@ -1,6 +1,6 @@
 """The site's engineering PIN, required for all changes that affect results, and the engineers' personal PINs by badge.
 
-Their salted hashes are in the site's folder. In all functions, the badge "" denotes the site's PIN.
+The site's folder contains their salted hashes. In all functions, the badge "" denotes the site's PIN.
 """
 
 import hashlib
@@ -24,16 +24,16 @@ from calstation.records import AuditEventName, append_audit, locked, write_atomi
 from calstation.schema import StrictModel, validate
 
 #: Minimum number of characters of a new PIN.
-SHORTEST = 6
+MIN_PIN_LENGTH = 6
 
 #: Number of wrong PINs before the first delay.
 _FREE_FAILURES = 2
 
-#: Maximum delay, s; delays start at one second and double.
-_LONGEST_DELAY = 300.0
+#: Maximum delay after a wrong PIN, s; the first delay is one second, and each further one is twice as long.
+_MAX_DELAY = 300.0
 
 #: Longest time to wait for another program that checks or sets a PIN, s.
-_LOCKED_WITHIN = 10.0
+_LOCK_TIMEOUT = 10.0
 
 #: Cost of scrypt (RFC 7914) for new PINs, as recommended by the OWASP Password Storage Cheat Sheet of 2025: 32 MiB and
 #: about 0.2 s. A stored PIN keeps the cost with which it was set.
@@ -41,7 +41,7 @@ _N, _R, _P = 2**15, 8, 3
 
 
 class _Stored(StrictModel):
-    """The stored hash with its salt and cost, and the number and last time of wrong PINs since the last correct one."""
+    """A PIN's hash with its salt and cost, and the number and last time of wrong PINs since the last correct PIN."""
 
     salt: str = Field(pattern="^[0-9a-f]{32}$")
     hash: str = Field(pattern="^[0-9a-f]{64}$")
@@ -58,15 +58,15 @@ def has_pin(badge: str = "") -> bool:
 
 
 def set_pin(old: str, new: str, badge: str = "") -> None:
-    """Set a new PIN; the audit trail is written to disk before the PIN. Raises ConfigurationError.
+    """Set a new PIN after writing the audit trail to disk. Raises ConfigurationError.
 
-    `old` is the current PIN. It is ignored if the site has none; the first PIN of a badge needs the site's PIN.
+    `old` is the current PIN, or the site's PIN if the badge has none yet. It is ignored for the site's first PIN.
     """
-    if len(new) < SHORTEST:
-        raise ConfigurationError("access.pin_too_short", shortest=SHORTEST)
+    if len(new) < MIN_PIN_LENGTH:
+        raise ConfigurationError("access.pin_too_short", shortest=MIN_PIN_LENGTH)
     with _locked(badge):
         event: AuditEventName = "pin_changed" if has_pin(badge) else "pin_set"
-        owner = badge if has_pin(badge) else ""  # owner of the old PIN
+        owner = badge if has_pin(badge) else ""  # badge of the old PIN
         if badge and not has_pin(owner):
             raise ConfigurationError("access.no_site_pin")
         if has_pin(owner) and not _check(old, owner):
@@ -81,7 +81,7 @@ def set_pin(old: str, new: str, badge: str = "") -> None:
 
 
 def check(pin: str, badge: str = "") -> bool:
-    """Return whether `pin` is correct; none is accepted in the delay after wrong ones. Raises ConfigurationError."""
+    """Return whether `pin` is correct; False during the delay after wrong PINs. Raises ConfigurationError."""
     if not has_pin(badge):
         return False
     with _locked(badge):
@@ -89,28 +89,28 @@ def check(pin: str, badge: str = "") -> bool:
 
 
 def _check(pin: str, badge: str) -> bool:
-    """Check a PIN while the lock is held, because concurrent attempts must all count."""
+    """Check a PIN while the PINs are locked, so that every concurrent attempt is counted."""
     stored = _load(badge)
     if _wait(stored) > 0.0:
         return False
     digest = _hash(pin, bytes.fromhex(stored.salt), stored.n, stored.r, stored.p)
-    right = hmac.compare_digest(digest, bytes.fromhex(stored.hash))
-    if right and stored.failures:
+    is_correct = hmac.compare_digest(digest, bytes.fromhex(stored.hash))
+    if is_correct and stored.failures:
         _store(stored.model_copy(update={"failures": 0, "failed_at": 0.0}), badge)
-    elif not right:
+    elif not is_correct:
         _store(stored.model_copy(update={"failures": stored.failures + 1, "failed_at": time.time()}), badge)
-    return right
+    return is_correct
 
 
 def wait(badge: str = "") -> float:
-    """Return the time until the next PIN may be tried, s; the delay continues after a restart of the program."""
+    """Return the time until the next PIN may be entered, s, also after a restart of the program."""
     return _wait(_load(badge)) if has_pin(badge) else 0.0
 
 
 def _wait(stored: _Stored) -> float:
     if stored.failures <= _FREE_FAILURES:
         return 0.0
-    delay = min(2.0 ** min(stored.failures - _FREE_FAILURES - 1, 30), _LONGEST_DELAY)
+    delay = min(2.0 ** min(stored.failures - _FREE_FAILURES - 1, 30), _MAX_DELAY)
     remaining = stored.failed_at + delay - time.time()
     return min(max(0.0, remaining), delay)  # a clock that was set back causes at most one delay
 
@@ -121,11 +121,11 @@ def _hash(pin: str, salt: bytes, n: int, r: int, p: int) -> bytes:
 
 @contextmanager
 def _locked(badge: str) -> Iterator[None]:
-    """Lock the PINs of the site. Raises ConfigurationError."""
+    """Lock the PINs of the site while the context is open. Raises ConfigurationError."""
     folder = library.site_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with locked(folder / ".pin.lock", _LOCKED_WITHIN):
+        with locked(folder / ".pin.lock", _LOCK_TIMEOUT):
             yield
     except OSError as exc:
         raise ConfigurationError("configuration.unwritable", file=_file(badge), reason=os_reason(exc)) from exc

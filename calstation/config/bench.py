@@ -1,4 +1,4 @@
-"""The virtual bench that takes the place of a station's devices; this package knows its settings as data only."""
+"""The interface of the virtual bench, which replaces the devices of a station; its settings are only data here."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
@@ -28,7 +28,6 @@ class BenchSettings(Protocol):
 def load_bench() -> Any:
     """Return the bench of every station with a section `[bench]`.
 
-    Besides `BenchSettings` it implements the protocols of the packages above, which open its devices and call its hooks
-    during a run.
+    It implements `BenchSettings` and the protocols of the packages that open its devices and call its hooks in a run.
     """
     return import_module(BENCH_MODULE).BENCH

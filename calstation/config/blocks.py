@@ -1,4 +1,4 @@
-"""Tables of a TOML text as blocks of lines, so that a table is added, removed or moved together with its comments."""
+"""Blocks of lines of a TOML text, with which tables are added, removed or moved together with their comments."""
 
 import re
 import tomllib
@@ -15,13 +15,13 @@ from calstation.schema import KeyPath
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """The comments directly above a table's header, the header, and the lines up to the next block.
+    """The comments directly above the header of a table, the header, and the lines up to the next block.
 
-    A block without a table (`path` None) contains the text before the first header, a comment on several tables, or
-    comments after an empty line at the end of a table, unless the next entry of the same list follows.
+    A block whose `path` is None contains the text before the first header, a comment on several tables, or comments
+    after an empty line at the end of a table, unless the next entry of the same list follows.
     """
 
-    path: KeyPath | None  #: Keys in the header, with the number of the entry after the key of a list of tables.
+    path: KeyPath | None  #: Keys in the header; the number of an entry follows the key of a list of tables.
     lines: tuple[str, ...]
 
     def inside(self, path: KeyPath) -> bool:
@@ -52,12 +52,16 @@ def remove_table(text: str, path: KeyPath) -> str:
 
 def add_table(text: str, path: KeyPath, values: Mapping[str, Any]) -> str:
     """Add a table with a header after the last table with the same first key, or at the end."""
-    nested: Mapping[str, Any] = values
-    for key in reversed(path):
-        nested = {str(key): nested}
     blocks = _blocks(text)
     last = max((i for i, block in enumerate(blocks, 1) if block.inside(path[:1])), default=len(blocks))
-    return _text([*blocks[:last], _new(nested), *blocks[last:]], blocks)
+    return _text([*blocks[:last], _new_block(nested(path, values)), *blocks[last:]], blocks)
+
+
+def nested(keys: KeyPath, value: Any) -> Any:
+    """Return a value inside dictionaries with these keys, the outermost first."""
+    for key in reversed(keys):
+        value = {key: value}
+    return value
 
 
 def add_value(text: str, path: KeyPath, key: str, value: Any) -> str:
@@ -65,14 +69,14 @@ def add_value(text: str, path: KeyPath, key: str, value: Any) -> str:
     blocks = _blocks(text)
     number = next(i for i, block in enumerate(blocks) if block.path == path)
     block = blocks[number]
-    lines = (*_ended(block.content), tomlkit.dumps({key: value}), *block.lines[len(block.content) :])
+    lines = (*_with_line_breaks(block.content), tomlkit.dumps({key: value}), *block.lines[len(block.content) :])
     return "".join(
         line for each in (*blocks[:number], replace(block, lines=lines), *blocks[number + 1 :]) for line in each.lines
     )
 
 
 def replace_header(text: str, path: KeyPath, header: str, first: Mapping[str, Any]) -> str:
-    """Replace the header of a table, and the headers of its subtables accordingly; `first` values are put first."""
+    """Replace the header of a table and of its subtables, and insert the values `first` at the top of the table."""
     lines: list[str] = []
     for block in _blocks(text):
         if block.path is None or not block.inside(path):
@@ -83,15 +87,15 @@ def replace_header(text: str, path: KeyPath, header: str, first: Mapping[str, An
         replacement = f"[{'.'.join((key, *map(str, below)))}]" if below else header
         values = () if below or not first else (tomlkit.dumps(first),)
         written = re.sub(r"\[+[^\]]*\]+", replacement, block.lines[number], count=1)
-        lines += (*block.lines[:number], *_ended((written,)), *values, *block.lines[number + 1 :])
+        lines += (*block.lines[:number], *_with_line_breaks((written,)), *values, *block.lines[number + 1 :])
     return "".join(lines)
 
 
 def arrange_entries(text: str, key: str, order: Sequence[int | Mapping[str, Any]]) -> str:
-    """Arrange the entries of a list of tables: each is the number of an existing entry, or the values of a new one.
+    """Arrange the entries of a list of tables in an order of numbers of existing entries and values of new entries.
 
-    An existing entry keeps its lines and the comments directly above it. A list in brackets becomes tables with
-    headers; the comments inside the brackets are lost.
+    An existing entry keeps its lines and the comments directly above it. A list in brackets is converted to tables with
+    headers, without the comments inside the brackets.
     """
     blocks = _blocks(text)
     entries = [block for block in blocks if block.inside((key,))]
@@ -107,7 +111,7 @@ def arrange_entries(text: str, key: str, order: Sequence[int | Mapping[str, Any]
         if isinstance(entry, int):
             arranged += [block for block in entries if block.inside((key, entry))]
         else:
-            arranged.append(_new({key: [entry]}))
+            arranged.append(_new_block({key: [entry]}))
     others = [block for block in blocks[first:] if block not in entries]
     return _text([*blocks[:first], *arranged, *others], blocks)
 
@@ -116,34 +120,34 @@ def _blocks(text: str) -> list[_Block]:
     """Split a valid TOML text into blocks; their lines together are the text."""
     lines = StringIO(text).readlines()
     headers = [i for i, line in enumerate(lines) if line.lstrip().startswith("[") and _is_toml(lines[:i])]
-    starts = [_start(lines, i) for i in headers]
+    starts = [_comment_start(lines, i) for i in headers]
     paths = _paths(lines[i] for i in headers)
     blocks = [_Block(None, tuple(lines[: starts[0] if starts else len(lines)]))]
     for n, (path, start, header) in enumerate(zip(paths, starts, headers, strict=True)):
         end = starts[n + 1] if n + 1 < len(starts) else len(lines)
-        alike = [k for k, other in enumerate(paths) if other[0] == path[0]]
-        if n == alike[0] and len(alike) > 1 and all(starts[k] == headers[k] for k in alike[1:]):
-            blocks.append(_Block(None, tuple(lines[start:header])))  # the only comment refers to all of them
+        same_key = [k for k, other in enumerate(paths) if other[0] == path[0]]
+        if n == same_key[0] and len(same_key) > 1 and all(starts[k] == headers[k] for k in same_key[1:]):
+            blocks.append(_Block(None, tuple(lines[start:header])))  # the only comment refers to all entries
             start = header
         last = n + 1 == len(paths) or paths[n + 1][0] != path[0]
-        table_end = _own_end(lines, header, end) if last else end
+        table_end = _table_end(lines, header, end) if last else end
         blocks.append(_Block(path, tuple(lines[start:table_end])))
         if table_end < end:
             blocks.append(_Block(None, tuple(lines[table_end:end])))
     return blocks
 
 
-def _own_end(lines: Sequence[str], header: int, end: int) -> int:
-    """Return the first line number before `end` followed only by comments, after an empty line; or `end`."""
-    free = end
-    while free > header + 1 and (not lines[free - 1].strip() or lines[free - 1].lstrip().startswith("#")):
-        free -= 1
-    free = next((i for i in range(free, end) if not lines[i].strip()), end)
-    return next((i for i in range(free, end) if lines[i].strip()), end)
+def _table_end(lines: Sequence[str], header: int, end: int) -> int:
+    """Return the end of a table, before comments that follow it after an empty line, or `end` without such comments."""
+    last = end
+    while last > header + 1 and (not lines[last - 1].strip() or lines[last - 1].lstrip().startswith("#")):
+        last -= 1
+    last = next((i for i in range(last, end) if not lines[i].strip()), end)
+    return next((i for i in range(last, end) if lines[i].strip()), end)
 
 
-def _start(lines: Sequence[str], header: int) -> int:
-    """Return the number of the first of the comment lines directly above a header."""
+def _comment_start(lines: Sequence[str], header: int) -> int:
+    """Return the number of the first comment line directly above a header."""
     while header > 0 and lines[header - 1].lstrip().startswith("#"):
         header -= 1
     return header
@@ -172,7 +176,7 @@ def _paths(headers: Iterable[str]) -> list[KeyPath]:
 
 
 def _is_toml(lines: Sequence[str]) -> bool:
-    """Return whether lines are valid TOML, so that the next line is not inside a list or a multi-line text."""
+    """Return whether lines are valid TOML, which means that the next line is not inside a list or multi-line text."""
     try:
         tomllib.loads("".join(lines))
     except tomllib.TOMLDecodeError:
@@ -180,12 +184,12 @@ def _is_toml(lines: Sequence[str]) -> bool:
     return True
 
 
-def _new(data: Mapping[str, Any]) -> _Block:
+def _new_block(data: Mapping[str, Any]) -> _Block:
     return _Block(None, tuple(tomlkit.dumps(data).splitlines(keepends=True)))
 
 
-def _ended(lines: Sequence[str]) -> tuple[str, ...]:
-    """End the last line with a line break."""
+def _with_line_breaks(lines: Sequence[str]) -> tuple[str, ...]:
+    """End every line with a line break."""
     return tuple(line if line.endswith("\n") else f"{line}\n" for line in lines)
 
 
@@ -199,5 +203,5 @@ def _text(blocks: Sequence[_Block], before: Sequence[_Block]) -> str:
         elif (block, following) in neighbours or block.is_comment:
             lines += block.lines
         else:
-            lines += (*_ended(block.content), *(block.lines[len(block.content) :] or ("\n",)))
+            lines += (*_with_line_breaks(block.content), *(block.lines[len(block.content) :] or ("\n",)))
     return "".join(lines)

@@ -1,4 +1,4 @@
-"""Actions of an engineer that a second engineer confirms; each confirms their identity by badge and personal PIN."""
+"""Actions of an engineer that a second engineer confirms, each identified by badge and personal PIN."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -9,14 +9,13 @@ from calstation.config.request import Confirmation, plain_text
 from calstation.config.station import StationConfig
 from calstation.errors import ConfigurationError
 
-#: Release of a failed unit, or of production despite a failed check standard; a register write outside a run; or the
-#: issue of a certificate.
+#: Override of a failed unit or check standard; a register write outside a run; or the issue of a certificate.
 Action = Literal["override", "registers", "certificate"]
 
 
 @dataclass(frozen=True)
 class Person:
-    """A person who acts or confirms; without engineers at the station, a name and the site's PIN."""
+    """A person who acts or confirms, with name and site's PIN if the station lists no engineers."""
 
     badge: str
     pin: str = field(default="", repr=False)  #: Empty if no PIN was requested.
@@ -28,7 +27,7 @@ class Person:
 
 @dataclass(frozen=True)
 class ConfirmationRequired:
-    """Requirements of an action: the PIN of the acting person, the badge of an engineer, and a second person."""
+    """Whether an action requires the PIN of the acting person, the badge of an engineer, and a second person."""
 
     pin: bool
     badge: bool
@@ -36,16 +35,16 @@ class ConfirmationRequired:
 
 
 def confirmation_required(action: Action, product: ProductConfig, station: StationConfig) -> ConfirmationRequired:
-    """Return the requirements for an action with a unit of a product at a station.
+    """Return the requirements of an action with a unit of a product at a station.
 
-    A release always needs a PIN; other actions only if the product requires a second person.
+    An override always requires a PIN; other actions require one only if the product requires a second person.
     """
     second = product.confirmation is not None and action in product.confirmation.required_for
     return ConfirmationRequired(second or action == "override", bool(_engineers(station)), second)
 
 
 def pin_known(station: StationConfig) -> bool:
-    """Return whether anybody at a station can confirm an identity: a listed engineer, or anyone with the site's PIN."""
+    """Return whether anybody can confirm an identity at a station, because it lists engineers or the site has a PIN."""
     return bool(_engineers(station)) or access.has_pin()
 
 
@@ -59,9 +58,9 @@ def confirm(
     Parameters
     ----------
     action : the action
-    product, station : specify whether a second person is required, and who the engineers are
-    first : acting person; a PIN is checked even if none is required
-    second : confirming person; checked even if none is required
+    product, station : product and station, which define whether a second person is required and who is an engineer
+    first : acting person, whose PIN is also checked if it is not required
+    second : confirming person, who is also checked if not required
 
     Raises
     ------
@@ -89,7 +88,10 @@ def _engineers(station: StationConfig) -> list[str]:
 
 
 def _identify(person: Person, engineers: list[str]) -> None:
-    """Raise ConfigurationError unless the person is an engineer with this PIN, or has the site's without engineers."""
+    """Check that a person is an engineer with a correct PIN, or has the site's PIN if there are no engineers.
+
+    Raises ConfigurationError.
+    """
     if engineers and person.badge not in engineers:
         raise ConfigurationError("confirmation.not_engineer", badge=person.badge)
     badge = person.badge if engineers else ""

@@ -1,4 +1,4 @@
-"""Editing of a site's files: lists them, checks a text during editing, and changes values without losing comments."""
+"""Editing of a site's files: listing, checking of a text, and changes of values that keep the comments."""
 
 import re
 import tomllib
@@ -17,7 +17,7 @@ from tomlkit.items import AoT, InlineTable, Table
 
 from calstation.config import library
 from calstation.config.bench import BenchSettings, load_bench
-from calstation.config.blocks import add_table, add_value, has_table, remove_table
+from calstation.config.blocks import add_table, add_value, has_table, nested, remove_table
 from calstation.config.product import ProductConfig, missing_files, register_conflicts, schedule_values, unknown_targets
 from calstation.config.slots import STATION_ENTRIES
 from calstation.config.station import StationConfig
@@ -43,7 +43,7 @@ _SIGNATURES = {
     "tables": (r"\[outer\]", r"\[inner\]", r"\[modbus\]", r"\[text\]", r"outer_axis\s*="),
 }
 
-#: Temporary value used to find a line: a private-use character that no file contains.
+#: Temporary value with which a line is found, a private-use character that no file contains.
 _MARKER = "\ue000"
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
@@ -51,7 +51,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 
 @dataclass(frozen=True)
 class ConfigFile:
-    """A configuration file; `shipped` is True for a default that the site has not replaced."""
+    """A configuration file; `shipped` tells whether it is a default that the site has not replaced."""
 
     name: str
     path: Path
@@ -60,12 +60,12 @@ class ConfigFile:
 
 def list_files(kind: str) -> list[ConfigFile]:
     """Return all files of a kind, sorted; a site's file hides the shipped one with the same name."""
-    files, shipped = {name: library.find(kind, name) for name in library.names(kind)}, library.shipped_folder()
-    return [ConfigFile(name, path, path.is_relative_to(shipped)) for name, path in files.items()]
+    files = [(name, library.find(kind, name)) for name in library.names(kind)]
+    return [ConfigFile(name, path, path.is_relative_to(library.shipped_folder())) for name, path in files]
 
 
 def detect_kind(path: Path, text: str) -> str:
-    """Return the kind of a file from its folder or, failing that, its tables. Raises ConfigurationError if unknown."""
+    """Return the kind of a file according to its folder or else its tables. Raises ConfigurationError if unknown."""
     folder = path.absolute().parent.name
     if folder in MODELS:
         return folder
@@ -76,7 +76,7 @@ def detect_kind(path: Path, text: str) -> str:
 
 
 def check(kind: str, text: str, path: Path | None = None) -> list[Problem]:
-    """Return all errors in the text of the file at `path`, by the same rules as for loading; [] if it may be saved."""
+    """Return all errors that loading would find in the text of the file at `path`; [] if it may be saved."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as exc:
@@ -146,7 +146,7 @@ def _unknown_profile(kind: str, name: str, *place: str | int) -> Iterator[Proble
 
 
 def field_of(kind: str, place: KeyPath) -> FieldInfo | None:
-    """Return the model field for an entry of a file, None for an entry without one."""
+    """Return the model field of an entry of a file, or None if the entry has no model field."""
     annotation: Any = MODELS[kind]
     field = None
     for key in place:
@@ -162,7 +162,7 @@ def field_of(kind: str, place: KeyPath) -> FieldInfo | None:
 
 
 def required_type(annotation: Any) -> tuple[Any, bool]:
-    """Return the type of an optional value, the first one if there are several, and whether it is optional."""
+    """Return the type of an optional value, which is the first one of several, and whether it is optional."""
     if get_origin(annotation) not in (Union, UnionType):
         return annotation, False
     options = get_args(annotation)
@@ -170,7 +170,7 @@ def required_type(annotation: Any) -> tuple[Any, bool]:
 
 
 def line_of(text: str, keys: KeyPath) -> int:
-    """Return the line (from 1) of the value at `keys` in a valid TOML text, or of the innermost table for it."""
+    """Return the line (from 1) of the value at `keys` in a valid TOML text, or else of its innermost table."""
     document = tomlkit.parse(text)
     item: Any = document
     parent: Any = None
@@ -187,7 +187,7 @@ def line_of(text: str, keys: KeyPath) -> int:
         parent, last = item, 0 if isinstance(item, AoT) else next(iter(item))
         item = parent[last]
     if isinstance(item, Table):
-        item.comment(_MARKER)  # is on the line of the table's header
+        item.comment(_MARKER)  # the comment is on the line of the header
     else:
         parent[last] = _MARKER
     return tomlkit.dumps(document).partition(_MARKER)[0].count("\n") + 1
@@ -204,7 +204,7 @@ def edit_toml(text: str, changes: Mapping[KeyPath, Any]) -> str:
 
 
 def _with(text: str, place: KeyPath, value: Any) -> str:
-    """Set a value; a new table with one or two keys has a header, unless it is inside a list or an inline table."""
+    """Set a value; a new table with one or two keys gets a header, unless it is inside a list or an inline table."""
     document = tomlkit.parse(text)
     table: Any = document
     inline = False
@@ -212,7 +212,7 @@ def _with(text: str, place: KeyPath, value: Any) -> str:
         inline = inline or depth > 1 or isinstance(key, int) or isinstance(table, InlineTable)
         if isinstance(key, str) and key not in table:
             if inline:
-                return _with(text, place[: depth + 1], _nested(place[depth + 1 :], value))
+                return _with(text, place[: depth + 1], nested(place[depth + 1 :], value))
             return add_table(text, place[:-1], {str(place[-1]): value})
         table = table[key]
     key = place[-1]
@@ -226,13 +226,6 @@ def _with(text: str, place: KeyPath, value: Any) -> str:
             return add_value(text, place[:-1], key, value)
     table[key] = value
     return tomlkit.dumps(document)
-
-
-def _nested(keys: KeyPath, value: Any) -> Any:
-    """Return a value inside dictionaries with these keys, the outermost first."""
-    for key in reversed(keys):
-        value = {key: value}
-    return value
 
 
 def _without(text: str, place: KeyPath) -> str:
@@ -261,7 +254,7 @@ def is_name(name: str) -> bool:
 
 
 def new_name(kind: str, name: str) -> str:
-    """Check a name for a new file. Raises ConfigurationError if it is invalid or taken."""
+    """Return a valid name of a new file. Raises ConfigurationError if it is invalid or exists."""
     if not is_name(name):
         raise ConfigurationError("configuration.bad_name", name=name)
     if name in library.names(kind):
@@ -287,7 +280,7 @@ def is_bench(path: Path) -> bool:
 
 
 def frame_size(frame: Mapping[str, Any]) -> tuple[int, bool] | None:
-    """Return the size of a `[frame]` with all its fields, bytes, and whether it is fixed; None if it is invalid."""
+    """Return the size in bytes of a `[frame]` with all fields, and whether it is fixed; None if it is invalid."""
     try:
         section = FrameSection.model_validate(frame)
     except ValidationError:

@@ -1,6 +1,6 @@
-"""Forms: fields described by the models of files and schedules, and tables of values in display units."""
+"""Forms, whose fields are described by the models of files and schedules, with values in display units."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args, get_origin
 
@@ -23,25 +23,25 @@ from calstation.physics import (
 )
 from calstation.schema import KeyPath, Problem
 
-#: Function that returns the value at a key path of a file, None if there is none.
+#: Function that returns the value at a key path of a file, or None.
 Get = Callable[[KeyPath], Any]
 
 #: Display unit and its size in SI.
 Unit = tuple[str, float]
 
-_PLAIN: Unit = ("", 1.0)
-_MIXED: Unit = ("SI", 1.0)
+_NO_UNIT: Unit = ("", 1.0)
+_MIXED_UNITS: Unit = ("SI", 1.0)
 
-#: Kinds of problems after which no entries can be shown in a form.
+#: Kinds of problems of files whose entries cannot be shown in a form.
 _UNREADABLE = ("toml", "file", "model_type", "dict_type", "list_type")
 
-#: Number types offered in a register map; others can be typed.
+#: Number types offered in a register map; other types can be entered.
 _TYPES = ("f32", "f64", "i16", "i32", "u16", "u32", "q2.30", "q16.16")
 
-#: Kinds of fields by the type of their values; a list is a vector, several given values are a choice.
+#: Kinds of fields by the type of their values.
 _KINDS: dict[Any, Any] = {bool: "flag", int: "count", float: "number", str: "text", list: "vector", Literal: "choice"}
 
-#: Units by the name of a field, and by its last word.
+#: Units by the name of a field, and by the last word of the name.
 _UNITS = {"velocity_sigma": "m/s", "speed": "×"}
 _UNITS_BY_END = {
     "deg": "°",
@@ -72,7 +72,7 @@ class FieldSpec:
 
 
 def field_spec(name: str, info: FieldInfo | None) -> FieldSpec:
-    """Describe a field by its model; one without a model is a number."""
+    """Describe a field by its model; a field without a model is a number."""
     unit = _UNITS.get(name) or _UNITS_BY_END.get(name.rpartition("_")[2], "")
     if info is None:
         return FieldSpec(name, "number", unit)
@@ -97,15 +97,15 @@ class FormCell:
     """A value of a file in a table.
 
     place : key path of the value, or of the interval that it limits
-    kind : input: a number; a text; names separated by commas; or one of `choices`, None for an omitted entry
+    kind : a number, a text, names separated by commas, or one of `choices`, of which None omits the entry
     end : 0 for the lowest value of an interval, 1 for the highest
-    magnitude : whether the interval may also be one number, which means ± this number
-    component : 0 to 2 for a component of a vector, each of which is 0 if the file has none
-    default : value used if the file has none
+    magnitude : whether the interval may also be a single number, which means ± this number
+    component : number of the component of a vector, 0 to 2; all components are 0 if the file has no vector
+    default : value if the file has none
     """
 
     place: KeyPath
-    unit: Unit = _PLAIN
+    unit: Unit = _NO_UNIT
     kind: Literal["number", "text", "names", "choice"] = "number"
     end: int | None = None
     magnitude: bool = False
@@ -114,7 +114,7 @@ class FormCell:
     default: Any = None
 
     def value(self, get: Get) -> Any:
-        """Return the value in the file, None if there is none."""
+        """Return the value in the file, or None."""
         value, part = get(self.place), self._part
         if part is None:
             return value
@@ -123,12 +123,12 @@ class FormCell:
         return -value if self.end == 0 and isinstance(value, float | int) else value
 
     def stated(self, get: Get) -> bool:
-        """Return whether the file contains the value itself, instead of a default or the lower end of a ± value."""
+        """Return whether the file contains the value itself; False for a default and for the lower end of ±."""
         value = get(self.place)
         return value is not None and (self.end != 0 or isinstance(value, list))
 
     def shown(self, get: Get) -> Any:
-        """Return the displayed value: the choice, or the text of the value or its default in the display unit."""
+        """Return the choice, or the text of the value or its default in the display unit."""
         value = self.value(get)
         value = self.default if value is None else value
         if self.kind == "choice":
@@ -142,14 +142,14 @@ class FormCell:
         return str(value)
 
     def changes(self, get: Get, entered: Any) -> dict[KeyPath, Any]:
-        """Return the changes of the file for an entered text or choice; none if it equals the displayed value.
+        """Return the changes of the file for an entered text or choice, which are empty if it is displayed already.
 
         A text that is not a number is stored unchanged, so that the validation of the file reports it.
         """
-        value = self._parsed(entered)
+        value = self._parse(entered)
         if self.component is not None and value is None:
             value = 0.0
-        if value == self._parsed(self.shown(get)):
+        if value == self._parse(self.shown(get)):
             return {}
         present = get(self.place)
         if self.component is not None:
@@ -184,11 +184,11 @@ class FormCell:
 
     @property
     def _part(self) -> int | None:
-        """Number of the element of a list, None for the whole value."""
+        """Number of the element of a list, or None for the whole value."""
         return self.end if self.component is None else self.component
 
-    def _parsed(self, entered: Any) -> Any:
-        """Return the value for the file from a text or choice, None for an empty text."""
+    def _parse(self, entered: Any) -> Any:
+        """Convert a text or choice to the value for the file, which is None for an empty text."""
         if self.kind == "choice":
             return entered
         text = str(entered).strip()
@@ -204,9 +204,9 @@ class FormCell:
 
 @dataclass(frozen=True)
 class FormRow:
-    """A row of a form: its name, which is a parameter, group or key of the file, its unit, and its cells.
+    """A row of a form, named after a parameter, a group or a key of the file.
 
-    A text in place of a cell cannot be changed. `places` are the entries that are removed with the row.
+    A text instead of a cell cannot be changed. `places` are the entries that are removed with the row.
     """
 
     name: str
@@ -216,7 +216,7 @@ class FormRow:
 
 @dataclass(frozen=True)
 class FormColumn:
-    """A column of a form; `key` selects its heading, which may contain the name of a stage and a unit."""
+    """A column of a form; `key` selects its heading, in which a stage and a unit may be inserted."""
 
     key: str
     stage: str = ""
@@ -227,10 +227,10 @@ class FormColumn:
 class Form:
     """A form for a part of the files of a kind.
 
-    roots : entries that contain the values
-    names : kind of the names of its rows
-    offered : names of the rows that can be added; the first root is the entry of each new row
-    new_entry : if the rows are the entries of an ordered list, returns a new entry from the model of a valid file
+    roots : entries that contain the values; the first one contains new rows
+    names : kind of the names of the rows
+    offered : names of the rows that can be added
+    new_entry : returns a new entry from the model of a valid file if the rows are the entries of an ordered list
     """
 
     name: str
@@ -248,7 +248,7 @@ class Form:
         return self.new_entry is not None
 
     def unreadable(self, problems: Sequence[Problem]) -> Problem | None:
-        """Return a problem that prevents the form from being shown, None if there is none."""
+        """Return a problem that prevents the form from being shown, or None."""
         unreadable = (p for p in problems if p.kind in _UNREADABLE)
         return next(
             (p for p in unreadable if any(p.place[: len(root)] == root[: len(p.place)] for root in self.roots)), None
@@ -256,7 +256,7 @@ class Form:
 
 
 def cells_with_problem(rows: Sequence[FormRow], problem: Problem) -> list[FormCell]:
-    """Return the cells in which to mark a problem: the cells of its value, or else the first cell of its row."""
+    """Return the cells in which a problem is marked: those of its value, or else the first cell of its row."""
     for row in rows:
         cells = [cell for cell in row.cells if isinstance(cell, FormCell)]
         if concerned := [cell for cell in cells if cell.concerns(problem)]:
@@ -275,7 +275,7 @@ def _number(text: str) -> float:
         return float(text)
 
 
-def cell_of(kind: str, place: KeyPath, unit: Unit = _PLAIN, **more: Any) -> FormCell:
+def cell_of(kind: str, place: KeyPath, unit: Unit = _NO_UNIT, **more: Any) -> FormCell:
     """Create the cell for an entry, with choices and default from the model of the file."""
     info = field_of(kind, place)
     if info is None:
@@ -292,15 +292,15 @@ def _keys(table: Any) -> list[str]:
 
 
 def _unit(name: str) -> Unit:
-    """Return the display unit of a parameter or group; none for an unknown name, which is reported elsewhere."""
+    """Return the display unit of a parameter or group; an unknown name has no unit and is reported elsewhere."""
     try:
         return unit_of_parameter(name)
     except KeyError:
-        return _PLAIN
+        return _NO_UNIT
 
 
 def _limit_stages(get: Get) -> list[str]:
-    """Return the stages for whose partial runs a limit specifies a separate sigma."""
+    """Return the stages after which a limit specifies a separate sigma for partial runs."""
     limits = get(("limits",))
     return list(dict.fromkeys(s for name in _keys(limits) for s in _keys(get(("limits", name, "sigma_below_after")))))
 
@@ -352,7 +352,7 @@ def _prior_rows(get: Get) -> list[FormRow]:
     return rows
 
 
-#: Entries of a register in column order; interval and convention are in brackets.
+#: Columns of a register; the last five are entries of its convention.
 _REGISTER = (
     *("address", "page", "parameters", "type", "scale", "unit", "lowest", "highest", "tolerance", "major"),
     *("byte_order", "word_order", "span", "matrix", "identity", "negated", "offset", "added"),
@@ -360,10 +360,15 @@ _REGISTER = (
 _CONVENTION = ("matrix", "identity", "negated", "offset", "added")
 
 
-def _register_rows(get: Get) -> list[FormRow]:
-    entries = get(("registers",))
-    places: list[KeyPath] = [("registers", i) for i in range(len(entries if isinstance(entries, list) else []))]
-    return [FormRow(str(i), tuple(_register_cells(get, place)), (place,)) for i, place in enumerate(places, 1)]
+def entry_rows(key: str, cells: Callable[[Get, KeyPath], Iterable[FormCell | str]]) -> Callable[[Get], list[FormRow]]:
+    """Return the function that returns a row with these cells for each entry of a list, numbered from 1."""
+
+    def rows(get: Get) -> list[FormRow]:
+        entries = get((key,))
+        places: list[KeyPath] = [(key, i) for i in range(len(entries if isinstance(entries, list) else []))]
+        return [FormRow(str(i), tuple(cells(get, place)), (place,)) for i, place in enumerate(places, 1)]
+
+    return rows
 
 
 def _register_cells(get: Get, place: KeyPath) -> Iterator[FormCell | str]:
@@ -380,7 +385,7 @@ def _register_cells(get: Get, place: KeyPath) -> Iterator[FormCell | str]:
         elif key in _CONVENTION:
             yield cell_of("imus", (*place, "convention", key))
         else:
-            cell = cell_of("imus", (*place, key), unit if key == "tolerance" else _PLAIN)
+            cell = cell_of("imus", (*place, key), unit if key == "tolerance" else _NO_UNIT)
             kind: Any = {"parameters": "names", "type": "text"}.get(key, cell.kind)
             offers = {"parameters": _CONTENTS, "type": _TYPES}.get(key, cell.choices)
             span = None if key == "span" else cell.default  # the default depends on the protocol
@@ -388,20 +393,20 @@ def _register_cells(get: Get, place: KeyPath) -> Iterator[FormCell | str]:
 
 
 def _content_unit(names: Any) -> Unit:
-    """Return the display unit of a register's content, "SI" if its numbers have different units."""
+    """Return the display unit of the content of a register, or "SI" if its numbers have different units."""
     units = {_unit_of_content(str(name)) for name in names if name} if isinstance(names, list) else set()
-    return units.pop() if len(units) == 1 else _MIXED
+    return units.pop() if len(units) == 1 else _MIXED_UNITS
 
 
 def _unit_of_content(name: str) -> Unit:
     sensor, _, slot = name.partition("_")
     if slot.startswith("matrix"):
-        return _PLAIN
+        return _NO_UNIT
     return _unit(f"{sensor}_bias" if slot.startswith("offset") else name)
 
 
 def _new_register(_: Get, profile: BaseModel | None) -> dict[str, Any]:
-    """Return a new entry of the register map, at the next free address; its number stays 0 until it gets a name."""
+    """Return a new entry of the register map at the next free address, which contains 0 until it gets a name."""
     if not isinstance(profile, ImuProfile) or not profile.registers:
         return {"address": 0, "parameters": [""], "range": [-1.0, 1.0]}
     last = profile.registers[-1]
@@ -409,10 +414,10 @@ def _new_register(_: Get, profile: BaseModel | None) -> dict[str, Any]:
     return {**page, "address": last.end, "parameters": [""], "range": list(last.range)}
 
 
-#: Names of groups and of the unit's own matrices that are offered as register contents.
+#: Names of groups and of matrices that are offered as register contents.
 _CONTENTS = (*GROUPS, *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")), *EFFECT_STATES)
 
-_FURTHER_GROUPS = tuple(dict.fromkeys(p.group for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)))
+_OTHER_GROUPS = tuple(dict.fromkeys(p.group for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)))
 
 
 def _columns(*keys: str) -> Callable[[Get], list[FormColumn]]:
@@ -428,7 +433,7 @@ FORMS = (
         _limit_columns,
         _limit_rows,
         "parameter",
-        (*GROUPS, *NAMES, *_FURTHER_GROUPS),
+        (*GROUPS, *NAMES, *_OTHER_GROUPS),
     ),
     Form("noise", "imus", (("noise",), ("stream",)), _columns("value", "unit"), _noise_rows, "key"),
     Form(
@@ -441,6 +446,12 @@ FORMS = (
         (*GROUPS, *NAMES),
     ),
     Form(
-        "registers", "imus", (("registers",),), _columns(*_REGISTER), _register_rows, "number", new_entry=_new_register
+        "registers",
+        "imus",
+        (("registers",),),
+        _columns(*_REGISTER),
+        entry_rows("registers", _register_cells),
+        "number",
+        new_entry=_new_register,
     ),
 )

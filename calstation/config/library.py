@@ -1,4 +1,4 @@
-"""Library of station, table, IMU and product files: the site's own folder first, then the shipped defaults."""
+"""The library of station, table, IMU and product files: the site's files, and the shipped defaults."""
 
 import os
 import sys
@@ -11,7 +11,7 @@ KINDS = ("stations", "tables", "imus", "products")
 
 
 def site_folder() -> Path:
-    """Return the site's own folder: $CALSTATION_HOME, or else the platform's configuration folder."""
+    """Return the site's folder: $CALSTATION_HOME, or else the platform's configuration folder."""
     if home := os.environ.get("CALSTATION_HOME"):
         return Path(home)
     if sys.platform == "win32":
@@ -25,23 +25,21 @@ def pair_folder() -> Path:
 
 
 def shipped_folder() -> Path:
-    """Return the folder of the shipped defaults: next to the source package, or inside the installed package."""
+    """Return the folder of the shipped defaults, which is next to the source package or inside the installed one."""
     package = Path(__file__).resolve().parent.parent
     beside = package.parent / "data"
     return beside if (beside / "stations").is_dir() else package / "data"
 
 
 def fonts_folder() -> Path:
-    """Return the folder of the font in which window, certificates and labels are set."""
+    """Return the folder of the font of window, certificates and labels."""
     return shipped_folder() / "fonts"
 
 
 def names(kind: str) -> list[str]:
-    """Return the sorted names of all files of a kind, both the site's and the shipped ones."""
-    stems: set[str] = set()
-    for folder in (site_folder(), shipped_folder()):
-        stems.update(path.stem for path in (folder / kind).glob("*.toml"))
-    return sorted(stems)
+    """Return the sorted names of the site's and the shipped files of a kind."""
+    folders = (site_folder() / kind, shipped_folder() / kind)
+    return sorted({path.stem for folder in folders for path in folder.glob("*.toml")})
 
 
 def find(kind: str, name: str) -> Path:
@@ -54,9 +52,9 @@ def find(kind: str, name: str) -> Path:
 
 
 def find_beside(product: Path | None, name: str) -> Path | None:
-    """Return a file named by a product file, or None.
+    """Return a file named by a product file, or None if it does not exist.
 
-    The file is next to the product file or, for a copy or a draft, next to the site's or the shipped products.
+    The file is next to the product file or, if that is a copy or a draft, next to the site's or the shipped products.
     """
     folders = [folder / "products" for folder in (site_folder(), shipped_folder())]
     if product is not None:

@@ -1,4 +1,4 @@
-"""The configuration of a station with several IMUs on one body, which are monitored live."""
+"""The configuration of a station whose IMUs on one body are monitored live."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ STAGE = "cross_calibration"
 
 @dataclass(frozen=True)
 class PairConfiguration:
-    """A primary and its secondaries, each configured like a station's only unit, and their schedule."""
+    """A primary and its secondaries, each configured like the only unit of a station, and their schedule."""
 
     primary: RunConfiguration
     secondaries: tuple[RunConfiguration, ...]
@@ -33,7 +33,7 @@ class PairConfiguration:
     def log_meta(self, serials: list[str], registers: Mapping[str, float]) -> LogMeta:
         """Return the configuration of a log of these units, with their serial numbers and the primary's registers.
 
-        If the registers are not applied to its stream, they serve as the primary's own errors.
+        Registers that are not applied to the primary's stream are its prior.
         """
         primary = replace(self.primary, request=replace(self.primary.request, serial=serials[0]))
         plain = primary.log_meta(registers=registers).model_dump()

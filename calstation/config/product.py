@@ -1,4 +1,4 @@
-"""Model of a product file: a unit type with its calibration and limits, checked before anything moves."""
+"""The model of a product file, which describes a type of unit with its calibration and limits."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -29,11 +29,11 @@ DEFAULT_PRODUCT = "nav_a"
 MANUAL_PRODUCT = "mems_hand"
 
 #: Standard deviation of rounding to a step size of 1.
-_ROUNDING = 12.0**-0.5
+_ROUNDING_SIGMA = 12.0**-0.5
 
 
 class WarmUpSection(StrictModel):
-    """`[warm_up]`: minimum time, after which the temperature slope must be below a limit."""
+    """`[warm_up]`: minimum warm-up time, and largest temperature slope at its end."""
 
     time_s: float = Field(default=0.0, ge=0, le=86_400)
     slope_c_per_min: float | None = Field(default=None, gt=0)
@@ -41,7 +41,7 @@ class WarmUpSection(StrictModel):
 
 
 class LoadAngleSection(StrictModel):
-    """`[load_angle]`: angles of the table while units are changed, degrees."""
+    """`[load_angle]`: angles of the table while units are mounted, degrees."""
 
     outer_deg: float = 0.0
     inner_deg: float = 0.0
@@ -50,7 +50,7 @@ class LoadAngleSection(StrictModel):
 class ConfirmationSection(StrictModel):
     """`[confirmation]` of a product: actions that a second engineer must confirm."""
 
-    #: Release of a failed unit, register writes outside a run, and the issue of a certificate.
+    #: Override of a failed unit, register writes outside a run, and the issue of a certificate.
     required_for: list[Literal["override", "registers", "certificate"]] = Field(default_factory=list)
 
 
@@ -62,13 +62,13 @@ class ReferenceSection(StrictModel):
 
 
 class CheckStandardSection(StrictModel):
-    """`[[check_standards]]` of a product: a unit that stays at the station and checks it (golden unit)."""
+    """`[[check_standards]]` of a product: a unit with which the station is checked regularly (golden unit)."""
 
     serial: str = Field(min_length=1)
     interval_days: float = Field(gt=0)  #: Longest time between two of its passed runs.
-    #: Date on which the reference values were determined; without it, the unit is assumed to change only at a power-up.
+    #: Date of the reference values; without it, the unit is assumed to change only at a power-up.
     date: Day | None = None
-    #: Reference by parameter; the outer lever belongs to the mounting and is not compared.
+    #: Reference value by parameter; the outer lever depends on the mounting and is not compared.
     reference: dict[str, ReferenceSection] = Field(min_length=1)
 
     @field_validator("reference")
@@ -87,18 +87,18 @@ class ProductConfig(StrictModel):
     imu: str  #: Name of the IMU profile.
     bench_grade: Literal["nav", "tactical", "mems"] = "nav"  #: Grade of a virtual unit.
     serial_pattern: Pattern  #: Regular expression for the whole serial number.
-    serial_example: str = "SN-000123"  #: A serial number that matches, shown when another one is refused.
-    #: Files next to the product file: drawing of the unit in its fixture, and label template for a passed unit.
+    serial_example: str = "SN-000123"  #: A matching serial number, shown when another serial number is refused.
+    #: Drawing of the unit in its fixture, and template of the label of a passed unit, next to the product file.
     picture: str | None = Field(default=None, pattern=r"^[^/\\]+\.(svg|png|jpe?g)$")
     label: str | None = Field(default=None, pattern=r"^[^/\\]+\.(zpl|typ)$")
     stages: list[str] = Field(default_factory=lambda: list(DEFAULT_STAGES), min_length=1)
-    schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Parameters of each stage's method.
+    schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Parameters of the methods, by stage.
     targets: dict[str, float] = Field(default_factory=dict)  #: Sigmas at which a repeated stage may stop, SI.
     limits: dict[str, Limit] = Field(default_factory=dict)
     checks: ChecksSection | None = None
     conformity: ConformitySection | None = None  #: Decision rule; simple acceptance without it.
     confirmation: ConfirmationSection | None = None
-    #: Sizes of effects outside the model, SI, that a designed schedule must detect, by cause.
+    #: Sizes of effects outside the model that a designed schedule must detect, SI, by cause.
     diagnosis: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
     load_angle: LoadAngleSection = LoadAngleSection()
     warm_up: WarmUpSection = WarmUpSection()
@@ -198,7 +198,7 @@ def missing_files(product: ProductConfig, path: Path | None = None) -> Iterator[
 
 
 def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, Any]) -> dict[str, JsonValue]:
-    """Return the values of a stage's schedule; values in `instead` override the product's."""
+    """Return the values of a stage's schedule, in which `instead` overrides the product's values."""
     values: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
     fields = method(stage).schedule.model_fields
     if "targets" in fields and "stop_at_limits" not in fields and product.targets and "targets" not in values:
@@ -207,7 +207,7 @@ def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, An
 
 
 def unknown_targets(targets: Iterable[str], *keys: str) -> Iterator[EntryError]:
-    """Yield errors for targets at `keys` that are not parameters or groups: the stop rule would ignore them."""
+    """Yield errors for targets at `keys` that are neither parameters nor groups, because they would be ignored."""
     return (EntryError("product.target_unknown", *keys, name, name=name) for name in targets if not named(name))
 
 
@@ -227,7 +227,7 @@ def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[Entr
 
 
 def _limit_of(product: ProductConfig, parameter: str) -> str | None:
-    """Return the name under which a parameter's limit is given: its own or its group's."""
+    """Return the name of the limit of a parameter, which is the parameter or its group, or None."""
     known = PARAMETERS[INDEX[parameter]] if parameter in INDEX else further_parameter(parameter)
     group = "" if known is None else known.group
     return next((name for name in (parameter, group) if name in product.limits), None)
@@ -236,13 +236,13 @@ def _limit_of(product: ProductConfig, parameter: str) -> str | None:
 def _conflicts(register: RegisterEntry, name: str, limit_name: str, limit: Limit, profile: str) -> Iterator[EntryError]:
     where = {"parameter": name, "register": register.address, "profile": profile}
     if limit.interval is not None:
-        least, most = _needed(register, name, limit.interval)
+        least, most = _register_range(register, name, limit.interval)
         low, high = register.range
         if least < low or most > high:
             values = {"least": least, "most": most, "low": low, "high": high}
             yield EntryError("product.beyond_register", "limits", limit_name, "within", **where, **values)
     sigma = limit.sigma_below
-    if sigma is not None and register.step * _ROUNDING > sigma:
+    if sigma is not None and register.step * _ROUNDING_SIGMA > sigma:
         values = {"sigma": sigma, "step": register.step}
         yield EntryError("product.finer_than_step", "limits", limit_name, "sigma_below", **where, **values)
     elif sigma is not None and register.tolerance > sigma:
@@ -250,7 +250,7 @@ def _conflicts(register: RegisterEntry, name: str, limit_name: str, limit: Limit
         yield EntryError("product.finer_than_tolerance", "limits", limit_name, "sigma_below", **where, **values)
 
 
-def _needed(register: RegisterEntry, name: str, interval: tuple[float, float]) -> tuple[float, float]:
+def _register_range(register: RegisterEntry, name: str, interval: tuple[float, float]) -> tuple[float, float]:
     """Return the range of a register's value over an interval of its parameter."""
     parameter = parameter_of(name) if name in SLOTS else None
     if parameter is None:

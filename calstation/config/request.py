@@ -1,4 +1,4 @@
-"""Requests to the engine, as plain values that can be passed between processes."""
+"""Requests to the engine, which can be passed between processes."""
 
 import getpass
 import re
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-#: Control and other characters that XML, and thus a digital certificate, cannot contain.
+#: Control and other characters that XML cannot contain, and therefore neither can a digital certificate.
 _NOT_TEXT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]+")
 
 
@@ -18,11 +18,11 @@ def plain_text(entered: str) -> str:
 
 @dataclass(frozen=True)
 class Confirmation:
-    """Badges of the acting and the confirming person as stated in the audit trail."""
+    """The acting and the confirming person in the audit trail, by badge."""
 
     by: str  #: "" for the program.
     confirmed_by: str | None = None
-    #: Proof of identity: the personal PINs of the badges; or the site's PIN, which does not identify a person; or None.
+    #: Whether personal PINs were checked, or the site's PIN, which does not identify a person; None for no PIN.
     pin: Literal["personal", "site"] | None = None
 
 
@@ -35,33 +35,33 @@ class RunRequest:
     product: Path | None = None  #: Product file; None for the default.
     stages: tuple[str, ...] | None = None  #: Stages in order; None for the stages of the product.
     out: Path = Path("runs")  #: Folder for the log and the result.
-    #: Person who requested the run, a badge if operators sign in at the station; None for the user of the computer.
+    #: Person who requested the run, by badge if operators sign in at the station; None for the user of the computer.
     operator: str | None = None
-    #: Serial numbers of a batch in the order of the station's slots, "" for an empty one; () for a single unit.
+    #: Serial numbers of a batch in the order of the station's slots, "" for an empty slot; () for a single unit.
     serials: tuple[str, ...] = ()
     slot: str | None = None  #: Name of the unit's slot; None at a station with one unit.
     batch: str | None = None  #: Common identifier of the runs of a batch.
     batch_units: tuple[str, ...] = ()  #: Serial numbers of all units of the batch, in the order of their slots.
     batch_slots: tuple[str, ...] = ()  #: Names of these slots.
-    #: Virtual bench: multiple of real time, 0 for maximum speed; None for the station's value.
+    #: Speed of the virtual bench as a multiple of real time, 0 for maximum speed; None for the station's value.
     speed: float | None = None
     seed: int | None = None  #: Seed of the virtual bench; None for the station file's seed.
     #: Method parameters that replace the product's, by stage.
     schedule: Mapping[str, Mapping[str, Any]] | None = None
-    #: Log of an incomplete run to continue after its last completed stage, with the stages, schedule, seed and folder
-    #: of that run.
+    #: Log of an incomplete run that is resumed after its last completed stage, with its stages, schedule, seed and
+    #: folder.
     resume: Path | None = None
     beyond_attempts: bool = False  #: Whether an engineer permits a run of a unit that has used up its attempts.
-    #: Reason why an engineer permits a run despite a failed or overdue check standard or certificate; None for none.
+    #: Reason why an engineer permits a run despite a failed or overdue check standard or certificate, or None.
     override_standard: str | None = None
-    #: Persons who permit it, see `calstation.config.confirm`; None for the operator, at a site without PINs.
+    #: Persons who permit this run, see `calstation.config.confirm`; None for the operator, at a site without PINs.
     overridden_by: Confirmation | None = None
     faults: Path | None = None  #: Fault plan of the virtual bench; None for the station file's plan.
-    #: Action for an interrupted transfer of the unit's registers; with None the run is refused.
+    #: Action after an interrupted transfer of the unit's registers; None refuses the run.
     unfinished: Literal["finish", "restore"] | None = None
 
     def __post_init__(self) -> None:
-        """Remove control characters from entered texts, and the marks of empty slots."""
+        """Remove control characters from entered texts, and replace "-" for an empty slot."""
         object.__setattr__(self, "serials", tuple("" if serial == "-" else serial for serial in self.serials))
         for name in ("operator", "override_standard"):
             entered = getattr(self, name)

@@ -1,4 +1,4 @@
-"""The configuration of a run: all files are read, checked and combined before a device is opened."""
+"""The configuration of a run and of a batch, read and checked completely before a device is opened."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from secrets import token_hex
 from typing import Any
 
 import numpy as np
@@ -47,17 +48,17 @@ from calstation.records import (
 from calstation.schema import EntryError, Model, validate
 from procedures import method
 
-#: Registers that deviate from zero by more than this many prior sigmas are not a calibration of the unit.
-_PLAUSIBLE_SIGMAS = 3.0
+#: Largest value of a register in prior sigmas; a larger value is not a calibration of the unit.
+_MAX_PLAUSIBLE_SIGMAS = 3.0
 
 
 class ManualRigError(ConfigurationError):
-    """A stage needs a driven table, a manual rig or a gimbal, but the station has a different one."""
+    """A stage needs a driven table, a manual rig or a gimbal that the station does not have."""
 
 
 @dataclass(frozen=True)
 class SourceFile:
-    """A configuration file as read: its path, its text, and the name and version for the log."""
+    """The path and text of a configuration file, and its name and version for the log."""
 
     path: Path
     text: str
@@ -81,7 +82,7 @@ class RunConfiguration:
     table: TableProfile
     imu: ImuProfile
     schedules: dict[str, BaseModel]  #: Parameters of each stage's method, in the order of the run.
-    #: The files by kind; empty for an unsaved draft.
+    #: Files by kind; empty for an unsaved draft.
     sources: Mapping[str, SourceFile] = field(default_factory=dict)
     #: Settings of the virtual bench that override all others.
     bench_overrides: Mapping[str, JsonValue] = field(default_factory=dict)
@@ -132,12 +133,16 @@ class RunConfiguration:
     def log_meta(
         self, started: datetime | None = None, attempt: int = 1, registers: Mapping[str, float] | None = None
     ) -> LogMeta:
-        """Build the configuration to store in the log, with everything needed for solving.
+        """Return the configuration stored in the log, which contains everything needed for solving.
 
-        If the unit's `registers` (by parameter, SI) are not applied to the stream, they are the mean of the prior
-        unless they are implausible. If they are applied, they are stored for combination with the solution, and the
-        prior mean is zero. A run begins now unless `started` is given; `attempt` is its number among the unit's runs,
-        from 1.
+        Plausible registers that are not applied to the stream are the mean of the prior. Registers that are applied are
+        stored, to be combined with the solution, and the prior mean is zero.
+
+        Parameters
+        ----------
+        started : start of the run, by default now
+        attempt : number of the run among the unit's runs, from 1
+        registers : registers of the unit by parameter, SI
         """
         current, levers = dict(registers or {}), self._levers()
         sigmas = {name: PARAMETERS[INDEX[name]].prior_sigma for name in levers} | self.imu.prior_sigmas()
@@ -181,7 +186,7 @@ class RunConfiguration:
         return {} if slot is None or slot.orientation == PLATFORM_AXES else {"orientation": slot.orientation}
 
     def _levers(self) -> dict[str, float]:
-        """Return the nominal position of the unit in its slot by parameter, m; {} if it is the centre of rotation."""
+        """Return the nominal lever arm of the unit in its slot by parameter, m; {} at the centre of rotation."""
         if self.slot is None or not any(self.slot.lever_m):
             return {}
         return dict(zip([NAMES[i] for i in group_indices("outer_lever")], self.slot.lever_m, strict=True))
@@ -189,16 +194,16 @@ class RunConfiguration:
     def _product_section(self, levers: Mapping[str, float]) -> ProductSection:
         """Return the product's section of the log, with lever arm limits relative to the slot's lever arm."""
         section = _section(ProductSection, self.product)
-        given = {name: section.limits.get(name, section.limits.get("outer_lever")) for name in levers}
-        moved = {name: limit.about(levers[name]) for name, limit in given.items() if limit is not None}
-        return section.model_copy(update={"limits": {**section.limits, **moved}}) if moved else section
+        limits = {name: section.limits.get(name, section.limits.get("outer_lever")) for name in levers}
+        shifted = {name: limit.about(levers[name]) for name, limit in limits.items() if limit is not None}
+        return section.model_copy(update={"limits": {**section.limits, **shifted}}) if shifted else section
 
     def _prior_mean(self, register: float, sigma: float) -> float:
-        plausible = not self.after_registers and abs(register) <= _PLAUSIBLE_SIGMAS * sigma
+        plausible = not self.after_registers and abs(register) <= _MAX_PLAUSIBLE_SIGMAS * sigma
         return register if plausible else 0.0
 
     def solve_context(self) -> SolveContext:
-        """Return site, IMU and table in the form used by the solvers, SI."""
+        """Return site, IMU and table as used by the solvers, SI."""
         return context_from_meta(self.log_meta())
 
     def sigma_limits(self) -> dict[str, float]:
@@ -219,28 +224,28 @@ class RunConfiguration:
 
 
 def _section(model: type[Model], *sources: BaseModel, **more: Any) -> Model:
-    """Return a section of the log's configuration from the entries with the same names."""
+    """Return a section of a log's configuration with the entries of the same names in the sources."""
     names = model.model_fields
     return model(**{n: getattr(s, n) for s in sources for n in names if n in type(s).model_fields}, **more)
 
 
 def _with_limits(setup: RunConfiguration, schedule: BaseModel) -> BaseModel:
-    """Return a schedule that ends at the product's limits: their sigmas, without the error of gravity, are targets."""
+    """Return a schedule that ends at the product's limits, whose sigmas without the gravity error are its targets."""
     if not getattr(schedule, "stop_at_limits", False) or getattr(schedule, "targets", None):
         return schedule
     any_unit = replace(setup, request=replace(setup.request, serial=setup.product.example))
     limits = any_unit.sigma_limits()
     margin = getattr(schedule, "margin", 1.0)
-    wanted = np.array([margin * limits.get(name, np.inf) for name in NAMES])
-    remaining = without_gravity(wanted, any_unit.solve_context().site.relative_gravity_sigma)
+    targets_by_index = np.array([margin * limits.get(name, np.inf) for name in NAMES])
+    remaining = without_gravity(targets_by_index, any_unit.solve_context().site.relative_gravity_sigma)
     targets = {name: float(sigma) for name, sigma in zip(NAMES, remaining, strict=True) if np.isfinite(sigma)}
     return schedule.model_copy(update={"targets": targets})
 
 
 def unit_files(station: StationConfig, product: Path | None) -> tuple[Path, ProductConfig, Path]:
-    """Return path and content of the product of a station's unit, and the path of its IMU profile.
+    """Return path and content of the product file of a station's unit, and the path of its IMU profile.
 
-    A product or profile named by the unit's slot replaces the given `product` or the product's profile. Raises
+    A product or profile named by the unit's slot replaces `product` or the profile of the product. Raises
     ConfigurationError.
     """
     slot = station.imu if isinstance(station.imu, SlotSection) else None
@@ -255,9 +260,9 @@ Adjustment = Callable[[RunConfiguration], RunConfiguration]
 
 
 def load_configuration(request: RunRequest, adjust: Adjustment = lambda setup: setup) -> RunConfiguration:
-    """Read and check the files of a request, for any serial number; `adjust` changes the result before the checks.
+    """Read and check the files of a request regardless of its serial number, after a change by `adjust`.
 
-    Raises ConfigurationError with file, entry and remedy.
+    Raises ConfigurationError, which names the file, the entry and the remedy.
     """
     station_path, station = load_station(request.station)
     with in_file(station_path):
@@ -299,7 +304,7 @@ def load_configuration(request: RunRequest, adjust: Adjustment = lambda setup: s
 
 
 def prepare_run(request: RunRequest, adjust: Adjustment = lambda setup: setup) -> RunConfiguration:
-    """Resolve a request like `load_configuration`, and check operator, serial number and site as well.
+    """Read and check the files like `load_configuration`, and check operator, serial number and site as well.
 
     The request in the result contains the operator.
     """
@@ -318,10 +323,58 @@ def prepare_run(request: RunRequest, adjust: Adjustment = lambda setup: setup) -
     return setup
 
 
-def check_station(setup: RunConfiguration) -> None:
-    """Check that the station's table and site data are sufficient to calibrate the product.
+def new_batch_id() -> str:
+    """Return an identifier of a batch, which contains its start in UTC and four random digits."""
+    return f"B{datetime.now(UTC):%Y%m%dT%H%M%S}-{token_hex(2).upper()}"
 
-    Raises ConfigurationError; ManualRigError if the table is the reason.
+
+def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
+    """Return a request for each unit of a batch, in the order of the slots; for a single unit the request itself.
+
+    Raises ConfigurationError if there is no serial number, one occurs twice, or there are more of them than slots.
+    """
+    if not request.serials:
+        return (request,)
+    path, station = load_station(request.station)
+    names = station.slot_names
+    if not names:
+        raise ConfigurationError("batch.one_unit", station=path)
+    if len(request.serials) > len(names):
+        raise ConfigurationError("batch.more_than_slots", station=path, units=len(request.serials), slots=len(names))
+    placed = [(name, serial) for name, serial in zip(names, request.serials, strict=False) if serial not in ("", "-")]
+    serials = [serial for _, serial in placed]
+    if not serials:
+        raise ConfigurationError("batch.no_unit", station=path)
+    for number, serial in enumerate(serials):
+        if serial in serials[:number]:
+            raise ConfigurationError("batch.serial_twice", serial=serial)
+    if request.resume is not None and len(serials) > 1:
+        raise ConfigurationError("batch.resume")
+    batch = request.batch or new_batch_id()
+    slots = tuple(name for name, _ in placed)
+    common = replace(request, serials=(), batch=batch, batch_units=tuple(serials), batch_slots=slots)
+    return tuple(replace(common, serial=serial, slot=name) for name, serial in placed)
+
+
+def prepare_batch(request: RunRequest, adjust: Adjustment = lambda setup: setup) -> tuple[RunConfiguration, ...]:
+    """Return the checked configuration of each unit of a run, like `prepare_run`.
+
+    Raises ConfigurationError also if the units cannot be on one table or have different plans.
+    """
+    setups = tuple(prepare_run(unit, adjust) for unit in unit_requests(request))
+    first = setups[0]
+    for setup in setups[1:]:
+        # the order of the stages matters, too
+        if list(setup.schedules.items()) != list(first.schedules.items()):
+            slot, product = setup.request.slot or "", setup.product.name
+            raise ConfigurationError("batch.other_plan", slot=slot, product=product, first=first.product.name)
+    return setups
+
+
+def check_station(setup: RunConfiguration) -> None:
+    """Check that the table and the site of the station are suitable for the product.
+
+    Raises ConfigurationError, in particular ManualRigError if the table is not suitable.
     """
     check_manual_rig(setup)
     check_gimbal(setup)
@@ -352,7 +405,7 @@ def check_manual_rig(setup: RunConfiguration) -> None:
 
 
 def check_gimbal(setup: RunConfiguration) -> None:
-    """Check that the unit on a gimbal stores the correction. Raises ConfigurationError."""
+    """Check that the registers of a unit on a gimbal can contain the correction. Raises ConfigurationError."""
     if setup.table.gimbal is None:
         return
     misalignments = {NAMES[i] for i in group_indices("gyro_misalign")}
@@ -368,7 +421,7 @@ def _product_errors(setup: RunConfiguration) -> Iterator[EntryError]:
 
 
 def _check_baud(setup: RunConfiguration) -> None:
-    """Check that the station's own baud rate is sufficient for the unit's stream; a socket's baud rate is unknown."""
+    """Check that a baud rate in the station file suffices for the unit's stream; that of a socket is unknown."""
     serial, port = setup.station.imu.serial, setup.station.imu.port or ""
     if serial is None or "baud" not in serial.model_fields_set or port.startswith(SOCKETS):
         return
@@ -380,7 +433,7 @@ def _check_baud(setup: RunConfiguration) -> None:
 
 
 def compatible_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
-    """Return name and file of each product that the station can calibrate, starting with those with the same IMU."""
+    """Return name and file of each product that the station can calibrate, first those with the same IMU."""
     try:
         imu = load_configuration(RunRequest("-", station, instead_of)).product.imu
     except ConfigurationError:

@@ -1,4 +1,4 @@
-"""Parameters of stage schedules: fields and ranges from the methods' models, values of a product, and saving."""
+"""Parameters of the stages' schedules: their fields and ranges, the values of a product, and saving."""
 
 import tomllib
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ from procedures import DEFAULT_STAGES, method
 
 @dataclass(frozen=True)
 class ScheduleOptions:
-    """Options for a product on a station."""
+    """The stages and schedules available for a product on a station."""
 
     product: Path
     name: str  #: Name of the product.
@@ -32,7 +32,7 @@ class ScheduleOptions:
     virtual: bool  #: Whether the station is a virtual bench.
     by_hand: bool  #: Whether the table is turned manually.
     stages: tuple[str, ...]  #: Stages of the product, in order.
-    offered: tuple[str, ...]  #: Stages of the product and the other standard ones.
+    offered: tuple[str, ...]  #: Stages of the product and the other standard stages.
     schedules: Mapping[str, Mapping[str, Any]]  #: Complete values of every offered stage.
     estimates: Mapping[str, tuple[str, ...]]  #: Parameters estimated by every offered stage.
     rate: float  #: Maximum rate of both joints, °/s.
@@ -45,14 +45,14 @@ class ScheduleOptions:
 
 
 def schedule_options(station: Path | None, product: Path | None) -> ScheduleOptions:
-    """Read the options for a product on a station; None for the defaults. Raises ConfigurationError."""
+    """Return the options for a product on a station, by default the default ones. Raises ConfigurationError."""
     setup = load_configuration(RunRequest("offer", station, product))
     known = tuple(dict.fromkeys((*setup.product.stages, *DEFAULT_STAGES)))
     if setup.table.gimbal is not None:
         offered = tuple(s for s in known if method(s).on_gimbal)
     else:
         offered = tuple(s for s in known if not setup.by_hand or "manual" in method(s).schedule.model_fields)
-    whole = load_configuration(RunRequest("offer", station, product, offered))
+    complete = load_configuration(RunRequest("offer", station, product, offered))
     geometry = setup.table.geometry()
     context = setup.solve_context()
     return ScheduleOptions(
@@ -63,7 +63,7 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         by_hand=setup.by_hand,
         stages=setup.stages,
         offered=offered,
-        schedules={stage: s.model_dump(mode="json") for stage, s in whole.schedules.items()},
+        schedules={stage: s.model_dump(mode="json") for stage, s in complete.schedules.items()},
         estimates={stage: method(stage).estimates(context) for stage in offered},
         rate=float(np.rad2deg(min(geometry.limits.rate))),
         acceleration=float(np.rad2deg(min(geometry.limits.acceleration))),
@@ -82,28 +82,28 @@ def schedule_fields(stage: str) -> tuple[FieldSpec, ...]:
 
 
 def schedule_problems(stage: str, values: Mapping[str, Any], options: ScheduleOptions) -> list[Problem]:
-    """Return the problems with a schedule's values; [] if the table of the options can execute it."""
+    """Return the problems of a schedule's values; [] if they are valid and the table can execute them."""
     problems = problems_of(method(stage).schedule, dict(values))
     targets = values.get("targets")
     if isinstance(targets, Mapping):
         problems += map(Problem.of, unknown_targets(map(str, targets), "targets"))
-    wrong = {problem.place[0] for problem in problems}
-    for name, most in (("rate_dps", options.rate), ("acceleration_dps2", options.acceleration)):
+    invalid = {problem.place[0] for problem in problems}
+    for name, limit in (("rate_dps", options.rate), ("acceleration_dps2", options.acceleration)):
         value = values.get(name)
-        if name not in wrong and isinstance(value, int | float) and value > most * (1.0 + 1e-9):
+        if name not in invalid and isinstance(value, int | float) and value > limit * (1.0 + 1e-9):
             unit = f" {field_spec(name, None).unit}"
-            problems.append(Problem((name,), "table", Text.of("schedule.wrong_table", bound=most, unit=unit)))
+            problems.append(Problem((name,), "table", Text.of("schedule.wrong_table", bound=limit, unit=unit)))
     return problems
 
 
 def save_schedule(
     report: ProgressCallback, product: Path, changes: Mapping[str, Mapping[str, Any]], author: str
 ) -> tuple[Path, Version]:
-    """Job: save parameters of schedules in a product file, or in the site's copy of a shipped one.
+    """Job: save parameters of schedules in a product file, or in the site's copy of a shipped product file.
 
-    `changes` contains values by stage and field; None removes a value, so that the method's default applies. Returns
-    the site's file and its new version. Raises ConfigurationError if the product would be invalid, a value cannot be
-    stored, or the file cannot be written; the file is then unchanged.
+    `changes` contains the values by stage and field; None removes a value, so that the method's default applies.
+    Returns the site's file and its new version. Raises ConfigurationError, and leaves the file unchanged, if the
+    product would be invalid, a value cannot be stored, or the file cannot be written.
     """
     text = edit_toml(
         read_text(product),
@@ -121,7 +121,7 @@ def save_schedule(
 
 
 def _check_stored(text: str, changes: Mapping[str, Mapping[str, Any]]) -> None:
-    """Check that the file contains the values; an omitted value means the method's default. Raises EntryError."""
+    """Check that the text contains the values or, by omission, the methods' defaults. Raises EntryError."""
     stored = tomllib.loads(text).get("schedule", {})
     for stage, values in changes.items():
         model = method(stage).schedule

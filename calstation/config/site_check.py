@@ -1,8 +1,8 @@
-"""Checks of a station's site before a run: latitude and gravity determine the accelerometer scale factors.
+"""Checks of a station's site before a run, because latitude and gravity determine the accelerometer scale factors.
 
 If the gyros resolve earth rate, the rests of the run reveal a wrong latitude, see `calstation.judgement.site`.
-Otherwise gravity must be surveyed and agree with the latitude. A station file copied from elsewhere is self-consistent;
-therefore it lists the computers on which it was confirmed.
+Otherwise gravity must be surveyed and agree with the latitude. Because a station file copied from another station is
+self-consistent, it lists the computers on which its site was confirmed.
 """
 
 import platform
@@ -19,9 +19,9 @@ from calstation.records import LogMeta, SiteSection, context_from_meta
 from calstation.schema import EntryError
 from procedures import method
 
-#: Maximum relative difference between gravity and normal gravity where IMUs are calibrated: 300 mGal. Larger free-air
-#: anomalies occur only on summits and islands.
-ANOMALY = 3e-4
+#: Maximum relative difference between gravity and normal gravity, 300 mGal. Larger free-air anomalies occur only on
+#: summits and islands.
+MAX_GRAVITY_ANOMALY = 3e-4
 
 #: Latitude above which the horizontal component of earth rate is too small to find an azimuth, degrees.
 _NEAR_POLE = 80.0
@@ -41,7 +41,7 @@ def confirmation_key(site: StationSite) -> str:
 
 
 def is_confirmed(site: StationSite, *, needed: bool) -> bool:
-    """Return whether the site is confirmed on this computer; `needed` if no measurement reveals the location."""
+    """Return whether the site is confirmed on this computer; a site without confirmations is, unless it is `needed`."""
     return confirmation_key(site) in site.confirmed_on or not (site.confirmed_on or needed)
 
 
@@ -66,18 +66,18 @@ def check_site(meta: LogMeta) -> None:
 
 
 def check_gravity_sigma(meta: LogMeta, limits: Mapping[str, float]) -> None:
-    """Check that the largest permitted sigmas, by parameter, are achievable with this gravity. Raises EntryError."""
+    """Check that the sigma of gravity allows the sigma limits by parameter. Raises EntryError."""
     for name, limit in limits.items():
-        excess = gravity_beyond(meta, name, limit)
+        excess = excess_gravity_sigma(meta, name, limit)
         if excess is not None:
             entry = "gravity_mps2" if meta.site.gravity_mps2 is None else "gravity_sigma_mps2"
             raise EntryError("site.gravity_uncertain", "site", entry, parameter=name, **excess)
 
 
-def gravity_beyond(meta: LogMeta, parameter: str, limit: float) -> dict[str, float] | None:
-    """Return sigma of gravity and limit, ppm, if gravity alone exceeds the largest permitted sigma of a parameter.
+def excess_gravity_sigma(meta: LogMeta, parameter: str, limit: float) -> dict[str, float] | None:
+    """Return the sigma of gravity and the sigma limit of a parameter, ppm, if gravity alone exceeds it, or None.
 
-    The error of gravity enters the accelerometer scale factors one to one, however long the run is.
+    The relative gravity error is also the error of the accelerometer scale factors, however long the run is.
     """
     sigma = context_from_meta(meta).site.relative_gravity_sigma
     if not parameter.startswith("accel_scale") or sigma < limit:
@@ -94,16 +94,16 @@ def needs_surveyed_gravity(meta: LogMeta) -> bool:
 
 
 def gravity_contradiction(site: SiteSection) -> EntryError | None:
-    """Return the error if surveyed gravity is impossible at its latitude and height."""
+    """Return the error of a surveyed gravity that is impossible at its latitude and height, or None."""
     normal = normal_gravity(float(np.deg2rad(site.latitude_deg)), site.height_m)
-    if site.gravity_mps2 is None or abs(site.gravity_mps2 / normal - 1.0) <= ANOMALY:
+    if site.gravity_mps2 is None or abs(site.gravity_mps2 / normal - 1.0) <= MAX_GRAVITY_ANOMALY:
         return None
     values = {"gravity": site.gravity_mps2, "latitude": site.latitude_deg, "height": site.height_m, "normal": normal}
     return EntryError("site.gravity_contradicts", "site", "gravity_mps2", **values)
 
 
 def normal_gravity_at(latitude_deg: Number, height_m: Number) -> float | None:
-    """Return normal gravity at a location, m/s²; None for impossible values."""
+    """Return normal gravity at a location, m/s², or None if the location is impossible."""
     if not isinstance(latitude_deg, float | int) or not isinstance(height_m, float | int):
         return None
     if not (abs(latitude_deg) <= 90.0 and abs(height_m) <= 1e5):
@@ -116,14 +116,14 @@ def site_advice(
 ) -> tuple[Finding, ...]:
     """Return warnings for values of a station file that are probably mistakes; non-numeric values are ignored.
 
-    ``gravity_off`` contains the resulting error `ppm` of the accelerometer scale factors and `normal` gravity in m/s²,
-    ``null_island`` means zero latitude and longitude, ``azimuth_hopeless`` an unknown azimuth near a pole.
+    ``gravity_off`` contains the resulting error of the accelerometer scale factors, ppm, and normal gravity, m/s².
+    ``null_island`` means zero latitude and longitude, and ``azimuth_hopeless`` an unknown azimuth near a pole.
     """
     warnings: list[Finding] = []
     expected = normal_gravity_at(latitude_deg, height_m)
     if expected is not None and isinstance(gravity_mps2, float | int):
         off = gravity_mps2 / expected - 1.0
-        if abs(off) > ANOMALY:
+        if abs(off) > MAX_GRAVITY_ANOMALY:
             values: dict[str, Value] = {"ppm": off * 1e6, "percent": off * 1e2, "normal": expected}
             warnings.append(Finding("gravity_off", "warning", values))
     if latitude_deg == 0 and longitude_deg == 0:

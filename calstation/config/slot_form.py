@@ -1,4 +1,4 @@
-"""Form for the slots of a station, and conversion of a station file between a single unit and slots."""
+"""The form of a station's slots, and conversion of a station file between a single unit and slots."""
 
 import tomllib
 from dataclasses import replace
@@ -9,7 +9,7 @@ from pydantic import BaseModel
 from calstation.config import library
 from calstation.config.blocks import arrange_entries, has_table, replace_header
 from calstation.config.editing import edit_toml
-from calstation.config.forms import Form, FormCell, FormColumn, FormRow, Get, cell_of
+from calstation.config.forms import Form, FormCell, FormColumn, Get, cell_of, entry_rows
 from calstation.config.slots import DeviceSection, SlotSection
 from calstation.physics import ORIENTATIONS, unit_of
 from calstation.schema import KeyPath
@@ -17,7 +17,7 @@ from calstation.schema import KeyPath
 #: Display unit of a lever arm.
 _LENGTH = unit_of("m")
 
-#: All orientations, grouped by the body axis that points up at home, z first, as for the platform.
+#: All orientations, grouped by the body axis that points up at home; z is first, as for the platform.
 _ORIENTATIONS = tuple(sorted(ORIENTATIONS, key=lambda name: ("zxy".index(name[3]), name[2], name)))
 
 
@@ -29,12 +29,6 @@ def _columns(get: Get) -> list[FormColumn]:
     ports = ("port",) if _has_ports(get) else ()
     texts = ("name", *ports, "product", "imu", "orientation")
     return [*map(FormColumn, texts), *(FormColumn(f"lever_{axis}", unit=_LENGTH[0]) for axis in "xyz")]
-
-
-def _rows(get: Get) -> list[FormRow]:
-    entries = get(("slots",))
-    places: list[KeyPath] = [("slots", number) for number in range(len(entries if isinstance(entries, list) else []))]
-    return [FormRow(str(number), _cells(get, place), (place,)) for number, place in enumerate(places, 1)]
 
 
 def _cells(get: Get, place: KeyPath) -> tuple[FormCell, ...]:
@@ -55,7 +49,7 @@ def _cells(get: Get, place: KeyPath) -> tuple[FormCell, ...]:
 
 
 def _new_slot(get: Get, _: BaseModel | None) -> dict[str, Any]:
-    """Return a new slot, named with the first unused number, starting from its position."""
+    """Return a new slot, named with the first unused number from its position on."""
     names = [get(("slots", number, "name")) for number in range(len(get(("slots",)) or ()))]
     number = len(names) + 1
     while str(number) in names:
@@ -64,13 +58,13 @@ def _new_slot(get: Get, _: BaseModel | None) -> dict[str, Any]:
 
 
 #: The form of the slots of a station.
-SLOTS = Form("slots", "stations", (("slots",),), _columns, _rows, "number", new_entry=_new_slot)
+SLOTS = Form("slots", "stations", (("slots",),), _columns, entry_rows("slots", _cells), "number", new_entry=_new_slot)
 
 
 def with_slots(text: str) -> str:
-    """Convert a station file to slots: the first slot gets the link and the comments of `[imu]`.
+    """Convert a station file to slots, the first of which gets the link and the comments of `[imu]`.
 
-    A virtual bench gets as many slots as it has units.
+    A virtual bench gets a slot for each of its units.
     """
     data = tomllib.loads(text)
     units = data.get("bench", {}).get("units", 1)
@@ -84,12 +78,12 @@ def with_slots(text: str) -> str:
 
 
 def with_one_unit(text: str) -> str:
-    """Convert a station file with a single slot to `[imu]`, with its link and its comments."""
+    """Convert the single slot of a station file to `[imu]`, with its link and its comments."""
     (slot,) = tomllib.loads(text)["slots"]
     link = {key: value for key, value in slot.items() if key in DeviceSection.model_fields}
     if not (link and has_table(text, ("slots", 0))):
         text = arrange_entries(text, "slots", [])
         return edit_toml(text, {("imu",): link}) if link else text
-    own = SlotSection.model_fields.keys() - DeviceSection.model_fields.keys()
-    text = edit_toml(text, {("slots", 0, key): None for key in sorted(own)})
+    slot_keys = SlotSection.model_fields.keys() - DeviceSection.model_fields.keys()
+    text = edit_toml(text, {("slots", 0, key): None for key in sorted(slot_keys)})
     return replace_header(text, ("slots", 0), "[imu]", {})

@@ -1,4 +1,4 @@
-"""The links of a station, with their defaults, and its slots: mounting positions of units on one table."""
+"""The links of a station, with their defaults, and its slots, the mounting positions of units on one table."""
 
 import re
 from contextlib import suppress
@@ -18,7 +18,7 @@ from calstation.schema import EntryError, StrictModel
 MAX_UNITS = 16
 
 #: Largest component of a lever arm, m.
-_LARGEST_LEVER = 5.0
+_MAX_LEVER = 5.0
 
 #: Orientation of a unit aligned with the platform axes.
 PLATFORM_AXES = "+x+z"
@@ -28,13 +28,13 @@ STATION_ENTRIES = ("faults", "units")
 
 
 class DeviceSection(StrictModel):
-    """A device's link at this station: its port, and serial settings that differ from the profile's."""
+    """The link of a device at a station, with serial settings that replace those of the profile."""
 
     #: ``tcp://host:port`` (tables), ``socket://host:port`` for a serial server, the name of a serial port, or
     #: ``usb:SERIALNUMBER`` for its adapter.
     port: str | None = None
     serial: SerialSettings | None = None
-    timeout_s: float | None = Field(default=None, gt=0, le=60)  #: Host time for a reply; default from the profile.
+    timeout_s: float | None = Field(default=None, gt=0, le=60)  #: Reply timeout, host time; default from the profile.
 
     @field_validator("port")
     @classmethod
@@ -48,8 +48,8 @@ class SlotSection(DeviceSection):
     """`[[slots]]` of a station: a mounting position on the table, with the link of its unit."""
 
     name: str
-    imu: str | None = None  #: Name of the IMU profile; default: the product's.
-    product: str | None = None  #: Name of the product; default: the run's.
+    imu: str | None = None  #: Name of the IMU profile, by default the product's.
+    product: str | None = None  #: Name of the product, by default the run's.
     #: Body axes along x and z of the platform at home, for example ``-y+z``.
     orientation: str = PLATFORM_AXES
     #: Nominal lever arm in the body frame.
@@ -66,8 +66,8 @@ class SlotSection(DeviceSection):
     @classmethod
     def _on_the_table(cls, lever: list[float]) -> list[float]:
         for component, value in enumerate(lever):
-            if abs(value) > _LARGEST_LEVER:
-                raise EntryError("station.lever_too_long", component, value=value, most=_LARGEST_LEVER)
+            if abs(value) > _MAX_LEVER:
+                raise EntryError("station.lever_too_long", component, value=value, most=_MAX_LEVER)
         return lever
 
     @field_validator("orientation")
@@ -83,11 +83,11 @@ class SlotSection(DeviceSection):
 def takes_one_unit(profile: str) -> bool:
     """Return whether a table of this profile takes a single unit; False if the profile cannot be read."""
     with suppress(ConfigurationError):
-        return takes_one(load_table_profile(library.find("tables", profile)))
+        return takes_single_unit(load_table_profile(library.find("tables", profile)))
     return False
 
 
-def takes_one(table: TableProfile) -> bool:
+def takes_single_unit(table: TableProfile) -> bool:
     """Return whether a table takes a single unit."""
     return table.by_hand or table.gimbal is not None or table.protocol == "imu_link"
 
@@ -97,9 +97,9 @@ class LinkDefaults:
     """Link settings of a device profile."""
 
     serial: SerialSettings
-    timeout: float | None  #: Host time for a reply, s; None for a device that is never queried.
+    timeout: float | None  #: Reply timeout, host time in s; None for a device that is never queried.
     unit: int | None  #: Modbus unit number.
-    by_hand: bool = False  #: Whether it is a manual table, which has no link.
+    by_hand: bool = False  #: Whether the table is a manual rig, which has no link.
 
 
 def table_defaults(profile: str) -> LinkDefaults | None:

@@ -1,4 +1,4 @@
-"""Model of a station file: a location with its table and units, checked before anything moves."""
+"""The model of a station file, which describes a location with its table and units."""
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -10,7 +10,7 @@ from typing import Annotated
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.config import library
-from calstation.config.slots import MAX_UNITS, DeviceSection, SlotSection, is_manual_table, takes_one
+from calstation.config.slots import MAX_UNITS, DeviceSection, SlotSection, is_manual_table, takes_single_unit
 from calstation.config.station_sections import (
     FurtherImuLinkSection,
     HandoverSection,
@@ -42,7 +42,7 @@ _WITHOUT_SCHEME = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
 def virtual_serials(
     bench: Mapping[str, object], slots: Collection[str], unsuitable: Callable[[str], bool]
 ) -> tuple[str, ...]:
-    """Return the serial numbers of the next units of a bench, see `StationConfig.virtual_serials`."""
+    """Return the serial numbers of the next units of a virtual bench, see `StationConfig.virtual_serials`."""
     first = str(bench.get("serial", VIRTUAL_UNIT))
     if "serial" in bench and not slots:
         return (first,)
@@ -62,11 +62,11 @@ class StationConfig(StrictModel):
     imu3: FurtherImuLinkSection | None = None
     #: Schedule of the cross-calibration of these IMUs; its values override the product's.
     cross_calibration: dict[str, JsonValue] = Field(default_factory=dict)
-    #: Settings of the virtual bench that takes the place of the devices, see `calstation.config.load_bench`.
+    #: Settings of the virtual bench that replaces the devices, see `calstation.config.load_bench`.
     bench: dict[str, JsonValue] | None = None
     #: Largest error of the computer's clock, ppm; None for an unsynchronised quartz.
     clock_error_ppm: float | None = Field(default=None, ge=0)
-    #: By default, results are delivered to a folder `handover` next to the runs folder.
+    #: None for delivery of the results to a folder `handover` next to the runs folder.
     handover: HandoverSection | None = None
     sign_in: SignInSection | None = None  #: None if the operator's name is optional.
     #: Local times, ``HH:MM``, at which the counter of the operator page is reset.
@@ -83,7 +83,7 @@ class StationConfig(StrictModel):
     @field_validator("instruments")
     @classmethod
     def _due_later(cls, instruments: list[InstrumentSection]) -> list[InstrumentSection]:
-        # not a rule of the section, which is also read from logs
+        # this is not checked in the section itself, which is also read from logs
         for number, instrument in enumerate(instruments):
             calibrated, due = instrument.calibrated, instrument.due
             if calibrated is not None and due is not None and due < calibrated:
@@ -104,9 +104,9 @@ class StationConfig(StrictModel):
         return "" if self.bench is None else str(self.bench.get("serial", VIRTUAL_UNIT))
 
     def virtual_serials(self, unsuitable: Callable[[str], bool]) -> tuple[str, ...]:
-        """Return the serial numbers of the next virtual units, one per slot, without those that are unsuitable.
+        """Return the serial numbers of the next suitable virtual units, one for each slot.
 
-        The serial number in the file of a station without slots is used in any case.
+        A serial number in the file of a station without slots is returned in any case.
         """
         return virtual_serials(self.bench or {}, self.slot_names, unsuitable)
 
@@ -142,7 +142,7 @@ class StationConfig(StrictModel):
 
 
 def _check_slots(station: StationConfig) -> None:
-    """Check the slots of a station against each other, its table and its virtual bench. Raises EntryError."""
+    """Check that the slots of a station agree with each other, its table and its bench. Raises EntryError."""
     _check_units(station)
     if not station.slot_names:
         return
@@ -156,9 +156,9 @@ def _check_slots(station: StationConfig) -> None:
         other = by_name.setdefault(slot.name.lower(), slot.name)
         if other != slot.name:
             raise EntryError("station.slot_case", "slots", number, "name", name=slot.name, other=other)
-    with suppress(ConfigurationError):  # reported with the profile itself
+    with suppress(ConfigurationError):  # errors of the profile are reported for its file
         table = load_table_profile(library.find("tables", station.table.profile))
-        if takes_one(table):
+        if takes_single_unit(table):
             raise EntryError("station.slots_need_table", "table", "profile", profile=table.name)
         for number, slot in enumerate(station.slots):
             if table.outer_lever == "fixed" and any(slot.lever_m):
@@ -184,9 +184,9 @@ def _check_unique(entry: str, values: Sequence[str | None]) -> None:
 
 
 def at_slot(station: StationConfig, name: str | None) -> StationConfig:
-    """Return a station with the unit of one slot as its only unit, by default the first slot, if it has slots.
+    """Return a station whose only unit is that of one slot, by default the first; unchanged if it has no slots.
 
-    Raises EntryError for an unknown name.
+    Raises EntryError if no slot has this name.
     """
     names = station.slot_names
     if name is not None and name not in names:

@@ -1,4 +1,4 @@
-"""Sections of a station file: links, site, hand-over, sign-in, certificates, and the shared database."""
+"""The sections of a station file: links, site, hand-over, sign-in, certificates, and shared database."""
 
 import re
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from calstation.records import LaboratorySection as LaboratorySection
 from calstation.records import SiteSection
 from calstation.schema import EntryError, Pattern, StrictModel
 
-#: Schemes of the databases that are supported.
+#: URL schemes of the supported databases.
 _SCHEMES = ("postgresql+psycopg", "sqlite")
 
 #: ``user:password@`` after the scheme; a password may have any character but @, unlike in a well-formed URL.
@@ -26,7 +26,7 @@ _SECRET = re.compile(r"[?&][^=&]*(password|passwd|secret|token)[^=&]*=", re.IGNO
 
 
 class TableLinkSection(DeviceSection):
-    """`[table]` of a station: its table profile. A manual table needs no port and ignores one."""
+    """`[table]` of a station: table profile and link. The port of a manual rig is ignored."""
 
     profile: str
     unit: int | None = Field(default=None, ge=0, le=255)  #: Modbus unit number; default from the profile.
@@ -35,8 +35,8 @@ class TableLinkSection(DeviceSection):
 class FurtherImuLinkSection(DeviceSection):
     """`[imu2]` and `[imu3]` of a station: the link of a secondary IMU on the same body."""
 
-    profile: str | None = None  #: Name of its IMU profile; default: the product's.
-    #: Its serial number, for a unit that cannot report one.
+    profile: str | None = None  #: Name of the IMU profile, by default the product's.
+    #: Serial number of a unit that cannot report it.
     serial_number: str | None = Field(default=None, pattern=r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
@@ -47,7 +47,7 @@ class HandoverSection(StrictModel):
 
 
 class LabelSection(StrictModel):
-    """`[label]` of a station: its label printer, ``tcp://host:port``."""
+    """`[label]` of a station: address of its label printer, ``tcp://host:port``."""
 
     printer: str
 
@@ -60,7 +60,7 @@ class LabelSection(StrictModel):
 
 
 class StationSite(SiteSection):
-    """`[site]` of a station: its location, and the computers on which it was confirmed."""
+    """`[site]` of a station: its location, and the computers on which the location was confirmed."""
 
     #: Confirmation keys, see `calstation.config.site_check.confirmation_key`.
     confirmed_on: list[str] = Field(default_factory=list)
@@ -75,9 +75,9 @@ class SignInSection(StrictModel):
     """`[sign_in]` of a station: every run needs the badge of its operator."""
 
     badge_pattern: Pattern  #: Regular expression for the whole badge.
-    #: Names by badge; if there are any, other badges are refused.
+    #: Names by badge; unless empty, other badges are refused.
     names: dict[str, Annotated[str, Field(min_length=1)]] = Field(default_factory=dict)
-    #: Badges of the engineers, who release failed units and confirm for one another, each with a personal PIN.
+    #: Badges of the engineers, who override failed units and confirm each other's actions with personal PINs.
     engineers: list[str] = Field(default_factory=list)
     idle_minutes: float | None = Field(default=None, gt=0)  #: Idle time after which the window signs the operator out.
 
@@ -112,26 +112,26 @@ class SignInSection(StrictModel):
 class SigningSection(StrictModel):
     """`[report.signing]` of a station: the site's certificate for signatures."""
 
-    #: PKCS #12 file, relative to the station file; its password is in the environment or in the keyring.
+    #: PKCS #12 file, relative to the station file; the environment or the keyring contains its password.
     certificate: str = Field(min_length=1)
 
 
 class ReportSection(StrictModel):
     """`[report]` of a station: language and templates of its reports, and the folder of automatic ones."""
 
-    #: Existing folder, relative to the station file, for automatic reports of all verdicts; None for no such reports.
+    #: Existing folder for automatic reports of all verdicts, relative to the station file; None for no such reports.
     folder: str | None = Field(default=None, min_length=1)
-    #: None for English, or for the window's language if the window issues the report.
+    #: None for English, or for the language of the window that issues the report.
     language: Literal["en", "zh"] | None = None
-    #: Folder with the site's own templates, relative to the station file; default: ``reports`` in the site's folder.
+    #: Folder of the site's templates, relative to the station file; by default ``reports`` in the site's folder.
     template: str | None = Field(default=None, min_length=1)
     signing: SigningSection | None = None  #: None for reports without signatures.
 
 
 def missing_report_places(section: ReportSection, station: Path) -> Iterator[EntryError]:
-    """Yield errors for missing files and folders in `[report]` of the station file `station`, which prevent reports.
+    """Yield errors for missing files and folders named in `[report]` of the station file `station`.
 
-    The files may be on a share that is currently not mounted, so reading a station file does not check this.
+    They are not checked when a station file is read, because they may be on a share that is not mounted.
     """
     beside = station.absolute().parent
     for entry in ("folder", "template"):
@@ -166,7 +166,7 @@ class RecordsSection(StrictModel):
 
 
 def check_database_url(url: str) -> None:
-    """Raise EntryError for an unsupported URL, or one with a password; the error does not contain the URL."""
+    """Raise EntryError if a URL is not supported or contains a password; the error does not contain the URL."""
     scheme, separator, _ = url.partition("://")
     if not separator:
         raise EntryError("database.no_url")

@@ -1,4 +1,4 @@
-"""Versions of a site's files: changes are checked, written atomically and numbered; old versions can be restored."""
+"""Versions of a site's files. Changes are checked, written atomically and numbered; old versions can be restored."""
 
 import hashlib
 import json
@@ -22,10 +22,10 @@ from calstation.records import AuditEventName, append_audit, write_atomic
 
 @dataclass(frozen=True)
 class Version:
-    """One version of a file."""
+    """A version of a file, with kind and name as in `library.find`."""
 
-    kind: str  #: Kind of the file, as in `library.find`.
-    name: str  #: Name of the file, as in `library.find`.
+    kind: str
+    name: str
     number: int  #: Version number, from 1.
     saved_utc: str  #: ISO 8601 in UTC.
     author: str | None  #: None if the file was changed outside the program.
@@ -33,10 +33,10 @@ class Version:
 
 
 def list_versions(kind: str, name: str) -> tuple[Version, ...]:
-    """Return all versions of a file, the latest first."""
+    """Return all versions of a file, starting with the latest."""
     versions = []
     for path in _folder(kind, name).glob("*.json"):
-        with suppress(OSError, ValueError, TypeError):  # the text of a damaged entry still exists
+        with suppress(OSError, ValueError, TypeError):  # a damaged entry is omitted; its text still exists
             versions.append(Version(**json.loads(path.read_text(encoding="utf-8"))))
     return tuple(sorted(versions, key=lambda version: version.number, reverse=True))
 
@@ -57,7 +57,7 @@ def text(kind: str, name: str, number: int) -> str:
 
 
 def version_number(kind: str, name: str, content: str) -> int | None:
-    """Return the latest version with this text; None for a shipped file or one changed outside the program."""
+    """Return the latest version with this text; None for a shipped file or a file changed outside the program."""
     digest = sha256(content)
     return next((version.number for version in list_versions(kind, name) if version.sha256 == digest), None)
 
@@ -68,9 +68,9 @@ def sha256(content: str) -> str:
 
 
 def save(kind: str, name: str, content: str, author: str) -> Version:
-    """Check a text and save it as the site's file with a name; a text equal to the current version is not saved again.
+    """Check a text and save it as a file of the site, unless it equals the current version.
 
-    Every new version is recorded in the audit trail, on disk, before the file is written. Raises ConfigurationError for
+    Every new version is recorded in the audit trail on disk before the file is written. Raises ConfigurationError with
     the first problem of the text, or if the site's folder cannot be written.
     """
     if kind not in editing.MODELS or not editing.is_name(name):
@@ -126,7 +126,7 @@ def save_noise(
 
 
 def _save_present(kind: str, name: str, path: Path) -> None:
-    """Add the current file as a version if it was not saved here: a shipped default, or changed outside the program."""
+    """Add the current file as a version if it is a shipped default or was changed outside the program."""
     try:
         present = (path if path.exists() else library.find(kind, name)).read_bytes().decode()
         tomllib.loads(present)
@@ -141,13 +141,13 @@ def _save_present(kind: str, name: str, path: Path) -> None:
 
 
 def _next(kind: str, name: str, content: str, author: str | None) -> Version:
-    """Return the version number and data that a text will get."""
+    """Return the next version of a file, with this text."""
     number = 1 + max((int(p.stem) for p in _folder(kind, name).glob("*.toml") if p.stem.isdecimal()), default=0)
     return Version(kind, name, number, datetime.now(UTC).isoformat(timespec="seconds"), author, sha256(content))
 
 
 def _add(version: Version, content: str) -> None:
-    """Add a version. Its text is written first, so that a power failure cannot leave a version without text."""
+    """Add a version; its text is written first, so that after a power failure no version is without text."""
     folder = _folder(version.kind, version.name)
     folder.mkdir(parents=True, exist_ok=True)
     write_atomic(folder / f"{version.number:04d}.toml", content)

@@ -1,4 +1,4 @@
-"""Import of a raw capture, i.e. the bytes sent by a unit, with the frames of an IMU profile."""
+"""Import of a raw capture, which consists of the bytes sent by a unit, with the frames of an IMU profile."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -30,24 +30,29 @@ class Capture:
 
 
 def import_capture(source: Path, target: Path, imu: Path, meta_file: Path | None, site: SiteSection) -> Capture:
-    """Decode a capture with the IMU profile `imu` and write it to the raw log `target`.
+    """Decode a capture and write it to a raw log. Raises InputError or ConfigurationError.
 
-    The sections `[site]`, `[imu]` and `[prior]` of `meta_file`, by default the TOML file next to the capture if it
-    exists, take precedence over `site` and the profile. Raises InputError or ConfigurationError.
+    Parameters
+    ----------
+    source, target : capture and raw log
+    imu : IMU profile
+    meta_file : TOML file, by default next to the capture, whose sections `[site]`, `[imu]` and `[prior]` override the
+        site and the profile
+    site : default site
     """
     beside = source.with_suffix(".toml")
     profile = load_imu_profile(imu)
     meta_file = meta_file or (beside if beside.is_file() else None)
     data = {} if meta_file is None else read_toml(meta_file, InputError)
     has_site = "site" in data
-    meta = validate(RecordingMeta, _completed(data, profile, source, site), meta_file or source, InputError)
+    meta = validate(RecordingMeta, _with_defaults(data, profile, source, site), meta_file or source, InputError)
     decoder = frame_decoder(profile)
     facts = write_log(target, meta.log_meta, _blocks(source, profile, decoder, meta.stage))
     return Capture(facts, has_site, decoder.crc_errors, decoder.skipped)
 
 
-def _completed(data: dict[str, Any], profile: ImuProfile, source: Path, site: SiteSection) -> dict[str, Any]:
-    """Return the content of a TOML file, completed from the profile and the site."""
+def _with_defaults(data: dict[str, Any], profile: ImuProfile, source: Path, site: SiteSection) -> dict[str, Any]:
+    """Return the content of a TOML file with defaults from the profile and the site."""
     known = {**profile.stream.model_dump(exclude={"order"}), **profile.noise.model_dump()}
     known["serial"] = source.stem
     prior = {name: {"sigma": sigma} for name, sigma in profile.prior_sigmas().items()}
@@ -59,8 +64,8 @@ def _completed(data: dict[str, Any], profile: ImuProfile, source: Path, site: Si
 
 
 def _blocks(source: Path, profile: ImuProfile, decoder: FrameDecoder, stage: str) -> Iterator[SampleBlock]:
-    """Decode a file; samples that are saturated or not numeric are invalid. Raises InputError."""
-    count, ends, rate = SampleCount(profile.frame), span(profile.frame), profile.stream.sample_rate_hz
+    """Decode a file, in which saturated and non-numeric samples are invalid. Raises InputError."""
+    count, bounds, rate = SampleCount(profile.frame), span(profile.frame), profile.stream.sample_rate_hz
     size = 0
     try:
         with source.open("rb") as stream:
@@ -72,7 +77,7 @@ def _blocks(source: Path, profile: ImuProfile, decoder: FrameDecoder, stage: str
                     continue
                 seq, counts = count.feed(raw[kept]), counts[kept]
                 saturated = (status[kept] & profile.status.saturated) != 0
-                saturated |= ((counts <= ends.low) | (counts >= ends.high)).any(axis=1)
+                saturated |= ((counts <= bounds.low) | (counts >= bounds.high)).any(axis=1)
                 yield SampleBlock(
                     stage,
                     seq,

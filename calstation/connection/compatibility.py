@@ -1,4 +1,4 @@
-"""Compatibility of a product with a station: rig, gravity, site and ports.
+"""Compatibility of a product with the rig, gravity, site and ports of a station.
 
 All reasons why a run would be refused before its start are reported together.
 """
@@ -29,7 +29,7 @@ from calstation.messages import Finding
 from calstation.schema import KeyPath, Problem, validate
 from procedures import method
 
-#: Finding by the code of the error of a station with another rig than the product needs.
+#: Findings by the code of the error for a station without the rig that the product needs.
 _RIGS = {
     "product.needs_manual_table": "needs_hands",
     "plan.needs_gimbal": "needs_gimbal",
@@ -50,15 +50,15 @@ def incompatibilities(setup: RunConfiguration) -> Iterator[Finding]:
     except ManualRigError as error:
         rig = {"rig": setup.table.name, "product": product.name}
         yield Finding(_RIGS.get(error.code, "needs_drive"), "warning", rig)
-    blind = needs_surveyed_gravity(setup.log_meta())
+    needs_survey = needs_surveyed_gravity(setup.log_meta())
     contradiction = gravity_contradiction(site)
     if contradiction is not None:
         yield Finding("gravity_unlike", "warning", contradiction.values)
-    if site.gravity_mps2 is None and blind:
+    if site.gravity_mps2 is None and needs_survey:
         yield Finding("gravity_missing", "warning")
     if setup.station.bench is not None:
         return
-    if not is_confirmed(site, needed=blind):
+    if not is_confirmed(site, needed=needs_survey):
         yield Finding("place_not_confirmed", "warning", {"computer": this_computer(), "entry": confirmation_key(site)})
     shipped = library.shipped_folder() / "stations" / "example_hardware.toml"  # the template for new files
     example = load_station(shipped)[1].site
@@ -68,7 +68,7 @@ def incompatibilities(setup: RunConfiguration) -> Iterator[Finding]:
 
 
 def station_conflicts(text: str) -> list[Problem]:
-    """Return the problems for which a run would refuse a station file although each of its values is valid."""
+    """Return the problems of a station file with valid values that a run would refuse."""
     data = tomllib.loads(text)
     station = StationConfig.model_validate(data)
     problems = [] if (error := gravity_contradiction(station.site)) is None else [Problem.of(error)]
@@ -82,7 +82,7 @@ def _port_problems(station: StationConfig) -> Iterator[Problem]:
     table = station.table.port
     try:
         profile = load_table_profile(library.find("tables", station.table.profile))
-    except ConfigurationError:  # reported for the profile's own file
+    except ConfigurationError:  # errors of the profile are reported for its file
         return
     for entry, imu in links.items():
         if table is None or imu is None or profile.by_hand:

@@ -1,4 +1,4 @@
-"""Opening of a station's devices, or of its virtual bench, and closing in the right order."""
+"""Opening and closing of the devices of a station, or of its virtual bench."""
 
 import os
 import time
@@ -13,7 +13,7 @@ from calstation.connection.identify import LinkSettings, identify
 from calstation.connection.port_lock import lock_ports
 from calstation.devices.imu import StreamedImu
 from calstation.devices.imu import open_imu as imu_on
-from calstation.devices.links import SerialLink, explained, resolve
+from calstation.devices.links import SerialLink, port_device, with_connection_reason
 from calstation.devices.profiles import ImuProfile, SerialSettings, TableProfile
 from calstation.devices.table import ManualTable, RegisterTable, SharedTable, TextTable
 from calstation.devices.table import open_table as table_on
@@ -40,14 +40,14 @@ class RealClock:
     idle = sleep
 
     def attach(self, received: Callable[[], Mapping[int, int]]) -> None:
-        """Do nothing: samples arrive in real time."""
+        """Do nothing, because samples arrive in real time."""
 
 
 @dataclass(frozen=True)
 class Devices:
-    """Open devices and the clock that their data refer to.
+    """Open devices and the clock of their data.
 
-    `imus` are the units of the run in order; None for a unit that does not reply, whose fault is in `failed` by its
+    `imus` are the units of the run in order. A unit that does not reply is None, and `failed` contains its fault by its
     index in `imus`.
     """
 
@@ -64,7 +64,7 @@ class Devices:
 
 @dataclass(frozen=True)
 class Endpoints:
-    """Ports of the table and the IMUs, and their clock; the port of a manual rig is ""."""
+    """Ports of the table, which is "" for a manual rig, and of the IMUs, and the clock of the devices."""
 
     table: str
     imus: tuple[str, ...]
@@ -82,57 +82,57 @@ class StationBench(BenchSettings, Protocol):
     def open(
         self, units: tuple[RunConfiguration, ...] | PairConfiguration, check_cancelled: Callable[[], None]
     ) -> AbstractContextManager[Endpoints]:
-        """Start the bench, which runs while the context is open, and give its ports; see `endpoints`."""
+        """Return the context in which the bench runs, with its ports; see `endpoints`."""
 
     def with_recorded_unit(self, recording: Path, setup: RunConfiguration) -> RunConfiguration:
-        """Return the configuration with the unit of a recording in the fixture. Raises InputError."""
+        """Return the configuration of a bench whose fixture contains the unit of a recording. Raises InputError."""
 
 
 @contextmanager
 def connected(
     setups: tuple[RunConfiguration, ...], check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[Devices]:
-    """Open the clock, table and IMUs, identify all devices, and close all on exit; `check_cancelled` may raise.
+    """Open the clock, table and IMUs, identify all devices, and close them on exit; `check_cancelled` may raise.
 
-    With several units, units that do not reply are omitted, possibly all of them. Raises ConfigurationError, or
-    DeviceFaultError if a port cannot be used or a device is not the expected one: the table or the only unit.
+    If there are several units, those that do not reply are omitted. Raises ConfigurationError, or DeviceFaultError if a
+    port cannot be used, or if the table or the only unit is not the expected device.
     """
     setup = setups[0]
     with ExitStack() as stack:
-        at = stack.enter_context(endpoints(setups, check_cancelled))
+        ports = stack.enter_context(endpoints(setups, check_cancelled))
         check_cancelled()
         table: RegisterTable | TextTable | ManualTable | None = None
-        if not _shared(setup) and not setup.table.by_hand:
-            table = open_table(setup, at.table)
+        if not _is_shared(setup) and not setup.table.by_hand:
+            table = open_table(setup, ports.table)
             stack.callback(table.close)
         imus: dict[int, StreamedImu] = {}
         failed: dict[int, DeviceFaultError] = {}
         if table is not None and len(setups) > 1:
-            identify(table, None, link_settings(setup, at), check_cancelled)
-            imus, failed = _answering(setups, at.imus, stack, check_cancelled)
+            identify(table, None, link_settings(setup, ports), check_cancelled)
+            imus, failed = _open_units(setups, ports.imus, stack, check_cancelled)
         else:
-            imus[0] = imu = open_imu(setup, at.imu)
+            imus[0] = imu = open_imu(setup, ports.imu)
             stack.callback(imu.close)
             if table is None:
                 table = ManualTable(setup.table) if setup.table.by_hand else SharedTable(imu, table_profile(setup))
             if not isinstance(table, ManualTable):
-                # Identify first: not even a stop may be sent to a device that may not be the table.
-                identify(table, imu, link_settings(setup, at), check_cancelled)
+                # The table is identified first, because not even a stop may be sent to another device.
+                identify(table, imu, link_settings(setup, ports), check_cancelled)
             imu.start()
-        at.clock.attach(lambda: {index: imu.received for index, imu in imus.items()})
-        yield Devices(table, tuple(imus.get(index) for index in range(len(setups))), at.clock, failed)
+        ports.clock.attach(lambda: {index: imu.received for index, imu in imus.items()})
+        yield Devices(table, tuple(imus.get(index) for index in range(len(setups))), ports.clock, failed)
 
 
-def _answering(
+def _open_units(
     setups: tuple[RunConfiguration, ...],
-    ports: tuple[str, ...],
+    imu_ports: tuple[str, ...],
     stack: ExitStack,
     check_cancelled: Callable[[], None],
 ) -> tuple[dict[int, StreamedImu], dict[int, DeviceFaultError]]:
     """Open, identify and start the units of a batch; return them and the faults of the others, by index."""
     imus: dict[int, StreamedImu] = {}
     failed: dict[int, DeviceFaultError] = {}
-    for index, (setup, port) in enumerate(zip(setups, ports, strict=True)):
+    for index, (setup, port) in enumerate(zip(setups, imu_ports, strict=True)):
         check_cancelled()
         with ExitStack() as opened:
             try:
@@ -151,11 +151,11 @@ def _answering(
 def endpoints(
     units: tuple[RunConfiguration, ...] | PairConfiguration, check_cancelled: Callable[[], None] = lambda: None
 ) -> AbstractContextManager[Endpoints]:
-    """Return the context of the ports of units on one table, or of IMUs on one body without a table.
+    """Return the context of the ports of units on one table, or of IMUs on one body.
 
-    Ports of hardware are locked while the context is open. Raises DeviceFaultError if another program uses a port or a
-    virtual bench does not start, ConfigurationError for a `port_conflict`; `check_cancelled` is called while the bench
-    starts and may raise.
+    Ports of hardware are locked while the context is open. `check_cancelled` is called while a bench starts, and may
+    raise. Raises DeviceFaultError if another program uses a port or a bench does not start, and ConfigurationError if
+    there is a `port_conflict`.
     """
     if isinstance(units, PairConfiguration):
         setups, table = units.units, None
@@ -174,24 +174,19 @@ def _locked_ports(setups: tuple[RunConfiguration, ...], table: str | None) -> It
         conflict = port_conflict(profile, table or "", imu)
         if conflict is not None:
             raise ConfigurationError(conflict.code, **conflict.values)
-    _check_apart(imus)
+    if len({_device_of(port, "imu") for port in imus}) < len(imus):
+        raise ConfigurationError("connection.same_imu_port", ports=list(imus))
     with lock_ports(port for port in (table, *imus) if port):
         yield Endpoints(table or "", imus, RealClock())
 
 
-def _check_apart(ports: tuple[str, ...]) -> None:
-    """Check that each IMU has a separate port. Raises ConfigurationError."""
-    if len({_device_of(port, "imu") for port in ports}) < len(ports):
-        raise ConfigurationError("connection.same_imu_port", ports=list(ports))
-
-
-def _shared(setup: RunConfiguration) -> bool:
+def _is_shared(setup: RunConfiguration) -> bool:
     """Return whether the axes are commanded through the IMU's link."""
     return setup.table.protocol == "imu_link"
 
 
 def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
-    """Return a message if table and IMU share a port or use separate ones, contrary to the profile; else None."""
+    """Return a message if table and IMU have the same port or different ones, contrary to the profile, or None."""
     same, shared = _device_of(table, "table") == _device_of(imu, "imu"), profile.protocol == "imu_link"
     if same and not shared:
         return Text.of("connection.same_port", port=imu)
@@ -201,21 +196,21 @@ def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
 
 
 def _device_of(port: str, name: str) -> str:
-    """Return the device of a port name, so that two names of the same device compare equal."""
+    """Return the device of a port, which is equal for all names of the same device."""
     if "://" in port:
         return port.split("://", 1)[1].rstrip("/")
     try:
-        return os.path.realpath(resolve(port, name))
-    except DeviceFaultError:  # reported when this port is opened
+        return os.path.realpath(port_device(port, name))
+    except DeviceFaultError:  # the error is reported when this port is opened
         return port
 
 
 def open_table(setup: RunConfiguration, port: str) -> RegisterTable | TextTable:
     """Open the table on its port. Raises DeviceFaultError or ConfigurationError."""
-    if _shared(setup):
+    if _is_shared(setup):
         return SharedTable(open_imu(setup, port), table_profile(setup), owned=True)
     profile, serial = table_profile(setup), setup.station.table.serial
-    with explained("table", port, profile.timeout_s):
+    with with_connection_reason("table", port, profile.timeout_s):
         return table_on(port, profile, serial)
 
 
@@ -225,11 +220,11 @@ def open_imu(setup: RunConfiguration, port: str) -> StreamedImu:
     return imu_on(link, imu_profile(setup), setup.request.serial)
 
 
-def link_settings(setup: RunConfiguration, at: Endpoints) -> LinkSettings:
+def link_settings(setup: RunConfiguration, ports: Endpoints) -> LinkSettings:
     """Return the link settings of both devices at their ports."""
     profile = table_profile(setup)
     serial = setup.station.table.serial or profile.serial
-    return LinkSettings(at.table, profile, serial, at.imu, imu_profile(setup), imu_settings(setup))
+    return LinkSettings(ports.table, profile, serial, ports.imu, imu_profile(setup), imu_settings(setup))
 
 
 def imu_settings(setup: RunConfiguration) -> SerialSettings:
@@ -240,7 +235,7 @@ def imu_settings(setup: RunConfiguration) -> SerialSettings:
 def table_profile(setup: RunConfiguration) -> TableProfile:
     """Return the table's profile with the station's timeout and unit number."""
     table = setup.station.table
-    return setup.table.at_place(table.timeout_s, table.unit)
+    return setup.table.at_station(table.timeout_s, table.unit)
 
 
 def imu_profile(setup: RunConfiguration) -> ImuProfile:

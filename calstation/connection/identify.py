@@ -1,6 +1,6 @@
-"""Identification of the devices on a station's ports before any command, and search for other devices there.
+"""Identification of the devices on a station's ports before any command, and search for other devices on them.
 
-Nothing is written to a device: it is only queried for its model, or its stream is received.
+Nothing is written to a device. It is only queried for its model, or its stream is received.
 """
 
 import time
@@ -17,21 +17,21 @@ from calstation.devices.table import open_table
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.messages import Value
 
-#: Host time for receiving with one set of serial settings, s.
-LISTEN = 0.4
+#: Host time for which bytes are received with one set of serial settings, s.
+LISTEN_TIME = 0.4
 
-#: Modbus unit numbers that are tried if the configured one does not reply.
-NUMBERS = range(1, 11)
+#: Modbus unit numbers that are queried if the configured unit does not reply.
+UNIT_NUMBERS = range(1, 11)
 
-#: Modbus exception codes which may indicate that the unit number belongs to another device.
-OTHER_NUMBER = (4, 10, 11)
+#: Modbus exceptions that may indicate that another device has the unit number.
+OTHER_UNIT_EXCEPTIONS = (4, 10, 11)
 
 #: Reply timeout for each unit number, host time in s.
 _REPLY_TIMEOUT = 0.2
 
 _READ_INTERVAL = 0.02
 
-#: Smallest share of printable bytes for which received bytes are classified as text.
+#: Minimum fraction of printable bytes in received text.
 _MOSTLY_TEXT = 0.9
 _PRINTABLE = frozenset(b"\r\n\t" + bytes(range(0x20, 0x7F)))
 
@@ -49,14 +49,14 @@ class LinkSettings:
 
     @property
     def two_lines(self) -> bool:
-        """Whether the devices are on two separate serial lines, which may be swapped."""
+        """Whether the devices are on two serial lines, which may be swapped."""
         lines = not self.table_port.startswith("tcp://") and bool(self.table_port)
         return lines and self.table_port != self.imu_port and self.table.protocol != "imu_link"
 
 
 @dataclass(frozen=True)
-class FoundUnit:
-    """A Modbus unit that replies: its number, its model if reported, and the name of its table profile if known."""
+class DetectedUnit:
+    """A Modbus unit that replies; `model` and the name of its table `profile` are "" if unknown."""
 
     unit: int
     model: str
@@ -66,7 +66,7 @@ class FoundUnit:
 def identify(
     table: Table, imu: Imu | None, link: LinkSettings, check_cancelled: Callable[[], None] = lambda: None
 ) -> TableIdentity:
-    """Query the identity of both devices; if one does not reply, close both and search their ports for the cause.
+    """Query the identity of both devices; if a device does not reply, close both and search for the cause.
 
     Raises DeviceFaultError if a device does not reply or is not the expected one.
     """
@@ -80,19 +80,19 @@ def identify(
         table.close()
         if imu is not None:
             imu.close()
-        raise _explained(fault, link, check_cancelled) from fault
+        raise _with_cause(fault, link, check_cancelled) from fault
     return identity
 
 
-def _explained(fault: DeviceFaultError, link: LinkSettings, check_cancelled: Callable[[], None]) -> DeviceFaultError:
-    """Return a fault that names the cause, or the original fault if the cause cannot be determined."""
+def _with_cause(fault: DeviceFaultError, link: LinkSettings, check_cancelled: Callable[[], None]) -> DeviceFaultError:
+    """Return a fault with its cause, or the original fault if the cause cannot be determined."""
     port = link.table_port
     for is_other in (imu_on_table_port, table_on_imu_port) if link.two_lines else ():
         check_cancelled()
         if is_other(link):
             return DeviceFaultError("connection.swapped", port=port)
     refused = fault.exception if isinstance(fault, ModbusRefusalError) else None
-    if not isinstance(fault, NoAnswerError | ModbusRefusalError) or refused not in (None, *OTHER_NUMBER):
+    if not isinstance(fault, NoAnswerError | ModbusRefusalError) or refused not in (None, *OTHER_UNIT_EXCEPTIONS):
         return fault
     unit = fault.unit
     if unit == link.table.unit:
@@ -107,7 +107,7 @@ def _explained(fault: DeviceFaultError, link: LinkSettings, check_cancelled: Cal
 
 
 def imu_on_table_port(link: LinkSettings) -> bool:
-    """Return whether IMU frames arrive on the table's line."""
+    """Return whether frames of the IMU arrive on the table's line."""
     return has_frames(link.table_port, link.imu_serial, link.imu)
 
 
@@ -121,23 +121,25 @@ def table_on_imu_port(link: LinkSettings) -> bool:
     return True
 
 
-def find_unit_number(link: LinkSettings, tried: Callable[[float], None] = lambda share: None) -> tuple[int, str] | None:
-    """Search other unit numbers for the profile's table; return number and model, or None. `tried` reports progress."""
+def find_unit_number(
+    link: LinkSettings, progress: Callable[[float], None] = lambda share: None
+) -> tuple[int, str] | None:
+    """Search other unit numbers for the profile's table; return number and model, or None."""
     modbus = link.table.modbus
     if modbus is None:
         return None
-    for i, number in enumerate(NUMBERS):
+    for i, number in enumerate(UNIT_NUMBERS):
         if number == link.table.unit:
             continue
-        tried(i / len(NUMBERS))
+        progress(i / len(UNIT_NUMBERS))
         with suppress(CalstationError):
-            profile = link.table.at_place(min(_REPLY_TIMEOUT, modbus.timeout_s), number)
+            profile = link.table.at_station(min(_REPLY_TIMEOUT, modbus.timeout_s), number)
             with closing(open_table(link.table_port, profile, link.table_serial)) as table:
                 return number, table.identify().model
     return None
 
 
-def find_units(link: LinkSettings, tried: Callable[[float], None] = lambda share: None) -> list[FoundUnit]:
+def find_units(link: LinkSettings, progress: Callable[[float], None] = lambda share: None) -> list[DetectedUnit]:
     """Find all Modbus units on the table's port, using the models of all Modbus profiles of this site."""
     profiles: dict[str, TableProfile] = {}
     for name in library.names("tables") if link.table.modbus is not None else ():
@@ -146,33 +148,33 @@ def find_units(link: LinkSettings, tried: Callable[[float], None] = lambda share
             if profile.modbus is not None and profile.model not in {known.model for known in profiles.values()}:
                 profiles[name] = profile
     units = []
-    for i, number in enumerate(NUMBERS):
-        tried(i / len(NUMBERS))
-        units.append(_unit_at(link, profiles, number))
+    for i, number in enumerate(UNIT_NUMBERS):
+        progress(i / len(UNIT_NUMBERS))
+        units.append(_detect_unit(link, profiles, number))
     return [unit for unit in units if unit is not None]
 
 
-def _unit_at(link: LinkSettings, profiles: dict[str, TableProfile], number: int) -> FoundUnit | None:
+def _detect_unit(link: LinkSettings, profiles: dict[str, TableProfile], number: int) -> DetectedUnit | None:
     unknown = None
     for name, profile in profiles.items():
         try:
-            placed = profile.at_place(_REPLY_TIMEOUT, number)
+            profile_at_number = profile.at_station(_REPLY_TIMEOUT, number)
         except ConfigurationError:  # the profile uses this unit number for its inner drive
             continue
         try:
-            table = open_table(link.table_port, placed, link.table_serial)
+            table = open_table(link.table_port, profile_at_number, link.table_serial)
         except CalstationError:
             return unknown
         try:
-            return FoundUnit(number, table.identify().model, name)
+            return DetectedUnit(number, table.identify().model, name)
         except OtherModelError as exc:
-            unknown = FoundUnit(number, exc.found, "")
+            unknown = DetectedUnit(number, exc.found, "")
         except NoAnswerError as exc:
             if exc.unit == number:
                 return unknown
         except ModbusRefusalError as exc:
-            if exc.unit == number and exc.exception not in OTHER_NUMBER:
-                unknown = unknown or FoundUnit(number, "", "")
+            if exc.unit == number and exc.exception not in OTHER_UNIT_EXCEPTIONS:
+                unknown = unknown or DetectedUnit(number, "", "")
         except CalstationError:
             continue
         finally:
@@ -193,7 +195,7 @@ def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool
     """Return whether frames of a profile arrive on a port with these settings; False if it cannot be opened."""
     try:
         with closing(SerialLink(port, settings, "imu")) as link:
-            return len(FrameDecoder(profile.frame).feed(listen(link, LISTEN)).frames) > 0
+            return len(FrameDecoder(profile.frame).feed(listen(link, LISTEN_TIME)).frames) > 0
     except CalstationError:
         return False
 

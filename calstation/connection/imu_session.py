@@ -1,27 +1,35 @@
-"""Session with the unit in the fixture without the table: opening, identification, and capture of output at rest."""
+"""Sessions with the unit in the fixture without the table, to capture its output or to apply a solution to it."""
 
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from calstation.config import RunConfiguration
-from calstation.connection.devices import endpoints, open_imu
+from calstation.config import RunConfiguration, RunRequest, load_bench, load_configuration
+from calstation.connection.devices import StationBench, endpoints, open_imu
 from calstation.devices import Imu, ImuIdentity, NoFramesError, SampleBatch
 from calstation.errors import DeviceFaultError
+from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
 from calstation.physics import FloatArray
+from calstation.records import open_log
+from calstation.results.plots import Applied, ImuOutput
 from calstation.sequencer import NO_DATA, REST, Clock, Output, VerificationData, corrected_output, mean_at_rest
 
-#: Timeout for capturing a rest without gaps, station time in s.
+#: Timeout for a capture without gaps, station time in s.
 _REST_TIMEOUT = 60.0
+
+
+#: Duration of the captured stream, s.
+SECONDS = 10.0
 
 
 @dataclass(frozen=True)
 class ImuSession:
-    """An open unit, its identity and the clock that its data refer to."""
+    """An open unit, its identity and the clock of its data."""
 
     imu: Imu
     identity: ImuIdentity
@@ -43,20 +51,20 @@ def open_imu_session(
 
 
 def capture_rest(session: ImuSession, setup: RunConfiguration, check_cancelled: Callable[[], None]) -> VerificationData:
-    """Capture the corrected output at rest, and the raw output if the unit provides both; it streams raw afterwards.
+    """Capture the output at rest, raw and corrected if the unit provides both; afterwards it streams raw output.
 
     Raises DeviceFaultError if no rest without a gap is captured in time.
     """
-    raw = VerificationData((_rest(session, setup, check_cancelled, corrected=False),), REST)
+    raw = VerificationData((_mean_rest(session, setup, check_cancelled, corrected=False),), REST)
     output = corrected_output(setup)
-    if output is not Output.ASKED:
+    if output is not Output.ON_COMMAND:
         return replace(raw, corrected=output is Output.ALWAYS)
-    corrected_rest = _rest(session, setup, check_cancelled, corrected=True)
+    corrected_rest = _mean_rest(session, setup, check_cancelled, corrected=True)
     session.imu.start()
     return VerificationData((corrected_rest,), REST, corrected=True, reference=raw)
 
 
-def _rest(
+def _mean_rest(
     session: ImuSession, setup: RunConfiguration, check_cancelled: Callable[[], None], *, corrected: bool
 ) -> FloatArray:
     """Return the mean output over one rest, rad/s and m/s², shape (6,)."""
@@ -77,41 +85,115 @@ def read_contiguous(
     *,
     corrected: bool = False,
 ) -> list[SampleBatch] | None:
-    """Read at least `count` samples without a gap from a unit that is ready; None if they do not arrive in time.
+    """Return at least `count` samples without a gap from a unit that is ready; None if they do not arrive in time.
 
-    A unit that restarts during the capture returns to its raw output or to none, so its output is selected again.
+    The output of a unit that restarts during the capture is selected again.
 
+    Parameters
+    ----------
+    session : session with the unit
     ready : mask of the status bits that are set when the unit is ready; 0 if there are none
-    on_samples : called with the number of samples so far; may raise
-    corrected : whether to select the output with the unit's registers applied
+    count : number of samples
+    on_samples : called with the number of samples read; may raise
+    corrected : whether the unit's registers are applied to the output
     """
     imu, clock = session.imu, session.clock
     imu.start(corrected=corrected)
     last_data = clock.now()
     deadline = last_data + _REST_TIMEOUT
     parts: list[SampleBatch] = []
-    last, noisy = np.empty(0, np.int64), False
+    last, had_noise = np.empty(0, np.int64), False
     while (taken := sum(map(len, parts))) < count:
         on_samples(taken)
         if clock.now() > deadline:
             return None
         clock.sleep(clock.tick)
-        lost = clock.now() - last_data > NO_DATA
+        is_interrupted = clock.now() - last_data > NO_DATA
         try:
             batch = imu.read()
         except NoFramesError:
-            if noisy:
+            if had_noise:
                 raise
-            lost = noisy = True
+            is_interrupted = had_noise = True
         else:
             if len(batch):
                 seq, last, last_data = np.concatenate([last, batch.seq]), batch.seq[-1:], clock.now()
-                awake = not ready or bool((batch.status & ready).all())
-                noisy, lost = False, bool((np.diff(seq) != 1).any()) or bool(parts and not awake)
-                if awake and not lost:
+                is_ready = not ready or bool((batch.status & ready).all())
+                had_noise, is_interrupted = False, bool((np.diff(seq) != 1).any()) or bool(parts and not is_ready)
+                if is_ready and not is_interrupted:
                     parts.append(batch)
-        if lost:
+        if is_interrupted:
             parts.clear()
             imu.wake(partial(on_samples, 0), corrected=corrected)
             last, last_data = last[:0], clock.now()
     return parts
+
+
+@dataclass(frozen=True)
+class OtherUnit:
+    """The fixture contains a different unit, with this serial number."""
+
+    serial: str
+
+
+def apply_to_unit(
+    progress: ProgressCallback,
+    path: Path,
+    station: Path | None,
+    product: Path | None,
+    before: FloatArray,
+    after: FloatArray,
+    seconds: float = SECONDS,
+) -> Applied | OtherUnit:
+    """Job: apply the solution of a recording to the output of its unit, see `read_unit` and `ImuOutput.applied`.
+
+    Raises InputError if the recording cannot be read, and the errors of these functions.
+    """
+    progress(0.0)
+    output = read_unit(progress, open_log(path).meta.imu.serial, path, station, product, seconds)
+    return output if isinstance(output, OtherUnit) else output.applied(before, after)
+
+
+def read_unit(
+    progress: ProgressCallback,
+    serial: str,
+    recording: Path | None,
+    station: Path | None,
+    product: Path | None,
+    seconds: float = SECONDS,
+) -> ImuOutput | OtherUnit:
+    """Read `seconds` of output of the unit `serial` in the fixture, without motion and without writing to the unit.
+
+    The fixture of a virtual bench contains the unit of the recording, if there is one. Raises DeviceFaultError or
+    ConfigurationError.
+    """
+    setup = load_configuration(RunRequest(serial, station, product))
+    if setup.station.bench is not None and recording is not None:
+        bench: StationBench = load_bench()
+        setup = bench.with_recorded_unit(recording, setup)
+    meta = setup.log_meta()
+    count = round(seconds * meta.imu.sample_rate_hz)
+    with open_imu_session(progress, setup) as unit:
+        if unit.identity.serial != serial:
+            return OtherUnit(unit.identity.serial)
+        # progress is 0.4 at the first sample and 0.95 at the last
+        parts = read_contiguous(
+            unit, setup.imu.status.ready, count, lambda taken: progress(0.4 + (0.95 - 0.4) * taken / count)
+        )
+    if parts is None:
+        raise DeviceFaultError("connection.samples_lost")
+    return ImuOutput(meta, [_block(parts)], setup.after_registers, named=setup.imu.has_commands)
+
+
+def _block(parts: list[SampleBatch]) -> SampleBlock:
+    counts = np.concatenate([part.counts for part in parts])
+    return SampleBlock(
+        stage="",
+        seq=np.concatenate([part.seq for part in parts]),
+        time=np.concatenate([part.time for part in parts]),
+        counts=counts,
+        angles=np.full((len(counts), 2), np.nan),
+        step=np.zeros(len(counts), np.int64),
+        valid=np.isfinite(counts).all(axis=1),
+        temperature=np.concatenate([part.temperature for part in parts]),
+    )

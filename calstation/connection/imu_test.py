@@ -1,4 +1,4 @@
-"""Test of an IMU on its open link: identity, registers, one second of its stream, gravity and lines of text."""
+"""Test of an IMU on its open link, with its identity, registers, stream and gravity, and of lines of text."""
 
 import re
 from collections.abc import Iterator
@@ -28,8 +28,8 @@ _READY_TIMEOUT = 3.0
 _STREAM_TIME = 1.0
 _SLICE = 0.1
 _RATE_TOLERANCE = 0.05
-#: Fraction of bytes in frames with a wrong checksum above which the profile's checksum itself is considered wrong.
-_WRONG_CHECKS = 0.3
+#: Fraction of bytes in frames with a wrong checksum above which the checksum in the profile is considered wrong.
+_MAX_WRONG_CHECKS = 0.3
 #: Largest number of characters of a line that are shown.
 _MAX_SHOWN = 120
 
@@ -45,14 +45,14 @@ class ImuTest:
     progress: ProgressCallback
 
     def findings(self) -> Iterator[Finding]:
-        """Yield the findings, up to the first one that makes the remaining ones meaningless."""
+        """Yield the findings, up to the first one after which others would be meaningless."""
         imu, setup = self.imu, self.setup
         self.progress(0.3, note="asking")
         try:
             identity = imu.identify()
             imu.start()
         except DeviceFaultError as exc:
-            yield self._failed(exc)
+            yield self._fault_finding(exc)
             return
         if not setup.imu.has_commands:
             yield Finding("cannot_tell", "info")
@@ -70,10 +70,10 @@ class ImuTest:
         try:
             yield from self._stream()
         except DeviceFaultError as exc:
-            yield self._failed(exc)
+            yield self._fault_finding(exc)
 
     def _stream(self) -> Iterator[Finding]:
-        """Wait until the unit is ready, then observe its stream."""
+        """Yield the findings on the stream, after waiting until the unit is ready."""
         imu, clock, profile = self.imu, self.at.clock, self.setup.imu
         yield Finding("judged_as", "info", {"product": self.setup.product.name, "profile": profile.name})
         clock.attach(lambda: {0: imu.received})
@@ -96,7 +96,7 @@ class ImuTest:
             if profile.has_commands:
                 yield Finding("no_stream", "error", values)
             elif not imu.stats.frames:
-                yield self._unanswered("")
+                yield self._silence_finding("")
             else:
                 yield Finding("no_samples", "error", {**values, "frames": imu.stats.frames})
             return
@@ -113,7 +113,7 @@ class ImuTest:
         yield from self._content(parts)
 
     def _content(self, parts: list[SampleBatch]) -> Iterator[Finding]:
-        """Check status bits, temperature and gravity; a wrong gravity reveals wrong scale factors or frame fields."""
+        """Yield the findings on status bits, temperature and gravity, which reveals wrong scales or frame fields."""
         profile, masks = self.setup.imu, self.setup.imu.status
         status = np.concatenate([part.status for part in parts])
         if np.any(status & masks.failed):
@@ -122,9 +122,9 @@ class ImuTest:
             yield Finding("saturated", "warning")
         if masks.ready and not status[-1] & masks.ready:
             yield Finding("not_ready", "warning", {"seconds": _READY_TIMEOUT})
-        heat = np.concatenate([part.temperature for part in parts])
-        if np.any(np.isfinite(heat)):
-            yield Finding("temperature", "info", {"celsius": float(np.nanmean(heat))})
+        temperature = np.concatenate([part.temperature for part in parts])
+        if np.any(np.isfinite(temperature)):
+            yield Finding("temperature", "info", {"celsius": float(np.nanmean(temperature))})
         stream, noise = profile.stream, profile.noise
         scale = (stream.sample_rate_hz, stream.output, stream.gyro_lsb, stream.accel_lsb)
         model = ImuModel("", *scale, noise.gyro_arw, noise.accel_vrw)
@@ -139,16 +139,16 @@ class ImuTest:
         else:
             yield Finding("wrong_gravity", "error", values)
 
-    def _failed(self, error: DeviceFaultError) -> Finding:
+    def _fault_finding(self, error: DeviceFaultError) -> Finding:
         if isinstance(error, OtherModelError):
             return Finding("wrong_model", "error", {"found": error.found, "expected": error.expected})
         if isinstance(error, ImuRefusalError):
             return Finding("command_refused", "error", {"words": error.as_text})
         if isinstance(error, PortLostError):
             return Finding("lost", "error", {"words": error.as_text})
-        return self._unanswered(error.as_text)
+        return self._silence_finding(error.as_text)
 
-    def _unanswered(self, words: Value) -> Finding:
+    def _silence_finding(self, words: Value) -> Finding:
         stats, profile = self.imu.stats, self.setup.imu
         line = line_values(self.at.imu, self.settings)
         counts = {"bytes": stats.bytes, "frames": stats.frames, "errors": stats.crc_errors}
@@ -158,7 +158,7 @@ class ImuTest:
         if stats.frames:
             return Finding("one_way", "error", values)
         size = FrameDecoder(profile.frame).size
-        if stats.crc_errors * size > _WRONG_CHECKS * stats.bytes:
+        if stats.crc_errors * size > _MAX_WRONG_CHECKS * stats.bytes:
             return Finding("wrong_checks", "error", {**values, "kind": profile.frame.crc.kind})
         return Finding("no_frames", "error", values, "" if line else "no_frames_server")
 
@@ -166,7 +166,7 @@ class ImuTest:
 def find_baud_rate(
     port: str, settings: SerialSettings, profile: ImuProfile, progress: ProgressCallback
 ) -> Iterator[Finding]:
-    """Find, without sending, a baud rate other than the one in `settings` at which frames of a profile arrive."""
+    """Yield a finding on another baud rate at which frames of a profile arrive, without sending anything."""
     others = [baud for baud in _BAUDS if baud != settings.baud]
     for i, baud in enumerate(others):
         progress(0.4 + 0.6 * i / len(others), note="trying_bauds")
@@ -176,33 +176,33 @@ def find_baud_rate(
 
 
 def diagnose_text(frame: FrameSection, received: bytes) -> Finding | None:
-    """Return the reason why received lines of text cannot be used as samples; None if they can, or are not text."""
+    """Return the reason why received lines of text are no samples, or None, also for bytes that are not text."""
     tail = frame.tail_bytes
     lines = [line for line in received.split(tail)[1:-1] if line]
     if not lines or not is_text(b"".join(lines)):
         return None
     samples = [line for line in lines if line.startswith(frame.sync_bytes)]
     if not samples:
-        return Finding("line_sync", "error", {"sync": frame.sync, "line": _shown(lines[-1])})
+        return Finding("line_sync", "error", {"sync": frame.sync, "line": _quote(lines[-1])})
     kind = TextFrame(frame)
     for line in samples:
         packet = line + tail
-        problem = _wrong_check(frame, kind, packet) or _wrong_column(frame, kind, packet)
+        problem = _checksum_finding(frame, kind, packet) or _column_finding(frame, kind, packet)
         if problem is None:
             return None
     return problem
 
 
-def _wrong_check(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding | None:
+def _checksum_finding(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding | None:
     if kind.is_valid(packet):
         return None
     line = packet[: -len(frame.tail_bytes)]
     body, mark, stated = line.rpartition(frame.mark.encode())
     if not mark:
-        return Finding("line_mark", "error", {"mark": frame.mark, "line": _shown(line)})
+        return Finding("line_mark", "error", {"mark": frame.mark, "line": _quote(line)})
     right = frame.crc.function()(body[frame.crc.start :])
     values: dict[str, Value] = {
-        "line": _shown(line),
+        "line": _quote(line),
         "told": quoted(stated),
         "kind": frame.crc.kind,
         "start": frame.crc.start,
@@ -211,10 +211,10 @@ def _wrong_check(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding
     return Finding("line_check", "error", values)
 
 
-def _wrong_column(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding | None:
-    """Return a finding on the separator or the first missing or invalid field of a line with a correct checksum."""
+def _column_finding(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding | None:
+    """Return a finding on the separator, or the first missing or invalid field, of a line with a correct checksum."""
     line = packet[: -len(frame.tail_bytes)]
-    values: dict[str, Value] = {"line": _shown(line)}
+    values: dict[str, Value] = {"line": _quote(line)}
     if not kind.is_sample(packet):
         values |= {"sync": frame.sync, "separator": frame.separator}
         return Finding("line_separator", "error", values)
@@ -233,5 +233,5 @@ def _wrong_column(frame: FrameSection, kind: TextFrame, packet: bytes) -> Findin
     return None
 
 
-def _shown(line: bytes) -> str:
+def _quote(line: bytes) -> str:
     return quoted(line, _MAX_SHOWN)

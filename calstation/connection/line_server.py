@@ -1,4 +1,4 @@
-"""TCP server that sends lines of text to any number of clients."""
+"""A TCP server that sends lines of text to any number of clients."""
 
 import json
 import logging
@@ -23,8 +23,8 @@ logger = logging.getLogger(__name__)
 class LineServer:
     """Listens on ``HOST:PORT``; port 0 selects any free port. Every client first receives `greeting`.
 
-    If a client falls behind by `buffered` lines, the server waits for it, at most `patience` s per line; after that,
-    lines are dropped and the client receives their number. Raises ConfigurationError if the address cannot be used.
+    If `buffered` lines are waiting for a client, the server waits at most `patience` s for each further line; then
+    lines are dropped, and the client receives their number. Raises ConfigurationError if the address cannot be used.
     """
 
     def __init__(self, address: str, patience: float = 0.0, buffered: int = BUFFERED) -> None:
@@ -45,7 +45,7 @@ class LineServer:
         self._thread.start()
 
     def wait_for_client(self, seconds: float) -> bool:
-        """Wait until a client has connected, at most `seconds`; return whether one has."""
+        """Wait at most `seconds` until a client has connected, and return whether one has."""
         return self._connected.wait(seconds)
 
     def write(self, line: str) -> None:
@@ -80,7 +80,7 @@ class LineServer:
 
 
 class _Client:
-    """A connected client, its lines and the thread that sends them."""
+    """A connected client, and the thread that sends its lines."""
 
     def __init__(self, connection: socket.socket, patience: float, buffered: int) -> None:
         self._connection, self._patience = connection, patience
@@ -102,7 +102,7 @@ class _Client:
         return not self._gone
 
     def finish(self) -> None:
-        """Let the thread end after the buffered lines."""
+        """End the thread after the buffered lines."""
         self._ending = True
 
     def join(self) -> None:

@@ -1,4 +1,4 @@
-"""Test of a station's links, saved or not: opens ports, queries and receives, but writes and moves nothing."""
+"""Test of the links of a saved or edited station, in which nothing is written and nothing moves."""
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, closing
@@ -18,9 +18,9 @@ from calstation.connection.devices import (
     table_profile,
 )
 from calstation.connection.identify import (
-    LISTEN,
-    OTHER_NUMBER,
-    FoundUnit,
+    LISTEN_TIME,
+    OTHER_UNIT_EXCEPTIONS,
+    DetectedUnit,
     find_unit_number,
     find_units,
     imu_on_table_port,
@@ -29,25 +29,25 @@ from calstation.connection.identify import (
 )
 from calstation.connection.imu_test import ImuTest, diagnose_text, find_baud_rate
 from calstation.connection.table_test import query_table
-from calstation.devices.links import FoundPort as FoundPort
-from calstation.devices.links import SerialLink, found_ports, host_and_port, resolve, why_not
+from calstation.devices.links import SerialLink, host_and_port, list_serial_ports, port_device, why_not
+from calstation.devices.links import SerialPortInfo as SerialPortInfo
 from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Finding, Report, Value
 
-#: General findings that are replaced by a more specific one if lines of text are received.
-_ABOUT_LINES = {"no_frames", "no_samples", "no_stream", "one_way", "wrong_checks"}
+#: General findings that are replaced by a specific one if lines of text are received.
+_REPLACED_BY_LINE = {"no_frames", "no_samples", "no_stream", "one_way", "wrong_checks"}
 #: Findings on the table's port which may indicate that the IMU is connected to it.
-_MAYBE_IMU = {"garbled", "garbled_text", "unlike_text", "unlike_answer", "silent_rtu", "silent_text", "crc"}
+_SUGGEST_IMU = {"garbled", "garbled_text", "unlike_text", "unlike_answer", "silent_rtu", "silent_text", "crc"}
 
 
 @dataclass(frozen=True)
 class LinkTestRequest:
-    """The station to test, and the product of the expected IMU (None for the default product)."""
+    """The station to test, and the IMU that is expected."""
 
     station: StationConfig
-    product: Path | None = None
+    product: Path | None = None  #: Product of the IMU; None for the default product.
     slot: str | None = None  #: Slot of the IMU; None for the only or first slot.
 
 
@@ -63,10 +63,10 @@ def check_table_link(progress: ProgressCallback, request: LinkTestRequest) -> Re
         try:
             table = open_table(setup, at.table)
         except (DeviceFaultError, ConfigurationError) as exc:
-            return Report("table", (_not_opened(at.table, settings, profile.timeout_s, exc),))
+            return Report("table", (_not_opened_finding(at.table, settings, profile.timeout_s, exc),))
         with closing(table):
-            findings = [_opened(at.table), *query_table(table, profile, settings, at.table, progress)]
-        findings.extend(_found_on_table_port(setup, at, findings, progress))
+            findings = [_opened_finding(at.table), *query_table(table, profile, settings, at.table, progress)]
+        findings.extend(_search_table_port(setup, at, findings, progress))
     return Report("table", tuple(findings))
 
 
@@ -79,25 +79,25 @@ def check_imu_link(progress: ProgressCallback, request: LinkTestRequest) -> Repo
         try:
             imu = open_imu(setup, at.imu)
         except (DeviceFaultError, ConfigurationError) as exc:
-            return Report("imu", (_not_opened(at.imu, settings, imu_profile(setup).timeout_s, exc),))
+            return Report("imu", (_not_opened_finding(at.imu, settings, imu_profile(setup).timeout_s, exc),))
         with closing(imu):
-            findings = [_opened(at.imu), *ImuTest(imu, setup, at, settings, progress).findings()]
+            findings = [_opened_finding(at.imu), *ImuTest(imu, setup, at, settings, progress).findings()]
         if any(finding.id in ("gravity", "wrong_gravity") for finding in findings):
             findings.extend(incompatibilities(setup))
         findings = _with_line_finding(setup, at, findings)
-        findings.extend(_found_on_imu_port(setup, at, findings, progress))
+        findings.extend(_search_imu_port(setup, at, findings, progress))
     return Report("imu", tuple(findings))
 
 
-def discover_ports(progress: ProgressCallback) -> tuple[FoundPort, ...]:
+def discover_ports(progress: ProgressCallback) -> tuple[SerialPortInfo, ...]:
     """Return the serial ports of this computer, USB adapters first."""
-    ports = found_ports()
+    ports = list_serial_ports()
     progress(1.0)
     return ports
 
 
 def link_test_configuration(request: LinkTestRequest) -> RunConfiguration:
-    """Return the part of a run's configuration that is needed to open the devices. Raises CalstationError."""
+    """Return a run configuration with all data needed to open the devices. Raises CalstationError."""
     station = at_slot(request.station, request.slot)
     _, product, imu = unit_files(station, request.product)
     return RunConfiguration(
@@ -111,39 +111,39 @@ def link_test_configuration(request: LinkTestRequest) -> RunConfiguration:
 
 
 def open_endpoints(progress: ProgressCallback, setup: RunConfiguration) -> AbstractContextManager[Endpoints]:
-    """Return the context of the station's ports; a virtual bench takes a few seconds to start."""
+    """Report progress, and return the context of the station's ports."""
     progress(0.0, note="starting_bench" if setup.station.bench is not None else "opening")
     return endpoints((setup,))
 
 
-def _found_on_table_port(
+def _search_table_port(
     setup: RunConfiguration, at: Endpoints, findings: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
     """Yield a finding if another device replies on the table's port."""
     link, ids = link_settings(setup, at), {finding.id for finding in findings}
-    if ids & _MAYBE_IMU:
+    if ids & _SUGGEST_IMU:
         progress(0.6, note="listening_around")
         if link.two_lines and imu_on_table_port(link):
             yield Finding("imus_line", "info", {"profile": link.imu.name})
             return
 
-    def tried(share: float) -> None:
+    def on_progress(share: float) -> None:
         progress(0.6 + 0.4 * share, note="trying_units")
 
     refused = next((finding.values["code"] for finding in findings if finding.id == "exception"), None)
-    if ids & {"silent_rtu", "silent_tcp"} or refused in OTHER_NUMBER:
-        other = find_unit_number(link, tried)
+    if ids & {"silent_rtu", "silent_tcp"} or refused in OTHER_UNIT_EXCEPTIONS:
+        other = find_unit_number(link, on_progress)
         if other is not None:
             values = {"found": other[0], "model": other[1], "unit": link.table.unit or 0}
             yield Finding("unit_heard", "info", values)
             return
     if ids & {"silent_rtu", "silent_tcp", "exception", "wrong_model"}:
-        units = [unit for unit in find_units(link, tried) if unit.profile or "wrong_model" not in ids]
+        units = [unit for unit in find_units(link, on_progress) if unit.profile or "wrong_model" not in ids]
         if units:
-            yield _units(units)
+            yield _units_finding(units)
 
 
-def _units(units: list[FoundUnit]) -> Finding:
+def _units_finding(units: list[DetectedUnit]) -> Finding:
     for unit in units:
         if unit.profile:
             values = {"found": unit.unit, "model": unit.model, "profile": unit.profile}
@@ -152,7 +152,7 @@ def _units(units: list[FoundUnit]) -> Finding:
     return Finding("units_heard", "info", {"units": ", ".join(named)})
 
 
-def _found_on_imu_port(
+def _search_imu_port(
     setup: RunConfiguration, at: Endpoints, findings: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
     """Yield a finding if the table replies on the IMU's port, or if the IMU streams at another baud rate."""
@@ -167,29 +167,29 @@ def _found_on_imu_port(
 
 
 def _with_line_finding(setup: RunConfiguration, at: Endpoints, findings: list[Finding]) -> list[Finding]:
-    """Replace a general finding by a specific one about a received line, for a text protocol."""
-    index = next((i for i, finding in enumerate(findings) if finding.id in _ABOUT_LINES), None)
+    """Replace a general finding by a specific one about a received line of a text protocol."""
+    index = next((i for i, finding in enumerate(findings) if finding.id in _REPLACED_BY_LINE), None)
     if index is None or setup.imu.frame.format != "text":
         return findings
     try:
         with closing(SerialLink(at.imu, imu_settings(setup), "imu")) as link:
-            wrong = diagnose_text(setup.imu.frame, listen(link, LISTEN))
+            wrong = diagnose_text(setup.imu.frame, listen(link, LISTEN_TIME))
     except CalstationError:
         return findings
     return findings if wrong is None else [*findings[:index], wrong, *findings[index + 1 :]]
 
 
-def _opened(port: str) -> Finding:
+def _opened_finding(port: str) -> Finding:
     address = host_and_port(port)
     if address is not None:
         return Finding("connected", "ok", {"host": address[0], "port": address[1]})
-    device = resolve(port, "imu")
+    device = port_device(port, "imu")
     return Finding("opened", "ok", {"port": port, "device": device}, "" if device == port else "opened_as")
 
 
-def _not_opened(port: str, settings: SerialSettings, timeout: float, error: CalstationError) -> Finding:
+def _not_opened_finding(port: str, settings: SerialSettings, timeout: float, error: CalstationError) -> Finding:
     reason, words = why_not(port, settings, timeout)
-    ports = found_ports()
+    ports = list_serial_ports()
     names = [p.usb for p in ports if p.usb] if reason == "no_adapter" else [p.device for p in ports]
     values: dict[str, Value] = {"port": port, "words": words or error.as_text, "seconds": timeout}
     values["found"] = ", ".join(names)

@@ -1,4 +1,4 @@
-"""Live streams of the IMUs on one body, read from their ports and aligned across restarts and lost links."""
+"""Live streams of the IMUs on one body, which are aligned across restarts and lost links."""
 
 import logging
 import threading
@@ -21,28 +21,28 @@ from calstation.estimation.pairs import Alignment, PairAligner
 from calstation.results import PairSession
 from calstation.sequencer import Clock
 
-#: Time without samples after which a unit is woken or its port reopened, and interval between attempts, s.
-_WAKE_AFTER = 2.0
+#: Time without samples after which a unit is woken or its port is opened again, and interval between attempts, s.
+_WAKE_TIMEOUT = 2.0
 #: Number of polls used to relate host time to station time.
 _POLLS = 400
 #: Time without samples of any unit after which the watch ends, s.
-_ALL_SILENT = 20.0
+_SILENCE_TIMEOUT = 20.0
 
 logger = logging.getLogger(__name__)
 
 
-class _Unit:
-    """An IMU on its port; it is woken or reopened in a separate thread while other units are read."""
+class _LiveImu:
+    """An IMU on its port, which is woken or opened again in a thread while other units are read."""
 
     def __init__(self, setup: RunConfiguration, port: str) -> None:
         self._setup, self._port = setup, port
         self.imu = open_imu(setup, port)
         self._closing = threading.Event()
-        self._revival: threading.Thread | None = None
+        self._wake_thread: threading.Thread | None = None
         self._restarts, self._reopened = 0, False
         self._fault: str | None = None
-        self._other: DeviceFaultError | None = None
-        self.has_sent = False  #: Whether it has sent samples.
+        self._other_unit: DeviceFaultError | None = None
+        self.has_sent = False  #: Whether the unit has sent samples.
         try:
             self.serial = self.imu.identify().serial
             self.imu.start()
@@ -54,14 +54,14 @@ class _Unit:
     def read(self, now: float) -> SampleBatch | None:
         """Return new samples, or None; `now` is station time, s.
 
-        While the unit is being woken, its samples are held back until it has identified itself. Raises DeviceFaultError
-        if another unit replies.
+        While the unit is woken, its samples are not returned until its identity is known. Raises DeviceFaultError if
+        another unit replies.
         """
         self.last_data = now if self.last_data is None else self.last_data
-        if self._revival is not None and self._revival.is_alive():
+        if self._wake_thread is not None and self._wake_thread.is_alive():
             return None
-        if self._other is not None:
-            raise self._other
+        if self._other_unit is not None:
+            raise self._other_unit
         try:
             batch, fault = self.imu.read(), None
         except DeviceFaultError as error:
@@ -72,10 +72,10 @@ class _Unit:
         if batch is not None and len(batch):
             self.last_data, self.has_sent = now, True
             return batch
-        if now - self.last_data > _WAKE_AFTER and not self._closing.is_set():
+        if now - self.last_data > _WAKE_TIMEOUT and not self._closing.is_set():
             self.last_data = now
-            self._revival = threading.Thread(target=self._revive, name="imu-revival", daemon=True)
-            self._revival.start()
+            self._wake_thread = threading.Thread(target=self._wake, name="imu-revival", daemon=True)
+            self._wake_thread.start()
         return None
 
     def restarted(self) -> bool:
@@ -86,11 +86,11 @@ class _Unit:
 
     def close(self) -> None:
         self._closing.set()
-        if self._revival is not None:
-            self._revival.join(10.0)
+        if self._wake_thread is not None:
+            self._wake_thread.join(10.0)
         self.imu.close()
 
-    def _revive(self) -> None:
+    def _wake(self) -> None:
         try:
             if self.imu.lost:
                 self.imu.close()
@@ -98,9 +98,9 @@ class _Unit:
                 self._restarts, self._reopened = 0, True
             identity = self.imu.wake(self._check_closing)
             if identity is not None and identity.serial != self.serial:
-                self._other = DeviceFaultError("connection.other_imu", port=self._port, found=identity.serial)
+                self._other_unit = DeviceFaultError("connection.other_imu", port=self._port, found=identity.serial)
         except OtherModelError as error:
-            self._other = error
+            self._other_unit = error
         except CalstationError as error:
             logger.info("%s: %s", self._port, error)
 
@@ -112,18 +112,21 @@ class _Unit:
 class LivePair:
     """Open IMUs on one body, and the session that monitors them."""
 
-    def __init__(self, session: PairSession, units: list[_Unit], statuses: list[StatusSection], clock: Clock) -> None:
+    def __init__(
+        self, session: PairSession, units: list[_LiveImu], statuses: list[StatusSection], clock: Clock
+    ) -> None:
         self.session = session
         self._units, self._statuses, self._clock = units, statuses, clock
         context = session.context
         self._end = 0.0
-        #: Host time and station time of the last polls, s: a virtual bench may run slower than its nominal speed.
+        #: Host time and station time of the last polls, s, because a virtual bench may be slower than its nominal
+        #: speed.
         self._polls: deque[tuple[float, float]] = deque(maxlen=_POLLS)
         self._aligner = PairAligner(context.imu, [s.imu for s in context.secondaries])
         session.watch.unaligned = frozenset(s.number for s in context.secondaries)
 
     def alignments(self) -> dict[int, Alignment]:
-        """Return the clock of each secondary by number, at the newest sample."""
+        """Return the alignment of each secondary at the newest sample, by number."""
         secondaries = self.session.context.secondaries
         return {
             s.number: clock.alignment(self._end) for s, clock in zip(secondaries, self._aligner.clocks, strict=True)
@@ -132,8 +135,7 @@ class LivePair:
     def blocks(self, seconds: float | None, stopped: Callable[[], bool]) -> Iterator[SampleBlock]:
         """Yield aligned samples for `seconds` of the primary's time, or until `stopped` returns True.
 
-        Raises DeviceFaultError if no unit sends samples, if a unit has not sent any since the start, or if another unit
-        replaces it.
+        Raises DeviceFaultError if no unit sends samples, or if a unit has not sent any since the start or was replaced.
         """
         begin: float | None = None
         start = last_data = self._clock.now()
@@ -146,12 +148,12 @@ class LivePair:
                 if batch is not None:
                     last_data = now
                     self._feed(number, unit, batch)
-            if now - last_data > _ALL_SILENT:
-                raise DeviceFaultError("connection.all_silent", seconds=_ALL_SILENT)
-            if now - start > _ALL_SILENT:
+            if now - last_data > _SILENCE_TIMEOUT:
+                raise DeviceFaultError("connection.all_silent", seconds=_SILENCE_TIMEOUT)
+            if now - start > _SILENCE_TIMEOUT:
                 for number, unit in enumerate(self._units, 1):
                     if not unit.has_sent:
-                        raise DeviceFaultError("connection.imu_silent", number=number, seconds=_ALL_SILENT)
+                        raise DeviceFaultError("connection.imu_silent", number=number, seconds=_SILENCE_TIMEOUT)
             block, aligned = self._aligner.take(now)
             if not len(block):
                 continue
@@ -163,7 +165,7 @@ class LivePair:
                 return
 
     def _note_alignment(self, time: float, aligned: list[int]) -> None:
-        """Report to the session which secondaries were realigned, and which are no longer aligned."""
+        """Report to the session which secondaries were aligned again, and which are no longer aligned."""
         watch = self.session.watch
         for index, secondary in enumerate(self.session.context.secondaries):
             number, clock = secondary.number, self._aligner.clocks[index]
@@ -172,14 +174,14 @@ class LivePair:
             elif not clock.locked and number not in watch.unaligned:
                 watch.lost_alignment(number, time)
 
-    def _feed(self, number: int, unit: _Unit, batch: SampleBatch) -> None:
+    def _feed(self, number: int, unit: _LiveImu, batch: SampleBatch) -> None:
         status = self._statuses[number]
         usable = (batch.status & status.ready == status.ready) & (
             batch.status & (status.saturated | status.failed) == 0
         )
         counts = np.where(usable[:, None], batch.counts, np.nan)
         host, station = np.transpose(self._polls)
-        # the time of a bench at full speed advances only between two polls
+        # at full speed, the time of a bench advances only between two polls
         arrival = np.interp(batch.arrival, host, station) if self._clock.speed else np.full(len(batch), station[-1])
         self._aligner.feed(number, batch.seq, counts, arrival, restarted=unit.restarted())
 
@@ -197,16 +199,16 @@ def open_pair(
         units = []
         for unit, port in zip(setup.units, at.imus, strict=True):
             check_cancelled()
-            units.append(_Unit(unit, port))
+            units.append(_LiveImu(unit, port))
             stack.callback(units[-1].close)
         serials = [unit.serial for unit in units]
         for number, serial in enumerate(serials, 1):
             if not serial:
                 raise ConfigurationError("connection.pair_serial_missing", number=number)
-        at.clock.attach(lambda: {place: unit.imu.received for place, unit in enumerate(units)})
+        at.clock.attach(lambda: {index: unit.imu.received for index, unit in enumerate(units)})
         primary = setup.primary.imu
         registers = units[0].imu.read_registers() if primary.registers else {}
         meta = setup.log_meta(serials, registers)
-        fits = stack.enter_context(ThreadPoolExecutor(1, "fit"))
-        session = PairSession(meta, folder, setup.primary.sources["station"].path, fits.submit)
+        executor = stack.enter_context(ThreadPoolExecutor(1, "fit"))
+        session = PairSession(meta, folder, setup.primary.sources["station"].path, executor.submit)
         yield LivePair(session, units, [unit.imu.status for unit in setup.units], at.clock)

@@ -1,4 +1,4 @@
-"""Process that monitors a station's IMUs on one body for the window."""
+"""A process that monitors the IMUs of a station on one body for the window."""
 
 import logging
 import threading
@@ -25,7 +25,7 @@ _INTERVAL = 0.25
 #: Time covered by the progress of a live watch, s.
 SPAN = 300.0
 #: Host time for closing the ports, s.
-_CLOSES_WITHIN = 15.0
+_CLOSE_TIMEOUT = 15.0
 
 WatchCommand = Literal["check", "stop"]
 
@@ -34,12 +34,12 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class PairStatus:
-    """State of a live watch."""
+    """The state of a live watch."""
 
     schedule: Mapping[str, Any]
-    progress: PairProgress  #: The last `SPAN` s.
+    progress: PairProgress  #: Progress in the last `SPAN` s.
     checks: Mapping[int, Mapping[str, Any]]  #: Last check of each secondary by number, see `check_values`.
-    static: Mapping[int, Mapping[str, float | None]]  #: Deviation of its calibrated sensors, see `PairResult.static`.
+    static: Mapping[int, Mapping[str, float | None]]  #: Deviations at rest by secondary, see `PairResult.static`.
     alignments: Mapping[int, Alignment]
     stored: tuple[StoredPairFile, ...]
     primary_off: tuple[str, ...]
@@ -48,14 +48,14 @@ class PairStatus:
 
 
 class PairProcess:
-    """A process that monitors the IMUs of a station; only `close` blocks."""
+    """A process that monitors the IMUs of a station; no method except `close` waits for it."""
 
     def __init__(self, request: RunRequest) -> None:
         self._process = ChildProcess("watch", _serve, request)
         self.ended = False
 
     def poll(self) -> list[PairStatus | CalstationError]:
-        """Return the reports since the last call; an error is the last one."""
+        """Return the reports since the last call, of which an error is the last."""
         reports: list[PairStatus | CalstationError] = []
         while not self.ended:
             try:
@@ -67,17 +67,17 @@ class PairProcess:
         return reports
 
     def send(self, command: WatchCommand) -> None:
-        """Request a check or the end of the process; ignored if the process has ended."""
+        """Request a check or the end of the process, unless it has ended."""
         self._process.send(command)
 
     def close(self) -> None:
         """End the watch and wait until its ports are closed."""
         self.send("stop")
-        self._process.end(_CLOSES_WITHIN)
+        self._process.end(_CLOSE_TIMEOUT)
 
 
-class _Reports:
-    """Sends the state of the session to its listener."""
+class _Reporter:
+    """Sends the state of the session to the listener."""
 
     def __init__(self, connection: "Connection[Any, Any]", live: LivePair) -> None:
         self._connection, self._live = connection, live
@@ -120,7 +120,7 @@ class _Reports:
 
 
 def _serve(connection: "Connection[Any, Any]", request: RunRequest) -> None:
-    """Entry point of the process; it ends when its listener disconnects."""
+    """Run the process until its listener disconnects or stops it."""
     applog.configure("watch")
     stopped, check = threading.Event(), threading.Event()
 
@@ -147,7 +147,7 @@ def _serve(connection: "Connection[Any, Any]", request: RunRequest) -> None:
                     live.session.watch.command()
                 return stopped.is_set()
 
-            live.session.run(live.blocks(None, ended), [_Reports(connection, live)], ended)
+            live.session.run(live.blocks(None, ended), [_Reporter(connection, live)], ended)
     except StoppedError:
         pass
     except OSError:

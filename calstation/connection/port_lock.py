@@ -1,7 +1,7 @@
 """Locks of this computer's ports, so that only one process at a time uses a device.
 
 The operating system releases a lock when its process ends. The locks apply to all users and folders of this computer,
-but not to another computer at the same table. A virtual bench needs no locks: its ports are private to its run.
+but not to other computers at the same table. A virtual bench needs no locks, because only its run uses its ports.
 """
 
 import ipaddress
@@ -16,21 +16,21 @@ from pathlib import Path
 from urllib.parse import quote, urlsplit
 
 from calstation.config import computer_user
-from calstation.devices.links import found_ports, resolve
+from calstation.devices.links import list_serial_ports, port_device
 from calstation.errors import DeviceFaultError
 from calstation.messages import os_reason
 from calstation.records import acquire_lock
 
 #: Time to wait for another process that is closing to release its lock, host time in s.
-_WITHIN = 3.0
+_LOCK_TIMEOUT = 3.0
 
 
 @contextmanager
 def lock_ports(ports: Iterable[str]) -> Iterator[None]:
-    """Lock ports given by any of their names. Raises DeviceFaultError naming the process that uses one of them."""
+    """Lock ports by any of their names. Raises DeviceFaultError, which names the process that uses a port."""
     devices = {device: port for port in ports for device in _devices(port)}
     with ExitStack() as stack:
-        for device in sorted(devices):  # in a fixed order, so that two processes never wait for each other
+        for device in sorted(devices):  # the fixed order prevents two processes from waiting for each other
             stack.enter_context(_locked(device, devices[device]))
         yield
 
@@ -43,8 +43,8 @@ def _locked(device: str, port: str) -> Iterator[None]:
     except OSError as exc:
         raise DeviceFaultError("connection.lock_failed", port=port, path=str(path), cause=os_reason(exc)) from exc
     try:
-        if not acquire_lock(handle, _WITHIN):
-            raise _in_use(port, handle)
+        if not acquire_lock(handle, _LOCK_TIMEOUT):
+            raise _in_use_fault(port, handle)
         owner = {
             "pid": os.getpid(),
             "user": computer_user(),
@@ -59,7 +59,7 @@ def _locked(device: str, port: str) -> Iterator[None]:
 
 
 def _open(path: Path) -> int:
-    """Open a lock file for all users of this computer, and create it if it is missing."""
+    """Open a lock file for all users of this computer; create it if it does not exist."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with suppress(OSError):  # the folder may belong to another user
         path.parent.chmod(0o1777)
@@ -74,8 +74,8 @@ def _open(path: Path) -> int:
             return handle
 
 
-def _in_use(port: str, handle: int) -> DeviceFaultError:
-    """Return the fault that names the owner recorded in the lock file."""
+def _in_use_fault(port: str, handle: int) -> DeviceFaultError:
+    """Return the fault of a port in use, with the owner in the lock file."""
     os.lseek(handle, 0, os.SEEK_SET)
     try:
         owner = json.loads(os.read(handle, 4096))
@@ -86,23 +86,23 @@ def _in_use(port: str, handle: int) -> DeviceFaultError:
 
 
 def _devices(port: str) -> Iterator[str]:
-    """Yield the devices of a port name, equal for all names of the same device; none if it cannot be resolved."""
+    """Yield the devices of a port, which are equal for all names of the same device; none if it does not exist."""
     if "://" in port:
         yield from _addresses(port)
         return
     try:
-        device = os.path.realpath(resolve(port, "imu"))
+        device = os.path.realpath(port_device(port, "imu"))
     except DeviceFaultError:  # reported when the port is opened
         return
-    usb = next((adapter.usb for adapter in found_ports() if os.path.realpath(adapter.device) == device), None)
+    usb = next((adapter.usb for adapter in list_serial_ports() if os.path.realpath(adapter.device) == device), None)
     if usb is not None:
-        yield usb  # the device name may be reassigned to another adapter when this one is unplugged
+        yield usb  # another adapter may get the device name when this adapter is unplugged
     elif sys.platform == "win32" or Path(device).exists():
         yield device
 
 
 def _addresses(url: str) -> Iterator[str]:
-    """Yield every address of host:port, so that two names of the same host compare equal."""
+    """Yield the addresses of host:port, which are equal for all names of the same host."""
     with suppress(ValueError):
         parts = urlsplit(url)
         host, number = parts.hostname, parts.port

@@ -1,4 +1,4 @@
-"""Reading of the table's state and reset of a latched fault; nothing moves and no axis is switched on."""
+"""Reading of the state of a table, and reset of a latched fault, without motion and without switching axes on."""
 
 import math
 import time
@@ -17,14 +17,14 @@ from calstation.jobs import ProgressCallback
 Outcome = Literal["nothing", "cleared", "interlock_open", "moving", "local_control", "refused", "stays"]
 
 #: Timeout for a drive to clear a latched fault, host time in s.
-_CLEARED_WITHIN = 2.0
+_CLEAR_TIMEOUT = 2.0
 
 _POLL_INTERVAL = 0.1
 
 
 @dataclass(frozen=True)
 class TableState:
-    """State of a station's table: angles are None if not measured; `watchdog_s` is 0 if off, None if there is none."""
+    """The state of a table; angles are None if not measured, `watchdog_s` is 0 if off, and None without a watchdog."""
 
     model: str
     serial: str
@@ -40,12 +40,13 @@ class TableState:
 
 @dataclass(frozen=True)
 class TableReset:
-    """Result of a reset.
+    """The result of a reset.
 
     outcome : ``nothing`` if no fault was latched; ``cleared``; ``interlock_open``, ``moving`` or ``local_control`` if
         this prevented the reset; ``refused`` by the table; ``stays`` if the fault persists because its cause persists
-    latched : fault before the reset, or None; left : fault that is still latched after it, or None
-    words : the table's message if it refused the reset
+    latched : latched fault before the reset, or None
+    left : latched fault after the reset, or None
+    words : message of the table if it refused the reset
     """
 
     outcome: Outcome
@@ -95,10 +96,10 @@ def _identified(progress: ProgressCallback, request: LinkTestRequest) -> Iterato
 
 
 def reset(table: Table) -> TableReset:
-    """Reset the fault of an open table, if there is one and it is safe to do so.
+    """Reset the latched fault of an open table if this is safe.
 
-    No reset is sent to a table whose model differs from the profile's, to a moving table (the reset removes the drive's
-    power), or while the interlock is open: the table must not be made ready while a person is inside the guard.
+    No reset is sent to a table with another model than the profile, to a moving table, because the reset removes the
+    power of the drives, or while the interlock is open, because a person may be inside the guard.
     """
     table.identify()
     before = table.status()
@@ -116,7 +117,7 @@ def reset(table: Table) -> TableReset:
     except (ModbusRefusalError, TextRefusalError) as exc:
         left = table.status().fault
         return TableReset("refused" if left else "cleared", latched, left, str(exc))
-    deadline = time.monotonic() + _CLEARED_WITHIN
+    deadline = time.monotonic() + _CLEAR_TIMEOUT
     while (left := table.status().fault) is not None and time.monotonic() < deadline:
         time.sleep(_POLL_INTERVAL)
     return TableReset("stays" if left else "cleared", latched, left)

@@ -1,4 +1,4 @@
-"""Test of a table on its open link: identity, polling times, status, travel and watchdog."""
+"""Test of the identity, polling times, status, travel and watchdog of a table on its open link."""
 
 import math
 import time
@@ -15,14 +15,14 @@ from calstation.devices.links import (
     NoAnswerError,
     PortLostError,
     TextRefusalError,
-    UnlikeAnswerError,
+    UnexpectedReplyError,
 )
 from calstation.devices.profiles import JOINTS, SerialSettings, TableProfile
 from calstation.devices.table import ModbusTable, RegisterTable, TextTable
 from calstation.errors import DeviceFaultError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Finding, Value, known
-from calstation.sequencer import SLOWEST_POLL
+from calstation.sequencer import MAX_POLL_DURATION
 
 _POLLS = 20
 _READ_HOLDING = 3
@@ -39,7 +39,7 @@ def query_table(
     port: str,
     progress: ProgressCallback,
 ) -> Iterator[Finding]:
-    """Yield the findings on an open, not yet identified table, up to the first that makes the rest meaningless."""
+    """Yield the findings on an open table, up to the first one after which others would be meaningless."""
     progress(0.5, note="asking")
     try:
         identity = table.identify()
@@ -57,37 +57,37 @@ def query_table(
         yield Finding("exception", "error", values, entry if known(f"finding.{entry}") else "")
     except TextRefusalError as exc:
         yield Finding("line_refused", "error", {"words": exc.as_text})
-    except UnlikeAnswerError as exc:
+    except UnexpectedReplyError as exc:
         if is_text(table.received):
             yield Finding("unlike_answer", "error", {"words": exc.as_text})
         else:
-            yield _no_text(table.received, profile, settings, port, exc)
+            yield _text_finding(table.received, profile, settings, port, exc)
     except PortLostError as exc:
         yield Finding("lost", "error", {"words": exc.as_text})
     except NoAnswerError as exc:
-        # Bytes received before a second drive failed to reply came from the first drive.
+        # If a second drive does not reply, the bytes received before are those of the first drive.
         received = table.received if exc.unit == profile.unit else b""
-        yield _no_modbus(received, profile, settings, port, exc)
+        yield _modbus_finding(received, profile, settings, port, exc)
     except DeviceFaultError as exc:
         if isinstance(table, ModbusTable):
             yield Finding("no_number", "error", {"words": exc.as_text})
         else:
-            yield _no_text(table.received, profile, settings, port, exc)
+            yield _text_finding(table.received, profile, settings, port, exc)
     else:
         yield Finding("identified", "ok", {"model": identity.model, "serial": identity.serial})
         yield _round_trip(times)
-        yield from _status(status, profile)
+        yield from _status_findings(status, profile)
 
 
 def _round_trip(times: list[float]) -> Finding:
-    seconds = {"typical": float(np.median(times)), "worst": max(times), "limit": SLOWEST_POLL}
+    seconds = {"typical": float(np.median(times)), "worst": max(times), "limit": MAX_POLL_DURATION}
     values = {**seconds, "count": _POLLS, **{f"{name}_ms": 1e3 * value for name, value in seconds.items()}}
-    if seconds["worst"] <= SLOWEST_POLL:
+    if seconds["worst"] <= MAX_POLL_DURATION:
         return Finding("round_trip", "ok", values)
     return Finding("round_trip", "warning", values, "round_trip_slow")
 
 
-def _status(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
+def _status_findings(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
     stops_after = profile.link_loss_stop_s if math.isinf(status.watchdog) else status.watchdog
     if stops_after:
         yield Finding("watchdog", "ok", {"seconds": stops_after})
@@ -128,7 +128,7 @@ def _status(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
             yield Finding("travel", "ok", values)
 
 
-def _no_modbus(
+def _modbus_finding(
     received: bytes, profile: TableProfile, settings: SerialSettings, port: str, error: NoAnswerError
 ) -> Finding:
     unit = error.unit
@@ -140,16 +140,16 @@ def _no_modbus(
     if not received:
         return Finding("silent_rtu", "error", values, "" if line else "silent_rtu_server")
     values["count"] = len(received)
-    if len(received) >= _REQUEST_SIZE and _valid(received[:_REQUEST_SIZE]) and received[2] != _REQUEST_SIZE - 5:
+    if len(received) >= _REQUEST_SIZE and _has_valid_crc(received[:_REQUEST_SIZE]) and received[2] != _REQUEST_SIZE - 5:
         return Finding("echo", "error", values)
-    if _valid(received) and received[0] != unit:
+    if _has_valid_crc(received) and received[0] != unit:
         return Finding("other_unit", "error", {**values, "found": received[0]})
     if received[0] == unit and len(received) > 1 and received[1] & 0x7F == _READ_HOLDING:
         return Finding("crc", "error", values)
     return Finding("garbled", "error", values, "" if line else "garbled_server")
 
 
-def _no_text(
+def _text_finding(
     received: bytes, profile: TableProfile, settings: SerialSettings, port: str, error: DeviceFaultError
 ) -> Finding:
     line = line_values(port, settings)
@@ -162,5 +162,5 @@ def _no_text(
     return Finding("unlike_text", "error", {**values, "said": quoted(received.strip())})
 
 
-def _valid(frame: bytes) -> bool:
+def _has_valid_crc(frame: bytes) -> bool:
     return len(frame) > 3 and check_bytes("crc16_modbus", frame[:-2], "little") == frame[-2:]

@@ -1,4 +1,4 @@
-"""Interfaces of a table and an IMU as used by the sequencer; all angles are in rad."""
+"""Interfaces of a table and an IMU for the sequencer; all angles are in rad."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -7,15 +7,15 @@ from typing import Protocol
 from calstation.errors import DeviceFaultError
 from calstation.physics import FloatArray, IntArray, JointLimits
 
-#: A table's `fault` under local control, when it accepts commands from its own panel only; not a latched fault.
+#: `fault` of a table under local control, which accepts commands from its own panel only; this fault is not latched.
 LOCAL_CONTROL = "local control"
 
-#: A table's `fault` if it reports a fault without a cause.
+#: `fault` of a table that reports a fault without a cause.
 UNKNOWN_FAULT = "cause not told"
 
 
 class OtherModelError(DeviceFaultError):
-    """The replying device is not of the model that the profile names."""
+    """The device that replies is not of the model in the profile."""
 
     @property
     def found(self) -> str:
@@ -24,7 +24,7 @@ class OtherModelError(DeviceFaultError):
 
     @property
     def expected(self) -> str:
-        """Model that the profile names."""
+        """Model in the profile."""
         return str(self.values["expected"])
 
 
@@ -45,10 +45,11 @@ class TableStatus:
     """State of a table, from one poll.
 
     angles, rates : cumulative angles and rates of joints outer, inner, rad and rad/s, shape (2,); NaN if not measured
-    enabled, homed, settled : whether both axes are in this state; moving : whether at least one axis moves
-    fault : latched fault, or another reason why the table does not accept commands; None if there is none
+    enabled, homed, settled : whether both axes are in this state
+    moving : whether at least one axis moves
+    fault : latched fault, or another reason why the table does not accept commands, or None
     interlock_closed : whether the safety interlock is closed, so that the axes may be powered
-    watchdog : timeout of the table's own watchdog, host seconds; 0 if it is off, infinite if there is none
+    watchdog : timeout of the table's watchdog, host time in s; 0 if it is off, infinite if there is none
     limits : travel as set in the table, with the rate and acceleration limits of the profile
     joints, joint_rates : angles and rates of a gimbal's joints x, y, z, rad and rad/s, shape (3,); None for a table
     """
@@ -68,7 +69,7 @@ class TableStatus:
 
 
 class Table(Protocol):
-    """A two-axis table. Every call is bounded in time and raises DeviceFaultError if it fails."""
+    """A two-axis table. Every call has a time limit and raises DeviceFaultError if it fails."""
 
     def identify(self) -> TableIdentity:
         """Return the model and serial number."""
@@ -83,23 +84,23 @@ class Table(Protocol):
         """Switch both axes off."""
 
     def home(self) -> None:
-        """Start slow homing; `status` reports when it is done."""
+        """Start slow homing, whose end is reported by `status`."""
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
-        """Start moving both joints to absolute angles, rad, with limits in rad/s and rad/s²; does not wait."""
+        """Start moving both joints to absolute angles, rad, with limits in rad/s and rad/s²; do not wait."""
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Rotate both joints until stopped, rad/s and rad/s²; does not wait.
+        """Start rotating both joints until they are stopped, rad/s and rad/s²; do not wait.
 
-        Raises ConfigurationError if the table would not stop automatically after a link loss: no active watchdog and no
-        `link_loss_stop_s` in the profile.
+        Raises ConfigurationError if the table would not stop after a link loss, because it has no active watchdog and
+        the profile no `link_loss_stop_s`.
         """
 
     def stop(self) -> None:
-        """Decelerate to rest; does not wait."""
+        """Start decelerating to rest; do not wait."""
 
     def reset_fault(self) -> None:
-        """Clear a latched fault; never restarts motion."""
+        """Clear a latched fault; this never starts a motion."""
 
     def heartbeat(self) -> None:
         """Feed the table's watchdog if it has one."""
@@ -109,16 +110,16 @@ class Table(Protocol):
 
 
 class Gimbal(Table, Protocol):
-    """A three-joint gimbal that stabilises the unit on its corrected rates; `home` returns to zero and locks."""
+    """A three-joint gimbal that stabilises the unit with its corrected rates; `home` returns to zero and locks."""
 
     def lock(self) -> None:
-        """Lock the joints; from then on, the gyro output is averaged as the gyro bias."""
+        """Lock the joints and average the gyro output from now on as the gyro bias."""
 
     def stabilise(self) -> None:
         """Hold the unit at rest in space."""
 
     def turn(self, axis: int, angle: float, rate: float) -> None:
-        """Start a turn about a body axis, rad and rad/s, with the others stabilised; does not wait."""
+        """Start a turn about a body axis, rad and rad/s, with the others stabilised; do not wait."""
 
 
 @dataclass(frozen=True)
@@ -135,10 +136,10 @@ class SampleBatch:
     """Samples decoded since the last read.
 
     seq : unwrapped counter, shape (n,)
-    time : IMU clock at the end of each sample, s, shape (n,)
+    time : IMU time at the end of each sample, s, shape (n,)
     counts : gyro x y z, accel x y z, shape (n, 6)
-    temperature : °C, shape (n,); NaN if the frames do not contain it
-    status : status word, shape (n,); 0 if the frames do not contain it
+    temperature : temperature, °C, shape (n,); NaN if the frames have none
+    status : status word, shape (n,); 0 if the frames have none
     arrival : host monotonic time at which each sample's bytes were read, s, shape (n,)
     """
 
@@ -157,10 +158,10 @@ class SampleBatch:
 class LinkStats:
     """Counts since the link was opened.
 
-    frames, bytes : number received
-    crc_errors : frames with a wrong checksum
-    skipped : bytes outside frames
-    gaps, restarts : interruptions of the counter, and the number of these due to restarts
+    frames, bytes : number of frames and bytes received
+    crc_errors : number of frames with a wrong checksum
+    skipped : number of bytes outside frames
+    gaps, restarts : number of interruptions of the counter, and of those due to a restart
     """
 
     frames: int = 0
@@ -179,19 +180,19 @@ class Imu(Protocol):
         """Counts since the link was opened."""
 
     def start(self, *, corrected: bool = False) -> None:
-        """Start the stream: raw or, if `corrected`, with the registers applied as the profile specifies.
+        """Start the raw stream or, if `corrected`, the stream with the registers applied.
 
-        Only samples of this stream are read from then on. A restart of the unit returns it to the raw stream.
+        Only samples of this stream are read from now on. After a restart, the unit sends the raw stream again.
         """
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity | None:
-        """Identify a unit that may have restarted, retrying for as long as a restart may take, then `start` it.
+        """Identify a unit that may have restarted, repeatedly for as long as a restart may take, and `start` it.
 
         `check_cancelled` is called between attempts and may raise. Returns None if the unit accepts no commands.
         """
 
     def read(self) -> SampleBatch:
-        """Return all samples decoded since the last call, possibly none; never waits.
+        """Return all samples decoded since the last call, possibly none, without waiting.
 
         Raises NoFramesError if bytes arrive but none belong to a frame.
         """
@@ -203,13 +204,13 @@ class Imu(Protocol):
         """Return the calibration registers by contract parameter name, SI."""
 
     def write_registers(self, values: Mapping[str, float]) -> None:
-        """Write calibration registers (volatile until `commit`)."""
+        """Write calibration registers, which are volatile until `commit`."""
 
     def commit(self) -> None:
         """Store the registers permanently in flash."""
 
     def reset(self) -> None:
-        """Restart the unit and wait until it has restarted; its registers then have the values of its flash."""
+        """Restart the unit and wait until its registers have the values of its flash."""
 
     def close(self) -> None:
         """Close the link."""

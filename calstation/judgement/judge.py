@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from calstation.config import ProductConfig, gravity_beyond, gravity_contradiction
+from calstation.config import ProductConfig, excess_gravity_sigma, gravity_contradiction
 from calstation.estimation import Diagnosis, Solution
 from calstation.estimation.common import Posterior
 from calstation.judgement.acceptance import acceptance
@@ -122,7 +122,7 @@ def _explained(meta: LogMeta, check: Check) -> Check:
     """Return a check of a sigma with the cause if gravity alone exceeds its limit."""
     if check.kind != "sigma_below" or isinstance(check.limit, tuple):
         return check
-    gravity = gravity_beyond(meta, check.subject, check.limit)
+    gravity = excess_gravity_sigma(meta, check.subject, check.limit)
     if gravity is None:
         return check
     size = gravity["sigma_ppm"] * 1e-6

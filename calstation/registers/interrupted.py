@@ -7,7 +7,7 @@ from pathlib import Path
 from calstation.config import RunConfiguration
 from calstation.connection import Devices, ImuSession, capture_rest
 from calstation.devices import Imu
-from calstation.devices.imu import Closing, Holds, Transferred, finish, recognise, restore
+from calstation.devices.imu import Closing, FlashContent, TransferResult, finish, read_flash_content, restore
 from calstation.registers import journal
 from calstation.registers.journal import journal_folder
 from calstation.registers.preconditions import check_unit_model, undecided
@@ -24,7 +24,7 @@ class UnverifiedTransfer:
 
     setup: RunConfiguration
     imu: Imu
-    transferred: Transferred
+    transferred: TransferResult
     on_verified: Callable[[], None]
     open: bool = True
 
@@ -53,9 +53,9 @@ def recover_interrupted(
     identity = imu.identify()
     check_unit_model(entry, identity.model)
     registers = setup.register_map
-    holds = recognise(imu, entry, registers)
+    holds = read_flash_content(imu, entry, registers)
     values = {"serial": entry.serial, "holds": holds, "utc": entry.utc, "by": entry.by, "why": entry.why}
-    if holds is Holds.OLD:
+    if holds is FlashContent.OLD:
         entry.close(Closing.KEPT)
         imu.start()
         emit(Message("transfer_kept", values))

@@ -22,13 +22,13 @@ from calstation.connection import Devices, capture_rest, connected, open_imu_ses
 from calstation.devices import Imu, ImuIdentity
 from calstation.devices.imu import (
     Closing,
-    Holds,
+    FlashContent,
     Step,
-    Transferred,
+    TransferResult,
     check_serial,
     finish,
-    put_back,
-    recognise,
+    read_flash_content,
+    rewrite_old,
     transfer,
 )
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
@@ -180,19 +180,19 @@ class _ActiveOperation:
             check_unit_model(entry, self.identity.model)
         if self.entry is None:
             check_no_interrupted(imu, self.setup, request.out)
-        elif self.restoring and recognise(imu, self.entry, self.setup.register_map) is Holds.OLD:
+        elif self.restoring and read_flash_content(imu, self.entry, self.setup.register_map) is FlashContent.OLD:
             self.entry.close(Closing.KEPT)
             return self._settled_event(self.entry.old, Closing.KEPT, "")
         return None
 
-    def write(self, imu: Imu) -> Transferred:
+    def write(self, imu: Imu) -> TransferResult:
         """Write the registers, read them back, commit them, restart the unit, and read them again.
 
         Raises DeviceFaultError or ConfigurationError.
         """
         entries = self.setup.register_map
         if self.entry is not None:
-            return (put_back if self.restoring else finish)(imu, entries, self.entry)
+            return (rewrite_old if self.restoring else finish)(imu, entries, self.entry)
         return transfer(imu, entries, self.operation.request.serial, self.values, self._begin)
 
     @contextmanager
@@ -213,7 +213,7 @@ class _ActiveOperation:
     def verify(
         self,
         imu: Imu,
-        transferred: Transferred,
+        transferred: TransferResult,
         data: VerificationData,
         run_in_background: RunInBackground | None = None,
     ) -> Settled:
@@ -278,7 +278,7 @@ def _run_with_turns(active: _ActiveOperation, control: Control, check_cancelled:
                 drive.preflight()
                 drive.check_turns()
             drive.go(State.RUNNING)
-            if active.entry is None or corrected_output(active.setup) is Output.ASKED:
+            if active.entry is None or corrected_output(active.setup) is Output.ON_COMMAND:
                 active.emit(Message("reference"))
                 with _offering_at_rest():
                     drive.reference(drive.units, tuple(drive.units))

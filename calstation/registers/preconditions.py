@@ -8,7 +8,7 @@ from pathlib import Path
 
 from calstation.config import RunConfiguration
 from calstation.devices import Imu
-from calstation.devices.imu import Closing, Holds, recognise
+from calstation.devices.imu import Closing, FlashContent, read_flash_content
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.registers import journal
 from calstation.registers.journal import Transfer, journal_folder, map_digest
@@ -78,12 +78,12 @@ def check_no_interrupted(imu: Imu, setup: RunConfiguration, runs: Path) -> None:
     entry = journal.interrupted(journal_folder(setup.station, runs), setup.request.serial)
     if entry is not None:
         check_unit_model(entry, imu.identify().model)
-        holds = recognise(imu, entry, setup.register_map)
-        if holds is not Holds.OLD:
+        holds = read_flash_content(imu, entry, setup.register_map)
+        if holds is not FlashContent.OLD:
             raise undecided(entry, holds)
         entry.close(Closing.KEPT)
 
 
-def undecided(entry: Transfer, holds: Holds) -> DeviceFaultError:
+def undecided(entry: Transfer, holds: FlashContent) -> DeviceFaultError:
     """Return the fault of a unit whose interrupted transfer awaits a decision."""
     return DeviceFaultError("transfer.interrupted", serial=entry.serial, utc=entry.utc, holds=str(holds))

@@ -20,7 +20,7 @@ import numpy as np
 
 from calstation.config import RunConfiguration
 from calstation.devices import Imu
-from calstation.devices.imu import Closing, Entry, RegisterMap, Step, Transferred, restore
+from calstation.devices.imu import Closing, Entry, RegisterMap, Step, TransferResult, restore
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common import ImuModel, Posterior, SolveContext, filter_noise
 from calstation.estimation.effects import effect_errors
@@ -42,7 +42,7 @@ from calstation.physics import (
     rotation_matrix,
 )
 from calstation.records import context_from_meta, prior_from_meta
-from calstation.sequencer import RunInBackground, TurnDrift, Turned, VerificationData
+from calstation.sequencer import JointDrift, RunInBackground, Turned, VerificationData
 
 #: Maximum deviation in standard deviations; noise exceeds it with a probability of about 1e-8.
 SIGMAS = 6.0
@@ -94,7 +94,7 @@ class AppliedRegisters:
 def finish_verification(
     setup: RunConfiguration,
     imu: Imu,
-    transferred: Transferred,
+    transferred: TransferResult,
     data: VerificationData,
     run_in_background: RunInBackground | None = None,
 ) -> None:
@@ -107,7 +107,7 @@ def finish_verification(
     run(lambda: close_checked(imu, setup.register_map, transferred.entry, checks, data))
 
 
-def finish_restored(setup: RunConfiguration, transferred: Transferred, data: VerificationData) -> None:
+def finish_restored(setup: RunConfiguration, transferred: TransferResult, data: VerificationData) -> None:
     """Close the transfer of restored registers. Raises DeviceFaultError afterwards if the output is wrong."""
     entry = transferred.entry
     failed = [check for check in _prior_checks(setup, transferred, data, restored=True) if not check.passed]
@@ -157,7 +157,7 @@ def _check_error(code: str, check: VerificationCheck) -> DeviceFaultError:
 
 
 def _prior_checks(
-    setup: RunConfiguration, transferred: Transferred, data: VerificationData, *, restored: bool
+    setup: RunConfiguration, transferred: TransferResult, data: VerificationData, *, restored: bool
 ) -> tuple[VerificationCheck, ...]:
     """Check the output without an estimate of a run, with tolerances for all units of the type."""
     meta = setup.log_meta()
@@ -209,7 +209,7 @@ def verify_output(
         checks.append(_check_earth_rate_up(omega[pair], force[pair], covariance, context, noises[1]))
     for turned in data.turns:
         mean, _ = compensate(correction, (turned.angle / turned.seconds)[None], np.zeros((1, 3)))
-        net = (mean[0] - omega[turned.turn.still]) * turned.seconds
+        net = (mean[0] - omega[turned.turn.rest]) * turned.seconds
         checks.append(_check_turn(turned, net, covariance, context, repeatability, noises[1]))
     if len(data.carried):
         turning, _ = compensate(correction, data.carried[:, :3], data.carried[:, 3:])
@@ -218,7 +218,7 @@ def verify_output(
 
 
 def _check_drift(
-    turn_drift: TurnDrift,
+    turn_drift: JointDrift,
     registers: AppliedRegisters,
     covariance: FloatArray,
     context: SolveContext,
@@ -320,7 +320,7 @@ def _check_turn(
     for i, p in enumerate(PARAMETERS):
         if p.group in ("gyro_scale", "gyro_misalign"):
             jacobian[i] = net[p.row] * net[p.column] / max(measured, 1e-9)
-    encoder = repeatability if turned.turn.whole else context.table.encoder_sigma
+    encoder = repeatability if turned.turn.is_full else context.table.encoder_sigma
     variance = max(float(jacobian @ covariance @ jacobian), 0.0) + 2.0 * encoder**2
     variance += context.imu.gyro_arw**2 * turned.seconds + (noise * turned.seconds) ** 2
     name = "outer_turn" if turned.turn.joint == OUTER else "inner_turn"
@@ -398,7 +398,7 @@ def _raw_output(output: FloatArray, registers: Mapping[str, float] | None) -> Fl
 
 def _net_turn(turned: Turned, angle: FloatArray, rests: FloatArray) -> FloatArray:
     """Return a turn minus the gyro output at rest (bias and earth rate along the axis), rad, shape (3,)."""
-    return np.asarray(angle - rests[turned.turn.still, :3] * turned.seconds)
+    return np.asarray(angle - rests[turned.turn.rest, :3] * turned.seconds)
 
 
 def _force_scatter(force: FloatArray, seconds: float, context: SolveContext, repeatability: float) -> FloatArray:

@@ -21,7 +21,7 @@ from calstation.reports import station_request
 from calstation.results import Ending, build_result, write_json
 from calstation.runs.preparation import OpenRun
 from calstation.schema import EntryError
-from calstation.sequencer import Emit, Ended, Finalized, Message, State
+from calstation.sequencer import Emit, RunEnd, Finalized, Message, State
 
 _ENDS = {State.DONE: End.COMPLETED, State.STOPPED: End.STOPPED, State.FAULT: End.FAULT}
 
@@ -37,7 +37,7 @@ _started: list[subprocess.Popen[bytes]] = []
 logger = logging.getLogger(__name__)
 
 
-def close_run(run: OpenRun, ended: Ended) -> None:
+def close_run(run: OpenRun, ended: RunEnd) -> None:
     """Write the result into the log and next to it; emit the verdict.
 
     A run that ended early is judged by the stages that it solved. In a batch, the caller starts the reports after the

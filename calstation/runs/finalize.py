@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from functools import partial
 
 from calstation.devices import Imu
-from calstation.devices.imu import Entry, Transferred, flash_registers, transfer
+from calstation.devices.imu import Entry, TransferResult, flash_registers, transfer
 from calstation.estimation import Solution
 from calstation.estimation.common import Posterior
 from calstation.judgement import (
@@ -32,7 +32,7 @@ from calstation.registers import journal as register_journal
 from calstation.results import estimate_of
 from calstation.runs.closing import close_run
 from calstation.runs.preparation import OpenRun
-from calstation.sequencer import Ended, Judged, Message, RunInBackground, StopRequested, VerificationData
+from calstation.sequencer import Message, RunEnd, RunInBackground, StopRequested, UnitDecision, VerificationData
 
 logger = logging.getLogger(__name__)
 
@@ -47,7 +47,7 @@ class Finalization:
         self._entries = run.setup.register_map
         self._old: Mapping[str, float] = {}
         self._target: Mapping[str, float] = {}
-        self._transferred: Transferred | None = None
+        self._transferred: TransferResult | None = None
         self._posterior: Posterior | None = None
         #: Sizes of the effects in the unit's model, SI, by parameter.
         self._effects: dict[str, float] = {}
@@ -69,7 +69,7 @@ class Finalization:
         run.emit(Message("stopped_early", {"stage": solution.stage}))
         return False
 
-    def judge(self, solutions: tuple[Solution, ...]) -> Judged:
+    def judge(self, solutions: tuple[Solution, ...]) -> UnitDecision:
         """Judge the unit, and determine the registers to write if it passes."""
         run = self.run
         judgement = judge(run.meta, run.chain.prior, solutions, standard=self._compare_standard(solutions))
@@ -82,7 +82,7 @@ class Finalization:
         to_write = judgement.passed is True and judgement.standard is None and bool(self._entries.parameters)
         if to_write:
             self._target = self._registers_to_write(solutions)
-        return Judged(judgement, to_write)
+        return UnitDecision(judgement, to_write)
 
     def read_registers(self, run_in_background: RunInBackground) -> None:
         """Read the unit's registers, log them and sync the log to disk before anything is written to the unit.
@@ -166,7 +166,7 @@ class Finalization:
         message = "registers_written" if data.corrected else "registers_read_back"
         run.emit(Message(message, {"count": len(self._transferred.registers_read)}))
 
-    def ended(self, ended: Ended) -> None:
+    def ended(self, ended: RunEnd) -> None:
         """Write the result of the unit and emit its verdict."""
         run = self.run
         if run.unverified is not None and run.unverified.open:

@@ -22,11 +22,11 @@ from calstation.runs.preparation import OpenRun, PreparedRun, prepare
 from calstation.sequencer import (
     Control,
     Emit,
-    Ended,
     Fault,
     LastSample,
     Message,
     RunContext,
+    RunEnd,
     Sequencer,
     Slot,
     State,
@@ -108,7 +108,7 @@ def _closing_on_error(runs: Sequence[OpenRun]) -> Iterator[None]:
             error = CalstationError("program.internal", detail=f"{type(mistake).__name__}: {mistake}")
         for run in open_runs:
             with suppress(OSError, RuntimeError, CalstationError):  # the log itself may have failed
-                close_run(run, Ended(State.FAULT, tuple(run.chain.solutions), error))
+                close_run(run, RunEnd(State.FAULT, tuple(run.chain.solutions), error))
         raise
 
 
@@ -198,10 +198,10 @@ def _resume(run: OpenRun) -> LastSample | None:
     return last_sample
 
 
-def _ended_by(run: OpenRun, error: CalstationError | StopRequested) -> Ended:
+def _ended_by(run: OpenRun, error: CalstationError | StopRequested) -> RunEnd:
     solutions = tuple(run.chain.solutions)
     if isinstance(error, StopRequested):
-        return Ended(State.STOPPED, solutions)
+        return RunEnd(State.STOPPED, solutions)
     logger.error("fault %s: %s", error.code, error)
     run.emit(Fault.of(error))
-    return Ended(State.FAULT, solutions, error)
+    return RunEnd(State.FAULT, solutions, error)

@@ -1,23 +1,23 @@
-"""Executes steps, guards motion and emits events for one table and its units.
+"""Execution of runs on one table with its units: steps, protection of the table, data acquisition, and events.
 
-The package is independent of user interfaces; it writes the raw log only through `Slot.journal`.
-More than 15 modules: one a part of the control loop or a kind of task.
+The package is independent of user interfaces; it writes the raw log only through `Slot.log`.
+It has more than 15 modules: one for each part of the control loop or kind of task.
 """
 
-from calstation.sequencer.acquisition import SLOWEST_POLL
+from calstation.sequencer.acquisition import MAX_POLL_DURATION
 from calstation.sequencer.capture import DURATION, REST, mean_at_rest
 from calstation.sequencer.context import (
     Clock,
     Emit,
-    Ended,
-    Judged,
     LastSample,
     Output,
     PreflightLimits,
     RunContext,
+    RunEnd,
     RunInBackground,
     Slot,
     Task,
+    UnitDecision,
     UnitTask,
 )
 from calstation.sequencer.control import Command, Control, State, StopReason, StopRequested
@@ -50,4 +50,4 @@ from calstation.sequencer.plan import StagePlan, StopRule, move_time, plan_time,
 from calstation.sequencer.sequencer import Sequencer
 from calstation.sequencer.tasks import corrected_output, table_task, unit_task
 from calstation.sequencer.units import NO_DATA
-from calstation.sequencer.verification_path import TurnDrift, Turned, VerificationData
+from calstation.sequencer.verification_path import JointDrift, Turned, VerificationData

@@ -1,4 +1,4 @@
-"""Data acquisition: drains the IMU, assigns table angles to its samples, and stamps stage and step."""
+"""Data acquisition: reads the samples of an IMU, assigns table angles to them, and tags them with stage and step."""
 
 import math
 from collections import deque
@@ -13,31 +13,31 @@ from calstation.estimation.common import SampleBlock, snap_angles
 from calstation.physics import CHANNELS, FloatArray
 from calstation.sequencer.context import Clock, LastSample, UnitTask
 
-#: Number of ticks over which the minimum delay between IMU clock and station clock is determined.
+#: Number of ticks over which the minimum delay between the IMU clock and the station clock is determined.
 CLOCK_WINDOW = 200
 
-#: Assumed interval, in counter and IMU time, between the last sample of a run and the first one after resumption, s.
-#: The true interval is unknown if the unit lost power.
-INTERRUPTION = 1.0
+#: Assumed interval between the last sample of a run and the first one after it is resumed, in s of counter and IMU
+#: time. The true interval is unknown if the unit lost power.
+RESUME_GAP = 1.0
 
 #: A channel is stuck if its noise is at least this many output steps and its value is constant over this many samples;
 #: the probability of this occurring by chance is 1e-28.
 _MIN_NOISE, _STUCK_AFTER = 0.35, 400
 
-#: Lateness of samples, as a fraction of the counter's wrap time, that indicates an undetected wrap. Transport delay
-#: only increases the lateness.
-_WRAPPED = 0.9
+#: Delay of samples, as a fraction of the counter's wrap time, that indicates an undetected wrap. The transport can only
+#: increase the delay.
+_WRAP_DELAY = 0.9
 
-#: Maximum duration of a poll, s. A longer one was lost and repeated, so the time of its angles is unknown.
-SLOWEST_POLL = 0.3
+#: Maximum duration of a poll, s. A longer poll was lost and repeated, so the time of its angles is unknown.
+MAX_POLL_DURATION = 0.3
 
 
 @dataclass(frozen=True)
-class Flow:
-    """Result of a drain: number of samples, number missing before or among them, and status bits.
+class DrainResult:
+    """Number of samples read, number of samples missing before or among them, and their combined status.
 
-    `invalid` is True if some output is not a number; `stuck` is the name of a channel that was constant for too long,
-    or "".
+    `invalid` is True if some output is not a number. `stuck` is the name of a channel that was constant for too long,
+    or "" if there is none.
     """
 
     count: int = 0
@@ -50,8 +50,8 @@ class Flow:
 
 
 @dataclass
-class Stamps:
-    """Stamps that all units share: every later drain assigns `stage`, `step` and `valid` to its samples.
+class SampleTags:
+    """The stage, step and validity that all units assign to the samples they read from now on.
 
     While `unlogged` is set, samples are passed to taps only.
     """
@@ -62,7 +62,7 @@ class Stamps:
     unlogged: bool = False
 
     @contextmanager
-    def unlogged_samples(self) -> Iterator[None]:
+    def without_logging(self) -> Iterator[None]:
         """Keep samples out of the logs while the context is open."""
         before, self.unlogged = self.unlogged, True
         try:
@@ -72,17 +72,26 @@ class Stamps:
 
 
 class Acquisition:
-    """Converts the IMU's samples into stamped blocks for the log and the solver.
+    """Converts the IMU's samples to tagged blocks for the log and the solver.
 
     The IMU time of a table poll is the midpoint between the station times of request and reply, minus the latency and
-    the smallest delay observed between IMU clock and station clock. The angle, extrapolated with the polled rate, is
-    assigned to the nearest sample; other samples have NaN. `latency` is the age of a polled angle at the midpoint, s.
-    If `gimbal` is set, the polled angles belong to three joints.
+    the smallest delay observed between the IMU clock and the station clock. The angle, extrapolated with the polled
+    rate, is assigned to the nearest sample; all other samples have NaN.
 
-    If exactly one full wrap of the counter is lost, the counter shows no gap. The station clock reveals the loss: the
-    following samples are later than all previous ones by the duration of a wrap.
+    If exactly one full wrap of the counter is lost, the counter has no gap. The station clock reveals the loss: the
+    following samples arrive later than all previous ones by the duration of a wrap.
 
-    `breaks` counts interruptions of the counter and losses of readiness, `restarts` only the ones caused by a restart.
+    `newest_time` is the IMU time of the last sample, s, or None. `breaks` counts interruptions of the counter and
+    losses of readiness, `restarts` only those caused by a restart of the unit.
+
+    Parameters
+    ----------
+    imu, unit, clock : the unit, its properties and the station clock
+    tags : tags of the samples
+    sink : receives each block that belongs in the log
+    latency : age of a polled angle at the midpoint of the poll, s
+    after : last sample of the run that is resumed
+    gimbal : whether the polled angles belong to three joints
     """
 
     def __init__(
@@ -90,14 +99,14 @@ class Acquisition:
         imu: Imu,
         unit: UnitTask,
         clock: Clock,
-        stamps: Stamps,
+        tags: SampleTags,
         sink: Callable[[SampleBlock], None],
         *,
         latency: float = 0.0,
         after: LastSample | None = None,
         gimbal: bool = False,
     ) -> None:
-        self._imu, self._unit, self._clock, self._stamps, self._sink = imu, unit, clock, stamps, sink
+        self._imu, self._unit, self._clock, self._tags, self._sink = imu, unit, clock, tags, sink
         self._latency, self._gimbal = latency, gimbal
         self.scale = unit.model.count_size
         self._latest: SampleBatch | None = None
@@ -115,92 +124,90 @@ class Acquisition:
         self._last_seq: int | None = None
         self._after = after
         self._seq_shift, self._time_shift = 0, 0.0
-        self.newest: float | None = None
+        self.newest_time: float | None = None
         self.gaps = 0
         self.breaks = self.restarts = 0
         self._was_ready = False
         self._device_restarts = 0
         self.last_arrival = clock.now()
 
-    def poll(self, status: TableStatus, asked: float, answered: float) -> None:
-        """Add a poll of the table with the station times of its request and its reply, s; ignore a slow one."""
-        if answered - asked > SLOWEST_POLL:
+    def poll(self, status: TableStatus, requested: float, replied: float) -> None:
+        """Add a poll of the table with the station times of its request and its reply, s; ignore a slow poll."""
+        if replied - requested > MAX_POLL_DURATION:
             return
-        middle = 0.5 * (asked + answered) - self._latency
-        if self._gimbal:
-            self._polls.append((middle, np.array(status.joints), np.array(status.joint_rates)))
-        else:
-            self._polls.append((middle, np.array(status.angles), np.array(status.rates)))
+        middle = 0.5 * (requested + replied) - self._latency
+        angles, rates = (status.joints, status.joint_rates) if self._gimbal else (status.angles, status.rates)
+        self._polls.append((middle, np.array(angles), np.array(rates)))
 
-    def drain(self) -> Flow:
-        """Read all samples received so far, stamp them and pass them on.
+    def drain(self) -> DrainResult:
+        """Read all samples received so far, and pass them to the taps and, with their tags, to the log.
 
         Raises DeviceFaultError, or ConfigurationError if the log cannot be written.
         """
         batch = self._imu.read()
         count = len(batch.seq)
         if count == 0:
-            return Flow()
+            return DrainResult()
         now = self._clock.now()
         if self._after is not None and self._last_seq is None:
-            # Counter and clock continue from the run that is resumed.
-            after, lost = self._after, round(INTERRUPTION / self._period)
+            # The counter and the clock continue from the run that is resumed.
+            after, lost = self._after, round(RESUME_GAP / self._period)
             self._seq_shift = after.seq + lost + 1 - int(batch.seq[0])
-            self._time_shift = after.time + INTERRUPTION + self._period - float(batch.time[0])
+            self._time_shift = after.time + RESUME_GAP + self._period - float(batch.time[0])
         batch = self._with_wraps(batch, now)
         before = int(batch.seq[0]) - 1 if self._last_seq is None else self._last_seq
         self._last_seq = int(batch.seq[-1])
         missing = self._last_seq - before - count
-        if not self._stamps.unlogged:
+        if not self._tags.unlogged:
             self.gaps += missing > 0
         self.breaks += missing > 0
-        self.newest = float(batch.time[-1])
+        self.newest_time = float(batch.time[-1])
         self._latest = batch
         self.last_arrival = now
         if missing:
             self._delays.clear()
-        self._delays.append(now - self.newest)
+        self._delays.append(now - self.newest_time)
         finite = np.isfinite(batch.counts).all(axis=1)
-        ends = (batch.counts <= self._unit.span.low) | (batch.counts >= self._unit.span.high)
-        saturated = (batch.status & self._unit.masks.saturated != 0) | ends.any(axis=1)
+        masks, span = self._unit.masks, self._unit.span
+        at_bound = (batch.counts <= span.low) | (batch.counts >= span.high)
+        saturated = (batch.status & masks.saturated != 0) | at_bound.any(axis=1)
         # samples after an invalid one belong to a step that will be repeated
-        sound = np.logical_and.accumulate(finite & ~saturated)
+        valid = self._tags.valid & np.logical_and.accumulate(finite & ~saturated)
         polled = self._angles(batch)
         station = np.full((count, 1), np.nan)
         station[-1] = now
         block = SampleBlock(
-            stage=self._stamps.stage,
+            stage=self._tags.stage,
             seq=batch.seq,
             time=batch.time,
             counts=batch.counts,
             angles=np.full((count, 2), np.nan) if self._gimbal else polled,
-            step=np.full(count, self._stamps.step, np.int64),
-            valid=self._stamps.valid & sound,
+            step=np.full(count, self._tags.step, np.int64),
+            valid=valid,
             temperature=batch.temperature,
             joints=polled if self._gimbal else np.empty((count, 0)),
             station=station,
         )
         for tap in self._taps:
             tap.append(block)
-        if not self._stamps.unlogged:
+        if not self._tags.unlogged:
             self._sink(block)
-        masks = self._unit.masks
         ready = masks.ready == 0 or bool(batch.status[-1] & masks.ready)
-        self._note_restart(batch)
-        judged = ready and not saturated.any()  # a unit that is not ready may output only zeros
-        return Flow(
+        self._count_restarts(batch)
+        can_be_stuck = ready and not saturated.any()  # a unit that is not ready may output only zeros
+        return DrainResult(
             count,
             missing,
             ready,
             saturated=bool(saturated.any()),
             failed=bool(int(np.bitwise_or.reduce(batch.status)) & masks.failed),
             invalid=not finite.all(),
-            stuck=self._stuck(batch.counts) if judged else "",
+            stuck=self._stuck(batch.counts) if can_be_stuck else "",
         )
 
     @property
     def recent(self) -> tuple[tuple[float, ...], float | None] | None:
-        """Mean output (rad/s, m/s²; NaN if not numeric), temperature (°C) of the last drain; None before the first."""
+        """Mean output (rad/s, m/s²; NaN if not numeric) and temperature (°C) of the last samples; None before them."""
         if self._latest is None:
             return None
         counts = self._latest.counts[np.isfinite(self._latest.counts).all(axis=1)]
@@ -222,8 +229,8 @@ class Acquisition:
         """Return the batch with the run's counter and time, corrected for lost whole wraps of the unit's counter."""
         if self._delays and math.isfinite(self._unit.wrap):
             seconds = self._period * self._unit.wrap
-            late = now - (float(batch.time[-1]) + self._time_shift) - min(self._delays)
-            wraps = max(0, math.floor(late / seconds + 1.0 - _WRAPPED))
+            delay = now - (float(batch.time[-1]) + self._time_shift) - min(self._delays)
+            wraps = max(0, math.floor(delay / seconds + 1.0 - _WRAP_DELAY))
             self._seq_shift += round(wraps * self._unit.wrap)
             self._time_shift += wraps * seconds
         return replace(batch, seq=batch.seq + self._seq_shift, time=batch.time + self._time_shift)
@@ -238,7 +245,7 @@ class Acquisition:
         stuck = np.flatnonzero(self._has_noise & (self._unchanged >= _STUCK_AFTER))
         return CHANNELS[int(stuck[0])].replace("_", " ") if len(stuck) else ""
 
-    def _note_restart(self, batch: SampleBatch) -> None:
+    def _count_restarts(self, batch: SampleBatch) -> None:
         """Count restarts of the unit's counter and losses of readiness."""
         before, self._device_restarts = self._device_restarts, self._imu.stats.restarts
         self.restarts += self._device_restarts > before
@@ -253,14 +260,14 @@ class Acquisition:
     def _angles(self, batch: SampleBatch) -> FloatArray:
         angles = np.full((len(batch.seq), 3 if self._gimbal else 2), np.nan)
         delay, half = min(self._delays), 0.5 * self._period
-        waiting = []
+        remaining = []
         for poll in self._polls:
             time, polled, rates = poll
             moment = time - delay
             if moment > batch.time[-1] + half:
-                waiting.append(poll)
+                remaining.append(poll)
             elif moment >= batch.time[0] - half:
                 i = int(np.argmin(np.abs(batch.time - moment)))
                 angles[i] = snap_angles(polled + rates * (batch.time[i] - moment))
-        self._polls = waiting
+        self._polls = remaining
         return angles

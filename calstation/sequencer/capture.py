@@ -11,7 +11,14 @@ from calstation.physics import FloatArray, ManualMove, Move
 from calstation.sequencer.control import Interruption
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.units import Unit
-from calstation.sequencer.verification_path import Leg, Turn, Turned, VerificationData, VerificationPath, turned_over
+from calstation.sequencer.verification_path import (
+    Leg,
+    Turn,
+    Turned,
+    VerificationData,
+    VerificationPath,
+    overturned_angle,
+)
 
 _Value = TypeVar("_Value")
 
@@ -19,22 +26,22 @@ _Value = TypeVar("_Value")
 REST = 10.0
 
 #: Duration of a rest in each attitude on a table, s.
-SHORT_REST = 1.8
+TABLE_REST = 1.8
 
 #: IMU time recorded after a move has settled, so that its last samples are included, s.
 _AFTER_MOVE = 0.1
 
 _ATTEMPTS = 3
 
-#: Approximate time to capture a unit's output on a table before and after its restart, s.
+#: Approximate total time to capture a unit's output on a table before and after its restart, s.
 DURATION = 45.0
 
 #: Expected time to turn a unit over manually, s.
 _MANUAL_MOVE_TIME = 6.0
 
 
-class Restarted(Interruption):
-    """A unit restarted during a capture: samples before and after must not be mixed."""
+class UnitRestarted(Interruption):
+    """A unit restarted during a capture; samples before and after the restart must not be combined."""
 
     def __init__(self, unit: Unit) -> None:
         super().__init__(unit)
@@ -44,37 +51,37 @@ class Restarted(Interruption):
 def verification_data(
     runner: StepRunner, path: VerificationPath, units: Iterable[Unit], *, is_reference: bool
 ) -> dict[Unit, VerificationData]:
-    """Capture rests and turns of some units along a path; units that leave the run during it have no data.
+    """Capture rests and turns of some units along a path; units that leave the run during the capture have no data.
 
-    A reference needs no opposite rest, but must return to the start, from where the next capture begins. The table must
-    be at the start, and no stream must be broken. Raises DeviceFaultError or Restarted.
+    A reference needs no opposite rest, but it must return to the start of the path, where the next capture begins. The
+    table must be at the start, and no stream may be interrupted. Raises DeviceFaultError or UnitRestarted.
     """
     units = tuple(units)
     rests, opposites = [_rest(runner, units)], []
     parts: list[list[dict[Unit, Turned]]] = [[] for _ in path.turns]
-    here = path.start
+    position = path.start
     for leg in path.legs if is_reference else path.measured:
         if leg.turn is None:
             runner.drive(leg.move)
         else:
-            parts[leg.turn].append(_turn(runner, units, path.turns[leg.turn], leg, here))
+            parts[leg.turn].append(_turn(runner, units, path.turns[leg.turn], leg, position))
         if leg.rest:
             rests.append(_rest(runner, units))
         elif leg.opposite and not is_reference:
             opposites.append(_rest(runner, units))
-        here = leg.move.outer, leg.move.inner
+        position = leg.move.outer, leg.move.inner
     return {
         unit: VerificationData(
             tuple(rest[unit] for rest in (*rests, *opposites)),
-            SHORT_REST,
-            tuple(_joined([part[unit] for part in turn]) for turn in parts),
+            TABLE_REST,
+            tuple(_joined_legs([part[unit] for part in turn]) for turn in parts),
         )
         for unit in runner.units.of(units)
     }
 
 
-def _joined(legs: list[Turned]) -> Turned:
-    """Return the turn that consists of these legs."""
+def _joined_legs(legs: list[Turned]) -> Turned:
+    """Return the sum of the measured legs of a turn."""
     return Turned(legs[0].turn, np.sum([leg.integral for leg in legs], axis=0), sum(leg.seconds for leg in legs))
 
 
@@ -84,13 +91,13 @@ def _rest(runner: StepRunner, units: tuple[Unit, ...]) -> dict[Unit, FloatArray]
     def mean(unit: Unit, blocks: list[SampleBlock]) -> FloatArray:
         return mean_at_rest(np.concatenate([block.counts for block in blocks])) * unit.acquisition.scale
 
-    return _captured(runner, units, lambda: runner.control_loop.rested(SHORT_REST), mean)
+    return _capture_complete(runner, units, lambda: runner.control_loop.wait_for_samples(TABLE_REST), mean)
 
 
 def _turn(
     runner: StepRunner, units: tuple[Unit, ...], turn: Turn, leg: Leg, start: tuple[float, float]
 ) -> dict[Unit, Turned]:
-    """Measure one leg of a turn; if samples are lost, return to the start of the leg and repeat it."""
+    """Measure one leg of a turn from joint angles `start`, rad; if samples are lost, repeat the leg from its start."""
     move, loop = leg.move, runner.control_loop
 
     def integral(unit: Unit, blocks: list[SampleBlock]) -> Turned:
@@ -99,30 +106,30 @@ def _turn(
         return Turned(turn, counts.sum(axis=0) * unit.acquisition.scale * period, period * len(counts))
 
     def drive() -> None:
-        loop.tick()  # a gap before the first block would not be detected
+        loop.tick()  # otherwise a gap before the first block would not be detected
         runner.drive(move)
-        loop.rested(_AFTER_MOVE)
+        loop.wait_for_samples(_AFTER_MOVE)
 
     def back() -> None:
         runner.drive(Move(*start, move.rate, move.acceleration, ("return",)))
 
-    return _captured(runner, units, drive, integral, back)
+    return _capture_complete(runner, units, drive, integral, back)
 
 
-def _captured(
+def _capture_complete(
     runner: StepRunner,
     units: tuple[Unit, ...],
     record: Callable[[], None],
     measure: Callable[[Unit, list[SampleBlock]], _Value],
     before_repeat: Callable[[], None] = lambda: None,
 ) -> dict[Unit, _Value]:
-    """Record until the samples of every unit are complete once; units whose samples never are leave the run."""
+    """Record until every unit has complete samples; units without complete samples in any attempt leave the run."""
     measured: dict[Unit, _Value] = {}
     streams = runner.streams
 
     def restore(unit: Unit) -> None:
         if streams[unit].broken and streams[unit].restore():
-            raise Restarted(unit)
+            raise UnitRestarted(unit)
 
     for attempt in range(_ATTEMPTS):
         runner.units.each(restore, units)
@@ -151,8 +158,8 @@ def _is_complete(blocks: list[SampleBlock]) -> bool:
 def mean_at_rest(counts: FloatArray) -> FloatArray:
     """Return the weighted mean, shape (6,), of samples at rest, shape (n, 6).
 
-    The weights are parabolic, equal to the weights of the slope of a line fitted to the integral. They minimise the
-    effect of vibration of a stationary base, modelled as uncorrelated velocities of equal sigma (Gauss-Markov).
+    The weights are parabolic, like those of the slope of a line fitted to the integral. They minimise the effect of
+    vibration of a stationary base whose velocities are uncorrelated and have equal sigmas (Gauss-Markov theorem).
     """
     n = len(counts)
     middle = np.arange(n) + 0.5
@@ -161,14 +168,14 @@ def mean_at_rest(counts: FloatArray) -> FloatArray:
     return mean
 
 
-def carried_data(runner: StepRunner) -> VerificationData:
+def manual_rig_data(runner: StepRunner) -> VerificationData:
     """Capture a rest, let the operator turn the only unit over, and capture another rest.
 
     Raises DeviceFaultError on lost samples.
     """
-    outer, inner = runner.guiding.asked
+    outer, inner = runner.guiding.requested
     acquisition = runner.units.first.acquisition
-    over = turned_over(runner.control_loop.context.task.geometry, outer)
+    over = overturned_angle(runner.control_loop.context.task.geometry, outer)
     for attempt in range(_ATTEMPTS):
         start, end = (outer, over) if attempt % 2 == 0 else (over, outer)
         runner.begin_stage()
@@ -176,14 +183,14 @@ def carried_data(runner: StepRunner) -> VerificationData:
             runner.run(ManualMove(start, inner, REST, _MANUAL_MOVE_TIME if attempt else 0.0, 1, 2))
             first = sum(map(len, blocks))
             runner.run(ManualMove(end, inner, REST, _MANUAL_MOVE_TIME, 2, 2))
-        data = _carried(blocks, first, acquisition.scale)
+        data = _manual_rig_data(blocks, first, acquisition.scale)
         if data is not None:
             return data
     raise DeviceFaultError("stream.lossy")
 
 
-def _carried(blocks: list[SampleBlock], first: int, scale: FloatArray) -> VerificationData | None:
-    """Return both rests, the first ending at sample `first`, and the samples between; None if samples are missing."""
+def _manual_rig_data(blocks: list[SampleBlock], first: int, scale: FloatArray) -> VerificationData | None:
+    """Return both rests, the first up to sample `first`, and the samples between them; None if any are missing."""
     seq = np.concatenate([np.empty(0, np.int64), *(block.seq for block in blocks)])
     if len(seq) < 2 or (np.diff(seq) != 1).any() or not all(block.valid.all() for block in blocks):
         return None

@@ -1,4 +1,4 @@
-"""The task of a run and the objects its parts share: table, units, clock, operator commands and event listener."""
+"""The task of a run, and the objects that its parts share: table, units, clock, commands and event listener."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -27,10 +27,10 @@ RunInBackground = Callable[[Callable[[], Any]], Any]
 
 
 class Output(StrEnum):
-    """Whether a unit outputs samples with its registers applied: always, on command, or never."""
+    """When a unit outputs samples with its registers applied: always, on command, or never."""
 
     ALWAYS = "always"
-    ASKED = "asked"
+    ON_COMMAND = "on_command"
     NEVER = "never"
 
 
@@ -45,12 +45,12 @@ class LastSample:
 
 @dataclass(frozen=True)
 class PreflightLimits:
-    """Limits for a unit and its mounting, checked before the run.
+    """Limits of the checks of a unit and its mounting before the run.
 
-    Times are in s, angles in rad, rates in rad/s; `warm_up_slope` is in °C/min, None if temperature does not matter.
-    `gravity` is in m/s²; `gravity_tolerance` and `turn_tolerance` are fractions of the magnitude. At rest each gyro
-    must measure between `rate_low` and `rate_high`, shape (3,). `flow` seconds of data must have no gap. `output` is
-    False if registers that may be wrong are applied to the output; the output is then not checked.
+    Times are in s, angles in rad, rates in rad/s. `warm_up_slope` is in °C/min, or None if it is not checked. `gravity`
+    is in m/s²; `gravity_tolerance` and `turn_tolerance` are relative. At rest each gyro must measure a rate between
+    `rate_low` and `rate_high`, shape (3,). The data must have no gap within `flow` s. The output is not checked if
+    `output` is False, because the registers applied to it may be wrong.
     """
 
     serial_pattern: str
@@ -73,9 +73,9 @@ class PreflightLimits:
 
 @dataclass(frozen=True)
 class UnitTask:
-    """One unit on the table: the properties of its stream, its preflight limits and the geometry in its own axes.
+    """The properties of a unit's stream, its preflight limits, and the geometry of the table in the unit's axes.
 
-    `span` is the range of its channels, counts; its counter wraps after `wrap` samples.
+    `span` is the range of the channels, in counts. The counter wraps after `wrap` samples.
     """
 
     serial: str
@@ -92,8 +92,8 @@ class UnitTask:
 class Task:
     """The motion of the table in a run and its limits; times in s, angles in rad.
 
-    Units are loaded at `load_angle`, which is reached with the travel rate and acceleration. `gimbal_turn` contains the
-    settings of gimbal turns.
+    Units are mounted at `load_angle`, to which the table moves with the travel rate and acceleration. `gimbal_turn`
+    contains the settings of the turns of a gimbal.
     """
 
     stages: tuple[StagePlan, ...]
@@ -113,18 +113,18 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Judged:
-    """The judgement of a unit, and whether to write its registers; never if it did not pass."""
+class UnitDecision:
+    """The judgement of a unit, and whether to write its registers, which requires that it passed."""
 
     judgement: Judgement
     to_write: bool
 
 
 @dataclass(frozen=True)
-class Ended:
-    """How a run ended for a unit: final state, solutions of its stages, and the error in case of a fault.
+class RunEnd:
+    """The end of a run for one unit: its final state, the solutions of its stages, and the error after a fault.
 
-    `judgement` is None if it ended before it was judged.
+    `judgement` is None if the unit was not judged.
     """
 
     state: State
@@ -170,7 +170,7 @@ class Solving(Protocol):
         """Prepare to solve; may take seconds on a new computer, because the kernels are compiled first."""
 
     def start(self, stage: str) -> None:
-        """Begin a stage with the posterior of the previous stage as its prior."""
+        """Begin a stage, with the posterior of the previous stage as its prior."""
 
     def feed(self, block: SampleBlock) -> None:
         """Process samples of the stage."""
@@ -179,17 +179,17 @@ class Solving(Protocol):
         """Return the current standard deviations of the 30 parameters, shape (30,), SI."""
 
     def ranking(self) -> Ranking | None:
-        """Return the observability at the last call of `sigma`; None if the stage has none."""
+        """Return the observability at the last call of `sigma`; None if the stage does not compute it."""
 
     def finish(self) -> Solution:
         """Solve the stage."""
 
 
 class Evaluation(Protocol):
-    """Decides whether a unit continues after a stage, whether it passes and whether its registers are correct.
+    """Decides whether a unit continues after a stage, whether it passes, and whether its registers are correct.
 
-    All communication with the unit runs in `run_in_background`, which a stop request does not interrupt. The table is
-    at rest during that time.
+    Every communication with the unit runs in `run_in_background`, while the table is at rest; a stop request does not
+    interrupt it.
     """
 
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
@@ -198,53 +198,53 @@ class Evaluation(Protocol):
     def continues(self, solution: Solution) -> bool:
         """Return whether to continue after a stage. Raises ConfigurationError."""
 
-    def judge(self, solutions: tuple[Solution, ...]) -> Judged:
+    def judge(self, solutions: tuple[Solution, ...]) -> UnitDecision:
         """Compare the results with the limits; called once, after the last stage."""
 
     def read_registers(self, run_in_background: RunInBackground) -> None:
         """Read and log the registers that are to be replaced. Raises DeviceFaultError."""
 
     def transfer(self, run_in_background: RunInBackground) -> None:
-        """Write the registers. Raises DeviceFaultError, and StopRequested before the first one or after the last."""
+        """Write the registers. Raises DeviceFaultError, or StopRequested before the first or after the last write."""
 
     def verify(self, data: VerificationData, run_in_background: RunInBackground) -> None:
         """Verify the written registers with the restarted unit's output. Raises DeviceFaultError if they are wrong."""
 
-    def ended(self, ended: Ended) -> None:
-        """Write the result; called once, in any thread: when the unit leaves a batch, or at the end of the run."""
+    def ended(self, ended: RunEnd) -> None:
+        """Write the result. Called once, in any thread, when the unit leaves a batch or the run ends."""
 
 
 @dataclass(frozen=True)
 class Slot:
-    """A mounting position on the table with its unit, and all objects that belong to that unit.
+    """A mounting position on the table with its unit, and all objects that belong to this unit.
 
-    A register operation has no `journal`, `solving` and `evaluation`. `after` is the last sample of the run that is
-    resumed, and `solved` contains the stages solved before. `name` is "" for the only unit of a run.
+    `log`, `solving` and `evaluation` are None in a register operation. `after` is the last sample of the run that is
+    resumed, and `solved` contains the solutions of its stages. `name` is "" for the only unit of a run.
     """
 
     imu: Imu
     unit: UnitTask
-    journal: "RawLogWriter | None" = None
+    log: "RawLogWriter | None" = None
     solving: Solving | None = None
     after: LastSample | None = None
     name: str = ""
     evaluation: Evaluation | None = None
     solved: tuple[Solution, ...] = ()
 
-    def take(self, block: SampleBlock) -> None:
-        """Log samples, and feed samples of a stage to its solver."""
-        if self.journal is not None:
-            self.journal.append(block)
+    def add_samples(self, block: SampleBlock) -> None:
+        """Log samples, and pass the samples of a stage to the solver."""
+        if self.log is not None:
+            self.log.append(block)
         if block.stage and self.solving is not None:
             self.solving.feed(block)
 
 
 @dataclass(frozen=True)
 class RunContext:
-    """The objects that the parts of a run share, for one table.
+    """The objects that the parts of a run on one table share.
 
-    `left` contains the names of the slots whose units have left the run: nothing more is written to their logs. If a
-    log of a batch cannot be written, the error is stored in `log_errors` by slot name until that unit leaves.
+    `inactive` contains the names of the slots whose units have left the run; nothing more is written to their logs. If
+    a log of a batch cannot be written, `log_errors` contains the error by slot name until the unit leaves.
     """
 
     task: Task
@@ -253,7 +253,7 @@ class RunContext:
     clock: Clock
     listener: Emit
     control: Control = field(default_factory=Control)
-    left: set[str] = field(default_factory=set)
+    inactive: set[str] = field(default_factory=set)
     log_errors: dict[str, CalstationError] = field(default_factory=dict)
 
     @property
@@ -262,17 +262,17 @@ class RunContext:
         return self.slots[0]
 
     def emit(self, event: Event) -> None:
-        """Pass an event to the listener, and to the logs it concerns unless it only refreshes a display.
+        """Pass an event to the listener and, unless it only refreshes a display, to the logs of the units concerned.
 
         Raises ConfigurationError if the log of the last unit cannot be written.
         """
         if not isinstance(event, LOSSY):
             entry = {"station_time": self.clock.now(), **to_json(event)}
-            active = [slot for slot in self.slots if slot.name not in self.left]
+            active = [slot for slot in self.slots if slot.name not in self.inactive]
             for slot in active:
-                if slot.journal is not None and event.slot in ("", slot.name):
+                if slot.log is not None and event.slot in ("", slot.name):
                     try:
-                        slot.journal.event(entry)
+                        slot.log.event(entry)
                     except CalstationError as error:
                         if len(active) == 1:
                             raise

@@ -1,4 +1,4 @@
-"""States of a run, its commands, and the exceptions by which they interrupt the current step."""
+"""States of a run, its commands, and the exceptions with which commands interrupt the current step."""
 
 import time
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ class State(StrEnum):
     DONE = "done"
 
 
-#: States in which a run or a register operation has ended. A fault is latched: only a reset to idle leaves it.
+#: States in which a run or a register operation has ended. A fault is latched until a reset to idle.
 ENDED = frozenset({State.STOPPED, State.FAULT, State.DONE})
 
 #: The states that may follow each state.
@@ -37,7 +37,7 @@ TRANSITIONS: dict[State, frozenset[State]] = {
 
 
 class IllegalTransitionError(RuntimeError):
-    """A transition that `TRANSITIONS` does not allow: a programming error, not a user error."""
+    """A programming error: a transition that `TRANSITIONS` does not allow."""
 
 
 def transition(current: State, target: State) -> State:
@@ -66,15 +66,15 @@ class StopReason(StrEnum):
 
 
 class Interruption(Exception):  # noqa: N818 - control flow, not an error
-    """The current step is interrupted."""
+    """Base of the exceptions that interrupt the current step."""
 
 
 class StopRequested(Interruption):
-    """A safe stop of the run is requested."""
+    """A safe stop of the run was requested."""
 
 
 class PauseRequested(Interruption):
-    """A pause is requested; the step is repeated afterwards."""
+    """A pause was requested; the step is repeated afterwards."""
 
 
 class Control:
@@ -82,11 +82,11 @@ class Control:
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[tuple[Command, StopReason]] = SimpleQueue()
-        self._taken: float | None = None
+        self._last_processed: float | None = None
         self.stopping = False
         self.stop_reason: StopReason | None = None
         self.pausing = False
-        #: Whether to end the current stage, if its plan repeats, after the current move and solve it.
+        #: Whether to end and solve the current stage after the current move, if its plan repeats.
         self.ending_stage = False
 
     def send(self, command: Command, reason: StopReason = StopReason.OPERATOR) -> None:
@@ -95,8 +95,8 @@ class Control:
 
     def take(self) -> None:
         """Process all commands received since the last call."""
-        if self._taken is not None:
-            self._taken = time.monotonic()
+        if self._last_processed is not None:
+            self._last_processed = time.monotonic()
         while not self._queue.empty():
             command, reason = self._queue.get_nowait()
             if command is Command.STOP:
@@ -117,14 +117,14 @@ class Control:
 
     @contextmanager
     def ticking(self) -> Iterator[None]:
-        """Monitor, while the context is open, that the engine's thread processes commands at every tick."""
-        self._taken = time.monotonic()
+        """Monitor whether the engine's thread processes commands at every tick, while the context is open."""
+        self._last_processed = time.monotonic()
         try:
             yield
         finally:
-            self._taken = None
+            self._last_processed = None
 
     def stuck(self, limit: float) -> bool:
         """Return whether `take` was not called for `limit` s of host time in `ticking`; callable from any thread."""
-        taken = self._taken
+        taken = self._last_processed
         return taken is not None and time.monotonic() - taken > limit

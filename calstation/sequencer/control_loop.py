@@ -1,4 +1,4 @@
-"""The engine's control loop: polls the table, drains samples, feeds the watchdog and processes commands."""
+"""The engine's control loop, which polls the table, reads samples, feeds the watchdog and processes commands."""
 
 import logging
 import time
@@ -11,7 +11,7 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.sequencer.context import RunContext
 from calstation.sequencer.control import PauseRequested
 from calstation.sequencer.events import JointsMoved, TableMoved
-from calstation.sequencer.guard import check_joints, latched
+from calstation.sequencer.guard import check_joints, latched_fault_error
 from calstation.sequencer.units import StepInvalid, Unit, Units
 
 #: Minimum host time between two events that only refresh a display, s.
@@ -24,18 +24,18 @@ logger = logging.getLogger(__name__)
 
 
 class ControlLoop:
-    """Runs ticks in the engine's thread and interrupts the running step.
+    """Runs ticks in the engine's thread and interrupts the current step.
 
-    If `powered`, it is a fault if the axes become disabled. If `pausable`, a pause interrupts the step;
-    otherwise it is deferred. If `watchful`, lost or saturated samples of any unit invalidate the step.
+    While `powered`, it is a fault if the axes are disabled. While `pausable`, a pause interrupts the step; otherwise it
+    is deferred. While `watchful`, lost or saturated samples of any unit invalidate the step.
     """
 
-    def __init__(self, context: RunContext, units: Units, on_show: Callable[[], None]) -> None:
+    def __init__(self, context: RunContext, units: Units, on_progress: Callable[[], None]) -> None:
         self.context = context
         self.units = units
-        self.stamps = units.stamps
-        self._on_show = on_show
-        self._fed = self._shown_table = self._shown_progress = -1e9
+        self.tags = units.tags
+        self._on_show = on_progress
+        self._fed_at = self._table_shown_at = self._progress_shown_at = -1e9
         self.status: TableStatus = context.table.status()
         self.powered = False
         self.pausable = False
@@ -44,7 +44,7 @@ class ControlLoop:
     def tick(self) -> None:
         """Let one tick of station time pass, then call `update`."""
         begin = time.monotonic()
-        with self.units.of_table():
+        with self.units.attributing_errors_to_table():
             self.context.clock.sleep(self.context.clock.tick)
         self.update()
         seconds = time.monotonic() - begin
@@ -52,31 +52,31 @@ class ControlLoop:
             logger.warning("a tick of the control loop took %.1f s", seconds)
 
     def update(self) -> None:
-        """Poll the table once, drain the samples of all units, feed the watchdog and process commands.
+        """Poll the table once, read the samples of all units, feed the watchdog and process commands.
 
-        Raises DeviceFaultError for a table fault, or a stuck channel of the last unit; StopRequested, PauseRequested or
-        StepInvalid.
+        Raises DeviceFaultError if the table has a fault or a channel of the last unit is stuck, StopRequested,
+        PauseRequested or StepInvalid.
         """
         clock = self.context.clock
-        with self.units.of_table():
-            asked = clock.now()
+        with self.units.attributing_errors_to_table():
+            requested = clock.now()
             self.status = self.context.table.status()
-            answered = clock.now()
+            replied = clock.now()
         for unit in self.units:
-            unit.acquisition.poll(self.status, asked, answered)
+            unit.acquisition.poll(self.status, requested, replied)
         self.units.each(Unit.drain)
         self.feed_watchdog()
         self._show()
-        with self.units.of_table():
+        with self.units.attributing_errors_to_table():
             self._check_table()
         self.units.each(_check_channels)
         self.check_cancelled()
-        if self.watchful and (reasons := {unit: unit.spoilt for unit in self.units if unit.spoilt}):
+        if self.watchful and (reasons := {unit: unit.invalid_reason for unit in self.units if unit.invalid_reason}):
             raise StepInvalid(reasons)
 
     def check_table(self) -> None:
-        """Poll the table without draining samples. Raises DeviceFaultError for a fault of the table."""
-        with self.units.of_table():
+        """Poll the table without reading samples. Raises DeviceFaultError if the table has a fault."""
+        with self.units.attributing_errors_to_table():
             self.status = self.context.table.status()
             self._check_table()
 
@@ -94,10 +94,10 @@ class ControlLoop:
     def feed_table(self) -> None:
         """Feed the table's watchdog every quarter of its timeout (host time)."""
         now = time.monotonic()
-        if self.status.watchdog > 0.0 and now - self._fed > 0.25 * self.status.watchdog:
-            with self.units.of_table():
+        if self.status.watchdog > 0.0 and now - self._fed_at > 0.25 * self.status.watchdog:
+            with self.units.attributing_errors_to_table():
                 self.context.table.heartbeat()
-            self._fed = now
+            self._fed_at = now
 
     def wait(
         self, condition: Callable[[], bool], timeout: float, failure: CalstationError | Callable[[], CalstationError]
@@ -111,7 +111,7 @@ class ControlLoop:
             self.tick()
 
     def wait_for_units(self, condition: Callable[[Unit], bool], timeout: float, failure: CalstationError) -> None:
-        """Tick until `condition` is true for every unit; those that take more than `timeout` s of station time leave.
+        """Tick until `condition` is true for every unit; units that take more than `timeout` s of station time leave.
 
         Raises `failure` for the last unit.
         """
@@ -124,10 +124,12 @@ class ControlLoop:
                 return
             self.tick()
 
-    def rested(self, seconds: float) -> None:
-        """Tick until `seconds` of IMU time have been received from every unit, ignoring units without data."""
-        enough = self._received(seconds)
-        self.wait_for_units(lambda unit: enough(unit) or unit.silent, 1.5 * seconds + 10.0, _late(seconds))
+    def wait_for_samples(self, seconds: float) -> None:
+        """Tick until `seconds` of IMU time have been received from every unit that is not silent."""
+        is_done = self._has_received(seconds)
+        self.wait_for_units(
+            lambda unit: is_done(unit) or unit.silent, 1.5 * seconds + 10.0, _late_samples_error(seconds)
+        )
 
     def rest(self, seconds: float) -> None:
         """Tick until `seconds` of IMU time have been received from every unit.
@@ -135,18 +137,20 @@ class ControlLoop:
         A unit leaves the run after 5 s without a sample, or after 1.5·`seconds` + 10 s of station time. Raises
         DeviceFaultError for the last unit; see also `update`.
         """
-        self.wait_for_units(lambda unit: unit.acquisition.newest is not None, 5.0, DeviceFaultError("stream.no_data"))
-        self.wait_for_units(self._received(seconds), 1.5 * seconds + 10.0, _late(seconds))
+        self.wait_for_units(
+            lambda unit: unit.acquisition.newest_time is not None, 5.0, DeviceFaultError("stream.no_data")
+        )
+        self.wait_for_units(self._has_received(seconds), 1.5 * seconds + 10.0, _late_samples_error(seconds))
 
-    def _received(self, seconds: float) -> Callable[[Unit], bool]:
-        begin = {unit: unit.acquisition.newest or 0.0 for unit in self.units}
-        return lambda unit: (unit.acquisition.newest or 0.0) - begin[unit] >= seconds - 1e-9
+    def _has_received(self, seconds: float) -> Callable[[Unit], bool]:
+        begin = {unit: unit.acquisition.newest_time or 0.0 for unit in self.units}
+        return lambda unit: (unit.acquisition.newest_time or 0.0) - begin[unit] >= seconds - 1e-9
 
     def _check_table(self) -> None:
         if self.status.fault == LOCAL_CONTROL:
             raise DeviceFaultError("motion.switched_to_local")
         if self.status.fault is not None:
-            raise latched(self.status.fault)
+            raise latched_fault_error(self.status.fault)
         gimbal, joints = self.context.task.geometry.gimbal, self.status.joints
         if self.powered and self.status.homed and gimbal is not None and joints is not None:
             check_joints(gimbal, joints)
@@ -157,8 +161,8 @@ class ControlLoop:
 
     def _show(self) -> None:
         now, emit = time.monotonic(), self.context.emit
-        if now - self._shown_table >= _SHOW_TABLE:
-            self._shown_table = now
+        if now - self._table_shown_at >= _SHOW_TABLE:
+            self._table_shown_at = now
             (outer, inner), (outer_rate, inner_rate) = self.status.angles, self.status.rates
             if np.isfinite(self.status.angles).all():
                 emit(TableMoved(float(outer), float(inner), float(outer_rate), float(inner_rate), self.status.moving))
@@ -167,9 +171,9 @@ class ControlLoop:
                 emit(JointsMoved(tuple(joints.tolist()), tuple(joint_rates.tolist()), self.status.moving))
             for unit in self.units:
                 unit.trace()
-        started = any(unit.acquisition.newest is not None for unit in self.units)
-        if now - self._shown_progress >= _SHOW_PROGRESS and started:
-            self._shown_progress = now
+        started = any(unit.acquisition.newest_time is not None for unit in self.units)
+        if now - self._progress_shown_at >= _SHOW_PROGRESS and started:
+            self._progress_shown_at = now
             self._on_show()
 
 
@@ -178,5 +182,5 @@ def _check_channels(unit: Unit) -> None:
         raise DeviceFaultError("stream.stuck", channel=unit.flow.stuck)
 
 
-def _late(seconds: float) -> DeviceFaultError:
+def _late_samples_error(seconds: float) -> DeviceFaultError:
     return DeviceFaultError("stream.late", seconds=seconds)

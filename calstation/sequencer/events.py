@@ -1,7 +1,7 @@
-"""Events of a run: immutable identifiers and values, not text; the listener formats them with the catalogue.
+"""Events of a run, which contain identifiers and values instead of text; the catalogue has the text.
 
-The same stream feeds the progress bar, the log, the window and the database. `to_json` and `from_json` convert an event
-for a pipe or a log.
+The progress bar, the log, the window and the database receive the same events. `to_json` and `from_json` convert an
+event for a pipe or a log.
 """
 
 from collections.abc import Callable, Mapping
@@ -46,7 +46,7 @@ class StageStarted(Event):
 
 @dataclass(frozen=True)
 class StageProgress(Event):
-    """Progress of a stage: `fraction` 0..1, `remaining` time in s, `sigma` the current maximum per group, SI."""
+    """Progress of a stage: `fraction` from 0 to 1, `remaining` time, s, and largest current `sigma` by group, SI."""
 
     stage: str
     fraction: float
@@ -56,7 +56,7 @@ class StageProgress(Event):
 
 @dataclass(frozen=True)
 class StageRanked(Event):
-    """Observability of a stage up to `step`: rank of the observability matrix, and strength by state (`Ranking`)."""
+    """Observability of a stage up to `step`: rank of the observability matrix, and strength by state; see `Ranking`."""
 
     stage: str
     step: int
@@ -66,7 +66,7 @@ class StageRanked(Event):
 
 @dataclass(frozen=True)
 class StepStarted(Event):
-    """A step begins: its `kind`, its number `step` on the samples, and its `label` (id and values) from the plan."""
+    """A step begins; `step` is its number in the samples, `label` its identifier and values from the plan."""
 
     stage: str
     step: int
@@ -76,7 +76,7 @@ class StepStarted(Event):
 
 @dataclass(frozen=True)
 class StageEnded(Event):
-    """The motion of a stage has ended; `reason` is plan, rounds, duration, targets or operator."""
+    """The motion of a stage has ended; `reason` is "plan", "rounds", "duration", "targets" or "operator"."""
 
     stage: str
     reason: str
@@ -107,7 +107,8 @@ class JointsMoved(Event):
 class GimbalTurned(Event):
     """Turn number `index` (from 1) about body axis `axis` by `angle`, rad, is complete.
 
-    `drift` of the other joints and the `threshold` are in rad, `gain` is α; `complete` is True if the axis is complete.
+    The `drift` of the other joints and the `threshold` are in rad; `gain` is α. `complete` tells whether no more turns
+    about the axis follow.
     """
 
     axis: int
@@ -121,7 +122,7 @@ class GimbalTurned(Event):
 
 @dataclass(frozen=True)
 class Trace(Event):
-    """Live output since the last trace: for each tick the IMU `time`, s, and the mean gyro x y z, accel x y z, SI."""
+    """Output since the last trace: the IMU `time`, s, and the mean gyro x y z and accel x y z, SI, of each tick."""
 
     time: tuple[float, ...]
     output: tuple[float, ...]
@@ -129,13 +130,13 @@ class Trace(Event):
 
 @dataclass(frozen=True)
 class PositionGuided(Event):
-    """Progress at a position to which the operator turns the unit.
+    """Progress at position number `index` (from 1), to which the operator turns the unit.
 
-    `stage` is "" while the unit is turned to verify its new registers; `index` counts from 1; `state` is the state of a
-    `Guidance`; `rest` and `wanted` are the rest so far and the required one, s. `outer` and `inner` are the requested
-    rail angles, rad, `*_before` the previous ones. `up` is the unit vector opposite to gravity in the body frame, shape
-    (3,); `done` contains the vectors of the completed positions, concatenated. `suffices` is True if they determine all
-    parameters of the stage.
+    `stage` is "" while the unit is turned to verify its new registers. `state` is the state of a `Guidance`. `rest` is
+    the duration of the rest so far, and `wanted` the required duration, s. `outer` and `inner` are the requested rail
+    angles, rad, `outer_before` and `inner_before` the previous ones. `up` is the unit vector opposite to gravity in the
+    body frame, shape (3,), and `done` contains these vectors of all completed positions in sequence. `suffices` tells
+    whether the completed positions determine all parameters of the stage.
     """
 
     stage: str
@@ -155,7 +156,7 @@ class PositionGuided(Event):
 
 @dataclass(frozen=True)
 class Message(Event):
-    """A message to the user: the entry ``event.<id>`` of the catalogue with its values."""
+    """A message to the user: the text ``event.<id>`` of the catalogue with values."""
 
     id: str
     values: Mapping[str, Any] = field(default_factory=dict)
@@ -163,7 +164,7 @@ class Message(Event):
 
 @dataclass(frozen=True)
 class StageSolved(Event):
-    """The solution of a stage: value and sigma per estimated parameter, SI, and its consistency as in the result."""
+    """The solution of a stage: value and sigma of each estimated parameter, SI, and consistency as in the result."""
 
     stage: str
     parameters: Mapping[str, Mapping[str, float]]
@@ -172,7 +173,7 @@ class StageSolved(Event):
 
 @dataclass(frozen=True)
 class Finalized(Event):
-    """The run of a unit has ended: its verdict, the paths of its files as text, and the result itself."""
+    """The run of a unit has ended; `result` is the content of the file `result_file`."""
 
     verdict: Verdict
     log: str
@@ -184,9 +185,9 @@ class Finalized(Event):
 class Settled(Event):
     """A register operation has ended.
 
-    `closing` is the end state of the transfer in the journal: done, kept or restored; stopped if the operator stopped
-    it. `proof` is the method of verification: turn, rest or read_back; "" if there was none. `unit` contains its
-    registers; {} after a stop.
+    `closing` is the outcome in the journal, "done", "kept" or "restored", or else "stopped" if the operator stopped the
+    operation. `proof` is the method of verification, "turn", "rest" or "read_back", or "" without verification. `unit`
+    contains the registers of the unit; it is empty after a stop.
     """
 
     serial: str
@@ -197,7 +198,7 @@ class Settled(Event):
 
 @dataclass(frozen=True)
 class Fault(Event):
-    """The run failed: class of the error (``internal`` for a programming error), text and catalogue entry."""
+    """The run failed; `kind` is the class of the error, or ``internal`` for a programming error."""
 
     kind: str
     text: str
@@ -213,12 +214,12 @@ class Fault(Event):
 
 _KINDS: dict[str, Callable[..., Event]] = {kind.__name__: kind for kind in Event.__subclasses__()}
 
-#: Events that only refresh a display: a slow listener may miss some, and they are not logged.
+#: Events that only refresh a display; a slow listener may miss some of them, and they are not logged.
 LOSSY = (StageProgress, StageRanked, TableMoved, JointsMoved, Trace, PositionGuided)
 
 
 def to_json(event: Event) -> dict[str, Any]:
-    """Return the event as a JSON-ready dictionary with its kind under ``event``."""
+    """Convert an event to a dictionary that can be written as JSON, with its class name under ``event``."""
     data = asdict(event)
     if not event.slot:
         del data["slot"]
@@ -228,7 +229,7 @@ def to_json(event: Event) -> dict[str, Any]:
 
 
 def from_json(data: Mapping[str, Any]) -> Event:
-    """Return the event converted by `to_json`. Raises KeyError for an unknown kind."""
+    """Convert the result of `to_json` back to an event. Raises KeyError if its class is unknown."""
     values = dict(data)
     kind = _KINDS[values.pop("event")]
     for name in ("label", "time", "output", "up", "done", "joints", "rates", "drift"):
@@ -242,7 +243,7 @@ def from_json(data: Mapping[str, Any]) -> Event:
 
 
 def solution_events(solution: Solution) -> tuple[StageSolved | Message, ...]:
-    """Return the events of a stage's solution: its values, then the solver's messages."""
+    """Return the events of a stage's solution: the solution itself, then the solver's messages."""
     sigma, consistency = solution.posterior.sigma, solution.consistency
     parameters = {
         name: {"value": float(solution.posterior.mean[INDEX[name]]), "sigma": float(sigma[INDEX[name]])}

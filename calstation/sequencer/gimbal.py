@@ -1,4 +1,4 @@
-"""Control of a gimbal: returns to zero, stabilised turns with the correction in the unit's registers, verification."""
+"""Control of a gimbal: returns to zero, stabilised turns with the correction in the registers, and verification."""
 
 from collections.abc import Mapping
 from typing import cast
@@ -13,30 +13,30 @@ from calstation.sequencer.context import RunInBackground
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import GimbalTurned, StepStarted
 from calstation.sequencer.guard import check_joints, check_motion
-from calstation.sequencer.verification_path import TurnDrift
+from calstation.sequencer.verification_path import JointDrift
 
-#: Joints at rest within this angle of zero have returned to it, rad.
-_AT_ZERO = np.deg2rad(0.5)
-#: Fraction of a commanded turn by which the joint must have moved for the turn to be complete.
-_TURNED = 0.8
+#: Largest angle of a joint that has returned to zero, rad.
+_ZERO_TOLERANCE = np.deg2rad(0.5)
+#: Smallest angle of a complete turn, as a fraction of the commanded angle.
+_MIN_TURN_FRACTION = 0.8
 #: Longest duration of a return to zero, s.
-_HOME_WITHIN = 60.0
-#: Largest difference between a correction written and read back, rad.
-_READ_BACK = 1e-6
+_HOME_TIMEOUT = 60.0
+#: Largest accepted difference between the correction written and the one read back, rad.
+_MAX_READ_BACK_ERROR = 1e-6
 
 
 class GimbalLoop:
     """Executes the steps of a gimbal stage in closed loop.
 
     The correction K is written to the unit's volatile registers before every turn and read back. `restore` writes the
-    former values; the values in flash change only in the transfer at the end of a run.
+    original values. The values in flash change only in the transfer at the end of a run.
     """
 
     def __init__(self, control_loop: ControlLoop, run_in_background: RunInBackground = lambda work: work()) -> None:
         self._control_loop = control_loop
         self._context = control_loop.context
         self._run_in_background = run_in_background
-        self._held: Mapping[str, float] | None = None
+        self._original_values: Mapping[str, float] | None = None
         self.begin()
 
     def begin(self) -> None:
@@ -51,7 +51,7 @@ class GimbalLoop:
         self._ready = self._zeroed = False
         self._gimbal.home()
         loop.tick()
-        loop.wait(lambda: self._at_zero(loop.status), _HOME_WITHIN, DeviceFaultError("motion.zero_not_reached"))
+        loop.wait(lambda: self._at_zero(loop.status), _HOME_TIMEOUT, DeviceFaultError("motion.zero_not_reached"))
 
     def zero(self, step: GimbalZero) -> None:
         """Return to zero and measure the gyro bias; the joints stay locked until the next turn."""
@@ -59,7 +59,7 @@ class GimbalLoop:
         self._zero(step.rest)
 
     def turn(self, step: GimbalTurn) -> None:
-        """Make the next turn and correct K by its drift; do nothing if the axis is complete."""
+        """Execute the next turn and correct K by its drift; do nothing if the axis is complete."""
         iteration = self._iteration = self._iteration or _iteration(step, self._joints)
         if iteration.axis_done and iteration.courses[-1].axis == step.axis:
             return
@@ -68,10 +68,10 @@ class GimbalLoop:
             raise RuntimeError("a turn after the last axis")
         if not self._ready or (command.home and not self._zeroed):
             self._zero(step.rest + BIAS_TIME)
-        self._ready = False  # an interruption locks the joints, and the turn is repeated from zero
+        self._ready = False  # after an interruption, the joints are locked and the turn is repeated from zero
         self._begin_step("gimbal_turn", (AXES[step.axis], float(step.index), float(step.count)))
         self._write(command.correction)
-        motion = self._turned(step.axis, command.angle, step)
+        motion = self._measured_turn(step.axis, command.angle, step)
         drift = motion.joint_drift(step.axis, self._joints.order)
         iteration.add_drift(step.axis, command.angle, drift)
         self._context.emit(
@@ -86,24 +86,24 @@ class GimbalLoop:
             )
         )
 
-    def verification_turns(self) -> tuple[TurnDrift, ...]:
+    def verification_turns(self) -> tuple[JointDrift, ...]:
         """Turn once about every axis with the unit's registers and return the drifts. Raises DeviceFaultError."""
         step = cast(GimbalTurn, self._context.task.gimbal_turn)
         drifts = []
         for axis in range(3):
             self._zero(step.rest + BIAS_TIME)
-            motion = self._turned(axis, step.angle, step)
+            motion = self._measured_turn(axis, step.angle, step)
             order = self._joints.order
             J = drift_matrix(order, axis, motion.angle)
-            drifts.append(TurnDrift(axis, J, motion.joint_drift(axis, order), motion.duration, motion.rest))
+            drifts.append(JointDrift(axis, J, motion.joint_drift(axis, order), motion.duration, motion.rest))
         self.home()
         return tuple(drifts)
 
     def restore(self) -> None:
-        """Write the unit's former misalignments if K has replaced them. Raises DeviceFaultError."""
-        former, self._held = self._held, None
-        if former is not None:
-            self._run_in_background(lambda: self._context.slot.imu.write_registers(former))
+        """Write the unit's original misalignments if K has replaced them. Raises DeviceFaultError."""
+        original, self._original_values = self._original_values, None
+        if original is not None:
+            self._run_in_background(lambda: self._context.slot.imu.write_registers(original))
 
     @property
     def _gimbal(self) -> Gimbal:
@@ -114,9 +114,9 @@ class GimbalLoop:
         return cast(GimbalJoints, self._context.task.geometry.gimbal)
 
     def _begin_step(self, kind: str, label: tuple[str | float, ...]) -> None:
-        stamps = self._control_loop.stamps
-        stamps.step += 1
-        self._context.emit(StepStarted(stamps.stage, stamps.step, kind, (kind, *label)))
+        tags = self._control_loop.tags
+        tags.step += 1
+        self._context.emit(StepStarted(tags.stage, tags.step, kind, (kind, *label)))
 
     def _zero(self, seconds: float) -> None:
         self.home()
@@ -126,7 +126,7 @@ class GimbalLoop:
             self._iteration.at_zero()
         self._ready = self._zeroed = True
 
-    def _turned(self, axis: int, angle: float, step: GimbalTurn) -> Motion:
+    def _measured_turn(self, axis: int, angle: float, step: GimbalTurn) -> Motion:
         """Rest, turn by `angle`, rad, and rest; return the motion of the joints."""
         loop, model = self._control_loop, self._context.slot.unit.model
         if self._zeroed:
@@ -140,7 +140,7 @@ class GimbalLoop:
             self._gimbal.turn(axis, angle, step.rate)
             loop.tick()
             loop.wait(
-                lambda: _rests(loop.status) and abs(self._joint(axis) - start) > _TURNED * abs(angle),
+                lambda: _is_at_rest(loop.status) and abs(self._joint(axis) - start) > _MIN_TURN_FRACTION * abs(angle),
                 3.0 * abs(angle) / step.rate + 10.0,
                 lambda: DeviceFaultError(
                     "motion.turn_not_made",
@@ -173,17 +173,22 @@ class GimbalLoop:
 
     def _at_zero(self, status: TableStatus) -> bool:
         joints = status.joints
-        return status.homed and _rests(status) and joints is not None and float(np.abs(joints).max()) < _AT_ZERO
+        return (
+            status.homed
+            and _is_at_rest(status)
+            and joints is not None
+            and float(np.abs(joints).max()) < _ZERO_TOLERANCE
+        )
 
     def _write(self, correction: FloatArray) -> None:
-        """Write K, shape (3, 3), to the unit's registers and read it back; K excludes the scale of the registers."""
+        """Write K, shape (3, 3), to the unit's registers and read it back; K does not include their scale factors."""
         imu = self._context.slot.imu
 
         def write() -> float:
             before = imu.read_registers()
             names = [f"gyro_misalign_{a}{b}" for a in AXES for b in AXES if a != b]
-            if self._held is None:
-                self._held = {name: before[name] for name in names}
+            if self._original_values is None:
+                self._original_values = {name: before[name] for name in names}
             target = {
                 name: float(correction[AXES.index(name[-2]), AXES.index(name[-1])])
                 * (1.0 + before.get(f"gyro_scale_{name[-1]}", 0.0))
@@ -197,7 +202,7 @@ class GimbalLoop:
         difference = self._run_in_background(write)
         self._control_loop.tick()
         self._control_loop.pausable = self._control_loop.watchful = True
-        if difference > _READ_BACK:
+        if difference > _MAX_READ_BACK_ERROR:
             raise DeviceFaultError("motion.correction_not_kept", difference_arcsec=float(np.rad2deg(difference)) * 3600)
 
 
@@ -208,5 +213,5 @@ def _iteration(step: GimbalTurn, joints: GimbalJoints) -> GimbalIteration:
     )
 
 
-def _rests(status: TableStatus) -> bool:
+def _is_at_rest(status: TableStatus) -> bool:
     return status.settled and not status.moving

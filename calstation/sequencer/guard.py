@@ -1,4 +1,4 @@
-"""Protection of the table: checks before every command, and the safe stop."""
+"""Protection of the table by checks before every command and by the safe stop."""
 
 import logging
 import math
@@ -12,7 +12,7 @@ from calstation.physics import AXES, JOINTS, FloatArray, GimbalJoints, JointLimi
 from calstation.sequencer.context import Clock
 
 #: Maximum station and host time for stopping, s.
-_REST_WITHIN = 30.0
+_STOP_TIMEOUT = 30.0
 
 #: Station time allowed for stopping if the table does not respond, s.
 _UNRESPONSIVE_WAIT = 5.0
@@ -25,19 +25,22 @@ logger = logging.getLogger(__name__)
 
 
 def check_power(status: TableStatus) -> None:
-    """Check that the axes may be enabled. Raises DeviceFaultError for a fault, an open interlock or no watchdog."""
+    """Check that the axes may be enabled.
+
+    Raises DeviceFaultError if the table has a fault, its interlock is open or its watchdog is off.
+    """
     if status.fault == LOCAL_CONTROL:
         raise DeviceFaultError("motion.local_control")
     if status.fault is not None:
-        raise latched(status.fault)
+        raise latched_fault_error(status.fault)
     if not status.interlock_closed:
         raise DeviceFaultError("motion.interlock_open")
     if not status.watchdog > 0.0:
         raise DeviceFaultError("motion.watchdog_off")
 
 
-def latched(fault: str) -> DeviceFaultError:
-    """Return the error for a fault latched by the table; `fault` is its name in the table's profile."""
+def latched_fault_error(fault: str) -> DeviceFaultError:
+    """Return the error for a latched fault of the table; `fault` is its name in the table's profile."""
     if fault == UNKNOWN_FAULT:
         return DeviceFaultError("table.latched_unknown")
     return DeviceFaultError(f"table.latched_{fault if fault in _LATCHED else 'other'}", fault=fault)
@@ -53,7 +56,7 @@ def check_motion(status: TableStatus) -> None:
 
 
 def check_move(status: TableStatus, limits: JointLimits, move: Move) -> None:
-    """Check that the table may make this move now, within the profile's limits and the table's own travel.
+    """Check that the table may make a move now, and that the move is within the limits of profile and table.
 
     Raises DeviceFaultError or ConfigurationError.
     """
@@ -105,23 +108,23 @@ def check_joints(gimbal: GimbalJoints, joints: FloatArray) -> None:
 
 
 def safe_stop(table: Table, clock: Clock) -> list[Text]:
-    """Bring the table to rest and switch its axes off; return the failures without raising.
+    """Bring the table to rest and switch its axes off; return the failures instead of raising them.
 
-    A table that no longer responds is stopped by its own watchdog, which was on when the axes were enabled. A table
-    without a watchdog only received moves to fixed angles, so its axes are switched off after `_UNRESPONSIVE_WAIT`.
+    The watchdog, which was on when the axes were enabled, stops a table that no longer responds. A table without a
+    watchdog has only received moves to fixed angles, so its axes are switched off after `_UNRESPONSIVE_WAIT`.
     """
     failures: list[Text] = []
     _attempt(table.stop, failures)
     if not failures:
         _attempt(lambda: _wait_for_rest(table, clock), failures)
-    if failures:  # the axes may still turn: do not switch them off at once
+    if failures:  # the axes may still turn, so they must not be switched off immediately
         _attempt(lambda: clock.sleep(_UNRESPONSIVE_WAIT), failures)
     _attempt(table.disable, failures)
     return failures
 
 
 def _wait_for_rest(table: Table, clock: Clock) -> None:
-    deadline, host_deadline = clock.now() + _REST_WITHIN, time.monotonic() + _REST_WITHIN
+    deadline, host_deadline = clock.now() + _STOP_TIMEOUT, time.monotonic() + _STOP_TIMEOUT
     while table.status().moving and clock.now() < deadline and time.monotonic() < host_deadline:
         table.heartbeat()
         clock.sleep(_TICK)
@@ -130,13 +133,13 @@ def _wait_for_rest(table: Table, clock: Clock) -> None:
 def _attempt(action: Callable[[], None], failures: list[Text]) -> None:
     try:
         action()
-    except Exception as exc:  # the next action must be tried whatever failed before
+    except Exception as exc:  # the next action must be attempted after any failure
         logger.warning("safe stop: a command failed", exc_info=True)
         failures.append(reason_of(exc))
 
 
 def reason_of(error: Exception) -> Text:
-    """Return an error as a message that can be embedded in another one."""
+    """Return the message of an error, for use in another message."""
     if isinstance(error, CalstationError):
         return error.as_text
     if isinstance(error, OSError):

@@ -1,4 +1,4 @@
-"""Guidance at a manual rig: monitors the stream until the unit has rested long enough at each position."""
+"""Guidance of the operator at a manual rig, until the unit has rested long enough at each position."""
 
 import time
 from collections.abc import Iterator
@@ -19,25 +19,25 @@ _SHOW = 0.2
 class Guiding:
     """Guides the operator through the positions of each stage; an interrupted position is requested again.
 
-    Samples marked as invalid, and samples around a gap, do not count as rest. `asked` contains the rail angles
-    requested last, rad.
+    Invalid samples and samples around a gap are not part of a rest. `requested` contains the rail angles requested
+    last, rad.
     """
 
     def __init__(self, control_loop: ControlLoop) -> None:
         self._control_loop = control_loop
         self._context = control_loop.context
         self._shown = ("", 0, -1e9)
-        self.asked = (0.0, 0.0)
+        self.requested = (0.0, 0.0)
         self._blocks: list[SampleBlock] = []
         self.begin()
 
     def begin(self) -> None:
-        """Start again with no completed position."""
+        """Begin a stage, without completed positions."""
         self._guide = PositionGuide(self._context.slot.unit.model, 0.0)
 
     @property
     def done(self) -> bool:
-        """Return whether the operator has ended the stage and the positions suffice."""
+        """Whether the operator has ended the stage and the completed positions suffice."""
         return self._context.control.ending_stage and self._guide.now.suffices
 
     @contextmanager
@@ -58,7 +58,7 @@ class Guiding:
                 guide.feed(block)
             self._blocks.clear()
         self._show(step, guide.now)
-        self.asked = (step.outer, step.inner)
+        self.requested = (step.outer, step.inner)
 
     def _show(self, step: ManualMove, now: Guidance) -> None:
         """Emit changes immediately, and other updates a few times per second."""
@@ -69,7 +69,7 @@ class Guiding:
         self._shown = (now.state, step.index, moment)
         self._context.emit(
             PositionGuided(
-                self._control_loop.stamps.stage,
+                self._control_loop.tags.stage,
                 step.index,
                 step.count,
                 now.state,
@@ -77,7 +77,7 @@ class Guiding:
                 now.required,
                 step.outer,
                 step.inner,
-                *self.asked,
+                *self.requested,
                 tuple(float(v) for v in now.up),
                 tuple(float(v) for v in now.positions.ravel()),
                 now.suffices,

@@ -1,4 +1,4 @@
-"""Stage plans: their durations, and the rule that ends a repeated plan."""
+"""Stage plans, their durations, and the rule that ends a repeated plan."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -29,18 +29,18 @@ SETTLE = 1.5
 
 @dataclass(frozen=True)
 class StopRule:
-    """Ends a repeated plan at the end of the first round in which one of its conditions is met.
+    """The conditions that end a repeated plan, checked at the end of each round; one of them suffices.
 
-    Conditions: complete rounds, IMU time in s, largest sigma per parameter or group, SI. Each can be None or empty.
-    The operator can end a repeated plan at any time, after the current move.
+    The conditions are a number of rounds, an IMU time, s, and the largest sigma by parameter or group, SI; each can be
+    None or empty. The operator can end a repeated plan after any move.
     """
 
     rounds: int | None = None
     duration: float | None = None
     targets: Mapping[str, float] = field(default_factory=dict)
-    #: Typical number of rounds until the targets end a plan, for the displayed duration; None if unknown.
+    #: Typical number of rounds until the targets end a plan, used for the displayed duration; None if unknown.
     usual: int | None = None
-    repeated: bool = False  #: Whether the plan repeats; any other plan is executed to its end.
+    repeated: bool = False  #: Whether the plan repeats; otherwise it is executed to its end.
 
     @property
     def open_ended(self) -> bool:
@@ -63,7 +63,7 @@ class StopRule:
 
 @dataclass(frozen=True)
 class StagePlan:
-    """A stage to run: its name, a function that returns a new iterator over its steps, and its stop rule."""
+    """A stage with its stop rule; `steps` returns a new iterator over its steps."""
 
     name: str
     steps: Callable[[], Iterator[Step]]
@@ -71,16 +71,16 @@ class StagePlan:
 
 
 class StageTrack:
-    """Tracks the progress of one stage, or of one round of an open-ended one; `duration` is the planned duration, s."""
+    """Progress of a stage, or of a round of an open-ended stage, with planned `duration`, s."""
 
     def __init__(self, stage: str, duration: float) -> None:
         self._stage, self._duration = stage, duration
-        self._done = self._begun = self._step = 0.0
+        self._done = self._step_begin = self._step = 0.0
         self._sigma: dict[str, dict[str, float]] = {}
 
     def begin(self, now: float, seconds: float) -> None:
         """Begin a step of duration `seconds` at station time `now`."""
-        self._begun, self._step = now, seconds
+        self._step_begin, self._step = now, seconds
 
     def end(self, sigma: Mapping[str, FloatArray]) -> None:
         """End the step; `sigma` contains the standard deviations reached in every slot, shape (30,), SI."""
@@ -93,13 +93,13 @@ class StageTrack:
 
     def event(self, now: float, slot: str) -> StageProgress:
         """Return the stage's progress at station time `now` for the unit of a slot."""
-        done = self._done + min(max(now - self._begun, 0.0), self._step)
+        done = self._done + min(max(now - self._step_begin, 0.0), self._step)
         fraction = min(done / self._duration, 1.0) if self._duration > 0.0 else 1.0
         return StageProgress(self._stage, fraction, max(self._duration - done, 0.0), self._sigma.get(slot, {}))
 
 
 def move_time(start: tuple[float, float], move: Move) -> float:
-    """Return the duration, s, of a trapezoidal or triangular move from `start` (rad), set by the longer travel."""
+    """Return the duration, s, of a trapezoidal or triangular move from joint angles `start`, rad."""
     rate, acceleration = move.rate, move.acceleration
     distance = max(abs(move.outer - start[0]), abs(move.inner - start[1]))
     if distance * acceleration < rate * rate:
@@ -108,7 +108,7 @@ def move_time(start: tuple[float, float], move: Move) -> float:
 
 
 def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) -> float:
-    """Return the duration of a step from joint angles `start` (rad), s, including `settle` s after a move."""
+    """Return the duration of a step from joint angles `start`, rad, in s, including `settle` s after a move."""
     if isinstance(step, Move):
         return move_time(start, step) + settle
     if isinstance(step, ManualMove):

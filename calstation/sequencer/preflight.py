@@ -1,4 +1,4 @@
-"""Checks before the first stage: identity, power, home, gravity, signs and data flow, while the unit warms up."""
+"""Checks of identity, power, homing, data flow, gravity and signs before the first stage, while the unit warms up."""
 
 import re
 from collections import deque
@@ -22,10 +22,10 @@ _SLOPE_OVER, _SLOPE_AFTER = 60.0, 20.0
 
 
 class Preflight:
-    """Runs the checks in an order in which each can rely on the previous ones.
+    """Runs the checks in an order in which each check can rely on the previous ones.
 
-    The warm-up begins with the first check, so that an incorrectly mounted unit is refused before it is warm. In a
-    batch, a unit that fails a check leaves, and the others continue.
+    The warm-up begins with the first check, so that an incorrectly mounted unit is refused before it is warm. A unit of
+    a batch that fails a check leaves, and the others continue.
     """
 
     def __init__(self, runner: StepRunner) -> None:
@@ -84,7 +84,7 @@ class Preflight:
     def _wait_until_ready(self) -> None:
         self._context.emit(Message("waiting_ready"))
         timeout = self._limits.ready_timeout
-        # Whether the self-test failed, for each unit that has been ready; units need not become ready in the same tick.
+        # Whether the self-test failed, by unit that has been ready; units may become ready in different ticks.
         failed: dict[Unit, bool] = {}
 
         def was_ready(unit: Unit) -> bool:
@@ -151,7 +151,7 @@ class Preflight:
         return {unit: mean[:3] for unit, mean in means.items()}
 
     def _check_signs(self, biases: Mapping[Unit, FloatArray]) -> None:
-        """Turn each joint by a small angle, then both back; check the size, axis and sign that the gyros measure."""
+        """Turn each joint by a small angle, then both back; check the size, axis and sign of the measured turns."""
         target = [0.0, 0.0]
         for joint, axis in enumerate(JOINTS):
             start = self._runner.position()
@@ -170,7 +170,7 @@ class Preflight:
 
 
 class _WarmUp:
-    """The warm-up of a unit, which began at station time `begin`, s, and lasts until `end` at least."""
+    """The warm-up of a unit, which began at station time `begin`, s, and ends at `end`, s, or later."""
 
     def __init__(self, unit: Unit, begin: float, now: float) -> None:
         self._acquisition, self._limits, self._begin = unit.acquisition, unit.slot.unit.preflight, begin
@@ -190,7 +190,7 @@ class _WarmUp:
         return now >= self.end and abs(_slope(track)) <= self._limits.warm_up_slope
 
     def late(self, now: float) -> DeviceFaultError | None:
-        """Return the error of a unit whose temperature has not become stable in time."""
+        """Return the error of a unit whose temperature has not become stable in time, or None."""
         timeout = self._limits.warm_up_timeout
         if self._limits.warm_up_slope is None or now - self._begin <= timeout:
             return None
@@ -198,7 +198,7 @@ class _WarmUp:
 
 
 def _check_output(task: UnitTask, mean: FloatArray, position: tuple[float, float] | None) -> None:
-    """Check the mean output at rest, rad/s and m/s²; its direction only if the joint angles `position`, rad, are known.
+    """Check the mean output at rest, rad/s and m/s², and its direction if the joint angles `position`, rad, are known.
 
     Raises DeviceFaultError.
     """
@@ -206,7 +206,7 @@ def _check_output(task: UnitTask, mean: FloatArray, position: tuple[float, float
     size = float(np.linalg.norm(force))
     if abs(size / limits.gravity - 1.0) > limits.gravity_tolerance:
         raise DeviceFaultError("preflight.gravity_size", measured=size, expected=limits.gravity)
-    # With a gyro so far from its profile, no stage could detect rests in its data.
+    # No stage could detect rests in the data of a gyro whose bias is so far outside its profile.
     for axis, rate, low, high in zip(AXES, rates, limits.rate_low, limits.rate_high, strict=True):
         if not low <= rate <= high:
             rate_dps, low_dps, high_dps = (float(np.rad2deg(v)) for v in (rate, low, high))
@@ -216,9 +216,9 @@ def _check_output(task: UnitTask, mean: FloatArray, position: tuple[float, float
     if position is None:
         return
     up = task.geometry.body_to_home(*position).T @ UP
-    away = float(np.arccos(np.clip(force @ up / size, -1.0, 1.0)))
-    if away > limits.direction_tolerance:
-        raise DeviceFaultError("preflight.gravity_direction", away_deg=float(np.rad2deg(away)))
+    deviation = float(np.arccos(np.clip(force @ up / size, -1.0, 1.0)))
+    if deviation > limits.direction_tolerance:
+        raise DeviceFaultError("preflight.gravity_direction", away_deg=float(np.rad2deg(deviation)))
 
 
 def _check_turn(
@@ -252,7 +252,7 @@ def _check_turn(
 
 
 def _counts(blocks: list[SampleBlock]) -> FloatArray:
-    """Return all counts, shape (n, 6). Raises DeviceFaultError if any is non-numeric or invalid."""
+    """Return all counts, shape (n, 6). Raises DeviceFaultError if a sample is not numeric or not valid."""
     counts = np.concatenate([np.empty((0, 6)), *(block.counts for block in blocks)])
     if not np.isfinite(counts).all():
         raise DeviceFaultError("preflight.non_numeric")

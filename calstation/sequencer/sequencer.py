@@ -1,4 +1,4 @@
-"""Runs a calibration from preparation to verdict; every exit path leaves the table at rest with its axes off."""
+"""The sequence of a run from preparation to verdict; every exit path leaves the table at rest with its axes off."""
 
 import logging
 from collections.abc import Callable, Iterable
@@ -25,10 +25,10 @@ logger = logging.getLogger(__name__)
 
 
 class Sequencer:
-    """Executes one run; `run` blocks until it ends. The end of each unit is reported to its `Evaluation`."""
+    """Executes one run; the end of the run is reported to the `Evaluation` of each unit."""
 
     def __init__(self, context: RunContext) -> None:
-        if any(None in (slot.journal, slot.solving, slot.evaluation) for slot in context.slots):
+        if any(None in (slot.log, slot.solving, slot.evaluation) for slot in context.slots):
             raise ValueError("a run needs a log, a solver chain and an evaluation for every unit")
         self._context = context
         self._solved_before = len(context.slot.solved)
@@ -37,7 +37,7 @@ class Sequencer:
         self._units = self._drive.units
 
     def run(self) -> None:
-        """Prepare, run every stage, judge and write the registers; see `Driving.run` for errors."""
+        """Prepare, run every stage, judge, and write the registers; see `Driving.run` for errors."""
         try:
             error = self._drive.run(self._calibrate)
         finally:
@@ -45,7 +45,7 @@ class Sequencer:
         self._units.close(self._drive.state, error)
 
     def _calibrate(self) -> State:
-        """Execute everything from preparation to the load position with axes off."""
+        """Execute the run from the preparation to the load position, where the axes are switched off."""
         drive = self._drive
         drive.go(State.PREPARING)
         with self._units.jobs(lambda unit: _solving(unit).warm()) as warm:
@@ -72,7 +72,7 @@ class Sequencer:
             return
         for unit in earlier:
             unit.emit(Message("verifying"))
-        drive.reference([unit for unit in earlier if unit.slot.unit.corrected is Output.ASKED], earlier)
+        drive.reference([unit for unit in earlier if unit.slot.unit.corrected is Output.ON_COMMAND], earlier)
         data = drive.verification_data(earlier, restarted=False)
         self._units.each(lambda unit: earlier[unit](data[unit], background), data)
 
@@ -92,10 +92,10 @@ class Sequencer:
             if units.in_batch:  # the table was not polled while the previous units were read or written
                 drive.control_loop.check_table()
             _evaluation(unit).transfer(background)
-            unit.unproved = True
+            unit.unverified = True
 
         def verify(unit: Unit) -> None:
-            unit.unproved = False
+            unit.unverified = False
             _evaluation(unit).verify(data[unit], background)
 
         self._compute_for_each(judge)
@@ -116,12 +116,12 @@ class Sequencer:
                     self._complete(units.of(data))
         except (StopRequested, CalstationError):
             for unit in units:
-                if unit.unproved:
+                if unit.unverified:
                     unit.emit(Message("transfer_unproved"))
             raise
 
     def _complete(self, units: Iterable[Unit]) -> None:
-        """Remove units that are complete, so that no later fault changes their result."""
+        """Remove units that are complete, so that later faults do not change their results."""
         for unit in units:
             self._units.remove(unit, State.DONE)
 
@@ -139,60 +139,60 @@ class Sequencer:
         drive, emit = self._drive, self._context.emit
         duration = plan_time(stage.steps(), stage.rule, drive.runner.position(), self._context.task.settle)
         count = self._solved_before + len(self._context.task.stages)
-        self._context.control.check_cancelled()  # a late END_STAGE of the previous stage has no effect
+        self._context.control.check_cancelled()  # discard an END_STAGE command that refers to the previous stage
         self._context.control.ending_stage = False
         emit(StageStarted(stage.name, index, count, duration, stage.rule.repeated))
         logger.info("stage %s begins", stage.name)
         self._compute_for_each(lambda unit: _solving(unit).start(stage.name))
-        drive.stamps.stage = stage.name
+        drive.tags.stage = stage.name
         drive.runner.begin_stage()
         try:
             reason, rounds = self._execute(stage, duration)
         finally:
-            drive.stamps.stage = ""
+            drive.tags.stage = ""
         drive.runner.gimbal.restore()
         self._track = None
         emit(StageEnded(stage.name, reason, rounds))
         with self._units.jobs(lambda unit: _solving(unit).finish()) as jobs:
             self._units.each(lambda unit: self._solved(unit, jobs[unit]))
-        ending: list[Unit] = []
+        finished: list[Unit] = []
 
         def decide(unit: Unit) -> None:
             if not _evaluation(unit).continues(unit.solutions[-1]):
-                ending.append(unit)
+                finished.append(unit)
 
         self._compute_for_each(decide)
-        if len(ending) == len(self._units):
+        if len(finished) == len(self._units):
             return False
-        for unit in ending:
-            with self._units.serving(unit):
+        for unit in finished:
+            with self._units.attributing_errors_to(unit):
                 unit.judgement = _evaluation(unit).judge(tuple(unit.solutions)).judgement
                 self._units.remove(unit, State.DONE)
         return True
 
     def _solved(self, unit: Unit, job: Future[Solution]) -> None:
-        """Wait for the solution of a unit's stage and log it."""
+        """Wait for the solution of a unit's stage, and log it."""
         solution = self._wait_for(job)
         logger.info("stage %s of %s solved", solution.stage, unit.slot.unit.serial)
         unit.solutions.append(solution)
         for event in solution_events(solution):
             unit.emit(event)
         # Once the log is on disk, a solved stage need not be repeated.
-        journal = cast("RawLogWriter", unit.slot.journal)
-        self._wait_for(journal.begin_sync())
-        journal.service()
+        log = cast("RawLogWriter", unit.slot.log)
+        self._wait_for(log.begin_sync())
+        log.service()
 
     def _execute(self, stage: StagePlan, duration: float) -> tuple[str, int]:
         """Execute the steps of a stage; return the reason for its end and the number of rounds."""
         drive, clock, units = self._drive, self._context.clock, self._units
-        begin = {unit: unit.acquisition.newest or 0.0 for unit in units}
+        begin = {unit: unit.acquisition.newest_time or 0.0 for unit in units}
         rounds = 0
         track = self._track = StageTrack(stage.name, duration)
         self._show_progress()
         for step in stage.steps():
             if isinstance(step, RoundEnd):
                 rounds = step.rounds
-                elapsed = min((unit.acquisition.newest or 0.0) - begin[unit] for unit in units)
+                elapsed = min((unit.acquisition.newest_time or 0.0) - begin[unit] for unit in units)
                 sigmas = self._sigmas() if stage.rule.targets else {}
                 reasons = [stage.rule.reason(rounds, elapsed, sigmas.get(unit.slot.name)) for unit in units]
                 if reasons[0] and all(reasons):
@@ -223,9 +223,9 @@ class Sequencer:
         return sigmas
 
     def _compute_for_each(self, work: Callable[[Unit], object]) -> None:
-        """Run `work`, which may take a while, for every unit, and feed the table's watchdog after each.
+        """Run time-consuming `work` for every unit, and feed the table's watchdog after each unit.
 
-        Raises StopRequested before a unit.
+        Raises StopRequested between units.
         """
 
         def compute(unit: Unit) -> None:
@@ -242,7 +242,7 @@ class Sequencer:
                 unit.emit(self._track.event(now, unit.slot.name))
 
     def _wait_for(self, job: Future[_Result]) -> _Result:
-        """Return the result of a worker's job; until then feed the watchdog and drain samples. A stop ends the wait."""
+        """Feed the watchdog and read samples until a job is done, and return its result. Raises StopRequested."""
         clock, control_loop = self._context.clock, self._drive.control_loop
         while not job.done():
             before = clock.now()

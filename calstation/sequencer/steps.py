@@ -1,4 +1,4 @@
-"""Execution of a plan's steps; each step is repeated from its start after a pause or lost samples."""
+"""Execution of the steps of a plan; each step is repeated from its start after a pause or lost samples."""
 
 import logging
 from collections import Counter
@@ -19,13 +19,13 @@ from calstation.sequencer.plan import move_time
 from calstation.sequencer.unit_stream import UnitStream
 from calstation.sequencer.units import StepInvalid, Unit
 
-#: A joint counts as arrived if it is at rest and settled within this angle of its target, rad.
+#: Largest distance of a settled joint from its target at which it has arrived, rad.
 ARRIVED = np.deg2rad(0.5)
 
-#: Maximum number of repetitions of a step with invalid samples of a unit before that unit is considered faulty.
+#: Maximum number of repetitions of a step due to invalid samples of a unit; then the unit is considered faulty.
 REPEATS = 3
 
-#: Rest before a move is repeated, s; the solvers need it to find the attitude and the angles again.
+#: Rest before a move is repeated, s, from which the solvers determine the attitude and the angles again.
 _REST_BEFORE_REPEAT = 5.0
 
 _RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
@@ -36,10 +36,10 @@ DrivenStep: TypeAlias = Move | Dwell | ManualMove | GimbalZero | GimbalTurn
 
 
 class StepRunner:
-    """Drives the table or gimbal through the steps, and guides the operator of a manual rig.
+    """Executes the steps on the table or gimbal, or guides the operator of a manual rig.
 
     Every move and every repetition increments the step number. Samples between the interruption of a step and its
-    repetition are marked invalid.
+    repetition are tagged as invalid.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class StepRunner:
         self.control_loop = control_loop
         self.streams = streams
         self.units = control_loop.units
-        self.stamps = control_loop.stamps
+        self.tags = control_loop.tags
         self.guiding = Guiding(control_loop)
         self.gimbal = gimbal
         self._context = control_loop.context
@@ -65,8 +65,8 @@ class StepRunner:
     def run(self, step: DrivenStep) -> None:
         """Execute a step to its end; repeat it if it is interrupted.
 
-        A dwell is repeated together with the move before it, because every turn must end in a rest.
-        Raises DeviceFaultError, also after too many repetitions, ConfigurationError for a move outside the limits, and
+        A dwell is repeated together with the move before it, because every turn must end in a rest. Raises
+        DeviceFaultError, also after too many repetitions, ConfigurationError if a move is outside the limits, and
         StopRequested.
         """
         if isinstance(step, ManualMove):
@@ -77,39 +77,39 @@ class StepRunner:
 
     def _run(self, step: DrivenStep) -> None:
         start = self.target or self.position()
-        moved = isinstance(step, Move)
-        todo: list[DrivenStep] = [step]
-        again = todo
+        moves = isinstance(step, Move)
+        parts: list[DrivenStep] = [step]
+        repetition = parts
         if isinstance(step, Dwell) and self._last_move is not None:
             start, move = self._last_move
-            moved, again = True, [move, step]
+            moves, repetition = True, [move, step]
         repeats: Counter[Unit] = Counter()
         while True:
             try:
                 self.control_loop.pausable = self.control_loop.watchful = True
-                for part in todo:
+                for part in parts:
                     self._execute(part)
                 if isinstance(step, Move):
                     self._last_move = (start, step)
                 return
             except PauseRequested:
-                self._hold()
+                self._pause()
             except StepInvalid as invalid:
                 for unit, reason in invalid.reasons.items():
                     repeats[unit] += 1
                     if repeats[unit] > REPEATS:
                         self.units.leave(unit, DeviceFaultError(f"stream.repeated_{reason}"))
                         continue
-                    logger.warning("step %d repeated: %s %s", self.stamps.step, unit.slot.unit.serial, reason)
+                    logger.warning("step %d repeated: %s %s", self.tags.step, unit.slot.unit.serial, reason)
                     unit.emit(Message("step_repeated", {"reason": reason, "attempt": repeats[unit]}))
                 self._come_to_rest()
             finally:
                 self.control_loop.pausable = self.control_loop.watchful = False
-            self._recover(start, moved)
-            todo = [Dwell(_REST_BEFORE_REPEAT), *again] if moved else again
+            self._recover(start, moves)
+            parts = [Dwell(_REST_BEFORE_REPEAT), *repetition] if moves else repetition
 
     def begin_stage(self) -> None:
-        """Begin a stage; moves of the previous stage are not repeated in it."""
+        """Begin a stage, in which moves of the previous stage are not repeated."""
         self._last_move = None
         self.guiding.begin()
         self.gimbal.begin()
@@ -117,14 +117,14 @@ class StepRunner:
     def drive(self, move: Move) -> None:
         """Move both joints and wait until they have arrived and settled.
 
-        Raises DeviceFaultError, also if this takes too long, ConfigurationError for a move outside the limits, and the
-        interruptions of `ControlLoop.update`.
+        Raises DeviceFaultError, also if this takes too long, ConfigurationError if the move is outside the limits, and
+        the interruptions of `ControlLoop.update`.
         """
         check_move(self.control_loop.status, self._limits, move)
         start = self.position()
-        self.stamps.step += 1
+        self.tags.step += 1
         self.target = None
-        self._started("move", move.label)
+        self._emit_step("move", move.label)
         self._context.table.move(move.outer, move.inner, move.rate, move.acceleration)
         self.control_loop.wait(
             lambda: self.arrived((move.outer, move.inner)),
@@ -136,17 +136,19 @@ class StepRunner:
     def arrived(self, target: tuple[float, float]) -> bool:
         """Return whether the table is at rest and settled at `target` (rad)."""
         status = self.control_loop.status
-        away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))
-        return status.settled and not status.moving and away < ARRIVED
+        return status.settled and not status.moving and self._distance(target) < ARRIVED
+
+    def _distance(self, target: tuple[float, float]) -> float:
+        """Return the larger distance of the two joints from `target`, rad."""
+        return float(max(abs(a - b) for a, b in zip(self.control_loop.status.angles, target, strict=True)))
 
     def _arrival_error(self, target: tuple[float, float]) -> DeviceFaultError:
-        status = self.control_loop.status
+        status, distance = self.control_loop.status, self._distance(target)
         target_deg = {"outer_deg": float(np.rad2deg(target[0])), "inner_deg": float(np.rad2deg(target[1]))}
-        away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))
-        if away < ARRIVED:
+        if distance < ARRIVED:
             return DeviceFaultError("motion.not_settled", **target_deg)
         if status.settled and not status.moving:
-            return DeviceFaultError("motion.off_target", away_deg=float(np.rad2deg(away)), **target_deg)
+            return DeviceFaultError("motion.off_target", away_deg=float(np.rad2deg(distance)), **target_deg)
         return DeviceFaultError("motion.not_reached", **target_deg)
 
     def position(self) -> tuple[float, float]:
@@ -158,18 +160,18 @@ class StepRunner:
         if isinstance(step, Move):
             self.drive(step)
         elif isinstance(step, Dwell):
-            self._started("dwell")
+            self._emit_step("dwell")
             self.control_loop.rest(step.duration)
         elif isinstance(step, GimbalZero):
             self.gimbal.zero(step)
         elif isinstance(step, GimbalTurn):
             self.gimbal.turn(step)
         else:
-            self.stamps.step += 1
-            self._started("carry", manual_move_label(step))
+            self.tags.step += 1
+            self._emit_step("carry", manual_move_label(step))
             self.guiding.follow(step)
 
-    def _hold(self) -> None:
+    def _pause(self) -> None:
         """Stop the table and wait until the operator resumes the run."""
         self._on_state(State.PAUSING)
         self._come_to_rest()
@@ -179,7 +181,7 @@ class StepRunner:
         self._on_state(State.RUNNING)
 
     def _come_to_rest(self) -> None:
-        self.stamps.valid = False
+        self.tags.valid = False
         self.control_loop.pausable = self.control_loop.watchful = False
         self._context.table.stop()
         self.control_loop.tick()
@@ -187,16 +189,16 @@ class StepRunner:
             lambda: not self.control_loop.status.moving, 30.0, DeviceFaultError("motion.not_stopped")
         )
 
-    def _recover(self, start: tuple[float, float], moved: bool) -> None:
-        """Return to the start of the step, restore the stream of every unit and increment the step number."""
-        if moved and not self.arrived(start):
+    def _recover(self, start: tuple[float, float], moves: bool) -> None:
+        """Return to the start of a step that moves the table, restore all streams and increment the step number."""
+        if moves and not self.arrived(start):
             check_motion(self.control_loop.status)
             speeds = self._limits.limited(_RETURN_RATE, _RETURN_ACCELERATION)
             outer, inner = (float(v) for v in np.clip(start, self._limits.low, self._limits.high))
             self.drive(Move(outer, inner, *speeds, ("return",)))
         self.units.each(lambda unit: self.streams[unit].restore())
-        self.stamps.step += 1
-        self.stamps.valid = True
+        self.tags.step += 1
+        self.tags.valid = True
 
-    def _started(self, kind: str, label: tuple[str | float, ...] = ()) -> None:
-        self._context.emit(StepStarted(self.stamps.stage, self.stamps.step, kind, label))
+    def _emit_step(self, kind: str, label: tuple[str | float, ...] = ()) -> None:
+        self._context.emit(StepStarted(self.tags.stage, self.tags.step, kind, label))

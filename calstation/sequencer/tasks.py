@@ -34,7 +34,7 @@ def table_task(setup: RunConfiguration) -> Task:
 
 
 def unit_task(setup: RunConfiguration, meta: LogMeta | None = None) -> UnitTask:
-    """Return the task of a unit; `meta` is the configuration of its log, by default the one without registers."""
+    """Return the task of a unit; `meta` is the configuration of its log, by default without registers."""
     meta = meta or setup.log_meta()
     context = context_from_meta(meta)
     prior, biases = prior_from_meta(meta), group_indices("gyro_bias")
@@ -61,14 +61,14 @@ def unit_task(setup: RunConfiguration, meta: LogMeta | None = None) -> UnitTask:
 
 
 def corrected_output(setup: RunConfiguration) -> Output:
-    """Return whether and how the unit outputs samples corrected by its registers."""
+    """Return when the unit outputs samples corrected by its registers."""
     if setup.after_registers:
         return Output.ALWAYS
-    return Output.NEVER if setup.imu.corrected is None else Output.ASKED
+    return Output.NEVER if setup.imu.corrected is None else Output.ON_COMMAND
 
 
 def _gimbal_turn(setup: RunConfiguration) -> GimbalTurn | None:
-    """Return the settings of a gimbal's turns; None on a table."""
+    """Return the settings of the turns of a gimbal; None on a table."""
     if setup.table.gimbal is None:
         return None
     steps = (step for stage in setup.stages for step in setup.plan(stage))
@@ -76,7 +76,7 @@ def _gimbal_turn(setup: RunConfiguration) -> GimbalTurn | None:
 
 
 def _stop_rule(schedule: BaseModel) -> StopRule:
-    """Return the stop rule of a schedule; it is empty for a plan that does not repeat."""
+    """Return the stop rule of a schedule, which has no conditions if the plan does not repeat."""
     if not isinstance(schedule, RepeatedSchedule):
         return StopRule()
     return StopRule(

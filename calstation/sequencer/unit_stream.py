@@ -1,4 +1,4 @@
-"""The requested stream of a unit, which is restarted with the same kind of output if the unit restarts."""
+"""The stream of a unit, which is requested again with the same kind of output if the unit restarts."""
 
 from collections.abc import Callable
 
@@ -10,20 +10,20 @@ from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.units import NO_DATA, Unit
 
 #: Maximum station time from the command to stream to the first sample, s.
-_DATA_WITHIN = 20.0
+_DATA_TIMEOUT = 20.0
 
-_READY_WITHIN = 60.0
+_READY_TIMEOUT = 60.0
 _ATTEMPTS = 3
 
 
 class UnitStream:
-    """The unit's stream, raw or corrected by its registers.
+    """The stream of a unit, raw or corrected by its registers.
 
     A unit that restarts sends no data for a while or until it is commanded to stream. Its counter restarts, it is not
     ready yet, and it outputs raw samples regardless of earlier requests. Therefore, after every silence and every
-    interruption of a corrected stream, its identity is checked and the stream is requested again.
+    interruption of a corrected stream, the identity of the unit is checked and the stream is requested again.
 
-    `check_cancelled` raises StopRequested in the background thread if its result is no longer wanted.
+    `check_cancelled` raises StopRequested in the background thread if its result is no longer needed.
     """
 
     def __init__(
@@ -47,12 +47,12 @@ class UnitStream:
         """Request raw or corrected output and wait until a ready unit streams it. Raises DeviceFaultError."""
         self._corrected = corrected
         self._request()
-        if not self._flows(requested=True):
+        if not self._is_streaming(requested=True):
             self.restore()
 
     @property
     def broken(self) -> bool:
-        """Return whether samples or readiness have been lost since `start` or `restore`, or the unit is silent."""
+        """Whether the unit is silent, or samples or readiness have been lost since `start` or `restore`."""
         return self._unit.silent or self._acquisition.breaks != self._breaks
 
     def restore(self) -> bool:
@@ -67,7 +67,7 @@ class UnitStream:
             restarted |= silent or self._acquisition.restarts != self._restarts
             if silent or self._corrected:
                 self._request()
-            if self._flows(requested=silent or self._corrected):
+            if self._is_streaming(requested=silent or self._corrected):
                 return restarted
         raise DeviceFaultError("stream.restarts")
 
@@ -88,22 +88,22 @@ class UnitStream:
         if identity is not None:
             check_unit(identity, self._slot.unit.serial)
 
-    def _flows(self, *, requested: bool) -> bool:
-        """Wait until the unit is ready; return whether samples arrived without a break from the first one on."""
+    def _is_streaming(self, *, requested: bool) -> bool:
+        """Wait until the unit is ready; return whether the samples arrived without interruption since the first one."""
         if not self._first_sample(requested):
             return False
         self._breaks, self._restarts = self._acquisition.breaks, self._acquisition.restarts
         self._control_loop.wait(
             lambda: self._unit.flow.ready or self.broken,
-            _READY_WITHIN,
-            DeviceFaultError("stream.not_ready", seconds=_READY_WITHIN),
+            _READY_TIMEOUT,
+            DeviceFaultError("stream.not_ready", seconds=_READY_TIMEOUT),
         )
         return not self.broken
 
     def _first_sample(self, requested: bool) -> bool:
         """Wait for a sample; return False if a unit that was not commanded to stream has stopped sending."""
-        deadline = self._clock.now() + (_DATA_WITHIN if requested else NO_DATA)
-        patient, self._unit.patient = self._unit.patient, not requested
+        deadline = self._clock.now() + (_DATA_TIMEOUT if requested else NO_DATA)
+        tolerates_noise, self._unit.tolerates_noise = self._unit.tolerates_noise, not requested
         try:
             while True:
                 self._control_loop.tick()
@@ -112,7 +112,7 @@ class UnitStream:
                 if self._clock.now() > deadline:
                     break
         finally:
-            self._unit.patient = patient
+            self._unit.tolerates_noise = tolerates_noise
         if requested:
             raise DeviceFaultError("stream.not_started")
         return False

@@ -1,4 +1,4 @@
-"""The units of a run: data of each, and how a failed unit leaves without stopping the others."""
+"""The units of a run, of which a failed one leaves without stopping the others."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -14,47 +14,47 @@ from calstation.errors import CalstationError
 from calstation.estimation import Solution
 from calstation.estimation.common import SampleBlock
 from calstation.judgement import Judgement
-from calstation.sequencer.acquisition import Acquisition, Flow, Stamps
-from calstation.sequencer.context import Ended, RunContext, Slot
+from calstation.sequencer.acquisition import Acquisition, DrainResult, SampleTags
+from calstation.sequencer.context import RunContext, RunEnd, Slot
 from calstation.sequencer.control import Interruption, State
 from calstation.sequencer.events import Event, Fault, Message, Trace
 from calstation.sequencer.guard import reason_of
 
 _Result = TypeVar("_Result")
 
-#: Station time without a sample after which the unit counts as silent, s.
+#: Station time without a sample after which the unit is silent, s.
 NO_DATA = 1.0
 
-#: Maximum number of ticks kept for a trace; if the listener is too slow, only the latest are shown.
+#: Maximum number of ticks in a trace; if the listener is too slow, only the latest ticks are displayed.
 _MAX_TRACED = 400
 
 
 class Unit:
     """A unit in a run, with its samples.
 
-    If `patient` is set, bytes outside frames are treated as silence; otherwise they are an immediate fault. If
-    `unproved` is set, the unit's registers are written but not verified.
+    If `tolerates_noise` is set, bytes outside frames are treated as silence; otherwise they are an immediate fault.
+    `unverified` tells whether registers of the unit were written but not verified yet.
     """
 
-    def __init__(self, context: RunContext, slot: Slot, stamps: Stamps) -> None:
+    def __init__(self, context: RunContext, slot: Slot, tags: SampleTags) -> None:
         self._context = context
         self.slot = slot
         self.acquisition = Acquisition(
             slot.imu,
             slot.unit,
             context.clock,
-            stamps,
-            slot.take,
+            tags,
+            slot.add_samples,
             latency=context.task.latency,
             after=slot.after,
             gimbal=context.task.gimbal,
         )
-        self.flow = Flow()
-        self.patient = False
+        self.flow = DrainResult()
+        self.tolerates_noise = False
         self.solutions: list[Solution] = list(slot.solved)
-        self.judgement: Judgement | None = None  #: None until it is judged.
-        self.unproved = False
-        #: Current or last job of its solver in another thread.
+        self.judgement: Judgement | None = None  #: None until the unit is judged.
+        self.unverified = False
+        #: Current or last job of the unit's solver in another thread.
         self.job: Future[Any] | None = None
         self._traced: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=_MAX_TRACED)
 
@@ -62,29 +62,29 @@ class Unit:
         """Emit an event that concerns this unit."""
         self._context.emit(replace(event, slot=self.slot.name) if self.slot.name else event)
 
-    def ended(self, state: State, error: CalstationError | None) -> Ended:
+    def ended(self, state: State, error: CalstationError | None) -> RunEnd:
         """Return how the run ended for this unit."""
-        return Ended(state, tuple(self.solutions), error, self.judgement)
+        return RunEnd(state, tuple(self.solutions), error, self.judgement)
 
     def drain(self) -> None:
-        """Drain the samples received so far. Raises DeviceFaultError, or ConfigurationError of the log."""
+        """Read the samples received so far. Raises DeviceFaultError, or ConfigurationError if the log is unwritable."""
         try:
             self.flow = self.acquisition.drain()
         except NoFramesError:
-            if not self.patient:
+            if not self.tolerates_noise:
                 raise
-            self.flow = Flow()
-        newest, recent = self.acquisition.newest, self.acquisition.recent
-        if self.flow.count and newest is not None and recent is not None and np.isfinite(recent[0]).all():
-            self._traced.append((newest, recent[0]))
+            self.flow = DrainResult()
+        newest_time, recent = self.acquisition.newest_time, self.acquisition.recent
+        if self.flow.count and newest_time is not None and recent is not None and np.isfinite(recent[0]).all():
+            self._traced.append((newest_time, recent[0]))
 
     def service(self) -> None:
-        """Service the log. Raises ConfigurationError if it cannot be written."""
+        """Write the log to disk if necessary. Raises ConfigurationError if it cannot be written."""
         error = self._context.log_errors.pop(self.slot.name, None)
         if error is not None:
             raise error
-        if self.slot.journal is not None:
-            self.slot.journal.service()
+        if self.slot.log is not None:
+            self.slot.log.service()
 
     def trace(self) -> None:
         """Emit the output of the ticks since the last trace."""
@@ -99,8 +99,8 @@ class Unit:
         return self._context.clock.now() - self.acquisition.last_arrival > NO_DATA
 
     @property
-    def spoilt(self) -> str:
-        """Reason why the samples of the last drain are unusable, a term of the family ``reason``; "" if usable."""
+    def invalid_reason(self) -> str:
+        """Reason why the last samples are unusable, a term of the family ``reason``; "" if they are usable."""
         if self.silent:
             return "no_data"
         if self.flow.missing:
@@ -111,9 +111,9 @@ class Unit:
 
 
 class StepInvalid(Interruption):
-    """Samples of the step are lost or unusable; it must be repeated.
+    """Samples of the step are lost or unusable, so that it must be repeated.
 
-    `reasons` contains the units concerned, each with a term of the family ``reason``.
+    `reasons` contains a term of the family ``reason`` for each unit concerned.
     """
 
     def __init__(self, reasons: Mapping[Unit, str]) -> None:
@@ -124,20 +124,20 @@ class StepInvalid(Interruption):
 class Units:
     """The units that are still in the run, in the order of their slots.
 
-    An error that occurs while a unit is being served is attributed to that unit: it leaves the run, and the others
-    continue. The error ends the run if no other unit is left, or if it is an error of the table.
+    An error is attributed to the unit that is being processed, which leaves the run while the others continue. The
+    error ends the run if no other unit remains, or if it is an error of the table.
     """
 
     def __init__(self, context: RunContext) -> None:
         self._context = context
         steps = [slot.after.step + 1 for slot in context.slots if slot.after is not None]
-        self.stamps = Stamps(max(steps, default=0))
-        self._active = [Unit(context, slot, self.stamps) for slot in context.slots]
-        self._served: Unit | None = None
+        self.tags = SampleTags(max(steps, default=0))
+        self._active = [Unit(context, slot, self.tags) for slot in context.slots]
+        self._current: Unit | None = None
         self._table_errors: list[CalstationError] = []
-        # Units are solved, and the results of leaving units are written, in threads in parallel with the control loop,
-        # which feeds the table's watchdog.
-        self._solver, self._leaving = ThreadPoolExecutor(1, "solver"), ThreadPoolExecutor(1, "leaving")
+        # Units are solved, and the results of units that leave are written, in threads, because the control loop must
+        # feed the table's watchdog meanwhile.
+        self._solver, self._result_writer = ThreadPoolExecutor(1, "solver"), ThreadPoolExecutor(1, "leaving")
         self._ends: list[Future[None]] = []
 
     def __iter__(self) -> Iterator[Unit]:
@@ -164,28 +164,28 @@ class Units:
         return [unit for unit in units if unit in self._active]
 
     def each(self, work: Callable[[Unit], object], units: Iterable[Unit] | None = None) -> None:
-        """Call `work` for every unit, or for some units; those that fail leave. Raises the error of the last one."""
+        """Call `work` for every unit or some units, of which those that fail leave. Raises the error of the last."""
         for unit in self if units is None else tuple(units):
             if unit in self._active:
-                with self.serving(unit):
+                with self.attributing_errors_to(unit):
                     work(unit)
 
     @contextmanager
-    def serving(self, unit: Unit) -> Iterator[None]:
-        """Make a unit leave if an error occurs while the context is open. Raises the error of the last unit."""
-        if self._served is unit:
+    def attributing_errors_to(self, unit: Unit) -> Iterator[None]:
+        """Attribute errors in this context to a unit, which then leaves. Raises the error of the last unit."""
+        if self._current is unit:
             yield
             return
-        before, self._served = self._served, unit
+        before, self._current = self._current, unit
         try:
             yield
         except CalstationError as error:
             if error in self._table_errors:
                 raise
-            self._served = before
+            self._current = before
             self.leave(unit, error)
         finally:
-            self._served = before
+            self._current = before
 
     @contextmanager
     def jobs(self, work: Callable[[Unit], _Result]) -> Iterator[Mapping[Unit, Future[_Result]]]:
@@ -200,8 +200,8 @@ class Units:
                 job.cancel()
 
     @contextmanager
-    def of_table(self) -> Iterator[None]:
-        """Attribute an error while the context is open to the table, regardless of the unit being served."""
+    def attributing_errors_to_table(self) -> Iterator[None]:
+        """Attribute errors in this context to the table, even while a unit is being processed."""
         try:
             yield
         except CalstationError as error:
@@ -209,15 +209,15 @@ class Units:
             raise
 
     def leave(self, unit: Unit, error: CalstationError) -> None:
-        """Remove a unit that has an error. Raises `error` if no other unit is left, or while the unit is served.
+        """Remove a unit that has an error, unless it has already left.
 
-        If the unit has already left, nothing happens.
+        Raises `error` instead if no other unit remains, or while the unit is being processed.
         """
         if unit not in self._active:
             return
-        if len(self._active) == 1 or self._served is unit:
+        if len(self._active) == 1 or self._current is unit:
             raise error
-        if unit.unproved:
+        if unit.unverified:
             unit.emit(Message("transfer_unproved"))
         unit.emit(Message("unit_left", {"serial": unit.slot.unit.serial, "reason": reason_of(error)}))
         unit.emit(Fault.of(error))
@@ -226,24 +226,24 @@ class Units:
     def remove(self, unit: Unit, state: State, error: CalstationError | None = None) -> None:
         """Remove a unit from the run and write its result."""
         self._active.remove(unit)
-        self._context.left.add(unit.slot.name)
+        self._context.inactive.add(unit.slot.name)
         evaluation, ended = unit.slot.evaluation, unit.ended(state, error)
 
         def end() -> None:
             if unit.job is not None and not unit.job.cancel():
-                wait([unit.job])  # the solver must not change what is being written
+                wait([unit.job])  # the solver must not change the data while they are written
             if evaluation is not None:
                 evaluation.ended(ended)
 
-        self._ends.append(self._leaving.submit(end))
+        self._ends.append(self._result_writer.submit(end))
 
     def wait_for_results(self) -> None:
         """Wait until the results of all units that have left are written."""
         self._solver.shutdown(wait=False)
-        self._leaving.shutdown()
+        self._result_writer.shutdown()
 
     def close(self, state: State, error: CalstationError | None) -> None:
-        """Write the results of all remaining units at the end of the run in `state`. Raises like `Evaluation.ended`."""
+        """Write the results of all remaining units at the end of the run. Raises the errors of `Evaluation.ended`."""
         with ExitStack() as ends:  # calls all of them, in reverse order, even if one raises
             for unit in reversed(self._active):
                 failure = error or self._context.log_errors.get(unit.slot.name)

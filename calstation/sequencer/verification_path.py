@@ -1,6 +1,6 @@
-"""The table's path for the verification of units, and the data captured along it.
+"""The path of the table on which units are verified, and the data captured along it.
 
-The turns excite every gyro, the rests every accelerometer.
+The turns excite every gyro, and the rests every accelerometer.
 """
 
 from dataclasses import dataclass, field
@@ -10,29 +10,29 @@ import numpy as np
 from calstation.errors import ConfigurationError
 from calstation.physics import INNER, JOINTS, OUTER, UP, FloatArray, JointLimits, Move, TableGeometry
 
-#: Maximum rate, rad/s, and acceleration, rad/s², and maximum fraction of the table's own.
+#: Maximum rate, rad/s, and acceleration, rad/s², and maximum fraction of the table's limits.
 RATE, ACCELERATION = np.deg2rad(110.0), np.deg2rad(180.0)
 _SPEED_FRACTION = 0.9
 
 _FULL_TURN, _HALF_TURN, _QUARTER_TURN = 2.0 * np.pi, np.pi, 0.5 * np.pi
-#: Candidate turn angles, rad; the first that travel allows is used.
+#: Candidate turn angles, rad, of which the first one within the travel is used.
 _AMOUNTS = tuple(np.deg2rad(v) for a in (180.0, 90.0, 30.0) for v in (a, -a))
-#: Candidates without a reference: full turns come first, because the encoder error cancels in them.
+#: Candidates without a reference; full turns come first, because the encoder error cancels in them.
 _WHOLE_AMOUNTS = (_FULL_TURN, -_FULL_TURN, *_AMOUNTS)
 
 #: Candidate moves of the inner joint, rad, before the outer joint turns again about another body axis.
 _QUARTERS = tuple(np.deg2rad(v) for a in (90.0, 30.0) for v in (a, -a))
 
 _LEG_STEP = np.deg2rad(90.0)
-#: Minimum angle between a new gravity direction in the body frame and all previous ones for a rest at it, rad.
+#: Minimum angle of gravity in the body frame from all previous rests at which another rest is useful, rad.
 _NEW_UP = np.deg2rad(20.0)
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A move; `turn` is the number of the turn of one joint it belongs to, or None; if `rest`, a rest follows.
+    """A move of the path, possibly followed by a `rest`; `turn` is the number of the turn that it is part of, or None.
 
-    If `opposite`, gravity is opposite to its direction at another rest, and a reference does not need this rest.
+    If `opposite` is set, gravity is opposite to its direction at another rest; a reference does not need this rest.
     """
 
     move: Move
@@ -43,14 +43,14 @@ class Leg:
 
 @dataclass(frozen=True)
 class Turn:
-    """A turn of one joint by `amount`, rad; earth rate along its axis equals its value at rest number `still`."""
+    """A turn of one joint by `amount`, rad; earth rate along its axis equals its value at rest number `rest`."""
 
     joint: int
     amount: float
-    still: int
+    rest: int
 
     @property
-    def whole(self) -> bool:
+    def is_full(self) -> bool:
         """Whether the turn is a full revolution."""
         return abs(abs(self.amount) - _FULL_TURN) < 1e-9
 
@@ -65,7 +65,7 @@ class VerificationPath:
 
     @property
     def measured(self) -> tuple[Leg, ...]:
-        """The legs without a mere return to the start."""
+        """The legs without a final leg that only returns to the start."""
         last = self.legs[-1]
         returns = last.turn is None and not last.rest and not last.opposite
         return self.legs[:-1] if returns else self.legs
@@ -74,24 +74,30 @@ class VerificationPath:
 def verification_path(
     start: tuple[float, float],
     geometry: TableGeometry,
-    own: JointLimits,
-    fastest: float = np.inf,
+    table_limits: JointLimits,
+    max_rate: float = np.inf,
     *,
     compared: bool = True,
 ) -> VerificationPath:
-    """Return a path: the outer joint turns, turns back at another inner angle, then the inner joint turns.
+    """Return a path on which the outer joint turns, turns back at another inner angle, and then the inner joint turns.
 
-    The path starts at joint angles `start`, rad, is no faster than `fastest`, rad/s, and stays within the limits of the
-    profile and the table's `own` limits. Half turns are enough if the turns are `compared` with a reference along the
-    same path. Raises ConfigurationError if a joint cannot turn.
+    Raises ConfigurationError if a joint cannot turn.
+
+    Parameters
+    ----------
+    start : joint angles at the start, rad
+    geometry : geometry of the table with the limits of its profile
+    table_limits : travel as set in the table
+    max_rate : largest rate, rad/s
+    compared : whether the turns are compared with a reference along the same path, so that half turns suffice
     """
-    path = _PathBuilder(start, geometry, own, fastest, _AMOUNTS if compared else _WHOLE_AMOUNTS)
-    there = path.amount(OUTER)
+    path = _PathBuilder(start, geometry, table_limits, max_rate, _AMOUNTS if compared else _WHOLE_AMOUNTS)
+    amount_out = path.amount(OUTER)
     quarter = path.first(INNER, _QUARTERS)
-    path.turn(OUTER, there)
-    path.go(path.further(there), quarter)
-    path.turn(OUTER, -there)
-    # In the opposite direction, a turn ends closer to the start.
+    path.turn(OUTER, amount_out)
+    path.go(path.extra_quarter(amount_out), quarter)
+    path.turn(OUTER, -amount_out)
+    # A turn in the opposite direction ends closer to the start.
     path.turn(INNER, -np.sign(quarter) * abs(path.amount(INNER, -np.sign(quarter))))
     path.go(start[OUTER] - path.pose[OUTER], start[INNER] - path.pose[INNER])
     return VerificationPath(start, tuple(path.legs), tuple(path.turns))
@@ -104,35 +110,36 @@ class _PathBuilder:
         self,
         start: tuple[float, float],
         geometry: TableGeometry,
-        own: JointLimits,
-        fastest: float,
+        table_limits: JointLimits,
+        max_rate: float,
         amounts: tuple[float, ...],
     ) -> None:
         self.pose = list(start)
         self.legs: list[Leg] = []
         self.turns: list[Turn] = []
-        self._geometry, self._own, self._amounts = geometry, own, amounts
+        self._geometry, self._table_limits, self._amounts = geometry, table_limits, amounts
         rate, acceleration = (_SPEED_FRACTION * v for v in geometry.limits.limited(np.inf, np.inf))
-        self._speeds = min(RATE, rate, fastest), min(ACCELERATION, acceleration)
-        self._rested = [(start, self._up(start))]
+        self._speeds = min(RATE, rate, max_rate), min(ACCELERATION, acceleration)
+        self._rest_poses = [(start, self._up(start))]
         self._has_opposite = False
 
     def amount(self, joint: int, sign: float = 0.0) -> float:
-        """Return the angle by which a joint can turn from here, rad; only in the direction of `sign` unless it is 0."""
+        """Return an angle by which a joint can turn now, rad; if `sign` is not 0, with this sign."""
         return self.first(joint, tuple(a for a in self._amounts if sign * a >= 0.0))
 
     def first(self, joint: int, amounts: tuple[float, ...]) -> float:
-        """Return the first of `amounts` that travel allows from here. Raises ConfigurationError."""
+        """Return the first of `amounts` that the travel allows from the current pose. Raises ConfigurationError."""
         for amount in amounts:
             if self._reaches(joint, amount):
                 return float(amount)
         angle_deg = float(np.rad2deg(_AMOUNTS[-2]))
         raise ConfigurationError("motion.no_turn", axis=JOINTS[joint], angle_deg=angle_deg)
 
-    def further(self, turned: float) -> float:
-        """Return a further quarter turn of the outer joint after it `turned` by at least half a turn, or 0, rad.
+    def extra_quarter(self, turned: float) -> float:
+        """Return the angle of a quarter turn of the outer joint after a turn by `turned`, rad; 0 if there is none.
 
-        After it, the turn back begins with gravity perpendicular to the inner axis and needs no intermediate stop.
+        If half a turn or more is followed by this quarter, the turn back begins with gravity perpendicular to the inner
+        axis and needs no intermediate stop.
         """
         quarter = float(np.sign(turned) * _QUARTER_TURN)
         return quarter if abs(turned) > _HALF_TURN - 1e-9 and self._reaches(OUTER, quarter) else 0.0
@@ -145,35 +152,37 @@ class _PathBuilder:
     def turn(self, joint: int, amount: float) -> None:
         """Turn a joint, with a stop wherever gravity has a new direction in the body frame."""
         number, remaining, step = len(self.turns), amount, float(np.sign(amount) * _LEG_STEP)
-        way = np.array([joint == OUTER, joint == INNER], dtype=float)
+        direction = np.array([joint == OUTER, joint == INNER], dtype=float)
         stops = range(1, round(abs(amount) / _LEG_STEP) + 1)
-        if self._still(joint) is None and not any(self._is_new(self._after(k * step * way)) for k in stops):
+        if self._matching_rest(joint) is None and not any(
+            self._is_new(self._after(k * step * direction)) for k in stops
+        ):
             self.legs[-1] = Leg(self.legs[-1].move, self.legs[-1].turn, True)
             self._rest()
         while abs(remaining) > 1e-12:
             leg = step
-            while abs(leg) < abs(remaining) - 1e-12 and not self._rest_here(self._after(leg * way)):
+            while abs(leg) < abs(remaining) - 1e-12 and not self._needs_rest(self._after(leg * direction)):
                 leg += step
             leg = leg if abs(leg) < abs(remaining) else remaining
-            self._add(leg * way, number)
+            self._add(leg * direction, number)
             remaining -= leg
-        still = self._still(joint)
-        if still is None:
+        rest = self._matching_rest(joint)
+        if rest is None:
             raise RuntimeError("a turn without a rest to compare with")
-        self.turns.append(Turn(joint, float(amount), still))
+        self.turns.append(Turn(joint, float(amount), rest))
 
-    def _still(self, joint: int) -> int | None:
+    def _matching_rest(self, joint: int) -> int | None:
         """Return the number of the first rest with the other joint's current angle, modulo full turns, or None."""
         other = 1 - joint
-        for number, (pose, _) in enumerate(self._rested):
-            apart = (pose[other] - self.pose[other]) / _FULL_TURN
-            if abs(apart - round(apart)) < 1e-6:
+        for number, (pose, _) in enumerate(self._rest_poses):
+            difference = (pose[other] - self.pose[other]) / _FULL_TURN
+            if abs(difference - round(difference)) < 1e-6:
                 return number
         return None
 
     def _reaches(self, joint: int, amount: float) -> bool:
         to = self.pose[joint] + amount
-        return self._geometry.limits.within(joint, to) and self._own.within(joint, to)
+        return self._geometry.limits.within(joint, to) and self._table_limits.within(joint, to)
 
     def _add(self, amounts: FloatArray | tuple[float, float], turn: int | None) -> None:
         pose = self._after(amounts)
@@ -186,7 +195,7 @@ class _PathBuilder:
 
     def _rest(self) -> None:
         pose = (self.pose[OUTER], self.pose[INNER])
-        self._rested.append((pose, self._up(pose)))
+        self._rest_poses.append((pose, self._up(pose)))
 
     def _after(self, amounts: FloatArray | tuple[float, float]) -> tuple[float, float]:
         return self.pose[OUTER] + float(amounts[OUTER]), self.pose[INNER] + float(amounts[INNER])
@@ -194,7 +203,7 @@ class _PathBuilder:
     def _up(self, pose: tuple[float, float]) -> FloatArray:
         return np.asarray(self._geometry.body_to_home(*pose).T @ UP)
 
-    def _rest_here(self, pose: tuple[float, float]) -> bool:
+    def _needs_rest(self, pose: tuple[float, float]) -> bool:
         return self._is_new(pose) or self._is_opposite(pose)
 
     def _is_new(self, pose: tuple[float, float]) -> bool:
@@ -206,11 +215,11 @@ class _PathBuilder:
         return not self._has_opposite and bool(self._cosines(pose).min() <= -np.cos(_NEW_UP))
 
     def _cosines(self, pose: tuple[float, float]) -> FloatArray:
-        return np.array([known for _, known in self._rested]) @ self._up(pose)
+        return np.array([up for _, up in self._rest_poses]) @ self._up(pose)
 
 
-def turned_over(geometry: TableGeometry, outer: float) -> float:
-    """Return the outer angle that turns a unit over from `outer`, rad: half a turn away, or as far as travel allows."""
+def overturned_angle(geometry: TableGeometry, outer: float) -> float:
+    """Return the outer angle that turns a unit over from `outer`, rad, by half a turn or as far as possible."""
     for turn in (_HALF_TURN, -_HALF_TURN, _QUARTER_TURN, -_QUARTER_TURN):
         if geometry.limits.within(OUTER, outer + turn):
             return outer + turn
@@ -218,11 +227,10 @@ def turned_over(geometry: TableGeometry, outer: float) -> float:
 
 
 @dataclass(frozen=True)
-class TurnDrift:
-    """Drift of the other joints in a turn about body axis `axis` of `seconds` s, rad, shape (2,).
+class JointDrift:
+    """Drift of the other joints in a turn about body axis `axis` that takes `seconds` s, rad, shape (2,).
 
-    `matrix` is J, the drift per rad of misalignment, shape (2, 2); `rest` is the time over which the drift at rest was
-    measured, s.
+    `matrix` is J, the drift per rad of misalignment, shape (2, 2). The drift at rest was measured over `rest` s.
     """
 
     axis: int
@@ -234,7 +242,7 @@ class TurnDrift:
 
 @dataclass(frozen=True)
 class Turned:
-    """A measured turn: the integral of the output over its legs, rad and m/s, shape (6,), and its duration, s."""
+    """A measured turn, with the integral of the output over its legs, rad and m/s, shape (6,), and its duration, s."""
 
     turn: Turn
     integral: FloatArray
@@ -250,11 +258,10 @@ class Turned:
 class VerificationData:
     """Output of a unit, captured for verification.
 
-    `rests` are means at rest over `seconds`, gyro rad/s and accel m/s², each of shape (6,). On a table there are
-    `turns`, and the last rest is opposite to another one, except in a reference; on a manual rig there is `carried`,
-    the samples between two rests, shape (n, 6), at intervals of `period`, s; on a gimbal there are `drifts` only.
-    `reference` is the same data before the transfer or without the registers applied, or None if there is no
-    comparison.
+    `rests` are means at rest over `seconds`, gyro in rad/s and accel in m/s², each of shape (6,). `turns` are measured
+    on a table, where the last rest is opposite to another one except in a reference. `carried` contains the samples
+    between two rests on a manual rig, shape (n, 6), at intervals of `period`, s. On a gimbal there are only `drifts`.
+    `reference` contains the same data before the transfer or without the registers applied, or None.
     """
 
     rests: tuple[FloatArray, ...]
@@ -264,4 +271,4 @@ class VerificationData:
     period: float = 0.0
     corrected: bool = False
     reference: "VerificationData | None" = None
-    drifts: tuple[TurnDrift, ...] = ()
+    drifts: tuple[JointDrift, ...] = ()

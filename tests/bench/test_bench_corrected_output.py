@@ -8,8 +8,7 @@ import pytest
 
 from calstation.bench import BenchConfig
 from calstation.bench.imu import UNITS
-from calstation.bench.imu.correction import Requantiser
-from calstation.bench.imu.unit import CORRECTED
+from calstation.bench.imu.unit import CORRECTED, Requantiser
 from calstation.bench.imu.units.framed import STREAM, WRITE
 from calstation.bench.truth import StreamOutput
 from calstation.devices.imu import ImuRefusalError, RegisterMap, open_imu

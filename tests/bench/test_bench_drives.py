@@ -194,7 +194,7 @@ def test_rejected_command_changes_nothing():
         drive.write(20, [0x0F])
     with pytest.raises(NotPermitted):
         outer.write(20, [0x1F])  # not homed yet
-    pair.machine.know_zero()
+    pair.machine.set_zero()
     outer.write(20, [0x0F])
     outer.write(34, [0xFFFF, 0x7FFF])
     with pytest.raises(OutOfRange):
@@ -213,7 +213,7 @@ def test_each_drive_has_its_own_modbus_unit_number(start_bench, transport):
     settings = {"table_protocol": "drives", "table_transport": transport, "start_deg": [2.0, -1.0], "speed": 0.0}
     with start_bench(**settings) as bench:
         port = bench.endpoints["table"] if transport == "rtu" else f"tcp://{bench.endpoints['table']}"
-        table = ModbusTable(port, PROFILE.at_place(2.0, None))
+        table = ModbusTable(port, PROFILE.at_station(2.0, None))
         try:
             assert table.identify().serial == "T-0001A + T-0001B"
             table.enable()

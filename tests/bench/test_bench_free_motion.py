@@ -5,8 +5,8 @@ import pytest
 
 from calstation.bench.truth import (
     Field,
-    HandStream,
     ManualRig,
+    ManualRigStream,
     Mounting,
     SensorStream,
     TableTruth,
@@ -144,7 +144,7 @@ def test_equal_seeds_give_equal_recordings_and_other_seeds_differ():
 def test_samples_do_not_depend_on_the_request_size():
     imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
     rig = ManualRig()
-    streams = [HandStream(imu, rig, np.random.SeedSequence(5)) for _ in range(2)]
+    streams = [ManualRigStream(imu, rig, np.random.SeedSequence(5)) for _ in range(2)]
     for stream in streams:
         stream.carry((0.0, 1.0), 2.0, 0.5)
     whole = streams[0].produce(400).counts
@@ -155,7 +155,7 @@ def test_samples_do_not_depend_on_the_request_size():
 def test_simulated_operator_moves_the_unit_near_the_position_and_releases_it():
     imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
     rig = ManualRig()
-    stream = HandStream(imu, rig, np.random.SeedSequence(5))
+    stream = ManualRigStream(imu, rig, np.random.SeedSequence(5))
     per_count = imu.accel_lsb * 100.0
     for pose in ((0.0, 1.0), (0.0, 1.0), (1.5, 1.0), (0.0, 0.0)):
         stream.carry(pose, 5.0, stream.produced / 100.0)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.bench.truth import EncoderTruth, TableDrive
-from calstation.bench.truth.kinematics import DRIVE_FREQUENCY, SETTLED, JointProfile
+from calstation.bench.truth.kinematics import DRIVE_FREQUENCY, SETTLED_AMPLITUDE, JointProfile
 
 RATE, ACCELERATION = np.deg2rad(20.0), np.deg2rad(50.0)
 
@@ -15,7 +15,7 @@ def test_trapezoidal_profile_reaches_its_target_in_the_textbook_time():
     profile = JointProfile.rest(0.3).move(2.0, 0.3 + np.pi, RATE, ACCELERATION)
     assert profile.target == 0.3 + np.pi
     assert profile.end == pytest.approx(2.0 + np.pi / RATE + RATE / ACCELERATION, abs=1e-12)
-    states = profile.states(np.array([0.0, 1.9, profile.still, profile.still + 100.0]))
+    states = profile.states(np.array([0.0, 1.9, profile.rest_time, profile.rest_time + 100.0]))
     assert states[:2, 0] == pytest.approx(0.3, abs=0.0)
     assert states[2:, 0] == pytest.approx(0.3 + np.pi, abs=0.0)
     assert np.all(states[:, 1:] == 0.0)
@@ -31,7 +31,7 @@ def test_short_move_has_a_triangular_profile_below_the_maximum_rate():
 @given(target=st.floats(-15.0, 15.0), rate=st.floats(0.01, 3.0), acceleration=st.floats(0.05, 5.0))
 def test_rate_and_acceleration_are_the_derivatives_of_the_angle(target, rate, acceleration):
     profile = JointProfile.rest(0.0).move(0.5, target, rate, acceleration)
-    times = np.linspace(0.5, min(profile.quiet(1e-9), 6.0), 200) + 1e-3
+    times = np.linspace(0.5, min(profile.settling_time(1e-9), 6.0), 200) + 1e-3
     step = 1e-5
     near = np.array([profile.states(times + k * step) for k in (-1, 0, 1)])
     # The angle has continuous second derivatives, the third is at most a·ω.
@@ -45,9 +45,9 @@ def test_joint_oscillates_after_a_move_and_then_settles():
     ringing = profile.states(np.linspace(profile.end, profile.end + 0.2, 200))[:, 0] - 1.0
     assert ringing.max() > 1e-5
     assert ringing.min() < -1e-5
-    settled = profile.quiet(SETTLED)
+    settled = profile.settling_time(SETTLED_AMPLITUDE)
     assert profile.end < settled < profile.end + 1.0
-    assert np.max(np.abs(profile.states(np.linspace(settled, settled + 1.0, 500))[:, 0] - 1.0)) <= SETTLED
+    assert np.max(np.abs(profile.states(np.linspace(settled, settled + 1.0, 500))[:, 0] - 1.0)) <= SETTLED_AMPLITUDE
 
 
 def test_a_stop_is_continuous_and_decelerates_as_commanded():
@@ -81,7 +81,7 @@ def test_encoder_repeatability_error_is_redrawn_at_every_stop():
         drive.move(time, (target, -target), (50.0, 50.0), (500.0, 500.0))
         time = drive.settled
         reading = drive.readings(np.array([time, time + 1.0]))
-        assert reading[0] == pytest.approx(reading[1], abs=10 * white + 2 * SETTLED)
+        assert reading[0] == pytest.approx(reading[1], abs=10 * white + 2 * SETTLED_AMPLITUDE)
         errors.append(reading[1] - drive.states(time)[:, 0])
     scatter = np.std(errors, axis=0) / sigma
     assert scatter == pytest.approx(1.0, abs=4.0 / np.sqrt(2 * 400))

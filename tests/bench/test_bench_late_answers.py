@@ -20,7 +20,7 @@ LATE, NEXT = TIMEOUT + 0.05, 0.1
 
 @pytest.mark.long
 def test_late_table_response_is_not_taken_for_limits_or_angles(start_bench):
-    profile = load_table_profile(DATA / "tables" / "bench.toml").at_place(TIMEOUT, None)
+    profile = load_table_profile(DATA / "tables" / "bench.toml").at_station(TIMEOUT, None)
     profile = profile.model_copy(update={"modbus": profile.modbus.model_copy(update={"gap": 0})})
     settings = {"low_deg": [-400.0, -500.0], "high_deg": [600.0, 700.0], "start_deg": [3.0, -4.0]}
     with start_bench(table_transport="rtu", **settings) as bench:

@@ -105,7 +105,7 @@ def test_controller_survives_arbitrary_bytes(language):
 @tables
 @pytest.mark.parametrize("transport", ["tcp", pytest.param("rtu", marks=posix)])
 def test_driver_moves_the_simulated_table(start_bench, language, transport):
-    profile = load_table_profile(TABLES / f"{PROFILES[language]}.toml").at_place(2.0, None)
+    profile = load_table_profile(TABLES / f"{PROFILES[language]}.toml").at_station(2.0, None)
     settings = {"table_protocol": language, "table_transport": transport, "start_deg": [2.0, -1.0], "speed": 0.0}
     with start_bench(table_serial="T-42", encoder_sigma_deg=0.0, encoder_periodic_deg=0.0, **settings) as bench:
         at = bench.endpoints["table"]
@@ -153,7 +153,7 @@ def test_driver_moves_the_simulated_table(start_bench, language, transport):
 @pytest.mark.long
 @tables
 def test_requests_with_lost_replies_are_repeated(start_bench, language):
-    profile = load_table_profile(TABLES / f"{PROFILES[language]}.toml").at_place(0.3, None)
+    profile = load_table_profile(TABLES / f"{PROFILES[language]}.toml").at_station(0.3, None)
     with start_bench(table_protocol=language) as bench:
         table = TextTable(f"tcp://{bench.endpoints['table']}", profile)
         try:

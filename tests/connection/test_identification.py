@@ -154,7 +154,7 @@ def test_stop_request_ends_identification(tmp_path: Path, imu: str) -> None:
 
 @pytest.mark.parametrize("work", [reset_table, read_table])
 def test_device_of_another_model_is_not_reset(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.1)
+    monkeypatch.setattr(table_reset, "_CLEAR_TIMEOUT", 0.1)
     plc = FakeTable({})
     plc.words[0:8] = struct.unpack(">8H", b"WRONGPLC".ljust(16, b"\0"))
     plc.words[17] |= 1 << 3

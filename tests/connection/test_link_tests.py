@@ -35,7 +35,7 @@ needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-
 @pytest.fixture(autouse=True)
 def three_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Search only three unit numbers for other devices, because every timeout takes time."""
-    monkeypatch.setattr(who_answers, "NUMBERS", range(1, 4))
+    monkeypatch.setattr(who_answers, "UNIT_NUMBERS", range(1, 4))
 
 
 def no_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
@@ -360,7 +360,7 @@ def test_imu_at_another_baud_rate_is_found(monkeypatch: pytest.MonkeyPatch) -> N
 
     monkeypatch.setattr("calstation.connection.devices.SerialLink", AtBaud)
     monkeypatch.setattr(who_answers, "SerialLink", AtBaud)
-    monkeypatch.setattr(who_answers, "LISTEN", 0.01)
+    monkeypatch.setattr(who_answers, "LISTEN_TIME", 0.01)
     report = imu(port="COM7", serial={"baud": 115200})
     assert wrong(report).id == "no_frames"
     elsewhere = report.find("other_baud")
@@ -437,7 +437,7 @@ def test_stream_only_imu_passes(streaming: Path) -> None:
 def test_silent_or_wrong_baud_rate_of_a_stream_only_imu_is_reported(
     streaming: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(who_answers, "LISTEN", 0.01)
+    monkeypatch.setattr(who_answers, "LISTEN_TIME", 0.01)
     for sends, expected in ((bytes, "silent"), (lambda: b"\x99" * 64, "no_frames")):
         with terminal(silent, sends) as port:
             assert wrong(check_imu_link(no_progress, order(streaming, imu={"port": port}))).id == expected

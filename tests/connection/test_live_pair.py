@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from calstation.connection import LivePair, live_pair
-from calstation.connection.live_pair import _Unit
+from calstation.connection.live_pair import _LiveImu
 from calstation.devices import ImuIdentity, OtherModelError
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code
@@ -48,7 +48,7 @@ def imu(monkeypatch: pytest.MonkeyPatch) -> FakeImu:
     return imu
 
 
-def revived(unit: _Unit) -> None:
+def revived(unit: _LiveImu) -> None:
     unit.read(0.0)
     unit.read(3.0)
     assert unit._revival is not None
@@ -56,12 +56,12 @@ def revived(unit: _Unit) -> None:
 
 
 def test_different_unit_on_the_port_ends_the_watch(imu: FakeImu) -> None:
-    unit = _Unit(None, "P")  # type: ignore[arg-type]
+    unit = _LiveImu(None, "P")  # type: ignore[arg-type]
     imu.serial = "B"
     revived(unit)
     with raises_code(DeviceFaultError, "connection.other_imu"):
         unit.read(3.1)
-    unit = _Unit(None, "P")  # type: ignore[arg-type]
+    unit = _LiveImu(None, "P")  # type: ignore[arg-type]
     imu.failure = OtherModelError("imu.other_model", found="X", expected="Y")
     revived(unit)
     with raises_code(OtherModelError, "imu.other_model"):
@@ -69,7 +69,7 @@ def test_different_unit_on_the_port_ends_the_watch(imu: FakeImu) -> None:
 
 
 def test_the_same_fault_is_logged_once(imu: FakeImu, caplog: pytest.LogCaptureFixture) -> None:
-    unit = _Unit(None, "P")  # type: ignore[arg-type]
+    unit = _LiveImu(None, "P")  # type: ignore[arg-type]
     imu.fault = DeviceFaultError("connection.all_silent", seconds=1.0)
     with caplog.at_level(logging.WARNING):
         for k in range(20):
@@ -78,7 +78,7 @@ def test_the_same_fault_is_logged_once(imu: FakeImu, caplog: pytest.LogCaptureFi
 
 
 def test_unit_that_never_sends_is_reported(imu: FakeImu) -> None:
-    class Sends(_Unit):
+    class Sends(_LiveImu):
         def read(self, now: float) -> Any:
             self.heard = True
             return []
@@ -95,12 +95,12 @@ def test_unit_that_never_sends_is_reported(imu: FakeImu) -> None:
 
     class Live(LivePair):
         def __init__(self) -> None:
-            self._units = [_Unit(None, "P"), Sends(None, "Q")]  # type: ignore[arg-type]
+            self._units = [_LiveImu(None, "P"), Sends(None, "Q")]  # type: ignore[arg-type]
             self._clock, self._polls = Clock(), []  # type: ignore[assignment]
             empty = SimpleNamespace(take=lambda now: ([], []))
             self._aligner = empty  # type: ignore[assignment]
 
-        def _feed(self, number: int, unit: _Unit, batch: Any) -> None: ...
+        def _feed(self, number: int, unit: _LiveImu, batch: Any) -> None: ...
 
     begin = time.monotonic()
     with raises_code(DeviceFaultError, "connection.imu_silent") as caught:

@@ -37,7 +37,7 @@ with lock_ports(sys.argv[1:]):
 @pytest.fixture(autouse=True)
 def _impatient(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
-    monkeypatch.setattr(port_lock, "_WITHIN", 0.1)
+    monkeypatch.setattr(port_lock, "_LOCK_TIMEOUT", 0.1)
 
 
 @contextmanager

@@ -76,7 +76,7 @@ def shared(host: BenchHost) -> Iterator[Bench]:
 @pytest.fixture
 def bench(shared: Bench, monkeypatch: pytest.MonkeyPatch) -> Bench:
     """The table at rest without a latched fault."""
-    monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.2)
+    monkeypatch.setattr(table_reset, "_CLEAR_TIMEOUT", 0.2)
     shared.inject("interlock", 1)
     shared.clock.sleep(1.0)
     shared.reset()
@@ -153,7 +153,7 @@ class Stubborn(FakeTable):
 
 @pytest.mark.parametrize(("refuses", "outcome"), [(False, "stays"), (True, "refused")])
 def test_a_fault_whose_cause_persists_is_reported(refuses: bool, outcome: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.2)
+    monkeypatch.setattr(table_reset, "_CLEAR_TIMEOUT", 0.2)
     fake = Stubborn(fault=4, refuses=refuses)
     with server(fake.answer) as address:
         result = reset_table(ignore_progress, order(table={"port": f"tcp://{address}"}))

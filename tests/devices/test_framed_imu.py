@@ -153,8 +153,8 @@ def test_restart_waits_until_an_unconfirmed_commit_has_timed_out() -> None:
 
 
 def test_restart_is_complete_when_the_marker_is_gone() -> None:
-    (_, marked) = bias(-0.1 + 0.2 * 0.381966)
-    late = [IDENTITY, (bias()[0], marked)] * 2
+    (_, marker_numbers) = bias(-0.1 + 0.2 * 0.381966)
+    late = [IDENTITY, (bias()[0], marker_numbers)] * 2
     silent = [(request(1), b"")]
     with driver([*marking(), (request(5), b""), *late, *silent, bias(), IDENTITY, bias()]) as (imu, link):
         imu.reset()
@@ -163,8 +163,8 @@ def test_restart_is_complete_when_the_marker_is_gone() -> None:
 
 @pytest.mark.long
 def test_unit_that_never_restarts_is_a_fault_and_its_values_are_restored() -> None:
-    (_, marked) = bias(-0.1 + 0.2 * 0.381966)
-    looks = [IDENTITY, (bias()[0], marked)] * 200
+    (_, marker_numbers) = bias(-0.1 + 0.2 * 0.381966)
+    looks = [IDENTITY, (bias()[0], marker_numbers)] * 200
     with driver([*marking(), (request(5), reply_frame(5, b"\x00")), *looks]) as (imu, link):
         with raises_code(DeviceFaultError, "imu.not_restarted"):
             imu.reset()

@@ -107,7 +107,7 @@ def test_exception_of_an_older_request_is_discarded() -> None:
 
 
 def test_late_responses_do_not_mix_up_angles_and_limits() -> None:
-    profile = load_table_profile(DATA / "tables" / "bench.toml").at_place(TIMEOUT, None)
+    profile = load_table_profile(DATA / "tables" / "bench.toml").at_station(TIMEOUT, None)
     assert profile.modbus is not None
     profile = profile.model_copy(update={"modbus": profile.modbus.model_copy(update={"gap": 0})})
     clean, hurt = [], []

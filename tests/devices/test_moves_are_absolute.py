@@ -52,7 +52,7 @@ class FakeDevice:
     def __init__(self, start: tuple[float, float], loses: bool) -> None:
         limits = TableLimits(low=(-20.0, -20.0), high=(20.0, 20.0))
         self.machine = TableMachine(TableDrive(EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0), start), limits)
-        self.machine.know_zero()
+        self.machine.set_zero()
         self.clocks = Clocks(lambda: 0.0, lambda: 0.0, lambda: 0.0)
         for word in (0x06, 0x07, 0x0F):
             self.machine.control(word, 0.0, 0.0)

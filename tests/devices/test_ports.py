@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 from serial.tools import list_ports
 
-from calstation.devices.links import ModbusLink, SerialLink, found_ports, resolve, why_not
+from calstation.devices.links import ModbusLink, SerialLink, list_serial_ports, port_device, why_not
 from calstation.devices.profiles import SerialSettings
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code
@@ -39,7 +39,7 @@ def test_ports_are_listed_adapters_first(plugged: list[object]) -> None:
         listed("/dev/ttyUSB10", "A10", "1-3", "FT232R USB UART"),
         listed("/dev/ttyUSB9", "A9", "1-2", "FT232R USB UART"),
     ]
-    ports = found_ports()
+    ports = list_serial_ports()
     assert [p.device for p in ports] == ["/dev/ttyUSB9", "/dev/ttyUSB10", "/dev/ttyS0"]
     assert [p.usb for p in ports] == ["usb:A9", "usb:A10", None]
     assert (ports[0].description, ports[0].maker, ports[2].description) == ("FT232R USB UART", "FTDI", "")
@@ -47,19 +47,19 @@ def test_ports_are_listed_adapters_first(plugged: list[object]) -> None:
 
 def test_adapter_is_found_under_its_current_name(plugged: list[object]) -> None:
     plugged.append(listed("/dev/ttyUSB0", "A9", "1-2"))
-    assert resolve("usb:A9", "imu") == "/dev/ttyUSB0"
+    assert port_device("usb:A9", "imu") == "/dev/ttyUSB0"
     plugged[:] = [listed("/dev/ttyUSB0", "B1", "1-1"), listed("/dev/ttyUSB3", "A9", "1-4")]
-    assert resolve("usb:A9", "imu") == "/dev/ttyUSB3"
-    assert resolve("/dev/ttyUSB0", "imu") == "/dev/ttyUSB0"
-    assert resolve("socket://host:1", "imu") == "socket://host:1"
+    assert port_device("usb:A9", "imu") == "/dev/ttyUSB3"
+    assert port_device("/dev/ttyUSB0", "imu") == "/dev/ttyUSB0"
+    assert port_device("socket://host:1", "imu") == "socket://host:1"
 
 
 def test_ports_of_one_adapter_have_individual_names(plugged: list[object]) -> None:
     plugged += [listed("/dev/ttyUSB1", "Q4", "1-2:1.1"), listed("/dev/ttyUSB0", "Q4", "1-2:1.0")]
-    assert [p.usb for p in found_ports()] == ["usb:Q4/1", "usb:Q4/2"]
-    assert resolve("usb:Q4/2", "table") == "/dev/ttyUSB1"
+    assert [p.usb for p in list_serial_ports()] == ["usb:Q4/1", "usb:Q4/2"]
+    assert port_device("usb:Q4/2", "table") == "/dev/ttyUSB1"
     with raises_code(DeviceFaultError, "link.ambiguous"):
-        resolve("usb:Q4", "table")
+        port_device("usb:Q4", "table")
 
 
 def test_adapters_with_equal_serial_numbers_are_named_by_bus_location(plugged: list[object]) -> None:
@@ -67,25 +67,25 @@ def test_adapters_with_equal_serial_numbers_are_named_by_bus_location(plugged: l
     dual = [listed("/dev/ttyUSB3", "0001", "1-3:1.1"), listed("/dev/ttyUSB2", "0001", "1-3:1.0")]
     plugged += [first, second, *dual]
     names = ["usb:0001@1-1", "usb:0001@1-2", "usb:0001@1-3/1", "usb:0001@1-3/2"]
-    assert [p.usb for p in found_ports()] == names
-    assert [resolve(name, "imu")[-1] for name in names] == ["0", "1", "2", "3"]
+    assert [p.usb for p in list_serial_ports()] == names
+    assert [port_device(name, "imu")[-1] for name in names] == ["0", "1", "2", "3"]
     with raises_code(DeviceFaultError, "link.ambiguous"):
-        resolve("usb:0001/2", "imu")
+        port_device("usb:0001/2", "imu")
 
 
 def test_name_of_a_disconnected_adapter_is_not_reused(plugged: list[object]) -> None:
     plugged += [listed("/dev/ttyUSB0", "0001", "1-2")]  # that at 1-1 was pulled
-    assert resolve("usb:0001@1-2", "table") == "/dev/ttyUSB0"
+    assert port_device("usb:0001@1-2", "table") == "/dev/ttyUSB0"
     for name in ("usb:0001@1-1", "usb:0001/1", "usb:0001/2"):
         with raises_code(DeviceFaultError, "link.not_plugged_in"):
-            resolve(name, "table")
+            port_device(name, "table")
 
 
 def test_adapters_with_equal_serial_numbers_and_no_location_have_no_name(plugged: list[object]) -> None:
     plugged += [listed("COM3", "0001"), listed("COM4", "0001")]
-    assert [p.usb for p in found_ports()] == [None, None]
+    assert [p.usb for p in list_serial_ports()] == [None, None]
     with raises_code(DeviceFaultError, "link.ambiguous"):
-        resolve("usb:0001", "table")
+        port_device("usb:0001", "table")
 
 
 def test_missing_adapter_is_reported_with_the_available_adapters(plugged: list[object]) -> None:

@@ -11,7 +11,7 @@ from test_late_answers import pageless
 
 from calstation.devices.imu import RegisterMap, transfer
 from calstation.devices.imu.drivers.modbus import ModbusImu
-from calstation.devices.imu.registered_imu import markable, marked
+from calstation.devices.imu.registered_imu import marker_entry, marker_numbers
 from calstation.devices.links import SerialLink
 from calstation.devices.profiles import RegisterEntry
 from calstation.errors import DeviceFaultError
@@ -152,14 +152,14 @@ def entry(*parameters: str, **more: object) -> RegisterEntry:
 
 def test_marker_avoids_matrix_elements_if_possible() -> None:
     matrix, bias = entry("gyro_matrix"), entry("gyro_bias")
-    assert markable([matrix, bias]) is bias
-    assert markable([matrix]) is matrix
-    assert markable([]) is None
+    assert marker_entry([matrix, bias]) is bias
+    assert marker_entry([matrix]) is matrix
+    assert marker_entry([]) is None
     whole = entry("gyro_matrix", "gyro_offset")
     before = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
-    assert marked(whole, before)[:9] == before[:9]
-    assert marked(matrix, before[:9])[:8] == before[:8]
-    assert 0.0 not in marked(whole, before)[9:]
+    assert marker_numbers(whole, before)[:9] == before[:9]
+    assert marker_numbers(matrix, before[:9])[:8] == before[:8]
+    assert 0.0 not in marker_numbers(whole, before)[9:]
 
 
 @pytest.mark.parametrize("kind", ["i16", "f32", "f64", "q2.30"])
@@ -167,6 +167,6 @@ def test_marker_avoids_matrix_elements_if_possible() -> None:
 def test_marker_is_within_its_range_and_differs_from_the_current_value(kind: str, before: float) -> None:
     scale = 1e-5 if kind == "i16" else 1.0
     register = entry("gyro_bias", type=kind, scale=scale)
-    numbers = marked(register, [before / scale if kind == "i16" and before == before else before] * 3)
+    numbers = marker_numbers(register, [before / scale if kind == "i16" and before == before else before] * 3)
     assert all(-0.1 < v * scale < 0.1 for v in numbers)
     assert all(abs(v * scale - before) > 0.02 for v in numbers) or before != before

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from calstation.devices import UNKNOWN_FAULT, OtherModelError
 from calstation.devices.links import TextRefusalError
-from calstation.devices.links.text_link import Checked, Plain, Prompted
+from calstation.devices.links.text_link import ChecksummedFraming, PlainFraming, PromptedFraming
 from calstation.devices.profiles import TableProfile, load_table_profile
 from calstation.devices.table import TextTable
 from calstation.errors import ConfigurationError, DeviceFaultError
@@ -353,9 +353,9 @@ def test_mn_checksums_match_known_values() -> None:
     section = profile("mn_ascii").text
     assert section is not None
     assert section.checked is not None
-    framing = Checked(section, section.checked)
+    framing = ChecksummedFraming(section, section.checked)
     assert framing.request("CHK") == b"$MNCHK*D6\r\n"
-    headed = Checked(section, section.checked.model_copy(update={"counts_head": True}))
+    headed = ChecksummedFraming(section, section.checked.model_copy(update={"counts_head": True}))
     assert headed.request("CHK") == b"$MNCHK*95\r\n"
     assert headed.reply("CHK", b"$ASCHK,OK*54\r\n") == ("CHK,OK", b"")
 
@@ -420,7 +420,9 @@ def test_noise_does_not_break_the_framing(noise: list[bytes]) -> None:
         section = profile(name).text
         assert section is not None
         framing = (
-            Checked(section, section.checked) if section.checked else (Prompted if section.prompt else Plain)(section)
+            ChecksummedFraming(section, section.checked)
+            if section.checked
+            else (PromptedFraming if section.prompt else PlainFraming)(section)
         )
         rest = heard
         while (found := framing.reply("STP,1", rest)) is not None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calstation.devices import ImuIdentity, LinkStats, SampleBatch
-from calstation.devices.imu import Closing, Holds, Step, finish, recognise, restore, transfer
+from calstation.devices.imu import Closing, FlashContent, Step, finish, read_flash_content, restore, transfer
 from calstation.errors import ConfigurationError, DeviceFaultError
 from tests.devices.powered_unit import MAP, NAMES, SERIAL, Unit
 from tests.helpers import raises_code
@@ -101,7 +101,7 @@ def test_different_unit_is_not_accessed() -> None:
     with raises_code(DeviceFaultError, "imu.other_unit"):
         transfer(unit, MAP, SERIAL, {"gyro_bias_x": 0.0}, Noted().begin)
     with raises_code(DeviceFaultError, "imu.other_unit"):
-        recognise(unit, Noted(), MAP)
+        read_flash_content(unit, Noted(), MAP)
     assert unit.calls == []
 
 
@@ -134,7 +134,7 @@ def test_transfer_stays_open_if_a_register_is_lost_from_flash() -> None:
     with raises_code(DeviceFaultError, "imu.holds_neither"):
         transfer(unit, MAP, SERIAL, {"gyro_bias_y": 0.01}, noted.begin)
     assert noted.closing is None
-    assert recognise(unit, noted, MAP) is Holds.NEITHER
+    assert read_flash_content(unit, noted, MAP) is FlashContent.NEITHER
     unit.forgets = ""
     assert restore(unit, MAP, noted) == noted.old == unit.flash
     assert noted.closing == "restored"
@@ -180,7 +180,7 @@ def test_restoring_unchanged_registers_uses_no_flash_cycle() -> None:
 def test_brown_out_during_the_commit_is_reported_and_keeps_old_values(tmp_path: Path, moment: int) -> None:
     unit, noted = Unit(tmp_path / "flash.bin"), Noted()
     with unit.powered(timeout_s=0.2) as imu:
-        unit.unit.fails_committing = moment
+        unit.unit.commit_power_cut = moment
         with raises_code(DeviceFaultError, "imu.holds_old"):
             transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5, "accel_bias_z": 0.02}, noted.begin)
     assert noted.closing == "kept"
@@ -190,7 +190,7 @@ def test_brown_out_during_the_commit_is_reported_and_keeps_old_values(tmp_path: 
 def test_brown_out_between_two_writes_is_detected_by_the_read_back(tmp_path: Path) -> None:
     unit, noted = Unit(tmp_path / "flash.bin"), Noted()
     with unit.powered(timeout_s=0.2) as imu:
-        unit.unit.fails_writing = 31  # behind the mark and the first entry
+        unit.unit.write_power_cut = 31  # behind the mark and the first entry
         with raises_code(DeviceFaultError, "imu.holds_old"):
             transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5, "accel_bias_z": 0.02}, noted.begin)
     assert (unit.cycles, noted.closing) == (0, "kept")
@@ -199,7 +199,7 @@ def test_brown_out_between_two_writes_is_detected_by_the_read_back(tmp_path: Pat
 def test_brown_out_during_the_first_write_is_recovered_by_a_repeat(tmp_path: Path) -> None:
     unit, noted = Unit(tmp_path / "flash.bin"), Noted()
     with unit.powered(timeout_s=0.2) as imu:
-        unit.unit.fails_writing = 0
+        unit.unit.write_power_cut = 0
         transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5}, noted.begin)
     assert unit.flash == noted.new
 
@@ -207,11 +207,11 @@ def test_brown_out_during_the_first_write_is_recovered_by_a_repeat(tmp_path: Pat
 def test_brown_out_after_the_commit_leaves_new_values_to_verify(tmp_path: Path) -> None:
     unit, noted = Unit(tmp_path / "flash.bin"), Noted()
     with unit.powered(timeout_s=0.2) as imu:
-        unit.unit.fails_committing = 128
+        unit.unit.commit_power_cut = 128
         with raises_code(DeviceFaultError, "imu.holds_new"):
             transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5}, noted.begin)
         assert noted.closing is None
-        assert recognise(imu, noted, MAP) is Holds.NEW
+        assert read_flash_content(imu, noted, MAP) is FlashContent.NEW
 
 
 def test_unit_without_a_spare_flash_bank_can_be_recovered(tmp_path: Path) -> None:
@@ -221,11 +221,11 @@ def test_unit_without_a_spare_flash_bank_can_be_recovered(tmp_path: Path) -> Non
     for mend in ("finish", "restore"):
         noted = Noted()
         with unit.powered(timeout_s=0.2) as imu:
-            unit.unit.fails_committing = 60
+            unit.unit.commit_power_cut = 60
             with raises_code(DeviceFaultError, "imu.holds_neither"):
                 transfer(imu, MAP, SERIAL, {"gyro_bias_x": 2e-5}, noted.begin)
         with unit.powered() as imu:
-            assert recognise(imu, noted, MAP) is Holds.NEITHER
+            assert read_flash_content(imu, noted, MAP) is FlashContent.NEITHER
             if mend == "finish":
                 finish(imu, MAP, noted)
                 assert unit.flash == noted.new

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calstation.devices.imu import Closing, Holds, finish, recognise, restore, transfer
+from calstation.devices.imu import Closing, FlashContent, finish, read_flash_content, restore, transfer
 from calstation.errors import CalstationError
 from calstation.records import chained_lines
 from calstation.registers import journal as register_journal
@@ -107,7 +107,7 @@ class Factory:
             assert self.has_registers(done[-1].new if done else before)
         else:
             with self.unit.directly(Supply()) as imu:
-                assert recognise(imu, entry, self.map) in (Holds.OLD, Holds.NEW)
+                assert read_flash_content(imu, entry, self.map) in (FlashContent.OLD, FlashContent.NEW)
         assert register_journal.cycles(self.runs, SERIAL) >= self.unit.cycles
 
 

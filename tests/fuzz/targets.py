@@ -11,7 +11,7 @@ from calstation.devices.codecs import number
 from calstation.devices.imu import FrameDecoder, RegisterMap, SampleCount, frame_decoder
 from calstation.devices.links import RtuReply
 from calstation.devices.links.modbus_rtu import replies
-from calstation.devices.links.text_link import Checked, Plain, Prompted
+from calstation.devices.links.text_link import ChecksummedFraming, PlainFraming, PromptedFraming
 from calstation.devices.profiles import FrameSection, load_imu_profile, load_table_profile
 from calstation.errors import DeviceFaultError
 
@@ -64,8 +64,8 @@ def lines(name: str, data: bytes) -> None:
     """Search for replies of a text table in arbitrary bytes; each reply consumes some of them."""
     section = TABLES[name].text
     assert section is not None
-    plain = Prompted(section) if section.prompt else Plain(section)
-    framing = Checked(section, section.checked) if section.checked else plain
+    plain = PromptedFraming(section) if section.prompt else PlainFraming(section)
+    framing = ChecksummedFraming(section, section.checked) if section.checked else plain
     patterns = [re.compile(query.answer) for query in section.queries.values()]
     rest = data
     while (found := framing.reply("STS,0", rest)) is not None:

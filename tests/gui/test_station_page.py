@@ -26,7 +26,7 @@ from calstation.bench import BenchClock, BenchHost
 from calstation.config import RunRequest, library, this_computer, versions
 from calstation.config import access as role
 from calstation.config.editing import check_data
-from calstation.connection import FoundPort
+from calstation.connection import SerialPortInfo
 from calstation.devices.links.serial_link import Reason
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator.verdict import VerdictPanel
@@ -465,8 +465,8 @@ def test_a_usb_adapter_is_chosen_by_its_serial_number(page_driver: PageDriver) -
     link = page_driver.page.imus.link
     page_driver._bot.waitUntil(lambda: not link.searching.busy, timeout=30_000)
     ports = (
-        FoundPort("/dev/ttyUSB4", "FT232R USB UART", "FTDI", "A9XYZ", "1-2", "usb:A9XYZ"),
-        FoundPort("/dev/ttyS0", "", "", None, "", None),
+        SerialPortInfo("/dev/ttyUSB4", "FT232R USB UART", "FTDI", "A9XYZ", "1-2", "usb:A9XYZ"),
+        SerialPortInfo("/dev/ttyS0", "", "", None, "", None),
     )
     link.port_box.offer(ports)
     page_driver.choose("imu_port_edit", "usb:A9XYZ")

@@ -20,7 +20,7 @@ from calstation.devices.profiles import SerialSettings, load_table_profile
 from calstation.devices.table import ModbusTable
 
 SOURCE = Path(__file__).with_name("modbus_server.c")
-PROFILE = load_table_profile(Path(__file__).parents[2] / "data" / "tables" / "bench.toml").at_place(2.0, None)
+PROFILE = load_table_profile(Path(__file__).parents[2] / "data" / "tables" / "bench.toml").at_station(2.0, None)
 DRIVES = Path(__file__).parents[2] / "data" / "tables" / "cia402_drives.toml"
 SERIAL = SerialSettings(baud=115200)
 needs_mbpoll = pytest.mark.skipif(
@@ -214,7 +214,7 @@ def test_mbpoll_reads_and_writes_registers_of_the_bench(start_bench: Any, transp
 @transports
 def test_mbpoll_and_the_driver_agree_on_two_drives(start_bench: Any, transport: str) -> None:
     """Another program reads and writes low-word-first values, floats, a second unit and inverted counts."""
-    profile = load_table_profile(DRIVES).at_place(2.0, None)
+    profile = load_table_profile(DRIVES).at_station(2.0, None)
     with start_bench(table_protocol="drives", table_transport=transport, encoder_sigma_deg=0.0) as bench:
         for unit in ("1", "2"):
             assert polled(bench, 42, 2, "-a", unit, "-t", "4:int") == [-108_000_000, 108_000_000]

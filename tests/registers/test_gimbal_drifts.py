@@ -7,7 +7,7 @@ from calstation.estimation.common import ImuModel, Site, SolveContext, TableMode
 from calstation.estimation.gimbal import drift_matrix
 from calstation.physics import COUNT
 from calstation.registers import AppliedRegisters, verify_output
-from calstation.sequencer import TurnDrift, VerificationData
+from calstation.sequencer import JointDrift, VerificationData
 
 NAMES = ("gyro_misalign_yx", "gyro_misalign_zx")
 TRUE = 1e-3
@@ -21,7 +21,7 @@ CONTEXT = SolveContext(
 @pytest.mark.parametrize(("written", "holds", "passed"), [(0.6e-3, 0.6e-3, True), (0.6e-3, 0.0, False)])
 def test_expected_drift_follows_from_the_written_registers(written: float, holds: float, passed: bool) -> None:
     J = drift_matrix("zxy", 0, np.deg2rad(30.0))
-    drift = TurnDrift(0, J, -J @ np.full(2, TRUE - holds), 1.5, 3.0)
+    drift = JointDrift(0, J, -J @ np.full(2, TRUE - holds), 1.5, 3.0)
     mounted = np.eye(COUNT) * np.deg2rad(0.1) ** 2
     (check,) = verify_output(
         VerificationData((), 0.0, corrected=True, drifts=(drift,)),

@@ -19,7 +19,7 @@ from calstation.registers import AppliedRegisters, verify_output
 from calstation.registers.verification import VerificationCheck
 from calstation.schema import read_toml, validate
 from calstation.sequencer import Turned, VerificationData, mean_at_rest
-from calstation.sequencer.capture import SHORT_REST
+from calstation.sequencer.capture import TABLE_REST
 from calstation.sequencer.verification_path import verification_path
 from tests.devices.powered_unit import write_directly
 
@@ -61,11 +61,11 @@ class Recording:
         self.path = verification_path((0.0, 0.0), GEOMETRY, LIMITS)
         self._simulator = Simulator(bench, seed)
         self._captures: list[list[FloatArray]] = []
-        self._steps: list[list[Any]] = [[Dwell(SHORT_REST)]]
+        self._steps: list[list[Any]] = [[Dwell(TABLE_REST)]]
         for leg in self.path.legs:
             self._steps.append([leg.move, Dwell(0.1)])
             if leg.rest or leg.opposite:
-                self._steps.append([Dwell(SHORT_REST)])
+                self._steps.append([Dwell(TABLE_REST)])
 
     def capture(self, number: int) -> list[FloatArray]:
         """Return the counts of each part of capture `number`, starting at 0."""
@@ -116,7 +116,7 @@ class Captures:
                 rest = mean_at_rest(self._output(next(parts), corrected=corrected))
                 (rests if leg.rest else opposites).append(rest)
         turned = tuple(Turned(*of) for of in zip(path.turns, integrals, seconds, strict=True))
-        return VerificationData((*rests, *(opposites if corrected else ())), SHORT_REST, turned, corrected=corrected)
+        return VerificationData((*rests, *(opposites if corrected else ())), TABLE_REST, turned, corrected=corrected)
 
     def _output(self, counts: FloatArray, *, corrected: bool) -> FloatArray:
         values = counts * self.scale

@@ -28,18 +28,18 @@ from calstation.physics import (
 )
 from calstation.sequencer import (
     Control,
-    Ended,
     Event,
-    Judged,
     LastSample,
     PreflightLimits,
     RunContext,
+    RunEnd,
     Sequencer,
     Slot,
     StagePlan,
     State,
     StopRule,
     Task,
+    UnitDecision,
     UnitTask,
 )
 
@@ -356,7 +356,7 @@ class Scene:
         self.passes = True
         self.writes = True
         self.finalized = 0
-        self.ends: list[Ended] = []
+        self.ends: list[RunEnd] = []
         self.proved: list[Any] = []
         self.earlier: Any = None
         self.task = Task(stages or (StagePlan("rate", quarter_turns),), GEOMETRY, by_hand=by_hand)
@@ -386,7 +386,7 @@ class Scene:
         """Continue the run."""
         return True
 
-    def judge(self, solutions: Any) -> Judged:
+    def judge(self, solutions: Any) -> UnitDecision:
         """Pass, and write as configured by the test."""
         self.finalized += 1
         self.solutions = solutions
@@ -398,7 +398,7 @@ class Scene:
     def transfer(self, run_in_background: Any) -> None:
         """Write nothing."""
 
-    def ended(self, ended: Ended) -> None:
+    def ended(self, ended: RunEnd) -> None:
         """Store how the run ended."""
         self.ends.append(ended)
 
@@ -411,12 +411,12 @@ class Scene:
         return [event for event in self.events if isinstance(event, kind)]
 
 
-def judged(*, passes: bool, writes: bool) -> Judged:
+def judged(*, passes: bool, writes: bool) -> UnitDecision:
     """Return an evaluation's answer; registers are written only to a unit that passes."""
-    return Judged(Judgement((), passes, partial=False), passes and writes)
+    return UnitDecision(Judgement((), passes, partial=False), passes and writes)
 
 
-def verdict(ended: Ended) -> str:
+def verdict(ended: RunEnd) -> str:
     """Return ``passed`` or ``failed`` for a unit whose run was completed, otherwise the state in which it ended."""
     if ended.state is not State.DONE or ended.judgement is None:
         return str(ended.state)

@@ -9,7 +9,7 @@ from calstation.devices import SampleBatch
 from calstation.devices.imu import SampleCount
 from calstation.devices.profiles import FrameSection
 from calstation.estimation.common import SampleBlock
-from calstation.sequencer.acquisition import Acquisition, Stamps
+from calstation.sequencer.acquisition import Acquisition, SampleTags
 from tests.sequencer.fakes import RATE, UNIT, FakeClock, FakeImu, FakeTable
 
 FRAME = FrameSection.model_validate(
@@ -46,7 +46,7 @@ class Line:
         self.imu = ShortCounter(self.clock, FakeTable(self.clock))
         self.blocks: list[SampleBlock] = []
         self.acquisition = Acquisition(
-            self.imu, replace(UNIT, wrap=FRAME.counter_period), self.clock, Stamps(), self.blocks.append
+            self.imu, replace(UNIT, wrap=FRAME.counter_period), self.clock, SampleTags(), self.blocks.append
         )
         self.pass_(3.0)
 

@@ -14,11 +14,11 @@ from calstation.messages import Text
 from calstation.physics import Move
 from calstation.sequencer import (
     Command,
-    Ended,
     Fault,
     LastSample,
     Message,
     Output,
+    RunEnd,
     RunInBackground,
     StageEnded,
     StagePlan,
@@ -33,7 +33,7 @@ from calstation.sequencer.guard import safe_stop
 from tests.sequencer.fakes import GRAVITY, MODEL, RATE, FakeClock, FakeTable, Scene, repeated, verdict
 
 
-def code(ended: Ended) -> str:
+def code(ended: RunEnd) -> str:
     assert ended.error is not None
     return ended.error.code
 
@@ -491,7 +491,7 @@ def test_capture_of_the_restarted_unit_is_not_logged() -> None:
 
 def test_unit_with_corrected_output_is_captured_before_and_after() -> None:
     scene = Scene()
-    scene.unit = replace(scene.unit, corrected=Output.ASKED)
+    scene.unit = replace(scene.unit, corrected=Output.ON_COMMAND)
     assert verdict(scene.run()) == "passed"
     (fresh,) = scene.proved
     assert fresh.corrected

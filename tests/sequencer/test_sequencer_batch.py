@@ -19,15 +19,14 @@ from calstation.physics import TableGeometry
 from calstation.sequencer import (
     Command,
     Control,
-    Ended,
     Event,
     Fault,
-    Judged,
     LastSample,
     Message,
     Output,
     PreflightLimits,
     RunContext,
+    RunEnd,
     Sequencer,
     Slot,
     StageEnded,
@@ -42,6 +41,7 @@ from calstation.sequencer import (
     StopRule,
     Task,
     Trace,
+    UnitDecision,
     UnitTask,
     VerificationData,
 )
@@ -83,10 +83,10 @@ class Member:
         self.goes_on = True
         self.done: list[str] = []
         self.proved: list[VerificationData] = []
-        self.ends: list[Ended] = []
+        self.ends: list[RunEnd] = []
 
     @property
-    def end(self) -> Ended:
+    def end(self) -> RunEnd:
         (ended,) = self.ends
         return ended
 
@@ -104,7 +104,7 @@ class Member:
     def continues(self, solution: Solution) -> bool:
         return self.goes_on
 
-    def judge(self, solutions: tuple[Solution, ...]) -> Judged:
+    def judge(self, solutions: tuple[Solution, ...]) -> UnitDecision:
         self.done.append("judge")
         return judged(passes=self.passes, writes=self.writes)
 
@@ -119,7 +119,7 @@ class Member:
         self.done.append("verify")
         self.proved.append(data)
 
-    def ended(self, ended: Ended) -> None:
+    def ended(self, ended: RunEnd) -> None:
         self.ends.append(ended)
 
     def messages(self) -> list[str]:
@@ -477,7 +477,7 @@ def test_unit_that_fails_verification_is_removed_and_the_others_pass() -> None:
 
 def asked(batch: Batch) -> None:
     for unit in batch.units:
-        unit.unit = replace(unit.unit, corrected=Output.ASKED)
+        unit.unit = replace(unit.unit, corrected=Output.ON_COMMAND)
 
 
 def test_all_units_are_compared_with_one_common_reference() -> None:
@@ -647,7 +647,7 @@ def test_log_of_a_removed_unit_receives_no_more_data() -> None:
     counts: list[int] = []
     ended = lost.ended
 
-    def end(event: Ended) -> None:
+    def end(event: RunEnd) -> None:
         counts.append(len(lost.journal.events))
         ended(event)
 
@@ -661,7 +661,7 @@ def test_run_continues_while_the_result_of_a_removed_unit_is_written() -> None:
     lost = batch.units[0]
     over, waited = threading.Event(), []
 
-    def end(event: Ended) -> None:
+    def end(event: RunEnd) -> None:
         waited.append(over.wait(60.0))
         lost.ends.append(event)
 
@@ -680,9 +680,9 @@ def test_batch_of_sixteen_units_passes() -> None:
 
 def test_failed_result_write_does_not_affect_other_units() -> None:
     batch = Batch(2)
-    events: list[Ended] = []
+    events: list[RunEnd] = []
 
-    def fail(ended: Ended) -> None:
+    def fail(ended: RunEnd) -> None:
         events.append(ended)
         raise ConfigurationError("log.not_written", file="a.json", reason="")
 
@@ -832,7 +832,7 @@ def test_result_of_a_removed_unit_is_written_after_its_solver_finishes() -> None
             loses_its_port(lost)()
             batch.clock.time += 0.05
 
-    def end(event: Ended) -> None:
+    def end(event: RunEnd) -> None:
         seen.append(done.is_set())
         ended(event)
 
@@ -856,7 +856,7 @@ def test_unexpected_error_keeps_the_result_of_a_removed_unit() -> None:
     mistaken = threading.Event()
     ended = lost.ended
 
-    def end(event: Ended) -> None:
+    def end(event: RunEnd) -> None:
         assert mistaken.wait(30.0)
         time.sleep(0.05)
         ended(event)
@@ -879,7 +879,7 @@ def test_unit_removed_before_its_solver_is_compiled_does_not_end_the_run() -> No
     first, bad, _ = batch.units
     ended, over = bad.ended, threading.Event()
 
-    def end(event: Ended) -> None:
+    def end(event: RunEnd) -> None:
         ended(event)
         over.set()
 
@@ -977,15 +977,15 @@ def verified_earlier(*outputs: Output | None) -> Batch:
 
 def test_only_verified_units_determine_the_verification_rotations() -> None:
     """Half turns are sufficient if all units are compared; full turns are required without a comparison."""
-    batch = verified_earlier(Output.ASKED, None)
-    assert moves_of(batch) == moves_of(verified_earlier(Output.ASKED))
+    batch = verified_earlier(Output.ON_COMMAND, None)
+    assert moves_of(batch) == moves_of(verified_earlier(Output.ON_COMMAND))
     (data,) = batch.units[0].proved
-    assert not any(turned.turn.whole for turned in data.turns)
+    assert not any(turned.turn.is_full for turned in data.turns)
 
 
 def test_full_turns_are_made_if_a_unit_is_verified_without_a_comparison() -> None:
-    batch = verified_earlier(Output.ASKED, Output.ALWAYS)
+    batch = verified_earlier(Output.ON_COMMAND, Output.ALWAYS)
     for unit, compared in zip(batch.units, (True, False), strict=True):
         (data,) = unit.proved
         assert (data.reference is not None) == compared
-        assert any(turned.turn.whole for turned in data.turns)
+        assert any(turned.turn.is_full for turned in data.turns)

@@ -10,7 +10,7 @@ from calstation.devices.profiles import Span, StatusSection
 from calstation.estimation.common import SampleBlock
 from calstation.physics import COUNT, INDEX, Dwell, Move, RoundEnd, named, reached
 from calstation.sequencer import LastSample, StopRule, move_time, plan_time, planned
-from calstation.sequencer.acquisition import INTERRUPTION, Acquisition, Stamps
+from calstation.sequencer.acquisition import RESUME_GAP, Acquisition, SampleTags
 from tests.sequencer.fakes import MODEL, RATE, UNIT, FakeClock, FakeImu, FakeTable, endless
 
 
@@ -57,7 +57,7 @@ def test_polled_angles_are_assigned_to_the_sample_of_their_time(latency: float) 
     table = FakeTable(clock)
     imu = FakeImu(clock, table)
     blocks: list[SampleBlock] = []
-    acquisition = Acquisition(imu, UNIT, clock, Stamps(), blocks.append, latency=latency)
+    acquisition = Acquisition(imu, UNIT, clock, SampleTags(), blocks.append, latency=latency)
     table.move(2.0, -2.0, 0.5, 1.0)
     for _ in range(40):
         clock.sleep(0.05)
@@ -81,7 +81,7 @@ def test_slow_poll_gives_no_angle() -> None:
     clock = FakeClock()
     table = FakeTable(clock)
     blocks: list[SampleBlock] = []
-    acquisition = Acquisition(FakeImu(clock, table), UNIT, clock, Stamps(), blocks.append)
+    acquisition = Acquisition(FakeImu(clock, table), UNIT, clock, SampleTags(), blocks.append)
     clock.sleep(1.0)
     acquisition.poll(table.status(), clock.time - 0.5, clock.time)
     acquisition.drain()
@@ -92,7 +92,7 @@ def test_status_bits_and_gaps_are_detected() -> None:
     clock = FakeClock()
     imu = FakeImu(clock, FakeTable(clock), ready_at=0.2)
     acquisition = Acquisition(
-        imu, replace(UNIT, masks=StatusSection(ready=1, saturated=2, failed=4)), clock, Stamps(), lambda block: None
+        imu, replace(UNIT, masks=StatusSection(ready=1, saturated=2, failed=4)), clock, SampleTags(), lambda block: None
     )
     assert acquisition.recent is None
     clock.sleep(0.1)
@@ -116,7 +116,7 @@ def test_channel_at_its_range_limit_invalidates_the_sample_regardless_of_status(
     blocks: list[SampleBlock] = []
     for high, saturated in ((gravity * 0.999, True), (gravity * 1.001, False)):
         span = Span(high=np.full(6, high))
-        acquisition = Acquisition(imu, replace(UNIT, span=span), clock, Stamps(), blocks.append)
+        acquisition = Acquisition(imu, replace(UNIT, span=span), clock, SampleTags(), blocks.append)
         clock.sleep(0.1)
         assert acquisition.drain().saturated is saturated
         assert blocks[-1].valid.any() != saturated
@@ -126,7 +126,7 @@ def test_displayed_mean_ignores_non_numeric_samples() -> None:
     clock = FakeClock()
     imu = FakeImu(clock, FakeTable(clock))
     blocks: list[SampleBlock] = []
-    acquisition = Acquisition(imu, UNIT, clock, Stamps(), blocks.append)
+    acquisition = Acquisition(imu, UNIT, clock, SampleTags(), blocks.append)
     imu.nan = True
     clock.sleep(0.1)
     assert acquisition.drain().invalid
@@ -149,14 +149,14 @@ def test_sample_numbers_of_a_resumed_run_continue() -> None:
     table = FakeTable(clock)
     blocks: list[SampleBlock] = []
     after = LastSample(seq=5000, time=123.456, step=7)
-    acquisition = Acquisition(FakeImu(clock, table), UNIT, clock, Stamps(), blocks.append, after=after)
+    acquisition = Acquisition(FakeImu(clock, table), UNIT, clock, SampleTags(), blocks.append, after=after)
     for _ in range(3):
         clock.sleep(0.5)
         acquisition.drain()
     seq, time = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("seq", "time"))
-    lost = round(INTERRUPTION * RATE)
+    lost = round(RESUME_GAP * RATE)
     assert seq[0] == 5000 + lost + 1
     assert np.all(np.diff(seq) == 1)
-    assert time[0] - 123.456 == pytest.approx(INTERRUPTION + 1.0 / RATE)
+    assert time[0] - 123.456 == pytest.approx(RESUME_GAP + 1.0 / RATE)
     assert np.allclose(np.diff(time), 1.0 / RATE)
     assert acquisition.gaps == 0

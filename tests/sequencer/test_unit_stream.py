@@ -18,7 +18,7 @@ GAIN = 1.01
 def asked() -> Scene:
     """Return a scene with a unit that streams corrected output on command."""
     scene = Scene()
-    scene.unit = replace(scene.unit, corrected=Output.ASKED)
+    scene.unit = replace(scene.unit, corrected=Output.ON_COMMAND)
     scene.imu.gain = GAIN
     return scene
 

@@ -46,7 +46,7 @@ def test_path_rotates_about_three_axes_and_rests_in_every_direction(
     path = verification_path((0.1, -0.2), geometry, WIDE, compared=compared)
     size = np.pi if compared else 2.0 * np.pi
     assert [abs(turn.amount) for turn in path.turns] == pytest.approx([size] * 3)
-    assert [turn.whole for turn in path.turns] == [not compared] * 3
+    assert [turn.is_full for turn in path.turns] == [not compared] * 3
     assert abs(np.linalg.det(axes(path, geometry))) > 0.99
     ups = np.array([geometry.body_to_home(*pose)[2] for pose in poses(path)])
     assert (np.linalg.svd(ups)[1] > 0.9).sum() == directions
@@ -93,10 +93,10 @@ def test_every_move_is_within_the_travel_and_the_path_returns_to_its_start(
     for number, turn in enumerate(path.turns):
         leg = next(leg for leg in path.legs if leg.turn == number)
         other = 1 - turn.joint
-        apart = (rests[turn.still][other] - (leg.move.outer, leg.move.inner)[other]) / (2 * np.pi)
+        apart = (rests[turn.rest][other] - (leg.move.outer, leg.move.inner)[other]) / (2 * np.pi)
         assert apart == pytest.approx(round(apart), abs=1e-6)
 
 
 def test_gyros_with_a_small_range_are_rotated_slowly() -> None:
-    path = verification_path((0.0, 0.0), TableGeometry(limits=WIDE), WIDE, fastest=0.5)
+    path = verification_path((0.0, 0.0), TableGeometry(limits=WIDE), WIDE, max_rate=0.5)
     assert {leg.move.rate for leg in path.legs} == {0.5}

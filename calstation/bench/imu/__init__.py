@@ -1,9 +1,5 @@
-"""The unit's processor: registers, flash, protocols and stream faults.
+"""The processor of a simulated unit: registers, flash, protocols and stream faults. `bench.truth` has its sensors."""
 
-The measurements of its sensors are simulated in `bench.truth`.
-"""
-
-from calstation.bench.imu.flash import burnt_cycles
 from calstation.bench.imu.stream_faults import StreamFaults
-from calstation.bench.imu.unit import ImuUnit
+from calstation.bench.imu.unit import ImuUnit, burnt_cycles
 from calstation.bench.imu.units import UNITS

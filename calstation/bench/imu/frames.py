@@ -1,4 +1,4 @@
-"""Byte formats of the bench IMU's link: stream frames, command frames and their checksum.
+"""Stream frames, command frames and the checksum of the bench IMU.
 
 All values are little-endian. The checksum is CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF, not reflected).
 
@@ -59,7 +59,7 @@ def pack(sync: bytes, op: int, payload: bytes = b"") -> bytes:
 
 @dataclass
 class CommandParser:
-    """Finds command frames in the received bytes, however they are split; skips everything else."""
+    """Finds command frames in the received bytes, regardless of how they are split, and skips all other bytes."""
 
     _pending: bytearray = field(default_factory=bytearray)
 

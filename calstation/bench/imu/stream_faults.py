@@ -1,4 +1,4 @@
-"""Faults of the unit's samples and stream frames, injected on request for a time or a number of frames."""
+"""Faults of samples and stream frames, injected for a time or a number of frames."""
 
 import numpy as np
 
@@ -13,9 +13,10 @@ _SATURATED = 2**31 - 1
 class StreamFaults:
     """Modifies samples and frames according to the active faults.
 
-    `counts` are the numbers of frames still to be corrupted by a flipped bit, omitted, sent twice, swapped with the
-    next or preceded by random bytes. `until` are the device times, s, until which nothing is sent, bytes are random, or
-    the first gyro channel saturates or is NaN. Channel number `frozen` repeats its last value until `frozen_until`.
+    `counts` are the numbers of next frames that are corrupted by a flipped bit, omitted, sent twice, swapped with the
+    following frame, or preceded by random bytes. `until` are the device times, s, until which nothing is sent, bytes
+    are random, or the first gyro channel saturates or is NaN. Channel number `frozen` repeats its last value until
+    `frozen_until`.
     """
 
     def __init__(self, random: np.random.Generator, frame_size: int) -> None:
@@ -45,7 +46,7 @@ class StreamFaults:
         return StreamOutput(counts, saturated)
 
     def frames(self, data: bytes, time: float) -> bytes:
-        """Return the bytes actually transmitted for frames sent around device time `time`, s."""
+        """Return the bytes transmitted for frames around device time `time`, s."""
         if time < self.until["silence_imu"]:
             return b""
         if time < self.until["garble_imu"]:

@@ -1,14 +1,16 @@
-"""The IMU's processor: identity, calibration registers with a flash image, power-up, stream frames."""
+"""The processor of a simulated IMU: registers with a flash image, correction of the output, and stream frames."""
 
+import struct
+import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
 from calstation.bench.config import BenchConfig
-from calstation.bench.imu.correction import Correction, Requantiser
-from calstation.bench.imu.flash import Flash, PowerCut
 from calstation.bench.imu.frames import READY, SATURATED, STREAM, stream_frames
 from calstation.bench.table import TableRegisters
 from calstation.bench.truth import StreamOutput
@@ -24,12 +26,134 @@ OFF, RAW, CORRECTED = 0, 1, 2
 BOOT_TIME = 0.1
 
 
-class ImuUnit(ABC):
-    """Base of the units of all protocols: replies to commands and converts samples to frames; times in s, device time.
+#: Sequence number that precedes the content of an image, and CRC-32 of both, which follows it.
+_NUMBER, _CHECK = struct.Struct("<I"), struct.Struct("<I")
 
-    `scale` is the size of a count, rad/s and m/s², shape (6,). `axes` contains the registers of the table's axes if
-    they are accessed over the unit's line. `fails_writing` and `fails_committing` are the numbers of bytes written to
-    registers or flash before the power fails briefly; None for no power failure.
+
+def burnt_cycles(file: Path | None) -> int:
+    """Return the number of writes to a flash saved in a file; 0 without a file."""
+    return int.from_bytes(file.read_bytes()[:4], "little") if file is not None and file.exists() else 0
+
+
+class PowerCut(Exception):  # noqa: N818 - an event of the unit, not an error of the program
+    """The power supply of the unit failed."""
+
+
+class Flash:
+    """Flash banks with one image each, saved between runs if there is a file.
+
+    Of two banks, the inactive one is written, and the valid image with the higher number is active at power-up; after a
+    power cut, this is the old or the new image. With a single bank, no image is valid after a power cut, and the unit
+    starts with its defaults. `cycles` is the number of writes.
+    """
+
+    def __init__(self, size: int, banks: int = 2, file: Path | None = None) -> None:
+        self.cycles = burnt_cycles(file)
+        self.image_bytes = _NUMBER.size + size + _CHECK.size
+        self._file = file
+        self._erased = b"\xff" * self.image_bytes
+        self._banks = [self._erased] * banks
+        if file is not None and file.exists():
+            content = file.read_bytes()
+            self._banks = [content[4 + i * self.image_bytes :][: self.image_bytes] for i in range(banks)]
+
+    def load(self) -> bytes | None:
+        """Return the content of the active image; None if no image is valid."""
+        images = [image for image in map(self._read, self._banks) if image is not None]
+        return max(images, key=lambda image: image[0])[1] if images else None
+
+    def burn(self, content: bytes, power_for: int | None = None) -> None:
+        """Erase the inactive bank and write it. Raises PowerCut after `power_for` bytes unless None."""
+        numbers = [image[0] if image is not None else 0 for image in map(self._read, self._banks)]
+        bank = int(np.argmin(numbers))
+        body = _NUMBER.pack(max(numbers) + 1) + content
+        image = body + _CHECK.pack(zlib.crc32(body))
+        written = len(image) if power_for is None else min(power_for, len(image))
+        self._banks[bank] = image[:written] + self._erased[written:]
+        self.cycles += 1
+        if self._file is not None:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            self._file.write_bytes(self.cycles.to_bytes(4, "little") + b"".join(self._banks))
+        if power_for is not None:
+            raise PowerCut
+
+    def _read(self, bank: bytes) -> tuple[int, bytes] | None:
+        """Return the number and content of an image; None if its checksum is wrong."""
+        body = bank[: -_CHECK.size]
+        if len(bank) != self.image_bytes or _CHECK.pack(zlib.crc32(body)) != bank[-_CHECK.size :]:
+            return None
+        return _NUMBER.unpack_from(body)[0], body[_NUMBER.size :]
+
+
+#: Iterations for the second-order term; each reduces its error by a factor of about 10^-5.
+_ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Correction:
+    """The correction of the output by the registers of a unit, according to its documentation.
+
+        rate = gyro · (measured − before) + after
+        force = accel · (measured − bias − quadratic · force² − cubic · force³) + size effect
+
+    Matrices have shape (3, 3), vectors shape (3,), SI. `levers` are the displacements of the accelerometers along their
+    own axes.
+    """
+
+    gyro: FloatArray
+    before: FloatArray
+    after: FloatArray
+    accel: FloatArray
+    bias: FloatArray
+    quadratic: FloatArray
+    levers: FloatArray
+    cubic: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+    def applied(self, measured: FloatArray) -> FloatArray:
+        """Return the corrected rate, rad/s, and force, m/s², shape (n, 6), of measured samples, shape (n, 6)."""
+        rate = _times(self.gyro, measured[:, :3] - self.before) + self.after
+        straight = measured[:, 3:] - self.bias
+        force = _times(self.accel, straight)
+        for _ in range(_ROUNDS):
+            force = _times(self.accel, straight - self.quadratic * force * force - self.cubic * force**3)
+        # An accelerometer displaced along its own axis senses the centripetal acceleration about the other two axes.
+        squares = rate * rate
+        outwards = squares[:, [1, 2, 0]] + squares[:, [2, 0, 1]]
+        return np.hstack([rate, force + self.levers * outwards])
+
+
+def _times(matrix: FloatArray, rows: FloatArray) -> FloatArray:
+    """Multiply each row by a matrix; unlike with BLAS, the result does not depend on the number of rows."""
+    return np.asarray((rows[:, None, :] * matrix).sum(axis=2))
+
+
+class Requantiser:
+    """Converts corrected output to counts; the rounding remainder of an increment is added to the next increment."""
+
+    def __init__(self) -> None:
+        self._remainder = np.zeros(6)
+
+    def counts(self, values: FloatArray, scale: FloatArray, *, carry: bool) -> FloatArray:
+        """Convert `values`, shape (n, 6), to whole counts; `scale`, shape (6,), is the size of a count."""
+        exact = values / scale
+        if not carry or not len(exact):
+            return np.asarray(np.floor(exact + 0.5))
+        finite = np.isfinite(exact)
+        numbers = np.where(finite, exact, 0.0)
+        base = np.floor(numbers)  # only fractions are summed, because the rounding error of a large sum grows
+        total = self._remainder + np.cumsum(numbers - base, axis=0)
+        rounded = np.floor(total + 0.5)
+        whole = base + np.diff(rounded, axis=0, prepend=0.0)
+        self._remainder = total[-1] - rounded[-1]
+        return np.where(finite, whole, exact)
+
+
+class ImuUnit(ABC):
+    """Base of the units of all protocols, which replies to commands and converts samples to frames.
+
+    All times are in s of device time. `scale` is the size of a count, rad/s and m/s², shape (6,). `axes` contains the
+    registers of the table's axes if they are accessed over the unit's line. `write_power_cut` and `commit_power_cut`
+    are the numbers of bytes written to registers or flash before the power fails briefly, or None.
     """
 
     #: Shipped IMU profile that describes a unit of grade mems.
@@ -45,13 +169,13 @@ class ImuUnit(ABC):
         self.axes: TableRegisters | None = None
         self.scale: FloatArray = np.ones(6) if scale is None else scale
         self.increments = config.output == "increment"
-        self.fails_writing: int | None = None
-        self.fails_committing: int | None = None
+        self.write_power_cut: int | None = None
+        self.commit_power_cut: int | None = None
         self.streaming = True
         self.restart(0.0)
 
     def restart(self, time: float) -> None:
-        """Reload the registers from flash, restart the counter at 0, and set the ready bit after the ready time."""
+        """Load the registers from flash, restart the counter at 0, and set the ready bit after the ready time."""
         self.registers = np.zeros(REGISTERS, np.float32)
         content = self.flash.load()
         if content is not None:
@@ -70,7 +194,7 @@ class ImuUnit(ABC):
         return self.registers.astype("<f4").tobytes()
 
     def calibrate(self, model: FloatArray) -> None:
-        """Store an `ImuTruth.error_model`, shape (12, 3), in registers and flash unless the flash has other values."""
+        """Store an `ImuTruth.error_model`, shape (23, 3), in registers and flash unless the flash contains values."""
         if self.flash.load() is not None:
             return
         levers = np.diag(model[9:12])
@@ -80,15 +204,15 @@ class ImuUnit(ABC):
 
     def _burn(self) -> None:
         """Write all registers to flash. Raises PowerCut if the power fails."""
-        power_for, self.fails_committing = self.fails_committing, None
+        power_for, self.commit_power_cut = self.commit_power_cut, None
         self.flash.burn(self._register_bytes(), power_for)
 
-    def _draw_power(self, written: int) -> None:
-        """Count register bytes as they are written; raises PowerCut if the power fails while writing them."""
-        if self.fails_writing is not None:
-            self.fails_writing -= written
-            if self.fails_writing < 0:
-                self.fails_writing = None
+    def _count_written(self, written: int) -> None:
+        """Count bytes written to registers. Raises PowerCut if the power fails while they are written."""
+        if self.write_power_cut is not None:
+            self.write_power_cut -= written
+            if self.write_power_cut < 0:
+                self.write_power_cut = None
                 raise PowerCut
 
     def temperature(self, time: float) -> float:
@@ -97,7 +221,7 @@ class ImuUnit(ABC):
         return float(config.ambient_c + config.warm_up_c * -np.expm1(-time / config.warm_up_time_s))
 
     def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:
-        """Return the frames of samples that end at `ends`, s, shape (n,); none while booting or with the stream off."""
+        """Return the frames of samples that end at `ends`, s, shape (n,), unless booting or with the stream off."""
         awake = ends > self._started + BOOT_TIME
         counter = self.counter + np.cumsum(awake) - 1
         self.counter += int(awake.sum())

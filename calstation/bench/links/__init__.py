@@ -1,7 +1,4 @@
-"""Servers and serial lines through which the station communicates with the bench.
-
-They contain no physics and no protocol states.
-"""
+"""Servers and serial lines through which the station communicates with the bench."""
 
 from calstation.bench.links.lines import Line, SocketLine, TerminalLine
 from calstation.bench.links.modbus import ModbusServer, NoReply

@@ -1,4 +1,4 @@
-"""Serial lines of the unit and of a table with a text protocol: TCP listeners or pseudo-terminals."""
+"""Serial lines of units and tables, which are TCP servers or pseudo-terminals."""
 
 import asyncio
 import os
@@ -8,18 +8,18 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-#: Kernel buffer of the line, bytes; the bench's time stops while a reader has a larger backlog.
+#: Size of the kernel buffer of a line, bytes; the time of the bench stops while a reader has a larger backlog.
 BUFFER = 65536
 
 #: Polling interval of a terminal, host time, s.
 POLL = 0.002
 
 #: Function that creates the parser of one connection, which converts received bytes to replies.
-Talk = Callable[[], Callable[[bytes], list[bytes]]]
+ParserFactory = Callable[[], Callable[[bytes], list[bytes]]]
 
 
 def open_raw() -> tuple[int, int, str]:
-    """Open a pseudo-terminal that passes bytes unchanged; return master (non-blocking), slave and path of the slave.
+    """Open a pseudo-terminal that does not change bytes; return master (non-blocking), slave and path of the slave.
 
     Raises OSError on platforms without pseudo-terminals.
     """
@@ -36,31 +36,31 @@ def open_raw() -> tuple[int, int, str]:
 class _Line(ABC):
     """A line to one client; it waits for a slow reader, so that no samples are lost.
 
-    `endpoint` is the address that a client opens, `sent` the number of bytes sent to the current client, 0 once it has
-    closed the line, `slow` the delays of the next replies, host time, s.
+    `endpoint` is the address for clients. `sent` is the number of bytes sent to the current client, 0 once it has
+    closed the line. `reply_delays` are the delays of the next replies, host time, s.
     """
 
-    def __init__(self, talk: Talk) -> None:
+    def __init__(self, talk: ParserFactory) -> None:
         self.endpoint = ""
         self.sent = 0
-        self.slow: list[float] = []
+        self.reply_delays: list[float] = []
         self._talk = talk
 
     @abstractmethod
     async def send(self, data: bytes) -> None:
-        """Pass bytes to the operating system; they are lost if there is no client."""
+        """Send bytes, which are lost if there is no client."""
 
     async def _reply(self, replies: list[bytes]) -> None:
         for reply in replies:
-            if reply and self.slow:
-                await asyncio.sleep(self.slow.pop(0))
+            if reply and self.reply_delays:
+                await asyncio.sleep(self.reply_delays.pop(0))
             await self.send(reply)
 
 
 class SocketLine(_Line):
-    """A TCP server on 127.0.0.1 that serves the client that connected last."""
+    """A line that is a TCP server on 127.0.0.1 for the client that connected last."""
 
-    def __init__(self, talk: Talk) -> None:
+    def __init__(self, talk: ParserFactory) -> None:
         super().__init__(talk)
         self._server: asyncio.Server | None = None
         self._writer: asyncio.StreamWriter | None = None
@@ -120,9 +120,9 @@ class SocketLine(_Line):
 
 
 class TerminalLine(_Line):
-    """A pseudo-terminal (POSIX); bytes are lost while no process has it open."""
+    """A line that is a pseudo-terminal (POSIX); bytes are lost while no process has it open."""
 
-    def __init__(self, talk: Talk) -> None:
+    def __init__(self, talk: ParserFactory) -> None:
         super().__init__(talk)
         self._master = -1
         self._task: asyncio.Task[None] | None = None
@@ -165,7 +165,7 @@ class TerminalLine(_Line):
     def _make(self) -> None:
         self._master, slave, self.endpoint = open_raw()
         self.sent = 0
-        # With this process's slave end closed, the master indicates whether another process has it open.
+        # If this process has closed the slave end, the master indicates whether another process has it open.
         os.close(slave)
 
     def _is_open(self) -> bool:

@@ -1,7 +1,7 @@
-"""A Modbus server, TCP or RTU: requests in the received bytes of a line, and their replies.
+"""A Modbus server, TCP or RTU, for requests in the received bytes of a line.
 
-Frames and messages are pymodbus'. Its servers are not used, because they own their line: a unit also streams on it, and
-the bench delays, corrupts and drops replies.
+The frames and messages of pymodbus are used, but not its servers, because they own their line: a unit also streams on
+its line, and the bench delays, corrupts and omits replies.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,7 +19,7 @@ from pymodbus.pdu.register_message import (
 
 from calstation.bench.table import NoSuchRegister, OutOfRange, Refusal
 
-#: Modbus exceptions by the refusal of a unit; DEVICE_FAILURE for any other.
+#: Modbus exceptions by the refusal of a unit; other refusals are DEVICE_FAILURE.
 _EXCEPTIONS = {NoSuchRegister: ExcCodes.ILLEGAL_ADDRESS, OutOfRange: ExcCodes.ILLEGAL_VALUE}
 
 
@@ -40,8 +40,8 @@ class ModbusUnit(Protocol):
 class ModbusServer:
     """A server with the registers of each unit number, over `tcp` or RTU.
 
-    `mute` and `garble` count the requests still to be ignored and the replies still to get a flipped bit; `refuse` is
-    the Modbus exception of the next reply, 0 for none.
+    `mute` is the number of next requests that are ignored, and `garble` the number of next replies with a flipped bit.
+    `refuse` is the Modbus exception of the next reply, or 0.
     """
 
     def __init__(self, units: Mapping[int, ModbusUnit], *, tcp: bool = False) -> None:
@@ -74,7 +74,7 @@ class ModbusServer:
         return answer
 
     def _reply(self, request: ModbusPDU) -> ModbusPDU | None:
-        """Return the reply to a request; None without one, as for another unit on an RTU line."""
+        """Return the reply to a request, or None, e.g. if the request is for another unit on an RTU line."""
         self.mute, muted = max(0, self.mute - 1), self.mute > 0
         unit = self._units.get(request.dev_id)
         if muted or (unit is None and not self._tcp):
@@ -90,7 +90,7 @@ class ModbusServer:
             return ExceptionResponse(request.function_code, _EXCEPTIONS.get(type(refusal), ExcCodes.DEVICE_FAILURE))
 
     def _sent(self, frame: bytes) -> bytes:
-        """Return a reply as it is sent; a fault changes its transaction number over TCP, or its checksum."""
+        """Return the bytes sent for a reply, in which a fault changes the transaction number (TCP) or the checksum."""
         if not self.garble:
             return frame
         self.garble -= 1

@@ -1,6 +1,6 @@
-"""The table's controller: drives, limits, watchdog, register maps and text protocols.
+"""The simulated controller of a table: drives, limits, watchdog, register maps and text protocols.
 
-The true motion of the joints is simulated in `bench.truth`.
+The package `bench.truth` simulates the motion of the joints.
 """
 
 from calstation.bench.table.axes import Axes

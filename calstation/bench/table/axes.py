@@ -1,4 +1,4 @@
-"""Individual control of the table's two joints, for controllers without a watchdog."""
+"""Separate control of the table's two joints, for controllers without a watchdog."""
 
 from enum import IntFlag
 
@@ -32,7 +32,7 @@ def state_bits(machine: TableMachine, time: float) -> StateBit:
 
 
 class Axes:
-    """Joints 0 (outer) and 1 (inner), commanded in rad, read in degrees; `on` marks joints that are on."""
+    """Joints 0 (outer) and 1 (inner), which are commanded in rad and read in degrees; `on` are their power states."""
 
     def __init__(self, machine: TableMachine, clocks: Clocks) -> None:
         machine.watchdog = 0.0
@@ -43,7 +43,7 @@ class Axes:
         self.targets = [0.0, 0.0]
 
     def power(self, joint: int, on: bool) -> None:
-        """Switch an axis on or off; the machine is enabled once both axes are on."""
+        """Switch an axis on or off; the machine is enabled when both axes are on."""
         self.on[joint] = on
         for word in (0x06, 0x07, 0x0F) if all(self.on) else (0x06,):
             self.machine.control(word, self.clocks.device(), self.clocks.host())
@@ -59,7 +59,7 @@ class Axes:
         self.machine.move_joint(self.clocks.device(), joint, self.targets[joint], rate, acceleration)
 
     def turn(self, joint: int, rate: float) -> None:
-        """Turn an axis at a rate, rad/s, until it is stopped; a rate of 0 stops both axes. Raises a `Refusal`."""
+        """Turn an axis at a rate, rad/s, until it is stopped, or stop both axes if it is 0. Raises a `Refusal`."""
         if rate == 0.0:
             self.stop()
         else:
@@ -76,7 +76,7 @@ class Axes:
             self.machine.control(word, self.clocks.device(), self.clocks.host())
 
     def state(self) -> int:
-        """Return the state bits, which are the same for both axes; see `StateBit`."""
+        """Return the state bits of both axes, see `StateBit`."""
         return int(StateBit.REMOTE | state_bits(self.machine, self.clocks.device()))
 
     @property

@@ -1,8 +1,8 @@
-"""Two drives, one per axis, each a Modbus unit with CiA 402 objects; neither has a watchdog.
+"""Two drives without a watchdog, one for each axis, which are Modbus units with CiA 402 objects.
 
 Two-register values have the low word first: positions in counts of 1e-5 deg, measured and commanded turning rates as
-floats in deg/s, rates of a move and accelerations in 1e-4 deg/s and 1e-4 deg/s². The inner drive is mounted in reverse:
-its counts decrease when the axis turns in its positive sense.
+floats in deg/s, rates of a move and accelerations in 1e-4 deg/s and 1e-4 deg/s². The inner drive is mounted in reverse,
+so that its counts decrease when the axis turns in the positive sense.
 """
 
 import struct
@@ -67,10 +67,10 @@ class Drive(RegisterBank):
         self._put(POSITION, struct.pack(">i", round(counts)))
         self._put(VELOCITY, struct.pack(">f", self._sense * axes.speed(joint)))
 
-    def _execute(self, touched: range) -> None:
-        if CONTROL in touched:
+    def _execute(self, written: range) -> None:
+        if CONTROL in written:
             self._control(self.words[CONTROL])
-        if MODE in touched or TARGET_VELOCITY in touched:
+        if MODE in written or TARGET_VELOCITY in written:
             self._turn()
 
     def _control(self, word: int) -> None:
@@ -110,7 +110,7 @@ class Drive(RegisterBank):
         self._axes.accelerations[self._joint] = acceleration * _SPEED
 
     def _statusword(self) -> int:
-        """Return the machine's statusword with this drive's own power state (CiA 402-2, table 29)."""
+        """Return the machine's statusword with the power state of this drive (CiA 402-2, table 29)."""
         word = self._machine.statusword(self._axes.clocks.device())
         if self._machine.fault is Fault.NONE:
             word = word & ~0x6F | (Power.ENABLED if self._axes.on[self._joint] else Power.READY).value

@@ -1,6 +1,6 @@
-"""Controller of the virtual three-axis gimbal: a text protocol on top of the table's state machine and watchdog.
+"""The controller of the virtual three-axis gimbal, a text protocol for the table's state machine and watchdog.
 
-Angles are in degrees, rates in °/s. Lines end with LF; every line is answered by one line, "?" if it is refused.
+Angles are in degrees, rates in °/s. Lines end with LF. Every reply is one line, which is "?" for a refused line.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ MODEL = "VG-3"
 
 
 class GimbalDrive(TableDrive):
-    """The gimbal as the machine's drive: its two commands, homing and stop, act on all joints."""
+    """The drive of the gimbal, whose two commands, homing and stop, act on all joints."""
 
     def __init__(self, stream: GimbalStream) -> None:
         super().__init__(EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0))
@@ -43,11 +43,11 @@ class GimbalDrive(TableDrive):
 
 
 class GimbalController(TextController):
-    """The gimbal's command language.
+    """The gimbal's commands.
 
-    IDN model and serial number; ENA, DIS axes on and off; LCK lock the joints and average the gyro bias; STB stabilise;
-    TRN,axis,angle,rate turn about a body axis; HOM to zero, locked; STP stop; CLR reset; WDG feed the watchdog; STS
-    angles, rates, state bits, fault and watchdog timeout (s).
+    IDN returns model and serial number. ENA and DIS switch the axes on and off. LCK locks the joints and averages the
+    gyro bias, and STB stabilises. TRN,axis,angle,rate turns about a body axis, HOM moves to zero and locks, STP stops,
+    CLR resets, WDG feeds the watchdog. STS returns angles, rates, state bits, fault and watchdog timeout (s).
     """
 
     def __init__(self, machine: TableMachine, stream: GimbalStream, clocks: Clocks, serial: str, travel: float) -> None:

@@ -1,4 +1,4 @@
-"""The table's controller: CiA 402 drive states, homing, moves, limits, interlock, faults and watchdog.
+"""The state machine of the table: CiA 402 drive states, homing, moves, limits, interlock, faults and watchdog.
 
 Motion uses device time; the watchdog counts host time. Angles are in rad, rates in rad/s, accelerations in rad/s².
 """
@@ -25,7 +25,7 @@ class Fault(IntEnum):
 
 
 class Power(Enum):
-    """Drive states used here, with their statusword bits (CiA 402-2, table 29)."""
+    """Drive states, with their statusword bits (CiA 402-2, table 29)."""
 
     DISABLED = 0x40
     READY = 0x21
@@ -35,7 +35,7 @@ class Power(Enum):
 
 @dataclass(frozen=True)
 class Clocks:
-    """Device time, host time, and device time at which a polled position was sampled, s."""
+    """Functions that return device time, host time, and the device time at which a polled position was sampled, s."""
 
     device: Callable[[], float]
     host: Callable[[], float]
@@ -51,7 +51,7 @@ class OutOfRange(Refusal):
 
 
 class NoSuchRegister(Refusal):
-    """There is no such register, or it is read-only."""
+    """The register does not exist or is read-only."""
 
 
 class NotPermitted(Refusal):
@@ -60,7 +60,7 @@ class NotPermitted(Refusal):
 
 @dataclass(frozen=True)
 class TableLimits:
-    """Travel (outer, inner), largest rate and acceleration of both joints, and homing rate."""
+    """Travel of outer and inner joint, largest rate and acceleration of both, and homing rate."""
 
     low: tuple[float, float] = (-6.0 * np.pi, -6.0 * np.pi)
     high: tuple[float, float] = (6.0 * np.pi, 6.0 * np.pi)
@@ -69,24 +69,24 @@ class TableLimits:
     homing_rate: float = np.deg2rad(5.0)
 
 
-#: Time for which both joints must be settled before the target counts as reached, s.
+#: Time for which both joints must be settled before the target is reached, s.
 SETTLING_TIME = 0.1
 
 QUICK_STOP_BIT, FAULT_BIT, REMOTE_BIT, REACHED_BIT = 1 << 5, 1 << 3, 1 << 9, 1 << 10
 LIMIT_BIT, HOMED_BIT, MOVING_BIT = 1 << 11, 1 << 12, 1 << 14
 
-#: Amplitude, rad, and frequency, Hz, of joints that hunt about their target.
+#: Amplitude, rad, and frequency, Hz, of joints that oscillate about their target.
 HUNTING = (np.deg2rad(0.02), 1.3)
 
-#: Distance of the limit switches beyond the travel, rad, so that a move to the end of travel is not overtravel.
-SWITCH_BEYOND = np.deg2rad(0.5)
+#: Distance of the limit switches from the end of travel, rad, so that a move to the end of travel does not trip them.
+SWITCH_DISTANCE = np.deg2rad(0.5)
 
 
 class TableMachine:
-    """State of the controller and its joints; `watchdog` is its timeout, host time, s, 0 for none.
+    """The state of the controller and its joints; `watchdog` is the timeout in host time, s, or 0.
 
-    Injected faults: the joints are blocked while `jammed`, do not settle until `restless_until` (device time, s), and
-    exceed the target of the next move by `overshoot`, rad.
+    Faults can be injected: the joints are blocked while `jammed`, do not settle until `unsettled_until` (device time,
+    s), and exceed the target of the next move by `overshoot`, rad.
     """
 
     def __init__(
@@ -102,20 +102,20 @@ class TableMachine:
         self._controlword = 0
         self._homing = False
         self.jammed = False
-        self.restless_until = -np.inf
+        self.unsettled_until = -np.inf
         self.overshoot = 0.0
         self._fed: float | None = None
-        # Encoder angles are relative to the power-on angles until homing finds zero.
+        # Encoder angles are relative to the angles at power-on until homing.
         self._zero = drive.states(0.0)[:, 0]
 
     def set_interlock(self, closed: bool, time: float) -> None:
-        """Open or close the interlock; opening it trips a fault."""
+        """Open or close the interlock; opening causes a fault."""
         self.interlock_closed = closed
         if not closed:
             self.trip(Fault.INTERLOCK, time)
 
     def trip(self, fault: Fault, time: float) -> None:
-        """Decelerate, disable the axes and latch the fault; the first fault remains."""
+        """Decelerate, disable the axes and latch the fault unless another fault is latched."""
         self.stop(time)
         self.power = Power.DISABLED
         if self.fault is Fault.NONE:
@@ -136,24 +136,24 @@ class TableMachine:
         """Finish homing once the joints have settled at home."""
         if self._homing and self.settled(time):
             self._homing = False
-            self.know_zero()
+            self.set_zero()
 
-    def know_zero(self) -> None:
-        """Make home the zero of the encoder angles, after homing or with absolute encoders."""
+    def set_zero(self) -> None:
+        """Set the zero of the encoder angles to home, after homing or with absolute encoders."""
         self.homed = True
         self._zero = np.zeros(2)
 
     def jam(self, time: float) -> None:
-        """Block the joints until a reset; the controller does not detect it."""
+        """Block the joints until a reset, which the controller does not detect."""
         self.stop(time)
         self.jammed = True
 
     def settled(self, time: float) -> bool:
         """Return whether both joints have been at rest for the settling time."""
-        return not self.jammed and time >= max(self.drive.settled + SETTLING_TIME, self.restless_until)
+        return not self.jammed and time >= max(self.drive.settled + SETTLING_TIME, self.unsettled_until)
 
     def control(self, word: int, time: float, host_time: float) -> None:
-        """Process a controlword: 0x06 ready, 0x07 on, 0x0F enable; b2 = 0 quick stop, b7 reset, b8 halt."""
+        """Process a controlword (0x06 ready, 0x07 on, 0x0F enable; b2 = 0 quick stop, b7 reset, b8 halt)."""
         reset = bool(word & 0x80) and not self._controlword & 0x80
         self._controlword = word
         self.jammed &= not reset
@@ -189,9 +189,9 @@ class TableMachine:
     def move(
         self, time: float, targets: tuple[float, float], rates: tuple[float, float], accelerations: tuple[float, float]
     ) -> None:
-        """Start moving both joints; repeating the current move has no effect. Raises a `Refusal`."""
+        """Start moving both joints unless this is the current move. Raises a `Refusal`."""
         for joint in (0, 1):
-            self._allow(joint, targets[joint], rates[joint], accelerations[joint])
+            self._check_limits(joint, targets[joint], rates[joint], accelerations[joint])
         if not self.homed:
             raise NotPermitted
         going = time < self.drive.end and targets == tuple(p.target for p in self.drive.profiles)
@@ -203,7 +203,7 @@ class TableMachine:
             self.drive.move(time, (targets[0] + beyond, targets[1] + beyond), rates, accelerations)
 
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
-        """Move one joint independently of the other; repeating its current move has no effect. Raises a `Refusal`."""
+        """Start moving one joint independently of the other unless this is its current move. Raises a `Refusal`."""
         if self._may_start(time, joint, target, rate, acceleration):
             beyond, self.overshoot = self.overshoot, 0.0
             if not self.jammed:
@@ -211,7 +211,7 @@ class TableMachine:
 
     def _may_start(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> bool:
         """Check a move of a joint; return False if it is already moving to `target`. Raises a `Refusal`."""
-        self._allow(joint, target, rate, acceleration)
+        self._check_limits(joint, target, rate, acceleration)
         if not self.homed:
             raise NotPermitted
         profile = self.drive.profiles[joint]
@@ -235,7 +235,7 @@ class TableMachine:
             self.drive.move_joint(time, joint, end, abs(rate), acceleration)
 
     def _end_of_turn(self, time: float, joint: int, rate: float, acceleration: float) -> float | None:
-        """Return the end of travel to which a joint starts to turn; None if it does not. Raises a `Refusal`."""
+        """Return the end of travel to which a joint starts to turn, or None. Raises a `Refusal`."""
         if rate == 0.0:
             self._check_permitted(time, self.drive.profiles[joint].end)
             return None
@@ -245,7 +245,7 @@ class TableMachine:
     def positions(self, time: float) -> FloatArray:
         """Return the encoder angles of the joints, rad, shape (2,)."""
         angles = np.asarray(self.drive.readings(np.array([time]))[0] - self._zero)
-        if time < self.restless_until:
+        if time < self.unsettled_until:
             angles += HUNTING[0] * np.sin(2.0 * np.pi * HUNTING[1] * time)
         return angles
 
@@ -258,11 +258,11 @@ class TableMachine:
         word |= HOMED_BIT * self.homed
         angles = self.drive.states(time)[:, 0]
         beyond = angles - np.clip(angles, self.limits.low, self.limits.high)
-        if np.any(np.abs(beyond) > SWITCH_BEYOND):
+        if np.any(np.abs(beyond) > SWITCH_DISTANCE):
             word |= LIMIT_BIT
         return word
 
-    def _allow(self, joint: int, target: float, rate: float, acceleration: float) -> None:
+    def _check_limits(self, joint: int, target: float, rate: float, acceleration: float) -> None:
         limits = self.limits
         inside = limits.low[joint] <= target <= limits.high[joint]
         if not (inside and 0.0 < rate <= limits.rate and 0.0 < acceleration <= limits.acceleration):

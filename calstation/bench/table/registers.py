@@ -1,4 +1,4 @@
-"""The table's Modbus register map: the content of each holding register, and the effect of writing it.
+"""The Modbus register map of the table, with the content of each register and the effect of writing it.
 
 Registers have 16 bits and 0-based addresses; 32-bit values are signed, with the high word first. Positions are in 1e-5
 deg, rates in 1e-4 deg/s, accelerations in 1e-4 deg/s².
@@ -34,7 +34,7 @@ def text_words(text: str) -> list[int]:
 
 
 class RegisterBank(ABC):
-    """Holding registers `words`; those in `writable`, as (first, count), can be written, and reserved ones read 0."""
+    """Holding registers `words`, of which the ranges `writable`, as (first, count), can be written."""
 
     words: list[int]
     writable: tuple[tuple[int, int], ...]
@@ -51,23 +51,23 @@ class RegisterBank(ABC):
         return self.words[address : address + count]
 
     def write(self, address: int, values: list[int]) -> None:
-        """Execute one write request; raises `machine.Refusal` and stores nothing if it is refused."""
-        touched = slice(address, address + len(values))
+        """Execute a write request. Raises `machine.Refusal`, without storing anything, if it is refused."""
+        written = slice(address, address + len(values))
         if not {first + i for first, count in self.writable for i in range(count)}.issuperset(
-            range(*touched.indices(1 << 16))
+            range(*written.indices(1 << 16))
         ):
             raise NoSuchRegister
-        before = self.words[touched]
-        self.words[touched] = values
+        before = self.words[written]
+        self.words[written] = values
         try:
             self._execute(range(address, address + len(values)))
         except Refusal:
-            self.words[touched] = before
+            self.words[written] = before
             raise
 
     @abstractmethod
-    def _execute(self, touched: range) -> None:
-        """Execute what was written to these registers. Raises `machine.Refusal`."""
+    def _execute(self, written: range) -> None:
+        """Execute the commands in these registers. Raises `machine.Refusal`."""
 
 
 class TableRegisters(RegisterBank):
@@ -99,16 +99,16 @@ class TableRegisters(RegisterBank):
             self._put(first + POSITION, positions[joint] / _ANGLE)
             self._put(first + RATE, rates[joint] / _SPEED)
 
-    def _execute(self, touched: range) -> None:
+    def _execute(self, written: range) -> None:
         machine, time, host_time = self._machine, self._clocks.device(), self._clocks.host()
         machine.watch(host_time, time)
-        if CONTROL in touched:
+        if CONTROL in written:
             machine.control(self.words[CONTROL], time, host_time)
-        if WATCHDOG in touched:
+        if WATCHDOG in written:
             machine.watchdog = self.words[WATCHDOG] / 1000.0
-        if HEARTBEAT in touched:
+        if HEARTBEAT in written:
             machine.feed(host_time)
-        if COMMAND in touched:
+        if COMMAND in written:
             self._command(self.words[COMMAND], time)
         self.words[COMMAND] = 0
 

@@ -1,4 +1,4 @@
-"""Controllers with text protocols, which apply commands to the table's machine.
+"""Controllers with text protocols for the table's state machine.
 
 Angles are in degrees, rates in °/s, accelerations in °/s². Axis 1 is the outer joint, axis 2 the inner one.
 """
@@ -14,10 +14,7 @@ from calstation.bench.table.machine import Refusal
 
 
 class TextController(ABC):
-    """A controller on a serial line whose requests end with LF.
-
-    `mute` is the number of following lines that get no reply.
-    """
+    """A controller on a serial line whose requests end with LF; `mute` is the number of next lines without a reply."""
 
     def __init__(self, axes: Axes, serial: str) -> None:
         self._axes, self._serial = axes, serial
@@ -29,7 +26,7 @@ class TextController(ABC):
         return self.feed
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Process received bytes; return one reply, possibly empty, for each completed line."""
+        """Process received bytes and return a reply, possibly empty, for each complete line."""
         *lines, rest = (self._pending + data).split(b"\n")
         self._pending = rest[-1000:]
         replies = [self._reply(line.decode("ascii", "replace").strip()) for line in lines]
@@ -54,10 +51,9 @@ def _radians(text: str) -> float:
 
 
 class Atl(TextController):
-    """The subset of Ideal Aerosmith's table language that the bench implements.
+    """A subset of the table language of Ideal Aerosmith.
 
-    Lines end with CR and LF, replies with the prompt ">". The reply to JOG is sent together with the reply to the next
-    line.
+    Lines end with CR and LF, replies with the prompt ">". The reply to JOG is sent together with the next reply.
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
@@ -113,28 +109,28 @@ class Atl(TextController):
 
 
 class Acl(TextController):
-    """The subset of Acutronic's command language that the bench implements.
+    """A subset of the command language of Acutronic.
 
-    Lines end with LF. Only queries get a reply; an invalid command is reported by *STB?.
+    Lines end with LF. Only queries have a reply; *STB? reports an invalid command.
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
         super().__init__(axes, serial)
         self._modes = ["Off", "Off"]
-        self._wrong = False
-        axes.machine.know_zero()  # absolute encoders need no homing
+        self._has_error = False
+        axes.machine.set_zero()  # absolute encoders need no homing
 
     def _reply(self, line: str) -> bytes:
         name, question, rest = line.partition("?")
         if question:
             words = self._value(name.lower(), rest)
-            self._wrong = self._wrong or words is None
+            self._has_error = self._has_error or words is None
             return b"" if words is None else f"{words}\n".encode()
         command, _, rest = line.partition(" ")
         try:
             self._execute(command.lower(), [part.strip() for part in rest.split(",")])
         except (Refusal, ValueError, IndexError):
-            self._wrong = True
+            self._has_error = True
         return b""
 
     def _value(self, name: str, rest: str) -> str | None:
@@ -142,8 +138,8 @@ class Acl(TextController):
         if name == "*idn":
             return f"ACUTRONIC SCHWEIZ,ACU 2000,{self._serial},1.0"
         if name == "*stb":
-            wrong, self._wrong = self._wrong, False
-            return "65" if wrong or axes.fault else "0"
+            has_error, self._has_error = self._has_error, False
+            return "65" if has_error or axes.fault else "0"
         if rest.strip() not in ("1", "2"):
             return None
         joint = int(rest) - 1
@@ -189,15 +185,14 @@ class Acl(TextController):
 
 
 class Mn(TextController):
-    """The subset of the $MN line protocol that the bench implements.
+    """A subset of the $MN line protocol, $MNxxx,arguments*SS -> $ASxxx,OK,...*SS.
 
-    $MNxxx,arguments*SS -> $ASxxx,OK,...*SS; SS is the 8-bit sum of the characters between header and asterisk. A line
-    with a wrong sum gets no reply.
+    SS is the 8-bit sum of the characters between header and asterisk. A line with a wrong sum has no reply.
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
         super().__init__(axes, serial)
-        self._turns = [False, False]
+        self._rate_mode = [False, False]
 
     def _reply(self, line: str) -> bytes:
         match = re.fullmatch(r"\$MN(.*)\*([0-9A-F]{2})", line)
@@ -227,7 +222,7 @@ class Mn(TextController):
         elif name == "HMZ":
             axes.home()
         elif name == "MOD":
-            self._turns[joint] = ("POS", "VEL").index(rest[1]) == 1
+            self._rate_mode[joint] = ("POS", "VEL").index(rest[1]) == 1
         elif name == "POS":
             axes.targets[joint] = _radians(rest[1])
         elif name == "VEL":
@@ -235,7 +230,7 @@ class Mn(TextController):
         elif name == "ACC":
             axes.accelerations[joint] = _radians(rest[1])
         elif name == "RUN":
-            if self._turns[joint]:
+            if self._rate_mode[joint]:
                 axes.turn(joint, axes.rates[joint])
             else:
                 axes.move(joint)

@@ -1,6 +1,6 @@
 """The true state of the bench: motion, errors, noise and samples of units and tables.
 
-It is independent of the estimators and contains no links or protocols.
+It is independent of the estimators, and of links and protocols.
 """
 
 from calstation.bench.truth.body import BodyMotion, BodyStream, draw_mounting
@@ -10,7 +10,7 @@ from calstation.bench.truth.free_unit import Field, Mounting, SecondaryTruth, pa
 from calstation.bench.truth.gimbal import GimbalBench, GimbalSamples, GimbalStream
 from calstation.bench.truth.grades import GRADES, GradeName, draw_imu, draw_power_ups
 from calstation.bench.truth.imu import ImuTruth, SensorStream, StreamOutput
-from calstation.bench.truth.manual_rig import HandStream, ManualRig, around, push, record
+from calstation.bench.truth.manual_rig import ManualRig, ManualRigStream, around, push, record
 from calstation.bench.truth.noise import INSTABILITY_TIMES, instability_variance
 from calstation.bench.truth.simulate import BenchTruth, Simulated, Simulator
 from calstation.bench.truth.table import TableTruth, earth_rate_n, normal_gravity, rotation, unit_axes

@@ -1,4 +1,4 @@
-"""IMUs on one freely moving body, which alternates without end between rests and rotations about all axes."""
+"""IMUs on one freely moving body, which alternates endlessly between rests and rotations about all axes."""
 
 from functools import lru_cache
 
@@ -11,19 +11,19 @@ from calstation.bench.truth.table import rotation
 from calstation.physics import FloatArray
 
 #: Number of rotations about each axis in an episode, and the largest angle of one, rad.
-_ROTATIONS, _LARGEST = 8, np.deg2rad(100.0)
+_ROTATIONS, _MAX_ANGLE = 8, np.deg2rad(100.0)
 #: Smallest angle of a rotation, as a fraction of the largest.
-_SMALLEST = 0.4
+_MIN_FRACTION = 0.4
 #: Rms acceleration of the body's reference point during motion, m/s².
-_SHAKE = 0.5
+_SHAKE_RMS = 0.5
 #: Number of samples produced at once, because short requests are slow.
-_AHEAD = 200
+_BLOCK_SIZE = 200
 
 _AXES = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 class BodyMotion:
-    """The motion of a body: each episode is a rest of `rest` s and then a motion of `motion` s."""
+    """The motion of a body, of which each episode is a rest of `rest` s followed by a motion of `motion` s."""
 
     def __init__(self, rest: float, motion: float, seed: int) -> None:
         self._rest, self._motion, self._seed = rest, motion, seed
@@ -34,7 +34,7 @@ class BodyMotion:
     def states(
         self, times: FloatArray, up_force: FloatArray, earth: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return specific force, rate and angular acceleration in b as `FreeMotion.states`, at `times` from 0 on, s."""
+        """Return specific force, rate and angular acceleration in b at `times` ≥ 0, s, like `FreeMotion.states`."""
         number = np.maximum(np.floor(times / self._period), 0.0).astype(np.int64)
         states = np.empty((3, len(times), 3))
         for k in np.unique(number):
@@ -53,14 +53,14 @@ class BodyMotion:
         for axis in range(3):
             pulses = []
             for k in range(_ROTATIONS):
-                amount = _LARGEST * random.uniform(_SMALLEST, 1.0) * random.choice([-1.0, 1.0])
+                amount = _MAX_ANGLE * random.uniform(_MIN_FRACTION, 1.0) * random.choice([-1.0, 1.0])
                 # the rotations about the three axes overlap
                 start = begin + share * (k + 0.1 * axis)
                 pulses.append(Pulse(start, 0.8 * share, float(amount), tremor(random, 0.01 * abs(float(amount)))))
             courses.append(Course(tuple(pulses)))
         shaken = []
         for _ in range(3):
-            sines = tremor(random, _SHAKE)
+            sines = tremor(random, _SHAKE_RMS)
             sines[:, 0] /= (2.0 * np.pi * sines[:, 1]) ** 2
             shaken.append(Course((Pulse(begin, self._motion, 0.0, sines),)))
         links = [Link(np.eye(3), axis, course) for axis, course in zip(_AXES, courses, strict=True)]
@@ -76,14 +76,16 @@ class BodyMotion:
 
 
 def draw_mounting(random: np.random.Generator) -> Mounting:
-    """Draw the mounting of a secondary: rotated by some degrees from the primary's axes, and at most 0.17 m away."""
+    """Draw the mounting of a secondary, rotated by some degrees from the primary and at most 0.17 m away from it."""
     return Mounting(rotation(0.03 * random.standard_normal(3)), random.uniform(-0.1, 0.1, 3))
 
 
 class BodyStream:
-    """Samples of a unit on a body; it was switched on at time `begin`, s, and its clock runs `gain` times as fast.
+    """Samples of a unit on a body.
 
-    steps : times in the unit's clock, s, and the gyro bias added to all axes from then on, rad/s, shape (k, 2)
+    begin : time at which the unit was switched on, s
+    gain : rate of the unit's clock
+    steps : times in the unit's clock, s, from which a gyro bias, rad/s, is added to all axes, shape (k, 2)
     """
 
     def __init__(
@@ -109,7 +111,7 @@ class BodyStream:
     def produce(self, count: int) -> StreamOutput:
         """Return the next `count` samples."""
         if len(self._counts) < count:
-            more = self._samples.produce(max(count, _AHEAD), self._motion)
+            more = self._samples.produce(max(count, _BLOCK_SIZE), self._motion)
             self._counts = np.concatenate([self._counts, more.counts])
             self._saturated = np.concatenate([self._saturated, more.saturated])
         counts, saturated = self._counts[:count].copy(), self._saturated[:count]

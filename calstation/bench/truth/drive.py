@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.bench.truth.kinematics import SETTLED, JointProfile
+from calstation.bench.truth.kinematics import SETTLED_AMPLITUDE, JointProfile
 from calstation.physics import FloatArray
 
 
@@ -12,8 +12,8 @@ from calstation.physics import FloatArray
 class EncoderTruth:
     """Errors of the joints' encoders, rad.
 
-    `stop_sigma` is the sigma of the stopping error, drawn for each move of a joint and fully reached at its
-    end; `periodic` and `phase` describe an error with one period per turn; `white_sigma` is the noise of each reading.
+    `stop_sigma` is the sigma of the stopping error, which is drawn for each move of a joint and reached at its end.
+    `periodic` and `phase` describe an error with one period per turn. `white_sigma` is the noise of each reading.
     """
 
     stop_sigma: float = np.deg2rad(0.05)
@@ -23,17 +23,17 @@ class EncoderTruth:
 
 
 class TableDrive:
-    """Motion and encoders of both joints, from true `angles` at power-on, rad; encoder errors are drawn from `seed`."""
+    """Motion and encoders of both joints, with true `angles` at power-on, rad, and a `seed` of the encoder errors."""
 
     def __init__(
         self, encoder: EncoderTruth, angles: tuple[float, float] = (0.0, 0.0), seed: int | np.random.SeedSequence = 0
     ) -> None:
         self._encoder = encoder
         self._random = np.random.default_rng(seed)
-        # The joints have been at rest since before time 0, because a table is settled when it is switched on.
+        # The joints are at rest before time 0, because a table is settled when it is switched on.
         self.profiles = [JointProfile.rest(angle, -1.0) for angle in angles]
         offsets = encoder.stop_sigma * self._random.standard_normal(2)
-        # For each joint: the angles between which the error changes, and the errors at these angles, rad.
+        # The angles between which the error changes, and the errors at these angles, rad, of each joint.
         self._stop_errors = [(angle, angle, float(e), float(e)) for angle, e in zip(angles, offsets, strict=True)]
 
     @property
@@ -44,7 +44,7 @@ class TableDrive:
     @property
     def settled(self) -> float:
         """Time from which both joints are settled, s."""
-        return max(profile.quiet(SETTLED) for profile in self.profiles)
+        return max(profile.settling_time(SETTLED_AMPLITUDE) for profile in self.profiles)
 
     def move(
         self, time: float, targets: tuple[float, float], rates: tuple[float, float], accelerations: tuple[float, float]

@@ -1,4 +1,4 @@
-"""Errors of a unit outside the 30-parameter model: further terms, delays, changes over time."""
+"""Errors of a unit outside the 30-parameter model: other terms, delays, and changes over time."""
 
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -11,7 +11,7 @@ from calstation.physics import PARAMETERS, FloatArray
 _Row = tuple[float, float, float]
 #: One value for all axes, or one for each axis.
 Axes = float | _Row
-#: Magnitude of the coefficients, whose signs are drawn, or the coefficients by sensor (row).
+#: Magnitude of the coefficients, whose signs are drawn, or the coefficients, with a row for each sensor.
 Coefficients = float | tuple[_Row, _Row, _Row]
 NonNegative = Annotated[float, Field(ge=0.0)]
 Positive = Annotated[float, Field(gt=0.0)]
@@ -19,7 +19,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 _G = 9.80665
 _DEGREE_PER_HOUR = np.deg2rad(1.0) / 3600.0
 _PPM = 1e-6
-#: Rate at which the nonlinearity of the gyros is given, rad/s.
+#: Rate at which the nonlinearity of the gyros is specified, rad/s.
 _RATE = np.deg2rad(100.0)
 
 _SENSORS = ("gyro", "accel")
@@ -29,13 +29,13 @@ _SENSORS = ("gyro", "accel")
 class EffectTruth:
     """The errors of one unit outside the model, SI; arrays of shape (6,) are gyros x, y, z, then accelerometers.
 
-    `terms` are coefficients, shape (11, 3), with f and ω sensed by the same unit: rows f_i³ (s⁴/m²), |f_i| (1),
-    |ω_i| (1), ω_i² (s/rad), ω_i³ (s²/rad²), the gyros' matrix of f (3, s/m), and the accelerometers' matrix of
-    (f_y f_z, f_z f_x, f_x f_y) (3, s²/m). Row i of `off_axis` is the displacement of accelerometer i, m, shape
-    (3, 3). The accelerometers are `accel_delay` s late. The unit samples at (1 + `clock`) times the nominal rate. The
-    gyros clip at `gyro_clip`, rad/s. Since time 0, the scale factors have changed by (1 − e^(−t/`warm_up_time`))
-    `warm_up_scale`, and the biases by the same fraction of `warm_up_bias`, by `jump` from `jump_time` on, and by a
-    random walk of intensity `walk` per √s.
+    `terms`, shape (11, 3), are the coefficients of f_i³ (s⁴/m²), |f_i| (1), |ω_i| (1), ω_i² (s/rad), ω_i³ (s²/rad²),
+    the gyros' matrix of f (3 rows, s/m), and the accelerometers' matrix of (f_y f_z, f_z f_x, f_x f_y) (3 rows, s²/m),
+    where f and ω are sensed by the unit. Row i of `off_axis` is the displacement of accelerometer i, m, shape (3, 3).
+    The accelerometers have a delay of `accel_delay` s. The unit samples at (1 + `clock`) times the nominal rate. The
+    gyros clip at `gyro_clip`, rad/s. The scale factors have changed since time 0 by (1 − e^(−t/`warm_up_time`))
+    `warm_up_scale`, and the biases by the same fraction of `warm_up_bias`, by `jump` after `jump_time`, and by a random
+    walk of intensity `walk` per √s.
     """
 
     terms: FloatArray = field(default_factory=lambda: np.zeros((11, 3)))
@@ -57,25 +57,25 @@ class EffectTruth:
 
 
 class Changes:
-    """The changes of a unit over time, continued from call to call."""
+    """The changes of a unit over time, which continue from call to call."""
 
     def __init__(self, effects: EffectTruth, interval: float, random: np.random.Generator) -> None:
         self._effects, self._interval, self._random = effects, interval, random
         self._walk = np.zeros((1, 6))
 
     def apply(self, increments: FloatArray, first: int) -> None:
-        """Change the increments of the samples from number `first` on, rad and m/s, shape (n, 6), in place."""
+        """Change the increments of the samples from number `first` on in place, rad and m/s, shape (n, 6)."""
         effects, interval = self._effects, self._interval
         times = np.asarray((first + 0.5 + np.arange(len(increments)))[:, None] * interval, dtype=np.float64)
         steps = effects.walk * np.sqrt(interval) * self._random.standard_normal(increments.shape)
         walk = np.cumsum(np.vstack([self._walk, steps]), axis=0)
         self._walk = walk[-1:]
-        increments *= 1.0 + self._grown(times) * effects.warm_up_scale
+        increments *= 1.0 + self._warm_up(times) * effects.warm_up_scale
         increments += (self._bias(times) + walk[1:]) * interval
 
     def parameters(self, parameters: FloatArray, time: float) -> FloatArray:
         """Return the unit's 30 parameters at `time`, the end of the last sample, s, from their values at time 0."""
-        scale, bias = self._grown(time) * self._effects.warm_up_scale, self._bias(time) + self._walk[0]
+        scale, bias = self._warm_up(time) * self._effects.warm_up_scale, self._bias(time) + self._walk[0]
         changed = parameters.copy()
         for i, p in enumerate(PARAMETERS):
             if p.sensor in _SENSORS:
@@ -84,12 +84,12 @@ class Changes:
                 changed[i] = changed[i] * (1.0 + scale[channel]) + added[channel]
         return changed
 
-    def _grown(self, times: FloatArray | float) -> FloatArray:
+    def _warm_up(self, times: FloatArray | float) -> FloatArray:
         return np.asarray(-np.expm1(-times / self._effects.warm_up_time))
 
     def _bias(self, times: FloatArray | float) -> FloatArray:
         effects = self._effects
-        return np.asarray(self._grown(times) * effects.warm_up_bias + (times > effects.jump_time) * effects.jump)
+        return np.asarray(self._warm_up(times) * effects.warm_up_bias + (times > effects.jump_time) * effects.jump)
 
 
 class Effects(BaseModel):
@@ -122,7 +122,7 @@ class Effects(BaseModel):
     jump_at_s: float = 600.0
 
     def drawn(self, random: np.random.Generator) -> EffectTruth:
-        """Return the effects of one unit, SI; `random` draws signs that are not specified."""
+        """Return the effects of one unit, SI, with signs drawn from `random` unless they are specified."""
         signs = random.choice([-1.0, 1.0], (3, 3, 3))
         signs[1:] *= 1.0 - np.eye(3)
         terms = [

@@ -1,9 +1,9 @@
-"""Free motion in closed form: rotations about arbitrary axes, and a shaken reference point.
+"""Free motion in closed form, with rotations about arbitrary axes and vibration of the reference point.
 
 An attitude is a chain of constant rotations and turns about constant axes; the angle of each turn is a sum of pulses. A
 pulse rises smoothly (minimum jerk; Flash and Hogan, J. Neurosci. 5, 1985) from 0 to its amount and may have a tremor, a
-sum of sines under a window with flat ends. All have exact first and second derivatives, so rate and angular
-acceleration follow from the links as in `truth.table`, without integration:
+sum of sines multiplied by a window with flat ends. All have exact first and second derivatives, so that rate and
+angular acceleration follow from the links as in `truth.table`, without integration:
 
     ω' = Rᵀω + a θ',    ω'' = Rᵀω'' − θ' a × (Rᵀω) + a θ''
 """
@@ -62,7 +62,7 @@ class Pulse:
 
 @dataclass(frozen=True)
 class Course:
-    """A quantity that starts at `offset` and is changed by pulses."""
+    """A quantity with the initial value `offset`, which is changed by pulses."""
 
     pulses: tuple[Pulse, ...] = ()
     offset: float = 0.0
@@ -90,10 +90,11 @@ class Link:
 
 @dataclass(frozen=True)
 class FreeMotion:
-    """The motion of a body: C_b^n = Π before_j R(axis_j, θ_j(t)) · mount, with a shaken reference point.
+    """The motion of a body, C_b^n = Π before_j R(axis_j, θ_j(t)) · mount, and of its reference point.
 
-    links : from the outermost to the innermost; mount : last rotation, shape (3, 3)
-    shake : three courses whose second derivatives are the acceleration of the point in n, m/s²
+    links : links from the outermost to the innermost
+    mount : last rotation, shape (3, 3)
+    shake : three courses whose second derivatives are the acceleration of the reference point in n, m/s²
     """
 
     links: tuple[Link, ...]
@@ -103,9 +104,12 @@ class FreeMotion:
     def states(
         self, times: FloatArray, up_force: FloatArray, earth: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return specific force at the point (m/s²), ω_ib (rad/s) and its derivative (rad/s²) in b, each (n, 3).
+        """Return specific force at the point, m/s², ω_ib, rad/s, and its derivative, rad/s², in b, each (n, 3).
 
-        times : increasing, s, shape (n,); up_force, earth : specific force at rest and earth rate in n, shape (3,)
+        Parameters
+        ----------
+        times : increasing times, s, shape (n,)
+        up_force, earth : specific force at rest, m/s², and earth rate, rad/s, in n, shape (3,)
         """
         force = np.array([course.states(times)[2] for course in self.shake]).T + up_force
         rate = np.tile(earth, (len(times), 1))
@@ -114,14 +118,14 @@ class FreeMotion:
             axis = np.asarray(link.axis, dtype=np.float64)
             angle, first, second = link.course.states(times)
             force, rate, acceleration = (
-                _turned_back(axis, angle, v @ link.before) for v in (force, rate, acceleration)
+                _rotate_back(axis, angle, v @ link.before) for v in (force, rate, acceleration)
             )
             acceleration = acceleration - first[:, None] * np.cross(axis, rate) + second[:, None] * axis
             rate = rate + first[:, None] * axis
         return force @ self.mount, rate @ self.mount, acceleration @ self.mount
 
 
-def _turned_back(axis: FloatArray, angle: FloatArray, vectors: FloatArray) -> FloatArray:
+def _rotate_back(axis: FloatArray, angle: FloatArray, vectors: FloatArray) -> FloatArray:
     """Return R(axis, angle)ᵀ v for each row v of `vectors`, shape (n, 3)."""
     sine, cosine = np.sin(angle)[:, None], np.cos(angle)[:, None]
     along = (vectors @ axis)[:, None] * axis

@@ -1,4 +1,4 @@
-"""Output of one or several units on a freely moving body: error model applied to the motion, noise, counts."""
+"""Output of one or several units on a freely moving body."""
 
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -37,7 +37,7 @@ class Motion(Protocol):
 
 @dataclass(frozen=True)
 class Field:
-    """Specific force at rest (m/s²) and earth rate (rad/s) in n, shape (3,), and rms vibration velocity, m/s."""
+    """Specific force at rest, m/s², and earth rate, rad/s, in n, shape (3,), and rms vibration velocity, m/s."""
 
     up_force: FloatArray
     earth: FloatArray
@@ -47,7 +47,7 @@ class Field:
 def ideal_increments(
     imu: ImuTruth, motion: Motion, mounting: Mounting, field: Field, borders: FloatArray
 ) -> FloatArray:
-    """Return noise-free increments of the six channels between `borders` (s, shape (n + 1,)), rad and m/s, (n, 6)."""
+    """Return noise-free increments, rad and m/s, shape (n, 6), between `borders`, s, shape (n + 1,)."""
     model = imu.error_model()
     result = np.empty((len(borders) - 1, 6))
     for first in range(0, len(result), _CHUNK):
@@ -70,10 +70,10 @@ def ideal_increments(
 
 
 class FreeStream:
-    """Samples of one unit on a freely moving body; they do not depend on the sizes of the requests.
+    """Samples of one unit on a freely moving body, which do not depend on the sizes of the requests.
 
-    The first sample begins at time `begin` of the motion, s; the unit's clock runs `gain` times as fast. The generators
-    of vibration and noise may be the same if only one request is made.
+    The first sample begins at time `begin` of the motion, s; `gain` is the rate of the unit's clock. The generators of
+    vibration and noise may be the same if there is only one request.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class FreeStream:
 
 @dataclass(frozen=True)
 class SecondaryTruth:
-    """A secondary IMU: the unit, its mounting, and the offset added to its time to obtain the primary's time, s."""
+    """A secondary IMU with its mounting; its time plus `offset`, s, is the primary's time."""
 
     imu: ImuTruth
     mounting: Mounting
@@ -128,9 +128,9 @@ def record_pair(
     field: Field,
     seed: int | np.random.SeedSequence,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return counts of the primary at the body's point, shape (n, 6), and of the others in the same rows, (n, k, 6).
+    """Return simultaneous counts of the primary at the reference point, shape (n, 6), and the secondaries, (n, k, 6).
 
-    All units share the vibration of the motion; the vibration of the field, which is drawn for each unit, is omitted.
+    The vibration of the motion acts on all units; the vibration of the field, which differs between units, is omitted.
     """
     field = replace(field, velocity_sigma=0.0)
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
@@ -147,8 +147,8 @@ def record_pair(
 def pair_truth(primary: ImuTruth, secondary: SecondaryTruth) -> dict[str, FloatArray]:
     """Return the true result of a cross-calibration: C and b of both sensors, the lever and the clock offset.
 
-    The primary measures y = M₁ x + b₁, the secondary M₂ Tᵀ x + b₂ with T from its frame to the body's, so
-    C = M₂ Tᵀ M₁⁻¹ and b = b₂ − C b₁.
+    The primary measures y = M₁ x + b₁, and the secondary M₂ Tᵀ x + b₂, where T rotates from its frame to the body's.
+    Therefore C = M₂ Tᵀ M₁⁻¹ and b = b₂ − C b₁.
     """
     truth: dict[str, FloatArray] = {"lever": secondary.mounting.arm, "clock_offset": np.array(secondary.offset)}
     for sensor in ("gyro", "accel"):

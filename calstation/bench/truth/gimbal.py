@@ -1,4 +1,4 @@
-"""A stabilised gimbal that carries the unit: its joints counteract the rotation measured by the corrected gyros.
+"""A stabilised gimbal with a unit, whose joints counteract the rotation measured by the corrected gyros.
 
     C_body^base = R(axis₁, q₁) · R(axis₂, q₂) · R(axis₃, q₃), joints from the base to the body
 
@@ -27,7 +27,7 @@ _STOPPING = 0.2
 
 @dataclass(frozen=True)
 class GimbalSamples:
-    """Samples of one motion: end times, s; counts of gyros, accelerometers, (n, 6); joint angles x y z, rad, (n, 3)."""
+    """Samples of a motion: end times, s, shape (n,), counts (n, 6), and angles of joints x y z, rad, (n, 3)."""
 
     seq: IntArray
     time: FloatArray
@@ -37,11 +37,11 @@ class GimbalSamples:
 
 
 class GimbalBench:
-    """The gimbal with its unit, whose accelerometers are at the centre; time continues from call to call.
+    """A gimbal with a unit whose accelerometers are at the centre; time continues from call to call.
 
-    `order` lists the joints from base to body. `up_force` is the specific force in the base frame, m/s², `earth` the
-    earth rate in it, rad/s. `encoder_sigma` is the repeatability, drawn for each motion, rad; reading noise is a tenth
-    of it.
+    order : joints from base to body
+    up_force, earth : specific force, m/s², and earth rate, rad/s, in the base frame
+    encoder_sigma : sigma of the encoder error of a motion, rad; the noise of a reading is a tenth of it
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class GimbalBench:
         self._rate = np.zeros(3)
 
     def lock(self, seconds: float) -> GimbalSamples:
-        """Hold the joints at their angles; the gyros then measure their bias and earth rate."""
+        """Lock the joints, so that the gyros measure their bias and earth rate."""
         return self._locked(np.tile(self.joints, (round(seconds / self.interval), 1)))
 
     def zero_bias(self, samples: GimbalSamples) -> None:
@@ -151,7 +151,7 @@ class GimbalBench:
         path = np.zeros((1, 3)) if course is None else np.vstack([self.joints, course])
         stabilised = np.zeros((1, 3)) if demanded is None else demanded
         width = 6 * len(INSTABILITY_TIMES)
-        # draw all at once, so that the output does not depend on how a run is divided
+        # all numbers are drawn at once, so that the output does not depend on how a run is divided
         random = self._random.standard_normal((count, 9 + width))
         noise = random[:, :3] * (self._imu.gyro_arw * np.sqrt(self.interval))
         drift = np.zeros((count, 6))
@@ -167,10 +167,7 @@ class GimbalBench:
 
 
 class GimbalStream(GimbalBench):
-    """The gimbal over time, commanded while it runs.
-
-    `lock` and `hold` of the recording bench become states. While `zeroing`, the mean gyro output becomes the bias.
-    """
+    """A gimbal that is commanded while it runs; the joints are locked or stabilise the body."""
 
     def __init__(self, imu: ImuTruth, seed: int | np.random.SeedSequence, **settings: Any) -> None:
         super().__init__(imu, seed, **settings)

@@ -1,4 +1,4 @@
-"""Grades of units: magnitudes of their errors and noise, and the random draw of one unit."""
+"""Grades of units, with the magnitudes of their errors and noise, and random units of a grade."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -21,9 +21,10 @@ _MAX_SIGMAS = 2.5
 
 @dataclass(frozen=True)
 class Grade:
-    """Magnitudes of one grade, SI: `sigma` of a unit's parameters by group; LSBs refer to increment output.
+    """Magnitudes of one grade, SI; LSBs refer to increment output.
 
-    `repeatability` is the sigma of the change of a parameter from one power-up to the next, by group.
+    `sigma` is the sigma of a unit's parameters, and `repeatability` the sigma of their changes from one power-up to the
+    next, by group.
     """
 
     sigma: dict[str, float]
@@ -51,7 +52,7 @@ _SIGMAS: dict[str, tuple[float, float, float]] = {
     "outer_lever": (0.05, 0.08, 0.1),
 }
 
-#: Repeatability from power-up to power-up by group, for each `GradeName`; the levers of a unit do not change.
+#: Repeatability from power-up to power-up by group, for each `GradeName`; the levers do not change.
 _REPEATABILITIES: dict[str, tuple[float, float, float]] = {
     "gyro_bias": (0.002 * _DEGREE_PER_HOUR, 0.1 * _DEGREE_PER_HOUR, 1.0 * _DEGREE_PER_HOUR),
     "gyro_scale": (1e-6, 1e-5, 5e-5),
@@ -95,8 +96,14 @@ def draw_imu(
 ) -> ImuTruth:
     """Draw one unit of a grade.
 
-    For output "rate", LSBs are multiplied by `sample_rate`, Hz (rad/s, m/s²). `outer_lever` is "estimated", or "fixed"
-    at 0. `out_of_limits` sets the x gyro's bias and the y accelerometer's scale factor to twenty sigmas.
+    Parameters
+    ----------
+    grade, random : grade and generator of the draw
+    sample_rate : sample rate, Hz, by which LSBs are multiplied for output "rate" (rad/s, m/s²)
+    output : increments or mean rates
+    outer_lever : "estimated", or "fixed" at 0
+    instability : whether the biases drift
+    out_of_limits : whether the x gyro bias and the y accelerometer scale factor are twenty sigmas
     """
     size = GRADES[grade]
     per_count = sample_rate if output == "rate" else 1.0

@@ -1,4 +1,4 @@
-"""Measurements of the unit: the contract's error model applied to the true motion, noise, quantisation."""
+"""Measurements of the unit, from the true motion with the contract's error model, noise and quantisation."""
 
 from dataclasses import dataclass, field
 
@@ -13,10 +13,10 @@ from calstation.physics import BoolArray, FloatArray, group_matrix, group_vector
 
 @dataclass(frozen=True)
 class ImuTruth:
-    """A unit's true errors, noise and output, SI.
+    """The true errors, noise and output of a unit, SI.
 
     `output` is "increment" (LSBs in rad and m/s) or "rate" (mean over the sample, LSBs in rad/s and m/s²). Bias
-    instabilities are the flicker coefficients B; ranges are the values at which the output saturates.
+    instabilities are the flicker coefficients B. The output saturates at the ranges.
     """
 
     parameters: FloatArray
@@ -72,12 +72,12 @@ def _measured_rates(
     vectors: FloatArray,
     rates: FloatArray,
 ) -> None:
-    """Write the noise-free output of the six channels at one instant to `rates`; `field` is (up force, ω_ie) in n."""
+    """Write the noise-free output of the six channels at one time to `rates`; `field` is (up force, ω_ie) in n."""
     vectors[0], vectors[1], vectors[2] = field[0], field[1], 0.0
     body_motion(chain, outer, inner, vectors)
     force, w, a = vectors[0], vectors[1], vectors[2]
     for i in range(3):
-        # Row i of ω×(ω×r) + ω'×r at accelerometer i, which senses only along e_i.
+        # Row i of ω×(ω×r) + ω'×r at accelerometer i, which senses only the component along e_i.
         x, y, z = model[9 + i, 0], model[9 + i, 1], model[9 + i, 2]
         along = w[0] * x + w[1] * y + w[2] * z
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -101,9 +101,9 @@ def true_increments(
     chain: FloatArray,
     field: FloatArray,
     outer: FloatArray,
-    outer_still: float,
+    outer_rest_time: float,
     inner: FloatArray,
-    inner_still: float,
+    inner_rest_time: float,
     first: int,
     interval: float,
     base_velocity: FloatArray,
@@ -124,12 +124,12 @@ def true_increments(
     resting = np.empty(6)
     outer_state = np.zeros(3)
     inner_state = np.zeros(3)
-    still = max(outer_still, inner_still)
+    rest_time = max(outer_rest_time, inner_rest_time)
     known = False
     for n in range(count):
         start = (first + n) * interval
         end = (first + n + 1) * interval
-        if start >= still:
+        if start >= rest_time:
             if not known:
                 outer_state[0] = outer[outer.shape[0] - 1, 1]
                 inner_state[0] = inner[inner.shape[0] - 1, 1]
@@ -150,8 +150,8 @@ def true_increments(
                         high = inner[row, 0]
                 for node in range(3):
                     time = low + (high - low) * GAUSS_NODES[node]
-                    outer_state[0], outer_state[1], outer_state[2] = joint_state(outer, outer_still, time)
-                    inner_state[0], inner_state[1], inner_state[2] = joint_state(inner, inner_still, time)
+                    outer_state[0], outer_state[1], outer_state[2] = joint_state(outer, outer_rest_time, time)
+                    inner_state[0], inner_state[1], inner_state[2] = joint_state(inner, inner_rest_time, time)
                     _measured_rates(model, chain, outer_state, inner_state, field, vectors, rates)
                     for i in range(6):
                         result[n, i] += rates[i] * GAUSS_WEIGHTS[node] * (high - low)
@@ -159,8 +159,8 @@ def true_increments(
         change = base_velocity[n + 1] - base_velocity[n]
         if change[0] != 0.0 or change[1] != 0.0 or change[2] != 0.0:
             middle = 0.5 * (start + end)
-            outer_state[0], outer_state[1], outer_state[2] = joint_state(outer, outer_still, middle)
-            inner_state[0], inner_state[1], inner_state[2] = joint_state(inner, inner_still, middle)
+            outer_state[0], outer_state[1], outer_state[2] = joint_state(outer, outer_rest_time, middle)
+            inner_state[0], inner_state[1], inner_state[2] = joint_state(inner, inner_rest_time, middle)
             sensed = to_body(chain, outer_state[0], inner_state[0], change)
             for i in range(3):
                 for j in range(3):
@@ -220,10 +220,7 @@ class StreamOutput:
 
 
 class Digitiser:
-    """Adds a unit's noise to its increments and quantises them, sample by sample.
-
-    `columns` is the number of standard normals needed per sample. `start_drift` draws the initial values of bias drift.
-    """
+    """Adds noise to the increments of a unit and quantises them; `columns` is the number of normals per sample."""
 
     def __init__(self, imu: ImuTruth, *, instability: bool = True) -> None:
         self._interval = imu.interval
@@ -252,17 +249,17 @@ class Digitiser:
         lsb, limit, remainder = self._lsb, self._limit, self._remainder
         noise = (self._white, self._decay, self._driven, self._bias)
         counts, saturated = digitise(increments, normals, *noise, lsb, limit, self._interval, self._as_rate, remainder)
-        if np.any(self._limit < self._range):  # gyros clipped below their range do not report saturation
+        if np.any(self._limit < self._range):  # gyros that clip below their range do not report saturation
             saturated = np.any(np.abs(counts) >= self._range, axis=1)
         return StreamOutput(counts, saturated)
 
 
 class SensorStream:
-    """Samples of one unit on one table; they do not depend on the sizes of the requests.
+    """Samples of one unit on one table, which do not depend on the sizes of the requests.
 
     `interval` is the true duration of a sample, s, which differs from the nominal one if the unit's clock is wrong. The
-    table's motion is given in the time of another unit, which runs `rate` times as fast as this unit's time and equals
-    `begin`, s, when this unit's time is 0; gravity and the rotation of the earth are per second of this unit.
+    motion of the table is in the time of another unit, which is `rate` times as fast as the time of this unit and
+    equals `begin`, s, when this unit's time is 0. Gravity and earth rate are per second of this unit.
     """
 
     def __init__(
@@ -301,10 +298,10 @@ class SensorStream:
         normals = self._random.standard_normal((count, self._columns))
         vibration = self._vibration
         velocity = vibration.velocities(normals[:, -6:]) if vibration.active else np.zeros((count + 1, 3))
-        outer, inner = _later(outer, -self._begin), _later(inner, -self._begin)
+        outer, inner = _delayed(outer, -self._begin), _delayed(inner, -self._begin)
         increments = self._increments(velocity, outer, inner)
         if delay := self._imu.effects.accel_delay:
-            increments[:, 3:] = self._increments(velocity, _later(outer, delay), _later(inner, delay))[:, 3:]
+            increments[:, 3:] = self._increments(velocity, _delayed(outer, delay), _delayed(inner, delay))[:, 3:]
         if self._imu.effects.changing:
             self._changes.apply(increments, self.produced)
         self.produced += count
@@ -316,12 +313,12 @@ class SensorStream:
         return self._changes.parameters(self._imu.parameters, self.time)
 
     def _increments(self, velocity: FloatArray, outer: JointProfile, inner: JointProfile) -> FloatArray:
-        joints = (outer.segments, outer.still, inner.segments, inner.still)
+        joints = (outer.segments, outer.rest_time, inner.segments, inner.rest_time)
         samples = self.produced, self._table_interval, velocity
         return true_increments(self._model, self._chain, self._field, *joints, *samples)
 
 
-def _later(profile: JointProfile, seconds: float) -> JointProfile:
+def _delayed(profile: JointProfile, seconds: float) -> JointProfile:
     """Return the same motion `seconds` later."""
     later = np.array([seconds, 0.0, 0.0, 0.0, 0.0, 0.0])
     return JointProfile(profile.segments + later) if seconds else profile

@@ -1,4 +1,4 @@
-"""Joint trajectories in closed form: trapezoids of limited acceleration, filtered by the drive's resonance.
+"""Joint trajectories in closed form, which are trapezoids of limited acceleration filtered by the drive's resonance.
 
 The command u(t) has piecewise constant acceleration. The joint follows it like a load on a spring, y = u − d with
 d'' + 2ζω d' + ω² d = u''; on each segment, d is a damped oscillation about a constant deflection.
@@ -17,31 +17,31 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def compiled(function: F) -> F:
-    """Compile `function` at its first call and cache the machine code on disk next to the source."""
+    """Compile a function at its first call, and cache the machine code on disk next to the source."""
     return cast(F, numba.njit(cache=True)(function))
 
 
 #: Undamped frequency of the drive, rad/s, and its damping ratio.
 DRIVE_FREQUENCY = 2.0 * np.pi * 12.0
 DRIVE_DAMPING = 0.2
-#: Oscillation amplitudes below which a joint counts as settled, and as completely at rest, rad.
-SETTLED = 1e-6
-STILL = 1e-12
+#: Oscillation amplitudes below which a joint is settled, and completely at rest, rad.
+SETTLED_AMPLITUDE = 1e-6
+REST_AMPLITUDE = 1e-12
 
 _DECAY = DRIVE_DAMPING * DRIVE_FREQUENCY
 _DAMPED = DRIVE_FREQUENCY * np.sqrt(1.0 - DRIVE_DAMPING**2)
 
 
 @compiled
-def joint_state(segments: FloatArray, still: float, time: float) -> tuple[float, float, float]:
+def joint_state(segments: FloatArray, rest_time: float, time: float) -> tuple[float, float, float]:
     """Return angle, rate and acceleration of a joint at one time; rad, rad/s, rad/s².
 
-    Rows of `segments`, shape (k, 6): start time, s, and at this time the command's angle, rad, rate, rad/s, and
-    acceleration, rad/s², the deviation, rad, and its rate, rad/s. From time `still`, s, the joint is completely at rest
-    at the last row's angle.
+    The columns of `segments`, shape (k, 6), are the start time, s, and at this time the angle, rad, rate, rad/s, and
+    acceleration, rad/s², of the command, the deviation, rad, and its rate, rad/s. From time `rest_time`, s, the joint
+    is completely at rest at the last row's angle.
     """
     last = segments.shape[0] - 1
-    if time >= still:
+    if time >= rest_time:
         return segments[last, 1], 0.0, 0.0
     row = 0
     while row < last and time >= segments[row + 1, 0]:
@@ -66,10 +66,10 @@ def joint_state(segments: FloatArray, still: float, time: float) -> tuple[float,
 
 
 @compiled
-def _joint_states(segments: FloatArray, still: float, times: FloatArray) -> FloatArray:
+def _joint_states(segments: FloatArray, rest_time: float, times: FloatArray) -> FloatArray:
     states = np.empty((times.shape[0], 3))
     for i in range(times.shape[0]):
-        states[i, 0], states[i, 1], states[i, 2] = joint_state(segments, still, times[i])
+        states[i, 0], states[i, 1], states[i, 2] = joint_state(segments, rest_time, times[i])
     return states
 
 
@@ -94,20 +94,20 @@ class JointProfile:
         """Time at which the command reaches its target, s."""
         return float(self.segments[-1, 0])
 
-    def quiet(self, tolerance: float) -> float:
+    def settling_time(self, tolerance: float) -> float:
         """Return the time, s, from which the oscillation about the target stays below `tolerance`, rad."""
         start, deviation, deviation_rate = self.segments[-1, [0, 4, 5]]
         amplitude = np.hypot(deviation, (deviation_rate + _DECAY * deviation) / _DAMPED)
         return float(start + max(0.0, np.log(max(amplitude, 1e-300) / tolerance) / _DECAY))
 
     @property
-    def still(self) -> float:
+    def rest_time(self) -> float:
         """Time from which the joint is completely at rest, s."""
-        return self.quiet(STILL)
+        return self.settling_time(REST_AMPLITUDE)
 
     def states(self, times: FloatArray) -> FloatArray:
         """Return angle, rate and acceleration at `times` (s, shape (n,)); rad, rad/s, rad/s², shape (n, 3)."""
-        return _joint_states(self.segments, self.still, np.asarray(times, dtype=np.float64))
+        return _joint_states(self.segments, self.rest_time, np.asarray(times, dtype=np.float64))
 
     def command(self, time: float) -> tuple[float, float]:
         """Return the commanded angle and rate at `time`, s; rad and rad/s."""
@@ -145,7 +145,7 @@ class JointProfile:
     def _continue(self, time: float, pieces: list[tuple[float, float]], target: float | None) -> "JointProfile":
         """Return a profile that continues at `time` with `pieces` (duration s, acceleration rad/s²) and then rests.
 
-        It rests at `target`, or at the end of the pieces. The segment active until `time` is kept for earlier times.
+        The joint rests at `target`, or at the end of the pieces. The segment before `time` is kept.
         """
         angle, rate = self.command(time)
         state = self.states(np.array([time]))[0]

@@ -1,7 +1,7 @@
-"""A manual rig: the unit on an inner rail inside an outer rail, pushed by an operator from position to position.
+"""A manual rig with the unit on an inner rail inside an outer rail, which an operator pushes to positions.
 
-The operator stops near the position, corrects it, and shakes the rig with a tremor; the unit is mounted away from the
-rails' centre.
+The operator stops near a position, corrects it, and shakes the rig with a tremor. The unit is not mounted at the centre
+of the rails.
 """
 
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ Pose = tuple[float, float]
 class ManualRig:
     """Parameters of the rig and the operator, in rad, s and m.
 
-    `rest` durations vary by ±20 %. `stop_sigma` is the sigma of the deviation from the intended position, `play` the
-    largest turn about the third axis during a push, part of which remains, `shake` the rms acceleration during a push,
-    m/s². `tilt` is the tilt of the rig's base, `arm` the position of the unit relative to the rails' centre,
-    `velocity_sigma` the rms vibration velocity of the base, m/s.
+    The durations `rest` vary by ±20 %. `stop_sigma` is the sigma of the deviation from the intended position, `play`
+    the largest turn about the third axis during a push, of which a part remains, and `shake` the rms acceleration
+    during a push, m/s². `tilt` is the tilt of the base, `velocity_sigma` its rms vibration velocity, m/s, and `arm` the
+    position of the unit relative to the centre of the rails.
     """
 
     latitude: float = np.deg2rad(34.25)
@@ -51,7 +51,7 @@ class ManualRig:
 
 
 def around(step: float = np.deg2rad(45.0)) -> list[Pose]:
-    """Return poses: inner rail one turn and back, outer rail likewise, then outer rail again with the inner at 90°."""
+    """Return the poses of a full turn and back of the inner rail, of the outer rail, and of the latter at inner 90°."""
     count = round(2.0 * np.pi / step)
     sweep = [k * step for k in (*range(1, count + 1), *range(count - 1, -1, -1))]
     quarter = 0.5 * np.pi
@@ -61,9 +61,9 @@ def around(step: float = np.deg2rad(45.0)) -> list[Pose]:
 def record(
     imu: ImuTruth, rig: ManualRig, poses: list[Pose], seed: int | np.random.SeedSequence
 ) -> tuple[Simulated, FreeMotion]:
-    """Return a recording of the unit moved through `poses` (outer, inner), rad, from (0, 0), and the true motion.
+    """Return a recording of the unit moved from (0, 0) through `poses` (outer, inner), rad, and the true motion.
 
-    There are no encoders: the angles are NaN, and the step is 0 throughout.
+    Without encoders, all angles are NaN, and the step is 0.
     """
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     hand_seed, sensor_seed = root.spawn(2)
@@ -79,24 +79,24 @@ def record(
 
 def push(rig: ManualRig, poses: list[Pose], random: np.random.Generator) -> tuple[FreeMotion, float]:
     """Return the motion through `poses` and its duration, s."""
-    hands, time = Hands(rig, random), rig.initial_rest
+    operator, time = Operator(rig, random), rig.initial_rest
     for pose in poses:
-        time = hands.push(pose, time) + rig.rest * random.uniform(0.8, 1.2)
-    return hands.motion(foot(rig, random)), time
+        time = operator.push(pose, time) + rig.rest * random.uniform(0.8, 1.2)
+    return operator.motion(base_attitude(rig, random)), time
 
 
-def foot(rig: ManualRig, random: np.random.Generator) -> FloatArray:
+def base_attitude(rig: ManualRig, random: np.random.Generator) -> FloatArray:
     """Return the attitude of the rig, tilted about a random direction, shape (3, 3)."""
     direction = random.standard_normal(3)
     return rotation(rig.tilt * direction / np.linalg.norm(direction))
 
 
-class Hands:
-    """The operator who pushes the rails; `at` contains the rail angles at the end of the last push, rad, shape (2,)."""
+class Operator:
+    """The operator who pushes the rails; `pose_reached` are the rail angles after the last push, rad, shape (2,)."""
 
     def __init__(self, rig: ManualRig, random: np.random.Generator) -> None:
         self._rig, self._random = rig, random
-        self.at = np.zeros(2)
+        self.pose_reached = np.zeros(2)
         self._lean_angle = 0.0
         self._rails: tuple[list[Pulse], list[Pulse], list[Pulse]] = ([], [], [])
         self._shaken: tuple[list[Pulse], list[Pulse], list[Pulse]] = ([], [], [])
@@ -104,15 +104,15 @@ class Hands:
 
     def push(self, pose: Pose, time: float) -> float:
         """Push the rails from `time` approximately to `pose` (outer, inner); return the time of their release, s."""
-        rig, random, at = self._rig, self._random, self.at
+        rig, random, pose_reached = self._rig, self._random, self.pose_reached
         goal = np.asarray(pose) + rig.stop_sigma * random.standard_normal(2)
-        far = float(np.abs(goal - at).max())
+        far = float(np.abs(goal - pose_reached).max())
         duration = max(far / rig.speed * random.uniform(0.8, 1.4), 0.6)
-        correction = 0.1 * random.standard_normal(2) * np.abs(goal - at)
+        correction = 0.1 * random.standard_normal(2) * np.abs(goal - pose_reached)
         for rail in range(2):
-            amount = float(goal[rail] - at[rail])
-            if abs(amount) < 2.0 * rig.stop_sigma and abs(pose[rail] - at[rail]) < 3.0 * rig.stop_sigma:
-                goal[rail] = at[rail] + 0.2 * amount  # this rail is only touched
+            amount = float(goal[rail] - pose_reached[rail])
+            if abs(amount) < 2.0 * rig.stop_sigma and abs(pose[rail] - pose_reached[rail]) < 3.0 * rig.stop_sigma:
+                goal[rail] = pose_reached[rail] + 0.2 * amount  # the operator only touches this rail
                 amount, correction[rail] = 0.2 * amount, 0.0
             first = amount - float(correction[rail])
             self._rails[rail].append(Pulse(time, duration, first, tremor(random, 0.01 * abs(amount))))
@@ -126,11 +126,11 @@ class Hands:
             sines = tremor(random, rig.shake)
             sines[:, 0] /= (2.0 * np.pi * sines[:, 1]) ** 2
             self._shaken[axis].append(Pulse(time, duration + 0.5, 0.0, sines))
-        self.at = goal
+        self.pose_reached = goal
         return time + duration + 0.5
 
     def forget(self, time: float) -> None:
-        """Merge the pushes that end before `time`, s, into constant angles; do not request earlier times afterwards."""
+        """Replace the pushes that end before `time`, s, by constant angles; earlier times are no longer available."""
         for rail, pulses in enumerate(self._rails):
             over = [p for p in pulses if p.start + p.duration <= time]
             self._settled[rail] += sum(p.amount for p in over)
@@ -154,17 +154,17 @@ class Hands:
 
 #: Range of the delay between a request and the push, s.
 _REACTION_TIME = (0.5, 1.5)
-#: Fraction of positions at which the rig is touched again too early.
+#: Fraction of positions at which the operator touches the rig again too early.
 _RETOUCH_FRACTION = 0.12
 #: Angle by which such a touch turns a rail, rad.
 _RETOUCH_ANGLE = np.deg2rad(12.0)
 
 
-class HandStream:
-    """Samples of one unit on a manual rig; they do not depend on the sizes of the requests.
+class ManualRigStream:
+    """Samples of one unit on a manual rig, which do not depend on the sizes of the requests.
 
-    The operator reacts after a delay, and occasionally touches the rig again before it has rested long enough.
-    `requested` is the last requested pose, rad.
+    The operator reacts after a delay, and sometimes touches the rig before it has rested long enough. `requested` is
+    the last requested pose, rad.
     """
 
     def __init__(self, imu: ImuTruth, rig: ManualRig, seed: np.random.SeedSequence) -> None:
@@ -172,9 +172,9 @@ class HandStream:
         self._samples = FreeStream(imu, Mounting(np.eye(3), np.asarray(rig.arm)), rig.field, vibration, noise)
         self.interval = self._samples.interval
         self._random = random
-        self._base = foot(rig, random)
-        self._hands = Hands(rig, random)
-        self._motion = self._hands.motion(self._base)
+        self._base = base_attitude(rig, random)
+        self._operator = Operator(rig, random)
+        self._motion = self._operator.motion(self._base)
         self._free = 0.0
         self.requested: Pose = (0.0, 0.0)
 
@@ -188,16 +188,16 @@ class HandStream:
         if pose == self.requested:
             return
         self.requested = pose
-        hands, random = self._hands, self._random
-        hands.forget(self.produced * self.interval)
-        self._free = hands.push(pose, max(time, self._free) + random.uniform(*_REACTION_TIME))
+        operator, random = self._operator, self._random
+        operator.forget(self.produced * self.interval)
+        self._free = operator.push(pose, max(time, self._free) + random.uniform(*_REACTION_TIME))
         if random.uniform() < _RETOUCH_FRACTION:
             rail, way = random.integers(2), random.choice([-1.0, 1.0])
-            touched = list(pose)
-            touched[rail] += way * _RETOUCH_ANGLE
+            written = list(pose)
+            written[rail] += way * _RETOUCH_ANGLE
             again = self._free + max(random.uniform(0.3, 0.7) * rest, 1.0)
-            self._free = hands.push((touched[0], touched[1]), again)
-        self._motion = hands.motion(self._base)
+            self._free = operator.push((written[0], written[1]), again)
+        self._motion = operator.motion(self._base)
 
     def produce(self, count: int) -> StreamOutput:
         """Return the next `count` samples."""

@@ -1,4 +1,4 @@
-"""Random processes of the bench: bias instability, base vibration, and their exact discretisation."""
+"""Random processes of the bench, bias instability and base vibration, with exact discretisation."""
 
 import numpy as np
 from scipy.linalg import expm
@@ -49,9 +49,9 @@ def vibration_frequency() -> float:
 
 
 class Vibration:
-    """Velocity of the vibrating base along each axis of n, continued from call to call.
+    """Velocity of the vibrating base along each axis of n, which continues from call to call.
 
-    `velocity_sigma` is the rms velocity, m/s; if it is 0, nothing is drawn.
+    `velocity_sigma` is the rms velocity, m/s; nothing is drawn if it is 0.
     """
 
     def __init__(self, velocity_sigma: float, interval: float, random: np.random.Generator) -> None:

@@ -19,10 +19,10 @@ TEMPERATURE = 25.0
 
 @dataclass(frozen=True)
 class BenchTruth:
-    """True values of everything that the station estimates.
+    """True values of all quantities that the station estimates.
 
-    `azimuth`, rad, is the station file's value; the true azimuth is `table.azimuth`. `outer_lever` is "estimated", or
-    "fixed" at 0.
+    `azimuth` is the value in the station file, rad; the true azimuth is `table.azimuth`. `outer_lever` is "estimated",
+    or "fixed" at 0.
     """
 
     imu: ImuTruth
@@ -42,8 +42,8 @@ class BenchTruth:
 class Simulated:
     """Samples of one stage, with the timestamps of an ideal acquisition.
 
-    `time` is the end of each sample by the unit's clock, s. `angles` are the encoder angles at these ends, rad, NaN
-    between polls, shape (n, 2). `step` is the number of moves so far.
+    `time` is the end of each sample by the unit's clock, s. `angles` are the encoder angles at these times, rad, NaN
+    between polls, shape (n, 2). `step` is the number of previous moves.
     """
 
     stage: str
@@ -56,9 +56,9 @@ class Simulated:
 
 
 class Simulator:
-    """Simulates consecutive stages on one bench; time, joints, noise, counter and step continue from stage to stage.
+    """Simulates consecutive stages on one bench, in which time, joints, noise, counter and step continue.
 
-    Equal seeds and plans give equal samples.
+    Equal seeds and plans result in equal samples.
     """
 
     def __init__(self, truth: BenchTruth, seed: int | np.random.SeedSequence) -> None:
@@ -81,9 +81,9 @@ class Simulator:
         return self._stream.parameters
 
     def run(self, steps: Iterable[Step], stage: str, rounds: int | None = None) -> Simulated:
-        """Simulate one stage; an endless plan needs `rounds`.
+        """Simulate one stage, for an endless plan with a number of `rounds`.
 
-        A move lasts until both joints have settled, and a dwell for its duration; other steps take no time.
+        A move ends when both joints have settled, and a dwell after its duration; other steps take no time.
         """
         parts: list[tuple[FloatArray, FloatArray, IntArray]] = []
         first = self._stream.produced

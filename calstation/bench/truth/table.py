@@ -2,10 +2,10 @@
 
     C_b^n = R_base · Rz(−azimuth) · W_o · R(outer axis, q_o) · R_orth · W_i · R(inner axis, q_i) · R_mount · A
 
-The rows of A are the axes of the unit that point along x, y and z of the platform. W is the wobble of a bearing: a
-tilt of constant size ε whose direction turns with the joint, W = R(a, kq + ψ) · R(u, ε) · R(a, −kq − ψ), with u normal
-to the axis a. The attitude is therefore a chain of constant rotations P_j and of turns about constant axes by angles
-linear in the joint angles, and each link transforms rate and acceleration exactly. With R = R(a, θ),
+The rows of A are the axes of the unit along x, y and z of the platform. W is the wobble of a bearing, a tilt of
+constant size ε whose direction turns with the joint: W = R(a, kq + ψ) · R(u, ε) · R(a, −kq − ψ), with u normal to the
+axis a. The attitude is therefore a chain of constant rotations P_j and of turns about constant axes by angles linear in
+the joint angles, and each link transforms rate and acceleration exactly. With R = R(a, θ),
 
     ω' = Rᵀω + a θ',    ω'' = Rᵀω'' − θ' a × (Rᵀω) + a θ''        (rigid-body kinematics, rotating axes)
 
@@ -78,10 +78,10 @@ def unit_axes(orientation: str) -> FloatArray:
 class TableTruth:
     """True geometry and site of the table; angles in rad, rotation vectors of shape (3,).
 
-    `base_tilt` rotates the base in n, `mount` the unit on the inner platform, on which it stands in one of the
-    right-angled orientations, see `unit_axes`. `non_orthogonality` rotates the inner axis about (outer × inner).
-    `wobble` tilts the outer and inner bearings towards `wobble_phase` at angle 0. `velocity_sigma` is the rms velocity
-    of the centre along each axis of n, m/s. If `gravity` is None, normal gravity applies.
+    `base_tilt` rotates the base in n, and `mount` the unit on the inner platform relative to its right-angled
+    `orientation`, see `unit_axes`. `non_orthogonality` rotates the inner axis about (outer × inner). `wobble` tilts the
+    outer and inner bearings towards `wobble_phase` at angle 0. `velocity_sigma` is the rms velocity of the centre along
+    each axis of n, m/s. If `gravity` is None, normal gravity is used.
     """
 
     latitude: float
@@ -112,8 +112,8 @@ class TableTruth:
     def chain(self) -> FloatArray:
         """Return the chain for the compiled functions, shape (5, 15).
 
-        A row contains P_j transposed (9 numbers), the axis (3), the gains of θ on q_o and q_i, and its phase; the last
-        row is only the mount.
+        A row contains P_j transposed (9 numbers), the axis (3), the factors of q_o and q_i in θ, and the phase of θ;
+        the last row is the mount.
         """
         outer, inner = _unit(self.outer_axis), _unit(self.inner_axis)
         hinge = _unit(np.cross(outer, inner))
@@ -136,7 +136,7 @@ def _unit(vector: FloatArray | tuple[float, float, float]) -> FloatArray:
 
 
 @compiled
-def _turn_back(axis: FloatArray, sine: float, cosine: float, vector: FloatArray) -> None:
+def _rotate_back(axis: FloatArray, sine: float, cosine: float, vector: FloatArray) -> None:
     """Replace `vector` by R(axis, θ)ᵀ vector."""
     ax, ay, az = axis[0], axis[1], axis[2]
     x, y, z = vector[0], vector[1], vector[2]
@@ -147,7 +147,7 @@ def _turn_back(axis: FloatArray, sine: float, cosine: float, vector: FloatArray)
 
 
 @compiled
-def _constant_back(link: FloatArray, vector: FloatArray) -> None:
+def _apply_constant(link: FloatArray, vector: FloatArray) -> None:
     """Replace `vector` by Pᵀ vector, with Pᵀ in the first nine numbers of a link."""
     x, y, z = vector[0], vector[1], vector[2]
     vector[0] = link[0] * x + link[1] * y + link[2] * z
@@ -161,9 +161,9 @@ def to_body(chain: FloatArray, outer: float, inner: float, vector_n: FloatArray)
     vector = vector_n.copy()
     for j in range(chain.shape[0]):
         link = chain[j]
-        _constant_back(link, vector)
+        _apply_constant(link, vector)
         angle = link[12] * outer + link[13] * inner + link[14]
-        _turn_back(link[9:12], np.sin(angle), np.cos(angle), vector)
+        _rotate_back(link[9:12], np.sin(angle), np.cos(angle), vector)
     return vector
 
 
@@ -180,8 +180,8 @@ def body_motion(chain: FloatArray, outer: FloatArray, inner: FloatArray, vectors
         acceleration = link[12] * outer[2] + link[13] * inner[2]
         sine, cosine = np.sin(angle), np.cos(angle)
         for i in range(3):
-            _constant_back(link, vectors[i])
-            _turn_back(link[9:12], sine, cosine, vectors[i])
+            _apply_constant(link, vectors[i])
+            _rotate_back(link[9:12], sine, cosine, vectors[i])
         ax, ay, az = link[9], link[10], link[11]
         x, y, z = vectors[1, 0], vectors[1, 1], vectors[1, 2]
         vectors[2, 0] += acceleration * ax - rate * (ay * z - az * y)

@@ -1,7 +1,4 @@
-"""Encoding of numbers, checksums and matrix conventions in bytes and registers.
-
-All functions are pure and depend on neither profiles nor ports.
-"""
+"""Encoding of numbers, checksums and matrix conventions in bytes and registers, independent of profiles and ports."""
 
 from calstation.devices.codecs.conventions import (
     SENSORS,

@@ -1,4 +1,4 @@
-"""Converts a sensor's parameters to the matrix and offset of a unit's own formula, and back, exactly.
+"""Exact conversion between the parameters of a sensor and the matrix and offset in a unit's registers.
 
 The error model is measured = (I + M) true + b. From the matrix R and offset B in its registers, a unit computes either
 
@@ -33,7 +33,8 @@ class Convention(StrictModel):
     matrix : "correction", the matrix that multiplies the output, or "error", its inverse
     identity : whether the registers include the ones on the diagonal
     negated : whether a matrix without the identity is stored with the opposite sign
-    offset : whether it is subtracted "before" or "after" the matrix is applied; added : whether it is added instead
+    offset : whether the offset is subtracted "before" or "after" the multiplication
+    added : whether the offset is added instead of subtracted
     """
 
     matrix: Literal["correction", "error"] = "correction"
@@ -71,7 +72,7 @@ SLOTS: tuple[str, ...] = tuple(name for sensor in SENSORS for name in _slots(sen
 
 @cache
 def parameter_of(name: str) -> str | None:
-    """Return the parameter of a slot, or `name` if not a slot; None for an element that is 0 in the error model."""
+    """Return the parameter in a slot, or any other `name` itself; None for an element that the error model omits."""
     if name not in SLOTS:
         return name
     sensor, kind, element = name.split("_")
@@ -110,7 +111,7 @@ def to_registers(
 def from_registers(
     sensor: str, contents: Mapping[str, float], matrix: Convention, offset: Convention
 ) -> dict[str, float]:
-    """Convert the values of a sensor's slots to parameters, SI; NaN if the matrix cannot be inverted.
+    """Convert the values of a sensor's slots to parameters, SI, which are NaN if the matrix cannot be inverted.
 
     Raises DeviceFaultError if an accelerometer's matrix is not lower triangular, as the error model requires.
     """
@@ -137,12 +138,13 @@ def _inverse(matrix: FloatArray) -> FloatArray:
 
 
 def legal_range(slot: str, sigmas: Mapping[str, float], convention: Convention) -> tuple[float, float] | None:
-    """Return the range of a slot's values for units within `sigmas`, to first order and widened by half, or None."""
-    name = parameter_of(slot)
-    reach = sigmas.get(name) if name is not None else None
-    if reach is None:
+    """Return the range of the values in a slot for parameters within `sigmas`, to first order and widened by half.
+
+    None is returned if the parameter has no sigma.
+    """
+    sigma = sigmas.get(parameter_of(slot) or "")
+    if sigma is None:
         return None
-    reach *= 1.5
     _, kind, element = slot.split("_")
     middle = 1.0 if kind == "matrix" and element[0] == element[1] and convention.identity else 0.0
-    return middle - reach, middle + reach
+    return middle - 1.5 * sigma, middle + 1.5 * sigma

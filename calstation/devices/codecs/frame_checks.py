@@ -1,4 +1,4 @@
-"""Frame checksums: the CRCs, sums and parities that profiles may name, and CRCs defined by parameters."""
+"""Checksums of frames: the CRCs, sums and parities with names in profiles, and CRCs defined by parameters."""
 
 import zlib
 from collections.abc import Callable
@@ -25,7 +25,7 @@ _CRCS: dict[str, tuple[int, CheckFunction]] = {
     "crc16_modbus": (2, crc16.modbus),
     "crc32": (4, crc32.iso_hdlc),
     "crc32_mpeg2": (4, crc32.mpeg_2),
-    # initial value and final XOR 0: the inversions of zlib's CRC-32 are undone
+    # zlib inverts the initial value and the result, but this CRC does not
     "crc32_novatel": (4, lambda data: zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF),
 }
 _SUMS: dict[str, tuple[int, CheckFunction]] = {

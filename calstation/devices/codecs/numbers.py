@@ -1,4 +1,4 @@
-"""Numbers on the wire: integers of 1 to 8 bytes, floats and Q formats in any byte and word order."""
+"""Number types on the wire: integers of 1 to 8 bytes, floats and Q formats in any byte and word order."""
 
 import re
 import struct
@@ -24,14 +24,14 @@ _Q = re.compile(r"(u?)q(\d{1,2})\.(\d{1,2})")
 
 @dataclass(frozen=True)
 class Number:
-    """A number type: unsigned, signed or IEEE 754, its width in bytes, and the fraction bits of a Q format."""
+    """A number type: unsigned, signed or IEEE 754, with its width in bytes and the fraction bits of a Q format."""
 
     kind: Literal["u", "i", "f"]
     width: int
     fraction: int = 0
 
     @property
-    def whole(self) -> bool:
+    def is_integer(self) -> bool:
         """Whether the type represents integers only."""
         return self.kind != "f" and self.fraction == 0
 
@@ -93,7 +93,7 @@ class Number:
         return float(self.column(column, byte_order, word_order)[0])
 
     def native(self, byte_order: ByteOrder, word_order: WordOrder | None = None) -> np.dtype[np.generic] | None:
-        """Return the NumPy type that reads the bytes on the wire, or None if there is none."""
+        """Return the NumPy type for the bytes on the wire, or None."""
         if self.fraction or self.width not in (1, 2, 4, 8) or word_order not in (None, byte_order):
             return None
         return np.dtype(f"{'<' if byte_order == 'little' else '>'}{self.kind}{self.width}")
@@ -103,7 +103,7 @@ class Number:
     ) -> FloatArray | IntArray:
         """Decode numbers from bytes, shape (n, width), to an array of shape (n,).
 
-        Whole numbers become int64 (u64 wraps around to negative values), others float64, scaled for a Q format.
+        Integers become int64 (u64 wraps around to negative values), and all other numbers float64.
         """
         plain = wire[:, self._positions(byte_order, word_order)]
         if self.kind == "f":

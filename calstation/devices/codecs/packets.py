@@ -1,4 +1,4 @@
-"""Packets in a byte stream: interface of packet kinds, replies to commands, and texts in registers and messages."""
+"""Packets in a byte stream, replies to commands, and texts in registers and messages."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ QUOTE_LENGTH = 40
 
 
 class PacketKind(Protocol):
-    """A kind of packet in a stream; `sync` contains its first bytes."""
+    """A kind of packet in a stream, which begins with `sync`."""
 
     sync: bytes
 
     def size(self, buffer: bytes, start: int) -> int | None:
-        """Return the size in bytes of the packet at `start`: None until more bytes arrive, 0 if there is none."""
+        """Return the size in bytes of the packet at `start`, None if more bytes are needed, or 0 for no packet."""
 
     def is_valid(self, packet: bytes) -> bool:
         """Return whether a complete packet has a correct checksum."""
@@ -22,7 +22,7 @@ class PacketKind(Protocol):
 
 @dataclass(frozen=True)
 class Reply:
-    """Op code and payload of a reply; a line of text has op 0 and is itself the payload."""
+    """Op code and payload of a reply; a line of text has op code 0 and is the payload."""
 
     op: int
     payload: bytes

@@ -1,22 +1,19 @@
-"""IMU drivers, which decode bytes to samples, and the transfer of calibration registers.
-
-Stations are opened by `connection`.
-"""
+"""IMU drivers, which decode bytes to samples, and the transfer of calibration registers."""
 
 from calstation.devices.imu.drivers import FramedImu, frame_decoder, open_imu
 from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.register_transfer import (
     Closing,
     Entry,
-    Holds,
+    FlashContent,
     Step,
-    Transferred,
+    TransferResult,
     check_serial,
     finish,
     flash_registers,
-    put_back,
-    recognise,
+    read_flash_content,
     restore,
+    rewrite_old,
     transfer,
 )
 from calstation.devices.imu.registered_imu import RegisteredImu

@@ -1,4 +1,4 @@
-"""Binary frames in a byte stream: their size, validity and numbers."""
+"""Size, validity and numbers of binary frames in a byte stream."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ Column = FloatArray | IntArray
 
 @dataclass(frozen=True)
 class Columns:
-    """Raw numbers of packets by field, 0 or NaN if absent, and masks of the packets that have the field; shape (n,)."""
+    """Raw numbers by field, 0 or NaN if absent, and masks of the packets with this field; each of shape (n,)."""
 
     values: dict[str, Column]
     present: dict[str, BoolArray]
 
 
 class BinaryFrame:
-    """A binary frame format: of fixed layout, with a length field, or composed of items with ids."""
+    """A binary frame format with a fixed layout, with a length field, or with items that have ids."""
 
     def __init__(self, frame: FrameSection) -> None:
         self.sync = frame.sync_bytes
@@ -33,17 +33,17 @@ class BinaryFrame:
         self._id = hex_bytes(frame.id.value) if frame.id else b""
         self._positions = [(f, at) for f, at, _ in frame.positions() if not f.is_spare]
         #: Smallest size of a frame in bytes.
-        self.shortest = frame.min_size()
+        self.min_frame_size = frame.min_size()
         if frame.length is not None:
             header = max(len(self.sync), frame.length.at + number(frame.length.type).width)
-            self.shortest = header + self._check_size + len(self._tail)
+            self.min_frame_size = header + self._check_size + len(self._tail)
         self._layouts: dict[tuple[int, bytes], Layout] = {}
 
     def size(self, buffer: bytes, start: int) -> int | None:
         """Return the size of the frame at `start`, see `PacketKind`."""
         length = self._frame.length
         if length is None:
-            return self.shortest
+            return self.min_frame_size
         at, width = start + length.at, number(length.type).width
         if len(buffer) < at + width:
             return None
@@ -55,7 +55,7 @@ class BinaryFrame:
                 return None
             stated = int.from_bytes(buffer[at + width : at + width + extra], self._frame.byte_order)
             size = stated + length.adds + extra
-        return size if self.shortest <= size <= self._frame.max_size else 0
+        return size if self.min_frame_size <= size <= self._frame.max_size else 0
 
     def is_valid(self, packet: bytes) -> bool:
         """Return whether tail, checksum and items of a frame are correct."""
@@ -65,7 +65,7 @@ class BinaryFrame:
         check = int.from_bytes(packet[end : end + self._check_size], self._check_order)
         if self._check(packet[self._frame.crc.start : end]) != check:
             return False
-        return not self.is_sample(packet) or self._walk(packet) is not None
+        return not self.is_sample(packet) or self._items(packet) is not None
 
     def is_sample(self, packet: bytes) -> bool:
         """Return whether a valid packet has the id of sample frames."""
@@ -73,13 +73,13 @@ class BinaryFrame:
         return packet[at : at + len(self._id)] == self._id
 
     def columns(self, packets: Sequence[bytes]) -> Columns:
-        """Return the numbers of valid packets; all packets with the same layout are decoded together."""
-        alike: dict[tuple[int, bytes], list[int]] = {}
+        """Return the numbers in valid packets; all packets with the same layout are decoded together."""
+        groups: dict[tuple[int, bytes], list[int]] = {}
         for row, packet in enumerate(packets):
-            alike.setdefault(self._layout_key(packet), []).append(row)
-        values = {f.name: _nothing(f, len(packets)) for f in self._fields}
+            groups.setdefault(self._layout_key(packet), []).append(row)
+        values = {f.name: _absent_column(f, len(packets)) for f in self._fields}
         present = {f.name: np.zeros(len(packets), np.bool_) for f in self._fields}
-        for key, rows in alike.items():
+        for key, rows in groups.items():
             layout = self._layout(packets[rows[0]], key)
             for name, column in layout.read(b"".join(packets[row] for row in rows)).items():
                 values[name][rows] = column
@@ -89,23 +89,23 @@ class BinaryFrame:
     def _layout_key(self, packet: bytes) -> tuple[int, bytes]:
         """Return the key of a packet's layout; packets with equal keys have their numbers at the same bytes."""
         width = 0 if self._frame.items is None else self._frame.items.header
-        return len(packet), b"".join(packet[at - width : at] for _, at, _ in self._walk(packet) or ())
+        return len(packet), b"".join(packet[at - width : at] for _, at, _ in self._items(packet) or ())
 
     def _layout(self, packet: bytes, key: tuple[int, bytes]) -> "Layout":
         layout = self._layouts.get(key)
         if layout is None:
-            layout = Layout(len(packet), self._find(packet), self._frame.byte_order)
+            layout = Layout(len(packet), self._field_positions(packet), self._frame.byte_order)
             if len(self._layouts) < _MAX_LAYOUTS:
                 self._layouts[key] = layout
         return layout
 
-    def _find(self, packet: bytes) -> list[tuple[FrameField, int]]:
+    def _field_positions(self, packet: bytes) -> list[tuple[FrameField, int]]:
         if self._frame.items is None:
             end = len(packet) - len(self._tail) - self._check_size
             extra = self._extra(packet)
             return [(f, at + extra) for f, at in self._positions if at + extra + f.width <= end]
         items: dict[bytes, tuple[int, int]] = {}
-        for name, at, size in self._walk(packet) or []:
+        for name, at, size in self._items(packet) or []:
             items.setdefault(name, (at, size))
         positions = []
         for f, at in self._positions:
@@ -123,8 +123,8 @@ class BinaryFrame:
         long = packet[length.at : length.at + width] == b"\xff" * width
         return number(length.extended).width if long else 0
 
-    def _walk(self, packet: bytes) -> list[tuple[bytes, int, int]] | None:
-        """Return id, data start and data size of every item, or None if the items do not fill the packet exactly."""
+    def _items(self, packet: bytes) -> list[tuple[bytes, int, int]] | None:
+        """Return id, start and size of the data of every item, or None if the items do not fill the packet exactly."""
         items = self._frame.items
         if items is None:
             return []
@@ -153,7 +153,7 @@ class Layout:
         self._size = size
         self._order: ByteOrder = byte_order
         native = [(f, at, number(f.type).native(byte_order, f.word_order)) for f, at in positions]
-        self._plain = np.dtype(
+        self._native_dtype = np.dtype(
             {
                 "names": [f.name for f, _, kind in native if kind is not None],
                 "formats": [kind for _, _, kind in native if kind is not None],
@@ -161,20 +161,20 @@ class Layout:
                 "itemsize": size,
             }
         )
-        self._whole = {f.name: number(f.type).whole for f, _, _ in native}
-        self._odd = [(f, at, number(f.type)) for f, at, kind in native if kind is None]
+        self._is_integer = {f.name: number(f.type).is_integer for f, _, _ in native}
+        self._other_types = [(f, at, number(f.type)) for f, at, kind in native if kind is None]
 
     def read(self, packets: bytes) -> dict[str, Column]:
         """Return the numbers of consecutive packets by field."""
-        rows = np.frombuffer(packets, self._plain)
+        rows = np.frombuffer(packets, self._native_dtype)
         with np.errstate(invalid="ignore"):  # a signalling NaN is treated like any NaN
             columns: dict[str, Column] = {
-                name: rows[name].astype(np.int64) if self._whole[name] else rows[name].astype(np.float64)
-                for name in self._plain.names or ()
+                name: rows[name].astype(np.int64) if self._is_integer[name] else rows[name].astype(np.float64)
+                for name in self._native_dtype.names or ()
             }
-        if self._odd:
+        if self._other_types:
             table = np.frombuffer(packets, np.uint8).reshape(-1, self._size)
-            for f, at, kind in self._odd:
+            for f, at, kind in self._other_types:
                 columns[f.name] = kind.column(table[:, at : at + f.width], self._order, f.word_order)
         return columns
 
@@ -183,5 +183,5 @@ class Layout:
 _MAX_LAYOUTS = 256
 
 
-def _nothing(f: FrameField, count: int) -> Column:
-    return np.zeros(count, np.int64) if number(f.type).whole else np.full(count, np.nan)
+def _absent_column(f: FrameField, count: int) -> Column:
+    return np.zeros(count, np.int64) if number(f.type).is_integer else np.full(count, np.nan)

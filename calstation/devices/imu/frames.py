@@ -1,4 +1,4 @@
-"""Decodes a byte stream into samples and command replies, in bulk and independently of how the stream is divided."""
+"""Decoding of a byte stream into samples and replies to commands, independently of how the stream is divided."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from calstation.physics import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Frames:
-    """Valid frames with sample fields, in order: the bytes of each frame, and the raw numbers of its fields."""
+    """Valid frames with sample fields in order, as bytes and as raw numbers of their fields."""
 
     raw: tuple[bytes, ...]
     columns: Columns
@@ -26,7 +26,7 @@ class Frames:
 
     @property
     def complete(self) -> BoolArray:
-        """Mask of the frames that are samples, with the counter and all six channels, shape (n,)."""
+        """Mask of the frames that contain the counter and all six channels, shape (n,)."""
         names, present = ("counter", *CHANNELS), self.columns.present
         if not set(names) <= present.keys():
             return np.zeros(len(self), np.bool_)
@@ -35,7 +35,7 @@ class Frames:
 
 
 class Samples(NamedTuple):
-    """Raw counter (n,), counts (n, 6), temperature in °C (n,) and status word (n,)."""
+    """Raw counter, shape (n,), counts (n, 6), temperature, °C, (n,), and status word (n,)."""
 
     counter: IntArray
     counts: FloatArray
@@ -45,31 +45,31 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True)
 class Decoded:
-    """Sample frames and replies that new bytes have completed, each in order."""
+    """Sample frames and replies that were completed by new bytes, in order."""
 
     frames: Frames
     replies: tuple[Reply, ...]
 
 
 class FrameDecoder:
-    """Finds packets by their sync bytes and checksum; other bytes are skipped one by one.
+    """Finds packets by their sync bytes and checksum, and skips all other bytes one by one.
 
-    A partial packet is kept until the rest arrives, so the result does not depend on how the stream is divided.
-    At most one packet of the largest size is kept, and no bytes that cannot begin a packet.
+    A partial packet is kept until the rest arrives, so that the result does not depend on how the stream is divided.
 
-    crc_errors : packets with a wrong checksum; skipped : bytes outside packets
-    others : valid packets without sample fields
-    since_frame : bytes skipped since the last valid packet
+    crc_errors : number of packets with a wrong checksum
+    skipped : number of bytes outside packets
+    others : number of valid packets without sample fields
+    since_frame : number of bytes skipped since the last valid packet
     """
 
     def __init__(self, frame: FrameSection, replies: ReplyKind | None = None) -> None:
         self._frame: BinaryFrame | TextFrame = TextFrame(frame) if frame.format == "text" else BinaryFrame(frame)
         self._replies = replies
         kinds: list[PacketKind] = [self._frame, *([replies] if replies else [])]
-        # If one sync begins another, the longer one is tried first.
+        # If one sync begins with another, the longer one is compared first.
         self._kinds = sorted(kinds, key=lambda kind: -len(kind.sync))
         self._fields = {f.name: f for f in frame.fields}
-        self._none = Frames((), self._frame.columns(()))
+        self._no_frames = Frames((), self._frame.columns(()))
         self._buffer = b""
         self.crc_errors = 0
         self.skipped = 0
@@ -108,11 +108,11 @@ class FrameDecoder:
             self._skip(len(buffer) - start)
             start = len(buffer)
         self._buffer = buffer[start:]
-        frames = Frames(tuple(packets), self._frame.columns(packets)) if packets else self._none
+        frames = Frames(tuple(packets), self._frame.columns(packets)) if packets else self._no_frames
         return Decoded(frames, tuple(replies))
 
     def samples(self, frames: Frames) -> Samples:
-        """Return the samples in complete frames; counts = raw × scale + offset of the profile's field."""
+        """Return the samples in complete frames, where counts = raw × scale + offset of the profile's field."""
         complete = frames.complete
         rows = slice(None) if complete.all() else complete
         values = frames.columns.values
@@ -123,27 +123,27 @@ class FrameDecoder:
         for i, name in enumerate(CHANNELS):
             f = self._fields[name]
             counts[:, i] = values[name][rows] * f.scale + f.offset
-        heat = np.full(len(counter), np.nan)
+        temperature = np.full(len(counter), np.nan)
         if "temperature" in values:
-            f, there = self._fields["temperature"], frames.columns.present["temperature"][rows]
-            heat[there] = values["temperature"][rows][there] * f.scale + f.offset
+            f, has_temperature = self._fields["temperature"], frames.columns.present["temperature"][rows]
+            temperature[has_temperature] = values["temperature"][rows][has_temperature] * f.scale + f.offset
         status = np.zeros(len(counter), dtype=np.int64)
         for i, name in enumerate(STATUS_WORDS):
             if name in values:
                 status |= values[name][rows].astype(np.int64) << 16 * i
-        return Samples(counter, counts, heat, status)
+        return Samples(counter, counts, temperature, status)
 
     @property
     def size(self) -> int:
         """Size of a sample frame in bytes; of the shortest one if sizes differ."""
-        return self._frame.shortest
+        return self._frame.min_frame_size
 
     def _skip(self, count: int) -> None:
         self.skipped += count
         self.since_frame += count
 
     def _packet(self, buffer: bytes, start: int) -> tuple[int | None, PacketKind | None]:
-        """Return size and kind of the packet at `start`: size None until more bytes arrive, kind None if not found."""
+        """Return size and kind of the packet at `start`; the size is None if more bytes are needed."""
         waiting = False
         for kind in self._kinds:
             if not buffer.startswith(kind.sync, start):
@@ -170,7 +170,7 @@ class _Search:
         """Return the first such index from `start` on, or the buffer's length if there is none."""
         nearest = len(self._buffer)
         for sync in self._syncs:
-            # The next index of each sync is cached: a new search from every packet would take quadratic time.
+            # The next index of each sync is cached, because a search from every packet would take quadratic time.
             if self._found[sync] < start:
                 at = self._buffer.find(sync, start)
                 self._found[sync] = at if at >= 0 else self._partial(sync, start)

@@ -1,9 +1,9 @@
 """Writing of a unit's registers so that, after a power cut at any time, they can be identified as old or new.
 
-The transfer verifies the serial number, restarts the unit so that its registers have the values of its flash, saves
-them, records the intended change, writes, reads back bit by bit, commits, restarts, and reads again. The journal entry
-stays open until the corrected output is verified on new data; an open entry contains the old and the new values, so
-that the next start can determine which of them the unit holds.
+A transfer checks the serial number, restarts the unit so that its registers have the values of its flash, reads these
+values, and records the intended change. Then it writes the new values, compares them bit by bit, commits them, restarts
+the unit and compares them again. The journal entry, which contains the old and the new values, remains open until the
+corrected output is verified with new data; from an open entry, the next start can determine which values are in flash.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,11 +18,11 @@ from calstation.errors import CalstationError, DeviceFaultError
 
 
 class Step(StrEnum):
-    """Steps of a transfer as recorded in its journal; each step is on disk before the next begins.
+    """Steps of a transfer as recorded in its journal; each step is on disk before the next one begins.
 
-    `TURNED` and `AT_REST` state that the output was verified with rotations, or at rest only; `READ_BACK` that the unit
-    has no output with its registers applied, so that they were only read back.
-    From `COMMITTING` on, the commit counts as a flash cycle of the unit, whether its reply arrives or not.
+    The output was verified with rotations after `TURNED`, and at rest only after `AT_REST`. After `READ_BACK`, the
+    registers were only read back, because they are not applied to any output. `COMMITTING` adds a flash cycle of the
+    unit, whether the reply arrives or not.
     """
 
     WRITTEN = "written"
@@ -37,15 +37,15 @@ class Step(StrEnum):
 
 
 class Closing(StrEnum):
-    """Outcome of a transfer: new values in flash and verified, old values kept, or old values restored."""
+    """Outcome of a transfer: new values verified, old values kept, or old values restored."""
 
     DONE = "done"
     KEPT = "kept"
     RESTORED = "restored"
 
 
-class Holds(StrEnum):
-    """Values that the flash of a restarted unit contains."""
+class FlashContent(StrEnum):
+    """Values in the flash of a restarted unit."""
 
     OLD = "old"
     NEW = "new"
@@ -53,9 +53,9 @@ class Holds(StrEnum):
 
 
 class Entry(Protocol):
-    """A transfer in the journal, with the unit's old values and the new ones to write, by parameter, SI.
+    """A transfer in the journal, with the unit's old values and the new values to write, by parameter, SI.
 
-    Both methods return when the record is on disk, or raise a CalstationError.
+    Both methods return once the record is on disk, or raise CalstationError.
     """
 
     serial: str
@@ -69,20 +69,20 @@ class Entry(Protocol):
         """Record the outcome."""
 
 
-#: Function that records an intended change of the registers from old to new, by parameter, SI; on disk when it returns.
+#: Function that records an intended change from old to new values, by parameter, SI, and returns once it is on disk.
 Begin = Callable[[Mapping[str, float], Mapping[str, float]], Entry]
 
 
 @dataclass(frozen=True)
-class Transferred:
-    """A transfer whose values are in the unit's flash and were read back; its entry is open until they are verified."""
+class TransferResult:
+    """A transfer whose values were read back from flash; its entry is open until the values are verified."""
 
     entry: Entry
     registers_read: Mapping[str, float]
 
 
 def flash_registers(imu: Imu) -> dict[str, float]:
-    """Restart the unit and read its registers as stored in flash, SI; uncommitted values are lost."""
+    """Restart the unit and return the registers in its flash, SI; uncommitted values are lost."""
     imu.reset()
     return imu.read_registers()
 
@@ -94,15 +94,18 @@ def transfer(
     values: Mapping[str, float],
     begin: Begin,
     old: Mapping[str, float] | None = None,
-) -> Transferred:
-    """Write the parameters that have registers; registers of other parameters keep their values.
+) -> TransferResult:
+    """Write the parameters that have registers; all other registers keep their values.
 
+    Raises DeviceFaultError if another unit replies, a value is outside the range of its register, the link fails, or a
+    register reads back differently.
+
+    Parameters
+    ----------
+    imu, registers, serial : the unit, its register map and its serial number
     values : new values by contract name, SI; names without a register are ignored
     begin : function that records the intended change before anything is written
-    old : the unit's `flash_registers` if they were just read; None to read them here
-
-    Raises DeviceFaultError if another unit replies, a value does not fit, the link fails, or a register reads back
-    differently.
+    old : `flash_registers` of the unit if they were just read
     """
     check_serial(imu, serial)
     old = flash_registers(imu) if old is None else dict(old)
@@ -111,50 +114,50 @@ def transfer(
     return _put(imu, registers, entry, entry.new)
 
 
-def finish(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
-    """Complete an open entry; writes nothing if the flash already has the new values. Raises like `transfer`."""
-    if recognise(imu, entry, registers) is Holds.NEW:
+def finish(imu: Imu, registers: RegisterMap, entry: Entry) -> TransferResult:
+    """Complete an open entry, without writing if the new values are already in flash. Raises like `transfer`."""
+    if read_flash_content(imu, entry, registers) is FlashContent.NEW:
         entry.note(Step.RESTARTED)
-        return Transferred(entry, dict(entry.new))
+        return TransferResult(entry, dict(entry.new))
     return _put(imu, registers, entry, entry.new)
 
 
 def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, float]:
-    """Restore the old values of an open entry and close it; returns the unit's values. Raises like `transfer`."""
-    if recognise(imu, entry, registers) is Holds.OLD:
+    """Restore the old values of an open entry, close it, and return the unit's values. Raises like `transfer`."""
+    if read_flash_content(imu, entry, registers) is FlashContent.OLD:
         entry.close(Closing.KEPT)
         return dict(entry.old)
-    registers_read = put_back(imu, registers, entry).registers_read
+    registers_read = rewrite_old(imu, registers, entry).registers_read
     entry.close(Closing.RESTORED)
     return registers_read
 
 
-def put_back(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
-    """Write the old values of an open entry and leave it open. Raises like `transfer`."""
+def rewrite_old(imu: Imu, registers: RegisterMap, entry: Entry) -> TransferResult:
+    """Write the old values of an entry that remains open. Raises like `transfer`."""
     entry.note(Step.RESTORING)
     return _put(imu, registers, entry, entry.old)
 
 
-def recognise(imu: Imu, entry: Entry, registers: RegisterMap) -> Holds:
-    """Restart the unit and determine which values its flash contains.
+def read_flash_content(imu: Imu, entry: Entry, registers: RegisterMap) -> FlashContent:
+    """Restart the unit and determine which values are in its flash.
 
     Raises DeviceFaultError if another unit replies or the link fails.
     """
     check_serial(imu, entry.serial)
     registers_read = flash_registers(imu)
     if not registers.differing(entry.new, registers_read):
-        return Holds.NEW
-    return Holds.NEITHER if registers.differing(entry.old, registers_read) else Holds.OLD
+        return FlashContent.NEW
+    return FlashContent.NEITHER if registers.differing(entry.old, registers_read) else FlashContent.OLD
 
 
 def check_serial(imu: Imu, serial: str) -> None:
-    """Raise DeviceFaultError if another unit is on the link."""
-    answered = imu.identify().serial
-    if answered != serial:
-        raise DeviceFaultError("imu.other_unit", found=answered, serial=serial)
+    """Check that the unit on the link has this serial number. Raises DeviceFaultError."""
+    reported = imu.identify().serial
+    if reported != serial:
+        raise DeviceFaultError("imu.other_unit", found=reported, serial=serial)
 
 
-def _put(imu: Imu, registers: RegisterMap, entry: Entry, required: Mapping[str, float]) -> Transferred:
+def _put(imu: Imu, registers: RegisterMap, entry: Entry, required: Mapping[str, float]) -> TransferResult:
     try:
         imu.write_registers(required)
         _compare(registers, required, imu.read_registers(), restarted=False)
@@ -168,21 +171,21 @@ def _put(imu: Imu, registers: RegisterMap, entry: Entry, required: Mapping[str, 
         entry.note(Step.RESTARTED)
     except CalstationError as error:
         raise _explained(imu, registers, entry, error) from error
-    return Transferred(entry, registers_read)
+    return TransferResult(entry, registers_read)
 
 
 def _explained(imu: Imu, registers: RegisterMap, entry: Entry, error: CalstationError) -> CalstationError:
-    """Return the error with the values that the unit has now; close the entry if these are the old values."""
+    """Return an error that also states the current values of the unit; close the entry if they are the old values."""
     kind, values = type(error), {**error.values, "serial": entry.serial, "cause": error.as_text}
     try:
-        holds = recognise(imu, entry, registers)
+        holds = read_flash_content(imu, entry, registers)
     except CalstationError:
         return kind("imu.holds_unknown", **values)
-    if holds is Holds.OLD:
-        with suppress(CalstationError):  # the original error already reports a failing disk
+    if holds is FlashContent.OLD:
+        with suppress(CalstationError):  # the original error reports a disk failure
             entry.close(Closing.KEPT)
         return kind("imu.holds_old", **values)
-    return kind("imu.holds_new" if holds is Holds.NEW else "imu.holds_neither", **values)
+    return kind("imu.holds_new" if holds is FlashContent.NEW else "imu.holds_neither", **values)
 
 
 def _compare(

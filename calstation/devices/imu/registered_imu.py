@@ -1,8 +1,8 @@
-"""Base of IMU drivers with calibration registers: access by entry, commit and verified restart.
+"""Base of IMU drivers with calibration registers, which commits them and verifies restarts of the unit.
 
-A unit that has written its registers to flash reads the same before and after a restart. If it replies to the reset but
-does not restart, or restarts later, its memory would be read back and mistaken for its flash. A marker that is not in
-flash is therefore written to its memory; only a restart removes it.
+After a commit, the registers have the same values before and after a restart. If the unit replied to the reset without
+restarting, or restarted later, its memory would be mistaken for its flash. Therefore a marker is written to the memory
+but not to the flash; only a restart removes it.
 """
 
 import time
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from calstation.devices.codecs import SENSORS, matrix_slots, number
-from calstation.devices.imu.registers import RegisterMap, alike
+from calstation.devices.imu.registers import RegisterMap, bitwise_equal
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
 from calstation.devices.links import Question, SerialLink
@@ -25,15 +25,12 @@ T = TypeVar("T")
 #: Interval between two checks whether a unit has executed a command, host time in s.
 POLL = 0.02
 
-#: Number of times that a request is sent until a reply arrives.
+#: Maximum number of times that a request is sent until a reply arrives.
 ATTEMPTS = 3
 
 
 class RegisteredImu(StreamedImu):
-    """An IMU whose registers are accessed by commands on its link.
-
-    Timeouts are taken from the section of its protocol, host time in s.
-    """
+    """An IMU with registers, which are accessed by commands on its link; the protocol's section has the timeouts."""
 
     def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
         super().__init__(link, profile, serial)
@@ -42,7 +39,7 @@ class RegisteredImu(StreamedImu):
         self._timeout, self._commit_timeout = times.timeout_s, times.commit_timeout_s
         self._reset_timeout = times.reset_timeout_s
         self._streaming = False
-        self._burns_until = 0.0
+        self._commit_deadline = 0.0
 
     def start(self, *, corrected: bool = False) -> None:
         """Start the stream, see `Imu.start`."""
@@ -50,17 +47,17 @@ class RegisteredImu(StreamedImu):
         self._streaming = True
         section = self._profile.corrected
         frame = section.frame if section is not None and corrected else None
-        self._expect(frame or self._profile.frame)
+        self._decode_from(frame or self._profile.frame)
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity:
         """Identify the unit, see `Imu.wake`.
 
-        Raises OtherModelError at once, and another DeviceFaultError only after `reset_timeout_s`.
+        Raises OtherModelError immediately, and any other DeviceFaultError only after `reset_timeout_s`.
         """
         deadline = time.monotonic() + self._reset_timeout
         while True:
             check_cancelled()
-            self._forget_noise()
+            self._reset_noise_count()
             try:
                 self._ask_identity(attempts=1)
                 identity = self.identify()
@@ -86,7 +83,7 @@ class RegisteredImu(StreamedImu):
             return self._registers.decode({e.key: self._read_entry(e) for e in self._registers.entries})
 
     def write_registers(self, values: Mapping[str, float]) -> None:
-        """Write values by contract name, SI; other parameters are kept. Raises DeviceFaultError if one does not fit."""
+        """Write values by contract name, SI; other parameters are kept. Raises DeviceFaultError if out of range."""
         missing = [name for name in self._registers.parameters if name not in values]
         present = self.read_registers() if missing else {}
         numbers = self._registers.encode({**present, **values})
@@ -95,14 +92,14 @@ class RegisteredImu(StreamedImu):
                 self._write_entry(entry, numbers[entry.key])
 
     def commit(self) -> None:
-        """Write the registers to flash within `commit_timeout_s`; a lost reply is a fault and never a second cycle."""
-        self._burns_until = time.monotonic() + self._commit_timeout
+        """Write the registers to flash within `commit_timeout_s`, exactly once; a lost reply is a fault."""
+        self._commit_deadline = time.monotonic() + self._commit_timeout
         with self._quiet():
-            self._burn()
-        self._burns_until = 0.0
+            self._write_flash()
+        self._commit_deadline = 0.0
 
     def reset(self) -> None:
-        """Restart the unit after any pending commit and resume the stream; DeviceFaultError after `reset_timeout_s`."""
+        """Restart the unit after any pending commit and resume the stream, within `reset_timeout_s`."""
         self._wait_for_commit()
         mark = self._mark()
         deadline = time.monotonic() + self._reset_timeout
@@ -113,36 +110,36 @@ class RegisteredImu(StreamedImu):
         except DeviceFaultError:  # a unit that restarts immediately has no time to reply
             if self.lost:
                 raise
-        while not self._restarted(mark, last=time.monotonic() > deadline):
+        while not self._restarted(mark, is_last=time.monotonic() > deadline):
             time.sleep(POLL)
         if self._streaming:
             self.start()
 
     def _wait_for_commit(self) -> None:
-        """Wait for an unconfirmed commit, because a restart during it would leave neither old nor new registers."""
-        if not self._burns_until:
+        """Wait for an unconfirmed commit, because a restart during a commit could destroy old and new registers."""
+        if not self._commit_deadline:
             return
-        time.sleep(max(0.0, self._burns_until - time.monotonic()))
-        if self._burning():
+        time.sleep(max(0.0, self._commit_deadline - time.monotonic()))
+        if self._is_busy():
             raise ImuBusyError("imu.flash_busy", seconds=self._commit_timeout)
-        self._burns_until = 0.0
+        self._commit_deadline = 0.0
 
     def _mark(self) -> "RestartMarker | None":
-        """Write the marker once the flash is idle and return it; None if the unit has no registers."""
-        entry = markable(self._registers.entries)
+        """Write the marker once the flash is idle, and return it; None if the unit has no registers."""
+        entry = marker_entry(self._registers.entries)
         if entry is None:
             return None
         with self._quiet():
             self._retry_while_busy(self._check_idle)
             before = self._retry_while_busy(lambda: self._read_entry(entry))
-            self._retry_while_busy(lambda: self._write_entry(entry, marked(entry, before)))
-            shown = self._retry_while_busy(lambda: self._read_entry(entry))
-        if alike(before, shown):
+            self._retry_while_busy(lambda: self._write_entry(entry, marker_numbers(entry, before)))
+            read_back = self._retry_while_busy(lambda: self._read_entry(entry))
+        if bitwise_equal(before, read_back):
             raise DeviceFaultError("imu.not_writable", addresses=entry.label)
-        return RestartMarker(entry, tuple(before), tuple(shown))
+        return RestartMarker(entry, tuple(before), tuple(read_back))
 
     def _retry_while_busy(self, work: Callable[[], T]) -> T:
-        """Repeat an operation that a busy unit refuses, for up to the commit timeout."""
+        """Repeat an operation while the busy unit refuses it, at most for the commit timeout."""
         deadline = time.monotonic() + self._commit_timeout
         while True:
             try:
@@ -152,8 +149,8 @@ class RegisteredImu(StreamedImu):
                     raise
             time.sleep(POLL)
 
-    def _restarted(self, mark: "RestartMarker | None", *, last: bool) -> bool:
-        """Return whether the unit replies and the marker is gone; raise DeviceFaultError on the `last` check if not."""
+    def _restarted(self, mark: "RestartMarker | None", *, is_last: bool) -> bool:
+        """Return whether the unit replies without the marker. Raises DeviceFaultError otherwise if `is_last`."""
         try:
             self._ask_identity(attempts=1)
             if mark is None:
@@ -161,19 +158,19 @@ class RegisteredImu(StreamedImu):
             with self._quiet():
                 numbers = self._read_entry(mark.entry)
         except DeviceFaultError:
-            if self.lost or last:
+            if self.lost or is_last:
                 raise
             return False
-        if not alike(mark.shown, numbers):
+        if not bitwise_equal(mark.read_back, numbers):
             return True
-        if last:
+        if is_last:
             with suppress(DeviceFaultError), self._quiet():
                 self._write_entry(mark.entry, list(mark.before))
             raise DeviceFaultError("imu.not_restarted", seconds=self._reset_timeout)
         return False
 
     def _send(self, question: Question[T], attempts: int = ATTEMPTS, timeout: float | None = None) -> T:
-        """Send a command and return the content of its reply; by default within the protocol's reply timeout."""
+        """Send a command and return the content of its reply; `timeout` is by default the protocol's."""
         return self.exchange(question, timeout=timeout or self._timeout, attempts=attempts)
 
     def _quiet(self) -> AbstractContextManager[None]:
@@ -197,10 +194,10 @@ class RegisteredImu(StreamedImu):
         """Write numbers to an entry's registers."""
 
     @abstractmethod
-    def _burn(self) -> None:
-        """Send a single command to write the registers to flash, and wait until this is done."""
+    def _write_flash(self) -> None:
+        """Send a single command that writes the registers to flash, and wait until it is executed."""
 
-    def _burning(self) -> bool:
+    def _is_busy(self) -> bool:
         return False
 
     def _check_idle(self) -> None:
@@ -211,7 +208,7 @@ class RegisteredImu(StreamedImu):
         """Send a single restart command to the unit."""
 
 
-#: Fractions of a register's range that calibrations do not produce; one always differs from the current value.
+#: Candidate fractions of a register's range for the marker, at least one of which differs from the current value.
 _FRACTIONS = (0.381966, 0.618034)
 
 _MATRIX = frozenset(slot for sensor in SENSORS for slot in matrix_slots(sensor))
@@ -219,21 +216,21 @@ _MATRIX = frozenset(slot for sensor in SENSORS for slot in matrix_slots(sensor))
 
 @dataclass(frozen=True)
 class RestartMarker:
-    """An entry written without a commit: its previous values, and the values read back until a restart."""
+    """An entry written without a commit, with its previous values and the values read back until a restart."""
 
     entry: RegisterEntry
     before: tuple[float, ...]
-    shown: tuple[float, ...]
+    read_back: tuple[float, ...]
 
 
-def markable(entries: Sequence[RegisterEntry]) -> RegisterEntry | None:
-    """Return the entry for the marker, preferably one without matrix elements, since the unit might invert a matrix."""
-    return min(entries, key=lambda entry: not _free(entry), default=None)
+def marker_entry(entries: Sequence[RegisterEntry]) -> RegisterEntry | None:
+    """Return the entry for the marker, preferably without matrix elements, because a unit might invert a matrix."""
+    return min(entries, key=lambda entry: not _other_indices(entry), default=None)
 
 
-def marked(entry: RegisterEntry, before: Sequence[float]) -> list[float]:
-    """Return numbers in the entry's range that differ from its current ones; only the last one in a matrix entry."""
-    free = _free(entry) or [len(entry.names) - 1]
+def marker_numbers(entry: RegisterEntry, before: Sequence[float]) -> list[float]:
+    """Return numbers in the range of an entry that differ from the current ones, in a matrix only at the end."""
+    free = _other_indices(entry) or [len(entry.names) - 1]
     kind = number(entry.type)
     numbers = list(before)
     for i in free:
@@ -243,5 +240,5 @@ def marked(entry: RegisterEntry, before: Sequence[float]) -> list[float]:
     return numbers
 
 
-def _free(entry: RegisterEntry) -> list[int]:
+def _other_indices(entry: RegisterEntry) -> list[int]:
     return [i for i, name in enumerate(entry.names) if name and name not in _MATRIX]

@@ -1,4 +1,4 @@
-"""The register map of a profile, which converts parameters in SI to register values and back."""
+"""The register map of a profile, which converts between parameters in SI and numbers in registers."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from calstation.devices.codecs import (
 from calstation.devices.profiles import RegisterEntry
 from calstation.errors import DeviceFaultError
 
-#: Largest number of times that a value is encoded and decoded until it no longer changes.
+#: Maximum number of times that values are encoded and decoded until they no longer change.
 _MAX_PASSES = 8
 
 #: Rounding error of the conversion to and from a matrix, for number types that resolve it.
@@ -39,15 +39,15 @@ class RegisterMap:
         return tuple(name for name in names if name)
 
     def encode(self, values: Mapping[str, float]) -> dict[int, list[float]]:
-        """Return the numbers to store in each entry, by entry key; raises DeviceFaultError if a value does not fit."""
+        """Return the numbers of each entry by its key. Raises DeviceFaultError if a value is out of range."""
         contents = self._contents(values)
         return {
-            entry.key: [_fitted(entry, i, contents.get(name, 0.0)) for i, name in enumerate(entry.names)]
+            entry.key: [_register_number(entry, i, contents.get(name, 0.0)) for i, name in enumerate(entry.names)]
             for entry in self.entries
         }
 
     def decode(self, registers: Mapping[int, list[float]]) -> dict[str, float]:
-        """Convert numbers by entry key to SI parameters; raises DeviceFaultError if they do not fit the error model."""
+        """Convert numbers by entry key to SI parameters. Raises DeviceFaultError if they contradict the error model."""
         contents = {
             name: registers[entry.key][i] * entry.scale
             for entry in self.entries
@@ -62,7 +62,7 @@ class RegisterMap:
         return {name: values[name] for name in self.parameters}
 
     def rounded(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the values as rounded by the registers, SI; raises DeviceFaultError like `encode`."""
+        """Return the values as rounded by the registers, SI. Raises DeviceFaultError like `encode`."""
         now = self.decode(self.encode(values))
         for _ in range(_MAX_PASSES):
             before, now = now, self.decode(self.encode(now))
@@ -71,14 +71,9 @@ class RegisterMap:
         return now
 
     def differing(self, required: Mapping[str, float], values: Mapping[str, float]) -> list[str]:
-        """Return the parameters whose registers read back differently from the values written.
+        """Return the parameters whose values read back, SI, differ from the required values, SI.
 
-        In entries without a tolerance, every bit must agree: −0 differs from 0, but any NaN (erased) equals any other.
-
-        Parameters
-        ----------
-        required : values written, SI
-        values : values read back, SI
+        In entries without a tolerance, every bit must agree: −0 differs from 0, but all NaN (erased) are equal.
         """
         suspects = [name for name, value in required.items() if name not in values or not _same(values[name], value)]
         if not suspects:
@@ -89,7 +84,7 @@ class RegisterMap:
         for entry in self.entries:
             for name in filter(None, entry.names):
                 parameter = parameter_of(name)
-                if parameter in suspects and not _near(entry, written[name], read[name], name in SLOTS):
+                if parameter in suspects and not _is_equal(entry, written[name], read[name], name in SLOTS):
                     wrong.append(parameter)
         return [name for name in suspects if name in wrong or name not in unknown]
 
@@ -132,15 +127,15 @@ class RegisterMap:
         return matrix, offset
 
 
-def _fitted(entry: RegisterEntry, index: int, value: float) -> float:
-    """Return the register number nearest to a value. Raises DeviceFaultError if the value does not fit."""
+def _register_number(entry: RegisterEntry, index: int, value: float) -> float:
+    """Return the number in a register for a value. Raises DeviceFaultError if the value is out of range."""
     kind, name = number(entry.type), entry.names[index]
     if not name:
         return 0.0
     low, high = entry.range
     try:
         stored = kind.nearest(value / entry.scale)
-        # Compare stored numbers, so that a value at the edge of the range still fits after it is read back.
+        # Stored numbers are compared, so that a value at the edge of the range is also valid after it is read back.
         edges = sorted(kind.nearest(edge / entry.scale) for edge in (low, high))
         if not edges[0] <= stored <= edges[1]:
             raise ValueError
@@ -152,7 +147,7 @@ def _fitted(entry: RegisterEntry, index: int, value: float) -> float:
     return stored
 
 
-def _near(entry: RegisterEntry, written: float, read: float, converted: bool) -> bool:
+def _is_equal(entry: RegisterEntry, written: float, read: float, converted: bool) -> bool:
     if math.isnan(written) or math.isnan(read):
         return math.isnan(written) and math.isnan(read)
     rounding = _CONVERSION_ERROR.get(entry.type, 0.0) if converted or entry.scale != 1.0 else 0.0
@@ -162,7 +157,7 @@ def _near(entry: RegisterEntry, written: float, read: float, converted: bool) ->
     return _same(kind.nearest(written / entry.scale), kind.nearest(read / entry.scale))
 
 
-def alike(numbers: Sequence[float], others: Sequence[float]) -> bool:
+def bitwise_equal(numbers: Sequence[float], others: Sequence[float]) -> bool:
     """Return whether all numbers agree in every bit."""
     return all(_same(a, b) for a, b in zip(numbers, others, strict=True))
 

@@ -9,19 +9,18 @@ from calstation.devices.profiles import FrameField, FrameSection
 from calstation.estimation.common import unwrap_counter
 from calstation.physics import IntArray
 
-#: Largest number of later frames that may arrive before a frame; a counter that falls by more was reset.
-_MAX_LATE = 3
+#: Maximum number of later frames that may arrive before a frame; a counter that decreases by more was reset.
+_MAX_DELAYED = 3
 
-#: Largest step of a clock in samples; a larger one is invalid and is clipped to avoid an overflow.
+#: Largest step of a clock in samples; a larger step is invalid and is clipped to avoid an overflow.
 _MAX_STEP = 2.0**40
 
-
-#: Ticks per sample to which a counter in floating seconds is converted.
+#: Ticks per sample to which a counter in floating-point seconds is converted.
 FLOAT_TICKS = 2.0**16
 
 
 def whole_ticks(counter: FrameField, values: NDArray[Any]) -> IntArray:
-    """Return the counters of frames as integers, shape (n,): in `FLOAT_TICKS` per sample where they are floats."""
+    """Return the counters of frames as integers, shape (n,), with `FLOAT_TICKS` per sample if they are floats."""
     if not counter.is_float:
         return values.astype(np.int64)
     ticks = np.rint(values / counter.per_sample * FLOAT_TICKS)
@@ -29,10 +28,10 @@ def whole_ticks(counter: FrameField, values: NDArray[Any]) -> IntArray:
 
 
 class SampleCount:
-    """Counts samples by the frame's field `counter`, which is a clock if it advances by more than 1 per sample.
+    """Counts samples with the frame's field `counter`, which is a clock if it advances by more than 1 per sample.
 
-    gaps : interruptions so far
-    restarts : interruptions at which the counter, or the clock, restarted
+    gaps : number of interruptions
+    restarts : number of interruptions at which the counter or the clock restarted
     """
 
     def __init__(self, frame: FrameSection) -> None:
@@ -47,59 +46,59 @@ class SampleCount:
         self.gaps = self.restarts = 0
 
     def in_order(self, raw: IntArray) -> IntArray:
-        """Return the indices of the new samples, in order, shape (m,), m ≤ n; `raw` is in order of arrival, shape (n,).
+        """Return the indices of the new samples in order, shape (m,), m ≤ n; `raw` is in order of arrival, shape (n,).
 
-        A frame that arrives twice, or after its successors have been counted, is omitted; one that a few later frames
-        have overtaken is put back in order.
+        A frame that arrives twice, or after its successors were counted, is omitted. A frame that arrives after a few
+        later frames is sorted in.
         """
         if not len(raw):
             return np.arange(0)
         steps = self._clock_steps(raw) if self._is_clock else self._counter_steps(raw)
-        if not ((steps <= 0) & (steps >= -_MAX_LATE)).any():
+        if not ((steps <= 0) & (steps >= -_MAX_DELAYED)).any():
             return np.arange(len(raw))
-        # A reset is not a late frame: frames received after it stay after it.
-        position = np.cumsum(np.where(steps < -_MAX_LATE, 1, steps))
+        # Frames received after a reset are not sorted in before it.
+        position = np.cumsum(np.where(steps < -_MAX_DELAYED, 1, steps))
         order = np.argsort(position, kind="stable")
         fresh = np.diff(position[order], prepend=0) > 0
         return np.asarray(order[fresh])
 
     def _counter_steps(self, raw: IntArray) -> IntArray:
-        """Return the step in samples from each received frame to the next: forwards, or a few backwards."""
+        """Return the step in samples to each received frame from the previous one, at most a few backwards."""
         modulus = 1 << self._bits
         first = int(raw[0]) - 1 if self._last_raw is None else self._last_raw
         steps = (raw.astype(np.int64) - np.concatenate(([first], raw[:-1]))) % modulus
-        return np.asarray(np.where(steps >= modulus - _MAX_LATE, steps - modulus, steps))
+        return np.asarray(np.where(steps >= modulus - _MAX_DELAYED, steps - modulus, steps))
 
     def _clock_steps(self, ticks: IntArray) -> IntArray:
-        """Return the step in samples from each received frame to the next, rounded; negative if the clock runs back."""
+        """Return the rounded step in samples to each frame from the previous one; negative if the clock runs back."""
         first = int(ticks[0]) - round(self._per_sample) if self.last is None else self._last_ticks
         passed = ticks.astype(np.uint64) - np.concatenate(([first], ticks[:-1])).astype(np.uint64)
         signed = (passed << np.uint64(64 - self._bits)).view(np.int64) >> (64 - self._bits)
         return np.asarray(np.rint(signed / self._per_sample).clip(-_MAX_STEP, _MAX_STEP).astype(np.int64))
 
     def feed(self, raw: IntArray) -> IntArray:
-        """Convert the raw counter of new samples in order, int64, shape (n,), to their continuous count, shape (n,)."""
+        """Convert the raw counters of new samples in order, int64, shape (n,), to a continuous count, shape (n,)."""
         if not len(raw):
             return raw
-        seq = self._of_clock(raw) if self._is_clock else self._of_counter(raw)
+        seq = self._count_clock(raw) if self._is_clock else self._count_counter(raw)
         if self.last is not None and seq[0] != self.last + 1:
             self.gaps += 1
         self.gaps += int(np.count_nonzero(np.diff(seq) != 1))
         self.last = int(seq[-1])
         return seq
 
-    def _of_counter(self, raw: IntArray) -> IntArray:
-        """Unwrap the counter; the raw value is also stored, because the two differ permanently after a reset."""
+    def _count_counter(self, raw: IntArray) -> IntArray:
+        """Unwrap the counter; the raw value is also stored, because it differs permanently after a reset."""
         seq = unwrap_counter(raw, self.last, self._bits, self._last_raw)
         before = seq[0] - 1 if self.last is None else self.last
         before_raw = raw[0] - 1 if self._last_raw is None else self._last_raw
-        apart = np.diff(seq, prepend=before) - np.diff(raw, prepend=before_raw)
-        self.restarts += int(np.count_nonzero(apart % (1 << self._bits)))
+        jumps = np.diff(seq, prepend=before) - np.diff(raw, prepend=before_raw)
+        self.restarts += int(np.count_nonzero(jumps % (1 << self._bits)))
         self._last_raw = int(raw[-1])
         return seq
 
-    def _of_clock(self, ticks: IntArray) -> IntArray:
-        """Convert steps of a clock to samples; a clock that runs back was reset, which counts as one lost sample."""
+    def _count_clock(self, ticks: IntArray) -> IntArray:
+        """Convert steps of a clock to samples; a clock that runs back was reset, with one lost sample."""
         steps = self._clock_steps(ticks)
         self.restarts += int((steps < 0).sum())
         steps = np.where(steps < 0, 2, np.maximum(1, steps))

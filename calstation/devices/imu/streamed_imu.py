@@ -1,4 +1,4 @@
-"""Base of every IMU driver: one thread owns the port, reads samples from it and sends commands."""
+"""Base of the IMU drivers, in which one thread owns the port, reads samples and sends commands."""
 
 import queue
 import threading
@@ -19,8 +19,8 @@ from calstation.messages import Text
 
 #: Host time for which the reader waits for bytes before it checks for commands to send, s.
 _WAIT = 0.02
-#: Amount of data without a valid frame after which the link settings are considered wrong, in frames; once the link has
-#: worked, also at least in seconds of the stream, so that a burst of noise does not suffice.
+#: Minimum amount of data without a valid frame after which the link settings are considered wrong, in frames and, once
+#: frames have arrived, in seconds of the stream, so that a burst of noise does not suffice.
 _NOISE_FRAMES, _NOISE_SECONDS = 40, 2.0
 
 T = TypeVar("T")
@@ -52,13 +52,13 @@ class StreamedImu(Imu):
         self._decoder_frame = profile.frame
         self._decoder = FrameDecoder(profile.frame, self.reply_kind(profile))
         self._count = SampleCount(profile.frame)
-        self._arrived: queue.SimpleQueue[tuple[Samples, float]] = queue.SimpleQueue()
+        self._samples: queue.SimpleQueue[tuple[Samples, float]] = queue.SimpleQueue()
         self._replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
-        self._outbox: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._dialogue = Dialogue(
-            self._outbox.put, self._receive, self._other_questions, lambda reply, signature, refusal: refusal
+            self._requests.put, self._receive, self._other_questions, lambda reply, signature, refusal: refusal
         )
-        self._asking = threading.Lock()
+        self._exchange_lock = threading.Lock()
         self._closing = threading.Event()
         self._failure: DeviceFaultError | None = None
         self._frames = self._bytes = 0
@@ -83,19 +83,19 @@ class StreamedImu(Imu):
 
     def read(self) -> SampleBatch:
         """Return the samples since the last call. Raises DeviceFaultError if the link is lost or only noise arrives."""
-        parts = [self._arrived.get() for _ in range(self._arrived.qsize())]
+        parts = [self._samples.get() for _ in range(self._samples.qsize())]
         if not parts:
-            self._check()
+            self._check_link()
             nothing, whole = np.empty(0), np.empty(0, np.int64)
             return SampleBatch(whole, nothing, np.empty((0, 6)), nothing, whole, nothing)
         counter, counts, temperature, status = (
             np.concatenate(arrays) for arrays in zip(*(s for s, _ in parts), strict=True)
         )
         arrival = np.repeat([at for _, at in parts], [len(samples.counter) for samples, _ in parts])
-        taken = self._count.in_order(counter)
-        seq = self._count.feed(counter[taken])
+        order = self._count.in_order(counter)
+        seq = self._count.feed(counter[order])
         end = (seq + 1) / self._profile.stream.sample_rate_hz
-        return SampleBatch(seq, end, counts[taken], temperature[taken], status[taken], arrival[taken])
+        return SampleBatch(seq, end, counts[order], temperature[order], status[order], arrival[order])
 
     def close(self) -> None:
         """Stop the reader thread and close the port."""
@@ -108,23 +108,23 @@ class StreamedImu(Imu):
 
         Raises DeviceFaultError if no acceptable reply arrives or the link is lost.
         """
-        with self._asking:
+        with self._exchange_lock:
             for attempt in range(attempts):
-                self._check()
+                self._check_link()
                 content = self._dialogue.ask(question, timeout, urgent=urgent, again=urgent and attempt > 0)
                 if content is not None:
                     return content
         raise self._no_answer(timeout)
 
     def _other_questions(self) -> Iterator[Question[object]]:
-        """Yield questions that any unit of this kind replies to, with different signatures."""
+        """Yield questions with different signatures to which every unit of this kind replies."""
         return iter(())
 
     def _receive(self, wait: float) -> list[Reply] | None:
         try:
             return [self._replies.get(wait > 0.0, min(wait, 0.1))]
         except queue.Empty:
-            self._check()
+            self._check_link()
             return None
 
     @property
@@ -132,17 +132,17 @@ class StreamedImu(Imu):
         """Whether the link has failed."""
         return self._failure is not None
 
-    def _expect(self, frame: FrameSection) -> None:
-        """Decode samples from these frames from now on, and discard those received before the last reply."""
+    def _decode_from(self, frame: FrameSection) -> None:
+        """Decode samples from these frames from now on, and discard earlier samples."""
         if frame is not self._decoder_frame:
             before, decoder = self._decoder, FrameDecoder(frame, self.reply_kind(self._profile))
             decoder.crc_errors, decoder.skipped = before.crc_errors, before.skipped
             self._decoder, self._decoder_frame = decoder, frame
-        while not self._arrived.empty():
-            self._arrived.get()
+        while not self._samples.empty():
+            self._samples.get()
 
-    def _forget_noise(self) -> None:
-        """Reset the count of bytes without a frame, because a unit that has restarted may send any bytes."""
+    def _reset_noise_count(self) -> None:
+        """Reset the count of bytes outside frames, because a unit that has restarted may send any bytes."""
         self._decoder.since_frame = 0
 
     def _no_answer(self, timeout: float) -> DeviceFaultError:
@@ -154,7 +154,7 @@ class StreamedImu(Imu):
             code = "imu.streams_without_answer"
         return DeviceFaultError(code, port=self._link.port, seconds=timeout)
 
-    def _check(self) -> None:
+    def _check_link(self) -> None:
         if self._failure is not None:
             raise self._failure
         seconds = _NOISE_SECONDS if self._frames else 0.0
@@ -165,25 +165,25 @@ class StreamedImu(Imu):
     def _serve(self) -> None:
         try:
             while not self._closing.is_set():
-                while not self._outbox.empty():
-                    self._link.write(self._outbox.get())
+                while not self._requests.empty():
+                    self._link.write(self._requests.get())
                 data = self._link.read(_WAIT)
                 if data:
-                    self._take(data, time.monotonic())
+                    self._decode(data, time.monotonic())
         except DeviceFaultError as exc:
             self._failure = exc
-        except Exception as exc:  # noqa: BLE001 - a reader that dies silently would look like a unit without data
+        except Exception as exc:  # noqa: BLE001 - otherwise the unit would seem to send no data
             detail = f"{type(exc).__name__}: {exc}"
             self._failure = DeviceFaultError("imu.reader_failed", port=self._link.port, detail=detail)
             self._failure.__cause__ = exc
 
-    def _take(self, data: bytes, now: float) -> None:
+    def _decode(self, data: bytes, now: float) -> None:
         decoder = self._decoder  # may be replaced by the thread that sends commands
         decoded = decoder.feed(data)
         if len(decoded.frames):
             samples = decoder.samples(decoded.frames)
             if len(samples.counter):
-                self._arrived.put((samples, now))
+                self._samples.put((samples, now))
             self._frames += len(decoded.frames)
         for reply in decoded.replies:
             self._replies.put(reply)

@@ -1,4 +1,4 @@
-"""Lines of text in a byte stream: samples in columns, and other lines with a checksum before their end."""
+"""Lines of text with a checksum in a byte stream, and samples in columns of such lines."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ _EXACT = 2.0**53
 
 
 class TextLine:
-    """A line with a checksum: sync ... mark, checksum in hexadecimal, tail."""
+    """A line that consists of sync, body, mark, checksum in hexadecimal, and tail."""
 
     def __init__(self, frame: FrameSection) -> None:
         self.sync = frame.sync_bytes
@@ -42,34 +42,34 @@ class TextLine:
 
 
 class TextFrame(TextLine):
-    """Lines of numbers in ASCII, with a hexadecimal checksum before the line end."""
+    """Lines of numbers in ASCII with a checksum."""
 
     def __init__(self, frame: FrameSection) -> None:
         super().__init__(frame)
         self._separator = frame.separator
         self._fields = [f for f in frame.fields if not f.is_spare]
-        #: Column of each field, counted from 0 after the first separator.
+        #: Column of each field, from 0 after the first separator.
         self.column_of: dict[str, int] = {}
         column = -1
         for f in frame.fields:
             column = column + 1 if f.at is None else f.at
             self.column_of[f.name] = column
         #: Smallest size of a line in bytes.
-        self.shortest = len(self.sync) + 2 * frame.crc.size + 1 + len(frame.tail_bytes)
+        self.min_frame_size = len(self.sync) + 2 * frame.crc.size + 1 + len(frame.tail_bytes)
 
     def is_sample(self, packet: bytes) -> bool:
-        """Return whether a line has the header of samples, and not a longer header that begins with it."""
+        """Return whether a line has exactly the header of samples."""
         return self.body(packet)[len(self.sync) :].startswith(self._separator.encode())
 
     def columns(self, packets: Sequence[bytes]) -> Columns:
-        """Return the numbers of valid lines; other text is marked absent, with the value 0 or NaN."""
+        """Return the numbers in valid lines; any other text is absent, with the value 0 or NaN."""
         begin = len(self.sync) + 1
         rows = [self.body(p)[begin:].decode("ascii", "replace").split(self._separator) for p in packets]
         columns = Columns({}, {})
         for f in self._fields:
             numbers = np.array([_parsed(row, self.column_of[f.name], f) for row in rows], np.float64)
             present = np.isfinite(numbers)
-            if number(f.type).whole:
+            if number(f.type).is_integer:
                 present &= np.abs(numbers) < _EXACT
                 columns.values[f.name] = np.where(present, numbers, 0.0).astype(np.int64)
             else:

@@ -1,11 +1,21 @@
-"""Serial, Modbus and text links with a time limit for every exchange.
-
-A link does not interpret the data that it transfers.
-"""
+"""Serial, Modbus and text links with a time limit for every exchange."""
 
 from calstation.devices.links.dialogue import Dialogue, Question, Refusal
-from calstation.devices.links.modbus_link import ACKNOWLEDGED, NOT_YET, ModbusLink, ModbusRefusalError, NoAnswerError
+from calstation.devices.links.modbus_link import (
+    ACKNOWLEDGED,
+    BUSY_EXCEPTIONS,
+    ModbusLink,
+    ModbusRefusalError,
+    NoAnswerError,
+)
 from calstation.devices.links.modbus_rtu import RtuReply, RtuRequest
-from calstation.devices.links.serial_link import SOCKETS, PortLostError, SerialLink, explained, host_and_port, why_not
-from calstation.devices.links.serial_ports import FoundPort, found_ports, resolve
-from calstation.devices.links.text_link import TextLink, TextRefusalError, UnlikeAnswerError
+from calstation.devices.links.serial_link import (
+    SOCKETS,
+    PortLostError,
+    SerialLink,
+    host_and_port,
+    why_not,
+    with_connection_reason,
+)
+from calstation.devices.links.serial_ports import SerialPortInfo, list_serial_ports, port_device
+from calstation.devices.links.text_link import TextLink, TextRefusalError, UnexpectedReplyError

@@ -1,4 +1,4 @@
-"""Questions to a device whose late replies could be mistaken for replies to later questions."""
+"""Questions to a device, of which late replies are not mistaken for replies to later questions."""
 
 import time
 from collections.abc import Callable, Hashable, Iterator
@@ -8,9 +8,9 @@ from typing import Generic, TypeVar
 from calstation.devices.codecs import Reply
 
 #: Host time without a byte after which a transmission is considered complete, s.
-QUIET = 0.05
+QUIET_TIME = 0.05
 
-#: Largest number of recorded questions; a device that leaves more unanswered is silent rather than late.
+#: Maximum number of recorded questions; a device with more unanswered questions is silent rather than late.
 _MAX_UNANSWERED = 100
 
 T = TypeVar("T")
@@ -18,7 +18,7 @@ T_co = TypeVar("T_co", covariant=True)
 
 
 class Refusal(Exception):  # noqa: N818 - a reply of the device
-    """The device refuses a command; base of the errors of all protocols."""
+    """The device refuses a command; base of the exceptions of all protocols."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Question(Generic[T_co]):
     """A command that expects a reply.
 
     request : bytes to send
-    signature : key of its reply; replies with equal signatures could be mistaken for each other
-    take : returns the content of a reply, or None if it belongs to another command; raises a Refusal
+    signature : key of the reply; replies with equal signatures cannot be distinguished
+    take : returns the content of a reply, or None if it belongs to another command; raises Refusal
     """
 
     request: bytes
@@ -36,18 +36,18 @@ class Question(Generic[T_co]):
 
 
 class Dialogue:
-    """The questions to a device, and those whose replies may still arrive.
+    """The questions to a device, and the signatures of replies that may still arrive.
 
-    A question whose reply has the signature of one that may still arrive is sent only after the device has replied to a
-    question with another signature: after this reply, no reply to an older question can arrive.
+    If a late reply may have the signature of a question, the question is sent only after the device has replied to a
+    question with another signature, because no earlier reply can arrive after this reply.
 
     Parameters
     ----------
     send : sends bytes
-    receive : waits at most the given host time, s, for replies and returns them; None if nothing arrives
-    other_questions : yields questions that the device replies to, with different signatures
-    may_belong : returns whether a reply may belong to a question with a signature; the last argument is True if the
-        question asked last takes it for a refusal
+    receive : waits at most the given host time, s, for replies and returns them, or None if nothing arrives
+    other_questions : yields questions with different signatures to which the device replies
+    may_belong : returns whether a reply may belong to a question with a signature; the last argument is True for a
+        refusal
     """
 
     def __init__(
@@ -63,26 +63,26 @@ class Dialogue:
         self.unanswered: list[Hashable] = []
 
     def ask(self, question: Question[T], timeout: float, *, urgent: bool = False, again: bool = False) -> T | None:
-        """Ask a question once and return the content of its reply, or None without one. Raises a Refusal.
+        """Send a question once and return the content of its reply, or None without a reply. Raises Refusal.
 
         Parameters
         ----------
         question : the question
         timeout : host time for a reply, s
-        urgent : the command, e.g. a stop, may be sent twice; it is sent immediately even if late replies may arrive
-        again : the same command was asked just before; the reply to either one confirms it
+        urgent : whether the command, e.g. a stop, is sent immediately and again once late replies have arrived
+        again : whether the same command was sent just before, so that the reply to either one confirms it
         """
         if question.signature in self.unanswered and not again:
             if urgent:
                 self._send(question.request)
                 self._add(question)
-            self._discard_late(QUIET, timeout)
+            self._discard_late(QUIET_TIME, timeout)
             if question.signature in self.unanswered and not self._is_synchronised(timeout):
                 return None
         return self._attempt(question, timeout)
 
     def other_question(self) -> Question[object] | None:
-        """Return a question to which no late reply can belong, after forgetting the oldest replies if necessary."""
+        """Return a question to which no late reply can belong, if necessary by discarding the oldest signatures."""
         while True:
             for question in self._other_questions():
                 if question.signature not in self.unanswered:
@@ -92,11 +92,11 @@ class Dialogue:
             del self.unanswered[0]
 
     def _is_synchronised(self, timeout: float) -> bool:
-        """Ask another question; return whether its reply arrives."""
+        """Send another question, and return whether its reply arrives."""
         question = self.other_question()
         try:
             return question is None or self._attempt(question, timeout) is not None
-        except Refusal:  # also a reply
+        except Refusal:  # a refusal is also a reply
             return True
 
     def _attempt(self, question: Question[T], timeout: float) -> T | None:
@@ -122,7 +122,7 @@ class Dialogue:
         return None
 
     def _discard_late(self, quiet: float, timeout: float) -> None:
-        """Receive late replies until none arrives for `quiet` s, but for at most `timeout` s, host time."""
+        """Receive late replies until none arrives for `quiet` s, at most for `timeout` s, host time."""
         deadline = time.monotonic() + timeout
         while time.monotonic() < deadline and (replies := self._receive(quiet)) is not None:
             for reply in replies:
@@ -132,12 +132,12 @@ class Dialogue:
         self.unanswered = [*self.unanswered, question.signature][-_MAX_UNANSWERED:]
 
     def _note_reply(self, question: Question[object]) -> None:
-        """Record a reply to the last question; it may belong to an older question with the same signature."""
+        """Record a reply to the last question, or to an older question with the same signature."""
         signature, older = question.signature, self.unanswered
         self.unanswered = [*older[older.index(signature) + 1 :], signature] if signature in older else []
 
     def _note_late(self, reply: Reply, *, refusal: bool = False) -> None:
-        """Record a reply to an older question, namely the oldest one; replies to those before it cannot arrive now."""
+        """Record a reply to the oldest question to which it may belong; earlier replies can no longer arrive."""
         for i, signature in enumerate(self.unanswered):
             if self._may_belong(reply, signature, refusal):
                 self.unanswered = self.unanswered[i + 1 :]

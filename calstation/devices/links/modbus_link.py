@@ -1,9 +1,9 @@
-"""Access to holding registers of one Modbus unit over TCP (with pymodbus) or RTU, with timeouts and typed errors."""
+"""Access to the holding registers of a Modbus unit over TCP (with pymodbus) or RTU."""
 
 import logging
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from calstation.devices.links.modbus_rtu import RefusedError, RtuLine, UnansweredError
@@ -21,7 +21,7 @@ logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # pymodbus errors are 
 ACKNOWLEDGED = 5
 
 #: Modbus exceptions of a device that is only busy.
-NOT_YET = (ACKNOWLEDGED, 6)
+BUSY_EXCEPTIONS = (ACKNOWLEDGED, 6)
 
 #: Delay before a request to a busy device is repeated, host time in s.
 _RETRY_DELAY = 0.05
@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 
 def exception_text(number: int) -> Text:
-    """Return the meaning of a Modbus exception, with the remedy for a table."""
+    """Return the meaning of a Modbus exception and the remedy for a table."""
     kind = number if known(f"modbus.exception_{number}") else "other"
     return Text.of(f"modbus.exception_{kind}", number=number)
 
@@ -59,53 +59,59 @@ class ModbusRefusalError(ModbusUnitError):
 
 
 class ModbusLink:
-    """Holding registers of a Modbus unit over TCP or RTU; not thread-safe. Raises DeviceFaultError, ConfigurationError.
+    """Holding registers of a Modbus unit over TCP or RTU; not thread-safe.
 
-    port : `tcp://host:port`, or a serial port for RTU, which may be given as `usb:SERIALNUMBER`
-    unit : Modbus unit number; timeout : host time for a reply in each of up to 3 attempts, s
-    greet : called after each reopening, before any other transfer; raises DeviceFaultError if another device replies
+    `on_reopen` is called when the link was opened again, before any other transfer, and raises DeviceFaultError if
+    another device replies. Raises DeviceFaultError or ConfigurationError.
+
+    Parameters
+    ----------
+    port : `tcp://host:port`, or a serial port for RTU, possibly `usb:SERIALNUMBER`
+    unit : Modbus unit number
+    timeout : host time for a reply in each of up to 3 attempts, s
+    serial : settings of a serial port
     """
 
     def __init__(self, port: str, unit: int, timeout: float, serial: SerialSettings) -> None:
         self._port = port
         self._unit = unit
-        self.greet: Callable[[], None] = lambda: None
-        self._greeting = False
-        self._carrier: TcpConnection | RtuLine = (
+        self.on_reopen: Callable[[], None] = lambda: None
+        self._is_identifying = False
+        self._transport: TcpConnection | RtuLine = (
             TcpConnection(port, timeout) if port.startswith("tcp://") else RtuLine(port, timeout, serial)
         )
-        self._carrier.connect()
+        self._transport.connect()
 
     @property
     def received(self) -> bytes:
         """The bytes received last, valid or not."""
-        return self._carrier.received
+        return self._transport.received
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
-        """Read unsigned 16-bit words from a 0-based address of the link's own unit or another; repeat a lost transfer.
+        """Read unsigned 16-bit words from a 0-based address of a unit, by default the link's; repeat a lost transfer.
 
-        Raises ModbusRefusalError if the device refuses, NoAnswerError if it does not reply.
+        Raises ModbusRefusalError if the device refuses the request, NoAnswerError if it does not reply.
         """
         at = {"unit": self._unit if unit is None else unit, "address": address, "last": address + count - 1}
         with self._explained("read", at):
-            return self._transfer(lambda again: self._carrier.read(at["unit"], address, count), _ATTEMPTS)
+            return self._transfer(lambda again: self._transport.read(at["unit"], address, count), _ATTEMPTS)
 
     def write(self, address: int, values: list[int], repeat: bool = True, unit: int | None = None) -> None:
-        """Write registers of the same units as `read`; repeat a lost transfer only if `repeat`. Raises like `read`."""
+        """Write registers of a unit; repeat a lost transfer only if `repeat`. Raises like `read`."""
         at = {"unit": self._unit if unit is None else unit, "address": address}
         attempts = _ATTEMPTS if repeat else 1
         with self._explained("write", at):
             self._transfer(
-                lambda again: self._carrier.write(at["unit"], address, values, repeat=repeat, again=again), attempts
+                lambda again: self._transport.write(at["unit"], address, values, repeat=repeat, again=again), attempts
             )
 
     def close(self) -> None:
         """Close the link; never raises."""
-        self._carrier.close()
+        self._transport.close()
 
     @contextmanager
     def _explained(self, action: Literal["read", "write"], at: Mapping[str, int]) -> Iterator[None]:
-        """Raise the errors of a transfer at some registers as ModbusRefusalError or NoAnswerError."""
+        """Convert the errors of a transfer to ModbusRefusalError or NoAnswerError."""
         try:
             yield
         except RefusedError as exc:
@@ -118,40 +124,40 @@ class ModbusLink:
     def _transfer(self, transfer: Callable[[bool], T], attempts: int) -> T:
         """Execute a transfer. Raises RefusedError, or UnansweredError once all attempts have failed."""
         reason = Text("modbus.no_answer")
-        attempts = 1 if self._greeting else attempts
+        attempts = 1 if self._is_identifying else attempts
         for attempt in range(attempts):
             try:
                 self._prepare()
                 return transfer(attempt > 0)
-            except NoAnswerError as exc:  # raised by `greet`
+            except NoAnswerError as exc:  # raised by `on_reopen`
                 reason = exc.values["reason"]
             except PortLostError as exc:
                 reason = Text.of("modbus.port_lost", reason=exc.values["reason"])
             except UnansweredError as exc:
                 reason = exc.reason
             except RefusedError as exc:
-                if exc.number not in NOT_YET or attempt + 1 == attempts:
+                if exc.number not in BUSY_EXCEPTIONS or attempt + 1 == attempts:
                     raise
                 time.sleep(_RETRY_DELAY)
         raise UnansweredError(reason)
 
     def _prepare(self) -> None:
-        """Ensure that the link is open and connected to the same device as before."""
-        if self._carrier.open:
+        """Open the link if necessary, and check that it is connected to the same device as before."""
+        if self._transport.open:
             return
         try:
-            self._carrier.connect()
+            self._transport.connect()
         except CalstationError as exc:
             raise UnansweredError(Text("modbus.link_gone")) from exc
-        if not self._greeting:
-            self._greeting = True
+        if not self._is_identifying:
+            self._is_identifying = True
             try:
-                self.greet()
+                self.on_reopen()
             except BaseException:
-                self._carrier.close()
+                self._transport.close()
                 raise
             finally:
-                self._greeting = False
+                self._is_identifying = False
 
 
 class TcpConnection:
@@ -185,10 +191,8 @@ class TcpConnection:
     def close(self) -> None:
         """Close the connection; never raises."""
         self.open = False
-        try:
+        with suppress(*LINK_ERRORS):
             self._client.close()  # type: ignore[no-untyped-call]
-        except LINK_ERRORS:
-            return
 
     def read(self, unit: int, address: int, count: int) -> list[int]:
         """Read holding registers. Raises UnansweredError, RefusedError."""

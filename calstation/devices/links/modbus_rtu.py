@@ -1,7 +1,7 @@
-"""Modbus RTU on a serial line: requests, and replies in the received bytes.
+"""Requests and replies of Modbus RTU on a serial line.
 
-An RTU reply does not identify its request ("Modbus over Serial Line" V1.02, 2.5), so a late one looks like the reply to
-the next request. Replies to reads of different lengths differ, which ends this uncertainty (`dialogue`).
+An RTU reply does not identify its request ("Modbus over Serial Line" V1.02, 2.5), so that a late reply could be
+mistaken for the reply to the next request. Replies to reads of different lengths can be distinguished, see `dialogue`.
 """
 
 import struct
@@ -19,14 +19,14 @@ from calstation.messages import Text
 READ, WRITE, WRITE_MANY, REFUSED = 0x03, 0x06, 0x10, 0x80
 
 #: Largest size of a reply frame, bytes.
-LARGEST = 260
+MAX_FRAME_SIZE = 260
 
 #: Silence between two frames, character times.
 _FRAME_GAP = 3.5
 
 
 class UnansweredError(Exception):
-    """No valid reply arrived in time; `reason` describes what arrived instead."""
+    """No valid reply arrived in time, for a `reason`."""
 
     def __init__(self, reason: Text) -> None:
         super().__init__(reason.code)
@@ -34,7 +34,7 @@ class UnansweredError(Exception):
 
 
 class RefusedError(Refusal):
-    """The device replied with a Modbus exception of this number."""
+    """The device replied with the Modbus exception `number`."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -42,7 +42,7 @@ class RefusedError(Refusal):
 
 
 class RtuReply:
-    """Reply frames of Modbus RTU; implements `packets.ReplyKind`."""
+    """Reply frames of Modbus RTU."""
 
     def __init__(self, unit: int) -> None:
         self.sync = bytes([unit])
@@ -69,7 +69,7 @@ class RtuReply:
 
 @dataclass(frozen=True)
 class RtuRequest:
-    """A request to a unit; `begins` is the beginning of the data in its reply."""
+    """A request to a unit; the data in its reply begin with `begins`."""
 
     unit: int
     function: int
@@ -103,7 +103,7 @@ class RtuRequest:
         return int.from_bytes(self.payload[:2], "big")
 
     def question(self, refusal: Callable[[int], Refusal]) -> Question[bytes]:
-        """Return the question answered by the data of the reply; `refusal` makes an error of a Modbus exception."""
+        """Return a question for the data in the reply; `refusal` returns the error for a Modbus exception."""
 
         def take(reply: Reply) -> bytes | None:
             if reply.op == self.function | REFUSED:
@@ -149,15 +149,11 @@ class RtuLine:
         return list(struct.unpack(f">{count}H", data[1 : 1 + 2 * count]))
 
     def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
-        """Write holding registers. Raises like `read`.
-
-        repeat : the write, e.g. a stop, may be sent twice; it is sent immediately even if late replies may still arrive
-        again : the same write was sent just before; the reply to either one confirms it
-        """
+        """Write holding registers; `repeat` and `again` are `urgent` and `again` of `Dialogue`. Raises like `read`."""
         self._ask(RtuRequest.write(unit, address, values), urgent=repeat, again=again)
 
     def receive(self, wait: float) -> bytes:
-        """Return the bytes that arrive, waiting at most `wait` s, host time. Raises PortLostError like `read`."""
+        """Return the bytes received within `wait` s of host time. Raises PortLostError like `read`."""
         try:
             data = self._opened().read(wait)
         except PortLostError:
@@ -196,8 +192,8 @@ class RtuLine:
 class RtuUnit:
     """The dialogue with one unit on a line.
 
-    lengths : address of the first read of each number of registers, by this number
-    has_replied : whether any valid reply has arrived since the last request
+    lengths : address of the first read with each number of registers, by this number
+    has_replied : whether a valid reply has arrived since the last request
     """
 
     def __init__(self, line: RtuLine, number: int) -> None:
@@ -218,14 +214,14 @@ class RtuUnit:
         received = self._received + data
         parsed = list(replies(self._number, received))
         end = parsed[-1][1] if parsed else 0
-        self._received = received[max(end, len(received) - LARGEST) :]
+        self._received = received[max(end, len(received) - MAX_FRAME_SIZE) :]
         self.has_replied |= bool(parsed)
         return [reply for reply, _ in parsed]
 
     def _other_questions(self) -> Iterator[Question[bytes]]:
         """Yield reads of different lengths.
 
-        Lengths that were already read are preferred to shorter parts of the longest one, which a device might refuse.
+        Lengths of previous reads come before parts of the longest one, which a device might refuse.
         """
         lengths = self.lengths or {1: 0}
         longest = max(lengths)

@@ -1,4 +1,4 @@
-"""A serial link that opens any port supported by pyserial, and the reasons why a port cannot be opened."""
+"""A serial link on any port supported by pyserial, and the reasons why a port cannot be opened."""
 
 import errno
 import select
@@ -9,7 +9,7 @@ from typing import Literal
 
 import serial
 
-from calstation.devices.links.serial_ports import found_ports, resolve
+from calstation.devices.links.serial_ports import list_serial_ports, port_device
 from calstation.devices.profiles import SerialSettings
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.messages import Text, os_reason
@@ -19,10 +19,10 @@ try:
 except ImportError:  # no termios on Windows
     termios_error = OSError  # type: ignore[assignment, misc]
 
-#: Exceptions raised by pyserial: OSError for a closed pty, termios.error for a refused parity.
+#: Exceptions raised by pyserial, e.g. OSError for a closed pty and termios.error for a refused parity.
 LINK_ERRORS = (serial.SerialException, OSError, termios_error)
 
-#: Device to which a port belongs, as a code of the message family `source`.
+#: Device on a port, as a code of the message family `source`.
 Device = Literal["table", "imu"]
 
 _READ_SIZE = 65536
@@ -42,7 +42,7 @@ class SerialLink:
     def __init__(self, port: str, settings: SerialSettings, device: Device) -> None:
         self.port = port
         self.device = device
-        name = resolve(port, device)
+        name = port_device(port, device)
         try:
             self._serial = open_serial(name, settings)
         except ValueError as exc:
@@ -76,7 +76,7 @@ class SerialLink:
 
     def close(self) -> None:
         """Close the port; never raises."""
-        # pyserial drops a socket without closing it if the remote end has closed it.
+        # pyserial does not close a socket that the remote end has closed.
         connection = getattr(self._serial, "_socket", None)
         with suppress(*LINK_ERRORS):
             self._serial.close()
@@ -94,7 +94,7 @@ class SerialLink:
             return DeviceFaultError("link.in_use", **at)
         if isinstance(exc, PermissionError) or "Permission" in str(exc):
             return DeviceFaultError("link.no_permission", **at)
-        return DeviceFaultError("link.no_such_port", found=[p.device for p in found_ports()], **at)
+        return DeviceFaultError("link.no_such_port", found=[p.device for p in list_serial_ports()], **at)
 
 
 def link_reason(exc: BaseException) -> Text:
@@ -115,18 +115,17 @@ def open_serial(device: str, settings: SerialSettings) -> serial.Serial:
         stopbits=settings.stop_bits,
         timeout=0,
         write_timeout=settings.write_timeout_s,
-        exclusive=True,  # two readers of one port would each get only part of the bytes
+        exclusive=True,  # two readers of a port would receive only part of the bytes each
     )
     try:
-        port.parity = settings.parity  # a port without parity may accept it at first but drop it silently
+        port.parity = settings.parity  # a port without parity may accept the setting first and ignore it later
     except LINK_ERRORS:
         port.close()
         raise
     return port
 
 
-#: In order: no such USB adapter, no such port, no permission, in use, unsuitable settings, malformed host:port, host
-#: not found, connection refused, host unreachable, other.
+#: Reason why a port cannot be opened.
 Reason = Literal[
     "no_adapter",
     "no_port",
@@ -162,7 +161,7 @@ def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason
     if port.startswith(SOCKETS):
         return _why_no_connection(port, timeout)
     try:
-        device = resolve(port, "imu")
+        device = port_device(port, "imu")
     except DeviceFaultError as exc:
         return "no_adapter", exc.as_text
     try:
@@ -175,8 +174,8 @@ def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason
 
 
 @contextmanager
-def explained(device: Device, port: str, timeout: float) -> Iterator[None]:
-    """Raise a fault with the reason if opening a ``tcp://`` port fails in this context; `timeout` is host time, s."""
+def with_connection_reason(device: Device, port: str, timeout: float) -> Iterator[None]:
+    """Add the reason to a fault if a ``tcp://`` port cannot be opened in this context; `timeout` is host time, s."""
     try:
         yield
     except DeviceFaultError as fault:

@@ -1,4 +1,4 @@
-"""The serial ports of this computer, also by the serial numbers of their USB adapters."""
+"""The serial ports of this computer, and their names by the serial numbers of USB adapters."""
 
 import re
 from collections.abc import Sequence
@@ -9,17 +9,17 @@ from serial.tools.list_ports_common import ListPortInfo
 
 from calstation.errors import DeviceFaultError
 
-#: Prefix of a port named by its adapter: `usb:SERIALNUMBER`, `usb:SERIALNUMBER/2` for its second port; if several
-#: adapters have the same serial number, `usb:SERIALNUMBER@1-4` with the location on the bus.
+#: Prefix of a port named by its adapter: `usb:SERIALNUMBER`, or `usb:SERIALNUMBER/2` for its second port. If several
+#: adapters have the same serial number, the location on the bus is appended: `usb:SERIALNUMBER@1-4`.
 USB = "usb:"
 
 
 @dataclass(frozen=True)
-class FoundPort:
-    """A serial port as the system lists it, e.g. `/dev/ttyUSB0` or `COM3`; unknown attributes are empty.
+class SerialPortInfo:
+    """A serial port listed by the system, e.g. `/dev/ttyUSB0` or `COM3`; unknown attributes are empty.
 
-    usb : name that stays with the adapter when its `device` changes; None if it has no serial number, or if others have
-        the same one and the location is unknown
+    usb : name of the adapter, which remains the same when its `device` changes; None if it has no unique serial number
+        and its location is unknown
     """
 
     device: str
@@ -30,7 +30,7 @@ class FoundPort:
     usb: str | None
 
 
-def found_ports() -> tuple[FoundPort, ...]:
+def list_serial_ports() -> tuple[SerialPortInfo, ...]:
     """Return all serial ports of this computer, USB adapters first."""
     listed = _listed()
     ports = []
@@ -38,15 +38,15 @@ def found_ports() -> tuple[FoundPort, ...]:
         description = "" if p.description in (None, "n/a", p.name) else p.description
         usb = next(iter(_names(p, listed)), None)
         ports.append(
-            FoundPort(p.device, description, p.manufacturer or "", p.serial_number or None, p.location or "", usb)
+            SerialPortInfo(p.device, description, p.manufacturer or "", p.serial_number or None, p.location or "", usb)
         )
     return tuple(sorted(ports, key=lambda port: (port.usb is None, _natural(port.device))))
 
 
-def resolve(port: str, device: str) -> str:
-    """Return the port to open: for `usb:...` the current device of the adapter, else `port`.
+def port_device(port: str, device: str) -> str:
+    """Return the current device of the adapter for a port `usb:...`, and any other port itself.
 
-    Raises DeviceFaultError, with `device` as its source, if no such adapter is plugged in or if several are.
+    Raises DeviceFaultError, with `device` as its source, unless exactly one such adapter is plugged in.
     """
     if not port.startswith(USB):
         return port
@@ -55,7 +55,7 @@ def resolve(port: str, device: str) -> str:
         if port in _names(p, listed):
             return str(p.device)
     number = port.removeprefix(USB).partition("@")[0]
-    ports = found_ports()
+    ports = list_serial_ports()
     alike = [p for p in ports if p.serial_number in (number, number.rpartition("/")[0])]
     if alike:
         choice = [f"{p.usb} ({p.device})" if p.usb else p.device for p in alike]
@@ -71,15 +71,14 @@ def _listed() -> list[ListPortInfo]:
 
 
 def _names(port: ListPortInfo, listed: Sequence[ListPortInfo]) -> tuple[str, ...]:
-    """Return the names of a port by its adapter, the preferred one first.
+    """Return the names of a port by its adapter, starting with the preferred name.
 
-    A serial number shared by several adapters is not used as a name, because its meaning would change when one is
-    unplugged.
+    A serial number of several adapters is no name, because its meaning would change when one of them is unplugged.
     """
     alike = [p for p in listed if p.serial_number and p.serial_number == port.serial_number]
     location = _location(port)
     ports = [p for p in alike if _location(p) == location]
-    # Ports of one adapter appear and disappear together, so their order identifies them.
+    # All ports of an adapter appear and disappear together, so that their order identifies them.
     which = f"/{ports.index(port) + 1}" if len(ports) > 1 else ""
     names = []
     if ports and len(ports) == len(alike) and (location or len(ports) == 1):
@@ -90,7 +89,7 @@ def _names(port: ListPortInfo, listed: Sequence[ListPortInfo]) -> tuple[str, ...
 
 
 def _location(port: ListPortInfo) -> str:
-    """Return the location of an adapter on the bus, without its interface; "" if unknown."""
+    """Return the location of an adapter on the bus without its interface, or "" if it is unknown."""
     return (port.location or "").partition(":")[0]
 
 

@@ -1,7 +1,7 @@
-"""Data models of profile files, validated as a whole; `docs/reference/profiles.md` explains every entry.
+"""Data models of profile files; `docs/reference/profiles.md` explains every entry.
 
-A Modbus map is data: `[registers]` of a table (`data/tables`, model in `table_registers`) or `[[registers]]` of an IMU
-(`data/imus`, `registers`). A new IMU protocol is a module in `imu_protocols`; the files are found by `config`.
+The models of Modbus maps are in `table_registers` for `[registers]` of a table (`data/tables`), and in `registers` for
+`[[registers]]` of an IMU (`data/imus`). A new IMU protocol is a module in `imu_protocols`.
 """
 
 from calstation.devices.profiles.entries import SerialSettings, hex_bytes

@@ -1,4 +1,4 @@
-"""Entry types and rules that several profiles have in common."""
+"""Types of entries, and rules, for all profiles."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
@@ -12,7 +12,7 @@ LAST_ADDRESS = 0xFFFF
 T = TypeVar("T")
 M = TypeVar("M", bound=StrictModel)
 
-#: The result of a rule: an error, or several, or nothing if the section obeys the rule.
+#: Result of a rule: one or several errors, or nothing if the section obeys the rule.
 Errors = EntryError | Iterable[EntryError] | Literal[False] | None
 Rule = Callable[[M], Errors]
 Rules = tuple[Rule[M], ...]
@@ -24,19 +24,19 @@ def as_errors(errors: Errors) -> Iterable[EntryError]:
 
 
 def violations(section: M, rules: Rules[M]) -> Iterator[EntryError]:
-    """Yield the errors of a section; a rule may rely on those before it, so only the first error is certain."""
+    """Yield the errors of a section, of which only the first is certain, because a rule may rely on earlier ones."""
     return (error for rule in rules for error in as_errors(rule(section)))
 
 
 def check(section: M, rules: Rules[M]) -> M:
-    """Return a section that obeys some rules; raises the first EntryError."""
+    """Return a section that obeys some rules. Raises the first EntryError."""
     for error in violations(section, rules):
         raise error
     return section
 
 
 class ProfileSection(StrictModel):
-    """A section of a profile, whose entries must obey `rules`."""
+    """A section of a profile; its entries must obey `rules`."""
 
     rules: ClassVar[Rules[Any]] = ()
 
@@ -46,75 +46,75 @@ class ProfileSection(StrictModel):
 
 
 def only_if(applies: Callable[[Any], bool], *rules: Rule[Any]) -> Rules[Any]:
-    """Return rules that hold only for the sections to which they apply."""
+    """Return rules that are checked only for sections to which they apply."""
     return tuple(lambda section, rule=rule: applies(section) and rule(section) for rule in rules)
 
 
 def each(name: str, *rules: Rule[Any]) -> Rule[Any]:
-    """Return the rule that every element of an entry obeys some rules."""
+    """Return a rule by which every element of an entry must obey some rules."""
     return each_item(name, lambda section, key, element: violations(element, rules))
 
 
 def each_item(name: str, rule: Callable[[Any, Any, Any], Errors]) -> Rule[Any]:
-    """Return the rule that every element of an entry obeys a rule of section, element number or key, and element."""
+    """Return a rule that checks every element of an entry by its section, number or key, and value."""
 
     def of_elements(section: StrictModel) -> Iterator[EntryError]:
         elements = getattr(section, name)
         for key, element in elements.items() if isinstance(elements, dict) else enumerate(elements):
-            yield from (within(error, name, key) for error in as_errors(rule(section, key, element)))
+            yield from (with_prefix(error, name, key) for error in as_errors(rule(section, key, element)))
 
     return of_elements
 
 
 def needs(owner: str, *names: str) -> Rule[Any]:
-    """Return the rule that a section has these entries; `owner` is formatted with the section."""
+    """Return a rule by which a section must have these entries; `owner` is formatted with the section."""
     return lambda section: (
         EntryError("profile.needed_by", name, owner=owner.format(section))
         for name in names
-        if not is_given(section, name)
+        if not is_set(section, name)
     )
 
 
 def excludes(other: str, *names: str) -> Rule[Any]:
-    """Return the rule that a section has none of these entries beside `other`, which is formatted with the section."""
+    """Return a rule by which these entries must not occur beside `other`, which is formatted with the section."""
     return lambda section: (
-        EntryError("profile.not_with", name, other=other.format(section)) for name in names if is_given(section, name)
+        EntryError("profile.not_with", name, other=other.format(section)) for name in names if is_set(section, name)
     )
 
 
 def only_with(owner: str, *names: str) -> Rule[Any]:
-    """Return the rule that a section has none of these entries, because they belong to `owner`."""
+    """Return a rule by which these entries must not occur, because they belong to `owner`."""
     return lambda section: (
-        EntryError("profile.belongs_to", name, owner=owner) for name in names if is_given(section, name)
+        EntryError("profile.belongs_to", name, owner=owner) for name in names if is_set(section, name)
     )
 
 
-def is_given(section: StrictModel, name: str) -> bool:
+def is_set(section: StrictModel, name: str) -> bool:
     """Return whether an entry differs from its default."""
     default = type(section).model_fields[name].get_default(call_default_factory=True)
     return bool(getattr(section, name) != default)
 
 
-def within(error: EntryError, *prefix: str | int) -> EntryError:
+def with_prefix(error: EntryError, *prefix: str | int) -> EntryError:
     """Return the error of a section at the key path `prefix`."""
     return EntryError(error.code, *prefix, *error.place, **error.values)
 
 
 def require(value: T, is_valid: object, code: str, **values: Any) -> T:
-    """Return a value, or raise EntryError with a code and further values if it is not valid."""
+    """Return a valid value; otherwise raise EntryError with a code and other values."""
     if not is_valid:
         raise EntryError(code, value=value, **values)
     return value
 
 
 def one_of(kinds: Iterable[str]) -> AfterValidator:
-    """Return the validator of a name of a checksum."""
+    """Return a validator of the name of a checksum."""
     names = list(kinds)
     return AfterValidator(lambda kind: require(kind, kind in names, "profile.unknown_check", names=names))
 
 
 def hex_bytes(text: str) -> bytes:
-    """Convert hexadecimal text, e.g. "55 AA", to bytes; raises EntryError."""
+    """Convert hexadecimal text, e.g. "55 AA", to bytes. Raises EntryError."""
     try:
         return bytes.fromhex(text)
     except ValueError:
@@ -141,7 +141,7 @@ SyncText = Annotated[str, AfterValidator(lambda text: require(text, hex_bytes(te
 #: A factor other than 0.
 Scale = Annotated[float, AfterValidator(lambda scale: require(scale, scale != 0.0, "profile.scale_zero"))]
 
-#: Text that a device's own model name must contain.
+#: Text that the model name reported by a device must contain.
 ModelName = Annotated[
     str, Field(min_length=1), AfterValidator(lambda model: require(model, model.strip(), "profile.model_blank"))
 ]

@@ -1,4 +1,4 @@
-"""The section `[frame]` of a profile: packets, their checksum and fields, and the range of the channels."""
+"""The section `[frame]` of a profile, with the checksum and fields of frames, and the range of the channels."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -30,7 +30,7 @@ from calstation.devices.profiles.entries import (
     each_item,
     excludes,
     hex_bytes,
-    is_given,
+    is_set,
     needs,
     one_of,
     only_if,
@@ -40,23 +40,23 @@ from calstation.messages import Text
 from calstation.physics import FloatArray
 from calstation.schema import EntryError, StrictModel, near_miss
 
-LARGEST_FRAME = 65_536
+MAX_FRAME_SIZE = 65_536
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
-#: Status words, which are joined into one of 48 bits with `status` as the lowest 16 bits.
+#: Status words, which are combined into a word of 48 bits whose lowest 16 bits are `status`.
 STATUS_WORDS = ("status", "status2", "status3")
 #: Names of fields with a meaning; all others are "spare...".
 FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
 
 
 class FrameField(ProfileSection):
-    """A number in the frame: value = raw × scale + offset; "spare" bytes are skipped."""
+    """A number in a frame, where value = raw × scale + offset; "spare" bytes are skipped."""
 
     name: str
     type: NumberName
     scale: Scale = 1.0
     offset: float = 0.0
-    at: int | None = Field(default=None, ge=0, lt=LARGEST_FRAME)
+    at: int | None = Field(default=None, ge=0, lt=MAX_FRAME_SIZE)
     item: HexText | None = None
     word_order: WordOrder | None = None
     per_sample: float = Field(default=1.0, gt=0)
@@ -78,12 +78,12 @@ class FrameField(ProfileSection):
 
     @property
     def counts_samples(self) -> bool:
-        """Whether the type suits a counter: unsigned, or floating-point seconds with `per_sample`."""
-        return is_given(self, "per_sample") if self.is_float else number(self.type) == Number("u", self.width)
+        """Whether the type is suitable for a counter: unsigned, or floating-point seconds with `per_sample`."""
+        return is_set(self, "per_sample") if self.is_float else number(self.type) == Number("u", self.width)
 
     def fits_word(self, width: int) -> bool:
         """Return whether a status word is an integer of at most `width` bytes; True for any other field."""
-        return self.name not in STATUS_WORDS or (number(self.type).whole and self.width <= width)
+        return self.name not in STATUS_WORDS or (number(self.type).is_integer and self.width <= width)
 
     @property
     def is_spare(self) -> bool:
@@ -137,16 +137,16 @@ class CrcSection(ProfileSection):
 
 
 class LengthSection(StrictModel):
-    """`length`: the number in the header that gives the frame's size."""
+    """`length`: the number in the header from which the size of the frame follows."""
 
     at: int = Field(ge=0, lt=64)
     type: Literal["u8", "u16"]
-    adds: int = Field(ge=0, lt=LARGEST_FRAME)
+    adds: int = Field(ge=0, lt=MAX_FRAME_SIZE)
     extended: Literal["u16"] | None = None
 
 
 class ItemSection(StrictModel):
-    """`items`: items with their own id and length, from byte `at` up to the checksum."""
+    """`items`: items with an id and a length, from byte `at` up to the checksum."""
 
     at: int = Field(ge=0, lt=64)
     order: Literal["id length", "length id"]
@@ -179,7 +179,7 @@ class FrameSection(ProfileSection):
     length: LengthSection | None = None
     items: ItemSection | None = None
     id: IdSection | None = None
-    max_size: int = Field(default=2048, ge=2, le=LARGEST_FRAME)
+    max_size: int = Field(default=2048, ge=2, le=MAX_FRAME_SIZE)
     separator: str = Field(default=",", min_length=1, max_length=1)
     mark: str = Field(default="*", min_length=1, max_length=1)
 
@@ -236,7 +236,7 @@ class FrameSection(ProfileSection):
         return positions
 
     def min_size(self, names: Collection[str] = ()) -> int:
-        """Return the smallest size in bytes of a frame with the fields of these names, or with all fields."""
+        """Return the smallest size in bytes of a frame with these fields, by default with all fields."""
         counted = {f.name for f in self.fields if f.name in names or not names}
         trailer = self.crc.size + len(self.tail_bytes)
         if self.format == "text":  # digit and separator per field, mark, two digits per checksum byte
@@ -256,8 +256,8 @@ class FrameSection(ProfileSection):
         return self.min_size() - self.crc.size - len(self.tail_bytes)
 
     @property
-    def longest(self) -> float:
-        """Largest size in bytes that the length of the frame can state; infinite without a length."""
+    def max_length(self) -> float:
+        """Largest size in bytes that the entry `length` can represent; infinite without a length."""
         if self.length is None:
             return np.inf
         stated = (1 << 8 * number(self.length.extended or self.length.type).width) - 1
@@ -324,8 +324,8 @@ class FrameSection(ProfileSection):
         *only_if(
             lambda s: s.format == "binary" and s.items is None,
             lambda s: (
-                s.longest < s.min_size()
-                and EntryError("profile.length_too_short", "length", longest=s.longest, needed=s.min_size())
+                s.max_length < s.min_size()
+                and EntryError("profile.length_too_short", "length", longest=s.max_length, needed=s.min_size())
             ),
             *only_if(lambda s: s.length and s.length.extended, each("fields", excludes("length.extended", "at"))),
             each("fields", only_with("items", "item")),
@@ -359,22 +359,22 @@ SAMPLE_RULES: Rules[FrameSection] = (
         "fields",
         *only_if(
             lambda f: f.name not in CHANNELS,
-            lambda f: is_given(f, "reach") and EntryError("profile.only_of_channels", "reach"),
+            lambda f: is_set(f, "reach") and EntryError("profile.only_of_channels", "reach"),
         ),
         *only_if(
             lambda f: f.name != "counter",
-            lambda f: is_given(f, "per_sample") and EntryError("profile.only_of_counter", "per_sample"),
+            lambda f: is_set(f, "per_sample") and EntryError("profile.only_of_counter", "per_sample"),
         ),
         *only_if(
             lambda f: f.name == "counter",
-            lambda f: is_given(f, "scale") and EntryError("profile.counter_scaled", "scale"),
-            lambda f: is_given(f, "offset") and EntryError("profile.counter_scaled", "offset"),
+            lambda f: is_set(f, "scale") and EntryError("profile.counter_scaled", "scale"),
+            lambda f: is_set(f, "offset") and EntryError("profile.counter_scaled", "offset"),
             lambda f: not f.counts_samples and EntryError("profile.counter_type", "type", value=f.type),
         ),
         *only_if(
             lambda f: f.name in STATUS_WORDS,
-            lambda f: is_given(f, "scale") and EntryError("profile.status_scaled", "scale"),
-            lambda f: is_given(f, "offset") and EntryError("profile.status_scaled", "offset"),
+            lambda f: is_set(f, "scale") and EntryError("profile.status_scaled", "scale"),
+            lambda f: is_set(f, "offset") and EntryError("profile.status_scaled", "offset"),
         ),
     ),
     *only_if(
@@ -386,7 +386,7 @@ SAMPLE_RULES: Rules[FrameSection] = (
 
 
 def check_samples(frame: FrameSection) -> FrameSection:
-    """Return a frame that has the fields of a sample; raises EntryError."""
+    """Return a frame with the fields of a sample. Raises EntryError."""
     return check(frame, SAMPLE_RULES)
 
 
@@ -398,7 +398,7 @@ SampleFrame = Annotated[FrameSection, AfterValidator(check_samples)]
 class Span:
     """Resolution and range of the six channels of a stream, in counts, each of shape (6,).
 
-    step : smallest difference between two values: 0 for floats, infinite if unknown
+    step : smallest difference between two values, 0 for floats, infinite if unknown
     low, high : values at which the output is saturated
     """
 

@@ -1,4 +1,4 @@
-"""IMU profiles (`data/imus`): stream frame, commands, register map, noise and priors, validated as a whole."""
+"""IMU profiles (`data/imus`) with frames, commands, register map, noise and priors."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -20,7 +20,7 @@ from calstation.devices.profiles.entries import (
     needs,
     only_if,
     violations,
-    within,
+    with_prefix,
 )
 from calstation.devices.profiles.frame import CHANNELS, SAMPLE_RULES, STATUS_WORDS, FrameSection, SampleFrame, span
 from calstation.devices.profiles.imu_protocols import PROTOCOLS, ImuProtocol
@@ -30,16 +30,14 @@ from calstation.schema import EntryError, KeyPath, StrictModel, load_once, near_
 
 P = TypeVar("P", bound=ImuProtocol)
 
-#: Shortest period of the counter, s: the loss of a whole period is detected with the host's clock, relative to which
-#: samples arrive a few hundredths of a second early or late.
-SHORTEST_WRAP = 0.1
-
+#: Shortest period of the counter, s. The loss of a full period is detected with the host's clock, relative to which the
+#: arrival of samples varies by a few hundredths of a second.
+MIN_WRAP_TIME = 0.1
 
 #: Default changes of a parameter over a power-up and over a year, in prior sigmas.
 _POWER_UP, _YEAR = 0.01, 0.1
 
-
-#: The entry that selects the protocol, as it is written in messages.
+#: The entry that selects the protocol, as written in messages.
 _PROTOCOL = 'protocol = "{0.protocol}"'
 
 
@@ -65,7 +63,7 @@ class NoiseSection(StrictModel):
 
 
 class StatusSection(StrictModel):
-    """`[status]`: masks of the status word; 0 for a state that the unit does not report."""
+    """`[status]`: masks of the status word, 0 for a state that the unit does not report."""
 
     ready: int = Field(default=0, ge=0)
     saturated: int = Field(default=0, ge=0)
@@ -73,7 +71,7 @@ class StatusSection(StrictModel):
 
 
 class CorrectedSection(StrictModel):
-    """`[corrected]`: how the unit is commanded to stream its output with the registers applied."""
+    """`[corrected]`: the command that starts the stream with the registers applied, and its frame."""
 
     stream: Word | None = None
     start: list[CommandLine] = Field(default_factory=list)
@@ -89,8 +87,8 @@ class PriorSigma(StrictModel):
 class Stability(StrictModel):
     """`[stability.NAME]`: standard deviation of the change of a parameter, or of each parameter of a group, SI.
 
-    power_up : change from one power-up to the next; by default a hundredth of the prior sigma
-    year : change within a year, whose variance is proportional to the time; by default a tenth of the prior sigma
+    power_up : change from one power-up to the next, by default a hundredth of the prior sigma
+    year : change within a year, by default a tenth of the prior sigma; the variance is proportional to the time
     """
 
     power_up: float | None = Field(default=None, ge=0)
@@ -112,7 +110,7 @@ else:  # the sections are fields so that errors name them as in the file
 
 
 class ImuProfile(_ProtocolSections):
-    """A type of IMU, with all data that its driver, the register transfer and the solvers need."""
+    """A type of IMU, with all data for its driver, the register transfer and the solvers."""
 
     name: str
     model: ModelName
@@ -141,7 +139,7 @@ class ImuProfile(_ProtocolSections):
     @model_validator(mode="before")
     @classmethod
     def _addresses(cls, data: Any) -> Any:
-        """Set the protocol's default span (addresses per number) for register entries without a span."""
+        """Set the protocol's default span (addresses per number) in register entries without a span."""
         if not isinstance(data, dict) or not isinstance(data.get("registers"), list):
             return data
         name = data.get("protocol")
@@ -150,7 +148,7 @@ class ImuProfile(_ProtocolSections):
         for given in data["registers"]:
             entry = given
             if isinstance(given, dict) and "span" not in given:
-                with suppress(ValueError, TypeError):  # an unknown type is reported by the entry itself
+                with suppress(ValueError, TypeError):  # the entry itself reports an unknown type
                     entry = {**given, "span": protocol.address_span(number(given.get("type", "f32")).width)}
             entries.append(entry)
         return {**data, "registers": entries}
@@ -158,7 +156,7 @@ class ImuProfile(_ProtocolSections):
     @field_validator("registers")
     @classmethod
     def _by_address(cls, registers: list[RegisterEntry]) -> list[RegisterEntry]:
-        return sorted((r.at_row(i) for i, r in enumerate(registers)), key=lambda r: r.key)
+        return sorted((r.with_row(i) for i, r in enumerate(registers)), key=lambda r: r.key)
 
     rules: ClassVar[Rules["ImuProfile"]] = (
         lambda p: (
@@ -180,13 +178,13 @@ class ImuProfile(_ProtocolSections):
 
     @property
     def frames(self) -> dict[tuple[str, ...], FrameSection]:
-        """The frames of all streams that the unit can send, by key path in the profile."""
+        """The frames of all streams of the unit, by key path in the profile."""
         corrected = self.corrected.frame if self.corrected is not None else None
         return {("frame",): self.frame} | ({} if corrected is None else {("corrected", "frame"): corrected})
 
     @property
     def quantised_stream(self) -> StreamSection:
-        """The stream with the quantisation that follows from the frame: one count if not otherwise specified."""
+        """The stream with its quantisation, which is one count unless profile or frame specify it."""
         steps, changes = span(self.frame).step, {}
         for sensor, step in (("gyro", steps[:3].max()), ("accel", steps[3:].max())):
             if getattr(self.stream, f"{sensor}_quantisation") is None and step != 1.0:
@@ -218,7 +216,7 @@ class ImuProfile(_ProtocolSections):
         return 1.0 if self.protocol_section is None else self.protocol_section.timeout_s
 
     def with_commands(self, **entries: Any) -> "ImuProfile":
-        """Return the profile with other entries in the section of its protocol, if it has one."""
+        """Return the profile with other entries in the section of its protocol, if there is one."""
         section = self.protocol_section
         return (
             self if section is None else self.model_copy(update={section.section: section.model_copy(update=entries)})
@@ -243,11 +241,11 @@ class ImuProfile(_ProtocolSections):
 
 
 def _corrected_errors(profile: ImuProfile, section: CorrectedSection, commands: ImuProtocol) -> Iterator[EntryError]:
-    """Yield the errors of the entry that starts the corrected stream."""
+    """Yield the errors of the section of the corrected stream."""
     for name in sorted(("stream", "start"), key=lambda name: name != commands.corrected_entry):
         rule = needs if name == commands.corrected_entry else excludes
         owner = _PROTOCOL.format(profile)
-        yield from (within(error, "corrected") for error in violations(section, (rule(owner, name),)))
+        yield from (with_prefix(error, "corrected") for error in violations(section, (rule(owner, name),)))
     if section.stream is not None:
         raw = commands.raw_stream
         if raw is None:
@@ -255,11 +253,11 @@ def _corrected_errors(profile: ImuProfile, section: CorrectedSection, commands: 
         elif section.stream in raw:
             yield EntryError("profile.stream_value_of_raw", "corrected", "stream", value=section.stream)
     if section.frame is not None:
-        yield from (within(error, "corrected", "frame") for error in violations(section.frame, SAMPLE_RULES))
+        yield from (with_prefix(error, "corrected", "frame") for error in violations(section.frame, SAMPLE_RULES))
 
 
 def _frame_errors(profile: ImuProfile, frame: FrameSection, key_path: KeyPath) -> Iterator[EntryError]:
-    """Yield the errors of the status masks, the baud rate and the counter for a frame."""
+    """Yield the errors of status masks, baud rate and counter for a frame."""
     name, status, rate = ".".join(map(str, key_path)), profile.status, profile.stream.sample_rate_hz
     words = [(i, frame.field(word)) for i, word in enumerate(STATUS_WORDS)]
     present = sum(((1 << 8 * f.width) - 1) << 16 * i for i, f in words if f is not None)
@@ -272,7 +270,7 @@ def _frame_errors(profile: ImuProfile, frame: FrameSection, key_path: KeyPath) -
     if "baud" in profile.link.model_fields_set:
         check_baud(profile.link, frame, rate, name)
     counter, seconds = frame.named("counter"), frame.counter_period / rate
-    if seconds < SHORTEST_WRAP:
+    if seconds < MIN_WRAP_TIME:
         at = (*key_path, "fields", frame.fields.index(counter), "type")
         yield EntryError("profile.counter_too_short", *at, type=counter.type, seconds=seconds, rate=rate)
 
@@ -287,5 +285,5 @@ def check_baud(settings: SerialSettings, frame: FrameSection, rate: float, name:
 
 
 def load_imu_profile(path: Path) -> ImuProfile:
-    """Read and check an IMU profile; raises ConfigurationError naming file, entry and remedy."""
+    """Read and check an IMU profile. Raises ConfigurationError with file, entry and remedy."""
     return load_once(ImuProfile, path)

@@ -1,4 +1,4 @@
-"""The register map of a profile (`[[registers]]`), validated as a whole: names, overlaps, ranges, completeness."""
+"""The register map of a profile (`[[registers]]`), checked for names, overlaps, ranges and completeness."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
@@ -21,7 +21,7 @@ from calstation.devices.codecs import (
     order_error,
     parameter_of,
 )
-from calstation.devices.profiles.entries import LAST_ADDRESS, Address, ProfileSection, Rules, Scale, within
+from calstation.devices.profiles.entries import LAST_ADDRESS, Address, ProfileSection, Rules, Scale, with_prefix
 from calstation.messages import Text
 from calstation.physics import AXES, EFFECT_PARAMETERS, EFFECT_STATES, GROUPS, NAMES, PARAMETERS
 from calstation.schema import EntryError, field_name, near_miss
@@ -29,7 +29,7 @@ from calstation.schema import EntryError, field_name, near_miss
 if TYPE_CHECKING:
     from calstation.devices.profiles.imu import ImuProfile
 
-#: Number of standard deviations of its prior for which a parameter must fit its register.
+#: Number of prior standard deviations of a parameter that its register must be able to represent.
 _MAX_SIGMAS = 3.0
 
 #: Largest tolerance of a value that is read back, as a fraction of its range.
@@ -52,18 +52,19 @@ _MATRICES = (_ALL, {pair for pair in _ALL if pair[0] >= pair[1]}, {axis + axis f
 
 
 class RegisterEntry(ProfileSection):
-    """Consecutive calibration registers; SI value = number in the register × scale.
+    """Consecutive calibration registers, where SI value = number in the register × scale.
 
-    address : address of the first register; page : page to select before access, if the unit has pages
+    address : address of the first register
+    page : page selected before access, if the unit has pages
     parameters : contents in order: parameters by contract name, also of effects; slots of the matrix and offset in the
-        unit's own formula, e.g. `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that remains 0. The name of a group,
-        e.g. `gyro_bias` or `gyro_matrix`, includes all names of the group
+        formula of the unit, e.g. `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that remains 0. The name of a
+        group, e.g. `gyro_bias` or `gyro_matrix`, stands for all names of the group
     major : whether the group of a matrix is in row or column order
-    type, byte_order, word_order : type and orders of each number; the orders of the link if absent
-    span : number of addresses of each number, 0 if all have the same address; set by the protocol if absent
-    scale : SI value of 1 in the register; negative if the unit has the opposite sign
+    type, byte_order, word_order : type and orders of each number, by default the orders of the link
+    span : number of addresses of each number, by default of the protocol; 0 if all have the same address
+    scale : SI value of 1 in the register, negative if the unit has the opposite sign
     range : lowest and highest SI value that the register accepts
-    tolerance : largest difference of a value read back, SI, for a unit that does not return its registers exactly
+    tolerance : largest difference of a value read back, SI, if the unit does not return its registers exactly
     convention : convention of matrix and offset
     """
 
@@ -83,7 +84,7 @@ class RegisterEntry(ProfileSection):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Name of the content of each number; groups are replaced by the names of their members."""
+        """Name of each number, in which groups are replaced by the names of their members."""
         return tuple(name for listed in self.parameters for name in self._members(listed))
 
     def _members(self, listed: str) -> Sequence[str]:
@@ -130,7 +131,7 @@ class RegisterEntry(ProfileSection):
         """Index of the entry in the file."""
         return self._row
 
-    def at_row(self, row: int) -> "RegisterEntry":
+    def with_row(self, row: int) -> "RegisterEntry":
         """Set the index of the entry in the file and return the entry."""
         self._row = row
         return self
@@ -176,14 +177,14 @@ class RegisterEntry(ProfileSection):
     )
 
     def contents(self) -> Iterator[tuple[str, int, str]]:
-        """Yield name, address and parameter of each number that belongs to a parameter."""
+        """Yield name, address and parameter of each number that contains a parameter."""
         for i, name in enumerate(self.names):
             if parameter := parameter_of(name):
                 yield name, self.address_of(i), parameter
 
 
 def _prior_errors(register: RegisterEntry, sigmas: Mapping[str, float]) -> Iterator[EntryError]:
-    """Yield the errors of a register that cannot represent its parameters within their priors, of these sigmas, SI."""
+    """Yield the errors of a register that cannot represent its parameters within their prior sigmas, SI."""
     legal = {name: _MAX_SIGMAS * sigma for name, sigma in sigmas.items()}
     low, high = register.range
     for name, address, parameter in register.contents():
@@ -230,7 +231,7 @@ def _sensor_errors(seen: Mapping[str, RegisterEntry], sensor: str) -> Iterator[E
 
 
 def _contradictions(register: RegisterEntry, other: RegisterEntry, fields: Sequence[str]) -> Iterator[EntryError]:
-    """Yield the errors of an entry that contradicts the fields of the convention defined by the other entry."""
+    """Yield the errors of an entry that contradicts fields of the convention of another entry."""
     stated = register.convention.model_fields_set if register.convention else set()
     for name in fields:
         value, its = (getattr(entry.effective_convention, name) for entry in (register, other))
@@ -251,7 +252,7 @@ REGISTER_RULES: Rules["ImuProfile"] = (
         if register.page and not (profile.protocol_section and profile.protocol_section.has_pages)
     ),
     lambda profile: (
-        within(error, "registers", register.row)
+        with_prefix(error, "registers", register.row)
         for register in profile.registers
         for error in _prior_errors(register, profile.prior_sigmas())
     ),

@@ -1,4 +1,4 @@
-"""Table profiles (`data/tables`): axes, limits, accuracy, and registers or text lines, validated as a whole."""
+"""Table profiles (`data/tables`) with axes, limits, accuracy, and registers or lines of text."""
 
 import math
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ from calstation.devices.profiles.entries import (
     only_if,
     require,
     violations,
-    within,
+    with_prefix,
 )
 from calstation.devices.profiles.table_registers import (
     JOINTS,
@@ -34,7 +34,7 @@ from calstation.errors import ConfigurationError
 from calstation.physics import AXES, GimbalJoints, JointLimits, TableGeometry
 from calstation.schema import EntryError, StrictModel, load_once
 
-#: Section that each protocol requires; a new protocol is registered here, and its section in `table.drivers`.
+#: Section of each protocol; a new protocol is added here, and its section in `table.drivers`.
 PROTOCOLS = {
     "modbus": "modbus",
     "imu_link": "imu_link",
@@ -49,10 +49,10 @@ if TYPE_CHECKING:
 else:
     ProtocolName = Literal[tuple(PROTOCOLS)]
 
-#: The entry that selects the protocol, as it is written in messages.
+#: The entry that selects the protocol, as written in messages.
 _PROTOCOL = 'protocol = "{0.protocol}"'
 
-#: Entry of `[text]` that frames the lines of a protocol.
+#: Entry of `[text]` with the framing of the lines of a protocol.
 _FRAMING = {"atl": "prompt", "mn": "checked"}
 
 #: Largest rounding of an angle in a text line, in standard deviations of the encoder.
@@ -60,7 +60,6 @@ _MAX_ROUNDING = 3.0
 
 #: Relative tolerance of a rate or acceleration at its limit.
 _ROUNDING = 1e-9
-
 
 S = TypeVar("S", bound=StrictModel)
 
@@ -74,7 +73,7 @@ UnitVector = Annotated[list[float], Field(min_length=3, max_length=3), AfterVali
 
 
 class ImuLinkSection(ProfileSection):
-    """`[imu_link]`: axes of an inertial system, commanded over its link."""
+    """`[imu_link]`: the axes of an inertial system, which are commanded over its link."""
 
     gap: int = Field(default=0, ge=0, le=100)
     word_order: Literal["big", "little"] = "big"
@@ -97,7 +96,7 @@ class ModbusSection(ImuLinkSection):
 
 
 class AccuracySection(StrictModel):
-    """`[accuracy]`: uncertainty of angles and rest, as in the `[table]` section of a log, and age of the angles, s."""
+    """`[accuracy]`: uncertainty of angles and rests as in the section `[table]` of a log, and age of the angles, s."""
 
     encoder_sigma_deg: float = Field(gt=0, le=90)
     mount_sigma_deg: float = Field(gt=0, le=180)
@@ -111,10 +110,10 @@ class AccuracySection(StrictModel):
 
 
 class TableProfile(ProfileSection):
-    """A type of table, with all data that its driver, the plans and the solvers need.
+    """A type of table, with all data for its driver, the plans and the solvers.
 
     link_loss_stop_s : time after the last received line within which a table without a watchdog stops its axes
-        automatically, s; if omitted, only moves to angles are allowed, not continuous rotation
+        automatically, s; without it, continuous rotation is not allowed
     """
 
     name: str
@@ -153,7 +152,7 @@ class TableProfile(ProfileSection):
         *only_if(lambda p: p.lines is None and not p.by_hand, *MAP_RULES),
         *only_if(lambda p: p.lines or p.by_hand, excludes(_PROTOCOL, "status_bits", "commands", "registers")),
         *only_if(lambda p: p.by_hand, excludes(_PROTOCOL, "link_loss_stop_s")),
-        lambda p: p.lines is not None and _wrong_framing(p, p.lines),
+        lambda p: p.lines is not None and _framing_errors(p, p.lines),
     )
 
     @property
@@ -175,7 +174,7 @@ class TableProfile(ProfileSection):
         return PROTOCOLS[self.protocol] or ""
 
     def section_of(self, kind: type[S]) -> S:
-        """Return the section of the protocol. Raises TypeError if it has another type."""
+        """Return the section of the protocol. Raises TypeError if it is not of this type."""
         section = getattr(self, self.section, None)
         if not isinstance(section, kind):
             raise TypeError(f"{self.name} has protocol {self.protocol!r}")
@@ -183,7 +182,7 @@ class TableProfile(ProfileSection):
 
     @property
     def map(self) -> TableMap:
-        """Registers, bits and commands; each register includes its word order on the link."""
+        """Registers, bits and commands, with the word order of each register on the link."""
         section = self.modbus or self.imu_link
         order = section.word_order if section is not None else "big"
         registers = {
@@ -198,7 +197,7 @@ class TableProfile(ProfileSection):
 
     @property
     def two_drives(self) -> bool:
-        """Whether each axis has a drive with its own registers."""
+        """Whether each axis has a separate drive with registers."""
         return self.modbus is not None and self.modbus.inner_unit is not None
 
     @property
@@ -208,7 +207,7 @@ class TableProfile(ProfileSection):
 
     @property
     def serial(self) -> SerialSettings:
-        """Serial port settings, unless the station has its own."""
+        """Serial port settings, unless the station specifies others."""
         section = self.lines or self.modbus
         return section.serial if section is not None else SerialSettings()
 
@@ -223,10 +222,10 @@ class TableProfile(ProfileSection):
         """Modbus unit number; None if it has none."""
         return self.modbus.unit if self.modbus is not None else None
 
-    def at_place(self, timeout_s: float | None, unit: int | None) -> "TableProfile":
-        """Return the profile with a station's own reply timeout and unit number; None keeps the profile's.
+    def at_station(self, timeout_s: float | None, unit: int | None) -> "TableProfile":
+        """Return the profile with the reply timeout and unit number of a station, unless they are None.
 
-        Raises ConfigurationError if the inner axis's drive has the same unit number.
+        Raises ConfigurationError if the drive of the inner axis has this unit number.
         """
         section = self.lines or self.modbus
         if section is None:
@@ -237,12 +236,16 @@ class TableProfile(ProfileSection):
         changed = section.model_copy(update={key: value for key, value in given.items() if value is not None})
         return self.model_copy(update={self.section: changed})
 
-    def check_endless(self, watchdog: float, rates: tuple[float, float], acceleration: float) -> None:
-        """Check that the table may rotate at these rates (outer, inner, rad/s) and acceleration, rad/s², until stopped.
+    def check_continuous_rotation(self, watchdog: float, rates: tuple[float, float], acceleration: float) -> None:
+        """Check that the table may rotate continuously.
 
+        Raises ConfigurationError if the table would not stop after a link loss, or a limit is exceeded.
+
+        Parameters
+        ----------
         watchdog : timeout of the table's watchdog, s; 0 if it is off, infinite if there is none
-
-        Raises ConfigurationError if the table would keep rotating after a link loss, or cannot rotate that fast.
+        rates : rates of outer and inner joint, rad/s
+        acceleration : acceleration of both joints, rad/s²
         """
         if not 0.0 < watchdog < math.inf and self.link_loss_stop_s is None:
             raise ConfigurationError("table.would_not_stop", profile=self.name)
@@ -257,7 +260,7 @@ class TableProfile(ProfileSection):
             raise ConfigurationError("table.acceleration_outside_limits", **values)
 
     def geometry(self) -> TableGeometry:
-        """Return the axes as unit vectors and the limits of outer and inner joint, rad, rad/s, rad/s²."""
+        """Return the axes as unit vectors, and the limits of the joints, rad, rad/s, rad/s²."""
         outer, inner, middle = self.outer, self.inner, self.middle
         gimbal = None
         if middle is not None:
@@ -278,10 +281,10 @@ class TableProfile(ProfileSection):
         )
 
 
-def _wrong_framing(profile: TableProfile, lines: TextSection) -> Iterator[EntryError]:
+def _framing_errors(profile: TableProfile, lines: TextSection) -> Iterator[EntryError]:
     for protocol, key in _FRAMING.items():
         rule = needs if profile.protocol == protocol else excludes
-        yield from (within(error, "text") for error in violations(lines, (rule(_PROTOCOL.format(profile), key),)))
+        yield from (with_prefix(error, "text") for error in violations(lines, (rule(_PROTOCOL.format(profile), key),)))
     step, sigma = 10.0**-lines.decimals, profile.accuracy.encoder_sigma_deg
     if step > _MAX_ROUNDING * sigma:
         yield EntryError("profile.angle_too_coarse", "text", "decimals", step=step, sigma=sigma)
@@ -297,5 +300,5 @@ def _normalised(axis: list[float]) -> tuple[float, float, float]:
 
 
 def load_table_profile(path: Path) -> TableProfile:
-    """Read and check a table profile; raises ConfigurationError naming file, entry and remedy."""
+    """Read and check a table profile. Raises ConfigurationError with file, entry and remedy."""
     return load_once(TableProfile, path)

@@ -1,7 +1,7 @@
-"""Axes and registers in the profile of a table, validated as a whole.
+"""Axes and registers in the profile of a table.
 
 A table has one controller, or a drive for each axis. Registers of a drive (`controlword`, `statusword`, ...) are
-defined once, or once for each axis: `outer_controlword`, `inner_controlword`.
+defined once, or for each axis (`outer_controlword`, `inner_controlword`).
 """
 
 from collections.abc import Iterator, Mapping
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from calstation.devices.profiles.table import TableProfile
 
 JOINTS = ("outer", "inner")
-#: Registers of the table, or of each axis's own drive.
+#: Registers of the table, or of the drive of each axis.
 DRIVE_REGISTERS = ("model", "controlword", "statusword", "fault")
 OPTIONAL_DRIVE_REGISTERS = ("serial", "interlock", "watchdog", "heartbeat", "command", "mode", "status2")
-#: Registers of a joint, and the limit of the joint that each must be able to represent. `low` and `high` are the travel
-#: as set in the table, `turn_rate` is the rate of continuous rotation if it is not `target_rate`.
+#: Registers of a joint, and the limit of the joint that each register must be able to represent. `low` and `high` are
+#: the travel as set in the table, `turn_rate` is the rate of continuous rotation if it is not `target_rate`.
 JOINT_REGISTERS = {
     "position": "travel",
     "rate": "rate",
@@ -47,7 +47,7 @@ JOINT_REGISTERS = {
     "turn_rate": "rate",
 }
 OPTIONAL_JOINT_REGISTERS = ("low", "high", "turn_rate")
-#: Registers of joints that are not negative; all others have the sign of the position.
+#: Registers of joints whose values are not negative; all others have the sign of the position.
 MAGNITUDES = ("target_rate", "acceleration")
 TEXTS = ("model", "serial")
 #: Registers without a unit: integers without a scale.
@@ -66,7 +66,7 @@ def _table_type(name: str) -> str:
 
 
 class ModbusRegister(ProfileSection):
-    """A holding register with a 0-based address; value = raw × scale in degrees, °/s, °/s² or s; a text has `words`."""
+    """A holding register with a 0-based address; value = raw × scale in degrees, °/s, °/s² or s, or a text."""
 
     address: Address
     type: Annotated[str, AfterValidator(_table_type)]
@@ -116,7 +116,7 @@ class ModbusRegister(ProfileSection):
 
 
 class StatusBit(ProfileSection):
-    """A status flag: a bit of a register, or a constant (`homed` with absolute encoders)."""
+    """A status flag, which is a bit of a register or a constant (`homed` with absolute encoders)."""
 
     word: Literal["statusword", "status2"] = "statusword"
     bit: int | None = Field(default=None, ge=0, le=63)
@@ -165,7 +165,7 @@ class StatusBits(StrictModel):
 
 
 class TableCommands(StrictModel):
-    """`[commands]`: register values that each command writes; rate : rotate continuously at the target rates."""
+    """`[commands]`: register values that each command writes; `rate` rotates continuously at the target rates."""
 
     move: Writes
     stop: Writes
@@ -197,21 +197,21 @@ class JointSection(ProfileSection):
 class TableMap:
     """Registers, bits and commands of a table as defined in its profile.
 
-    inner_apart : whether the registers of the inner axis (`inner_...`) belong to a separate drive
+    has_inner_drive : whether the registers of the inner axis (`inner_...`) are in a separate drive
     """
 
     registers: Mapping[str, ModbusRegister]
     bits: StatusBits
     commands: TableCommands
-    inner_apart: bool
+    has_inner_drive: bool
 
     def names(self, name: str) -> tuple[str, ...]:
-        """Return the names of a register: one, one for each axis, or none."""
+        """Return the names of a register, of which there is one, one for each axis, or none."""
         if name in self.registers:
             return (name,)
         return tuple(joint_name for joint_name in _of_joints(name) if joint_name in self.registers)
 
-    def turning(self) -> tuple[str, ...]:
+    def rate_registers(self) -> tuple[str, ...]:
         """Return the registers that set the rates of continuous rotation, outer and inner."""
         return self.names("turn_rate") or self.names("target_rate")
 
@@ -224,7 +224,7 @@ _OF_DRIVES = DRIVE_REGISTERS + OPTIONAL_DRIVE_REGISTERS
 _KNOWN = (*_OF_DRIVES, *(name for plain in (*_OF_DRIVES, *JOINT_REGISTERS) for name in _of_joints(plain)))
 
 
-def _missing_registers(profile: "TableProfile") -> Iterator[EntryError]:
+def _missing_register_errors(profile: "TableProfile") -> Iterator[EntryError]:
     table = profile.map
     for plain in (*JOINT_REGISTERS, *_OF_DRIVES):
         present = [name for name in _of_joints(plain) if name in table.registers]
@@ -237,14 +237,14 @@ def _missing_registers(profile: "TableProfile") -> Iterator[EntryError]:
             yield EntryError("profile.needed_by", "registers", missing[0], owner=f"registers.{present[0]}")
         if plain in DRIVE_REGISTERS and not table.names(plain):
             yield EntryError("profile.drive_register_missing", "registers", plain, name=plain)
-        if plain in DRIVE_REGISTERS and plain in table.registers and table.inner_apart:
+        if plain in DRIVE_REGISTERS and plain in table.registers and table.has_inner_drive:
             yield EntryError("profile.one_register_of_two_drives", "registers", plain, name=plain)
     for name, other in (("outer_low", "outer_high"), ("outer_high", "outer_low")):
         if name in table.registers and other not in table.registers:
             yield EntryError("profile.needed_by", "registers", other, owner=f"registers.{name}")
 
 
-def _overlaps(profile: "TableProfile") -> Iterator[EntryError]:
+def _overlap_errors(profile: "TableProfile") -> Iterator[EntryError]:
     drives: dict[bool, list[tuple[str, ModbusRegister]]] = {}
     for name, register in sorted(profile.registers.items(), key=lambda item: item[1].address):
         drives.setdefault(profile.two_drives and name.startswith("inner_"), []).append((name, register))
@@ -255,17 +255,17 @@ def _overlaps(profile: "TableProfile") -> Iterator[EntryError]:
                 yield EntryError("profile.registers_overlap", "registers", second, "address", **values)
 
 
-def _wrong_type(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
+def _type_errors(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
     plain = name.removeprefix("outer_").removeprefix("inner_")
     if plain in TEXTS and register.type != "text":
         yield EntryError("profile.register_is_text", "type", type=register.type)
     if plain not in TEXTS and register.type == "text":
         yield EntryError("profile.register_is_number", "type", type=register.type)
-    if plain in WORDS and (not register.number.whole or register.scale != 1.0):
+    if plain in WORDS and (not register.number.is_integer or register.scale != 1.0):
         yield EntryError("profile.register_is_word")
 
 
-def _wrong_bits(profile: "TableProfile") -> Iterator[EntryError]:
+def _bit_errors(profile: "TableProfile") -> Iterator[EntryError]:
     seen: dict[tuple[str, int], str] = {}
     for name, bit in profile.map.bits:
         key_path = ("status_bits", name)
@@ -288,7 +288,7 @@ def _wrong_bits(profile: "TableProfile") -> Iterator[EntryError]:
         yield EntryError("profile.interlock_twice", "status_bits", "interlock")
 
 
-def _wrong_commands(profile: "TableProfile") -> Iterator[EntryError]:
+def _command_errors(profile: "TableProfile") -> Iterator[EntryError]:
     commands = [(name, writes) for name, writes in profile.map.commands if writes is not None]
     for command, register, value in ((name, *item) for name, writes in commands for w in writes for item in w.items()):
         if register not in WRITTEN:
@@ -304,19 +304,19 @@ def _wrong_commands(profile: "TableProfile") -> Iterator[EntryError]:
     for (a, first), (b, second) in combinations(commands, 2):
         if first == second:
             yield EntryError("profile.same_write", "commands", b, other=f"commands.{a}")
-    for name in profile.map.turning() if profile.map.commands.rate is not None else ():
+    for name in profile.map.rate_registers() if profile.map.commands.rate is not None else ():
         if profile.registers[name].bounds[0] >= 0.0:
             yield EntryError("profile.turn_rate_unsigned", "registers", name, "type")
 
 
-def _wrong_signs(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
-    """Yield the errors of angles sent in another sense than they are read, and of magnitudes that are negative."""
+def _sign_errors(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
+    """Yield the errors of angles that are sent and read in different senses, and of negative magnitudes."""
     joint, _, plain = name.partition("_")
     if plain not in JOINT_REGISTERS:
         return
     if plain in MAGNITUDES and register.scale < 0.0:
         yield EntryError("profile.negative_magnitude", "scale", scale=register.scale)
-    turns = profile.map.commands.rate is not None and name in profile.map.turning()
+    turns = profile.map.commands.rate is not None and name in profile.map.rate_registers()
     other = f"{joint}_position"
     if register.scale * profile.registers[other].scale <= 0.0 and (plain not in MAGNITUDES or turns):
         code = "profile.turn_rate_needed" if plain in MAGNITUDES else "profile.opposite_sense"
@@ -324,7 +324,7 @@ def _wrong_signs(profile: "TableProfile", name: str, register: ModbusRegister) -
         yield EntryError(code, "scale", joint=joint, scale=register.scale, **values)
 
 
-def _wrong_watchdog(profile: "TableProfile") -> Iterator[EntryError]:
+def _watchdog_errors(profile: "TableProfile") -> Iterator[EntryError]:
     for name in profile.map.names("watchdog"):
         if profile.registers[name].scale < 0.0:
             yield EntryError("profile.negative_timeout", "registers", name, "scale")
@@ -333,7 +333,7 @@ def _wrong_watchdog(profile: "TableProfile") -> Iterator[EntryError]:
             yield EntryError("profile.heartbeat_without_watchdog", "registers", name)
 
 
-def _narrow_or_coarse(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
+def _range_errors(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
     joint, _, plain = name.partition("_")
     if plain not in JOINT_REGISTERS:
         return
@@ -351,7 +351,7 @@ def _narrow_or_coarse(profile: "TableProfile", name: str, register: ModbusRegist
         yield EntryError("profile.angle_too_coarse", step=register.step, sigma=sigma)
 
 
-def _wrong_code(profile: "TableProfile", code: str, meaning: str) -> Iterator[EntryError]:
+def _code_errors(profile: "TableProfile", code: str, meaning: str) -> Iterator[EntryError]:
     if not is_code(code):
         yield EntryError("profile.not_a_code")
     for name in profile.map.names("fault"):
@@ -366,13 +366,13 @@ MAP_RULES: Rules["TableProfile"] = (
         "registers",
         lambda p, name, register: name not in _KNOWN and EntryError("entry.unknown", remedy=near_miss(name, _KNOWN)),
     ),
-    _missing_registers,
-    _overlaps,
-    each_item("registers", _wrong_type),
-    _wrong_bits,
-    _wrong_commands,
-    each_item("registers", _wrong_signs),
-    _wrong_watchdog,
-    each_item("registers", _narrow_or_coarse),
-    each_item("faults", _wrong_code),
+    _missing_register_errors,
+    _overlap_errors,
+    each_item("registers", _type_errors),
+    _bit_errors,
+    _command_errors,
+    each_item("registers", _sign_errors),
+    _watchdog_errors,
+    each_item("registers", _range_errors),
+    each_item("faults", _code_errors),
 )

@@ -1,4 +1,4 @@
-"""The section `[text]` of a table with text commands: the lines to send and the meaning of the replies."""
+"""The section `[text]` of a table with text commands, which defines the lines and the meaning of the replies."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,16 +12,16 @@ from calstation.devices.profiles.entries import ProfileSection, Rules, SerialSet
 from calstation.messages import Text
 from calstation.schema import EntryError, Pattern, StrictModel, entry, near_miss
 
-#: Values that the lines of each command may contain in braces, besides `axis`, in degrees, °/s and °/s²; also as
-#: `outer_angle`, `inner_rate` and so on. The first value is required.
+#: Values that the lines of each command may contain in braces besides `axis`, in degrees, °/s and °/s², also with the
+#: name of the joint, e.g. `outer_angle`. The first value is required.
 _VALUES = {"move": ("angle", "rate", "acceleration"), "rate": ("rate", "acceleration"), "turn": ("angle", "rate")}
-#: Pairs of commands that may send the same lines.
-_MAY_BE_ALIKE = ({"disable", "stop"}, {"disable", "reset"}, {"stop", "reset"})
-_NEVER_ALWAYS = ("fault", "moving", "settled")
+#: Pairs of commands whose lines may be equal.
+_EQUAL_ALLOWED = ({"disable", "stop"}, {"disable", "reset"}, {"stop", "reset"})
+_NEVER_CONSTANT = ("fault", "moving", "settled")
 
 
 class CommandLines(ProfileSection):
-    """`[text.commands]`: the lines of each command, in order; lines with {axis} are sent for outer, then inner."""
+    """`[text.commands]`: the lines of each command in order; lines with {axis} are sent for outer, then inner."""
 
     enable: list[str] = Field(min_length=1)
     disable: list[str] = Field(min_length=1)
@@ -37,18 +37,18 @@ class CommandLines(ProfileSection):
         lambda s: (
             EntryError("profile.same_lines", b, other=a)
             for a, b in combinations(s.given, 2)
-            if s.given[a] == s.given[b] and {a, b} not in _MAY_BE_ALIKE
+            if s.given[a] == s.given[b] and {a, b} not in _EQUAL_ALLOWED
         ),
     )
 
     @property
     def given(self) -> dict[str, list[str]]:
-        """Lines of each command that has any."""
+        """Lines of each command that has lines."""
         return {name: lines for name, lines in self if lines}
 
 
 def _line_errors(lines: Sequence[str], command: str) -> Iterator[EntryError]:
-    """Yield the errors of the lines of a command; its first value must be sent for both axes."""
+    """Yield the errors of the lines of a command, whose first value must be sent for both axes."""
     values, named = _VALUES.get(command, ()), set[str]()
     for i, line in enumerate(lines):
         with entry(command, i):
@@ -60,7 +60,7 @@ def _line_errors(lines: Sequence[str], command: str) -> Iterator[EntryError]:
 
 
 def _check_line(line: str, values: Sequence[str]) -> set[str]:
-    """Return the names in braces of a line whose command has these values; raises EntryError for an invalid line."""
+    """Return the names in braces in a line of a command with these values. Raises EntryError if it is invalid."""
     if not line.isascii() or not line.isprintable():
         raise EntryError("profile.line_not_ascii", value=line)
     known = ("axis", *values, *(f"{joint}_{name}" for joint in ("outer", "inner") for name in values))
@@ -94,7 +94,7 @@ def _check_groups(pattern: str) -> str:
 
 
 class Query(StrictModel):
-    """A query: the line to send, once for each axis if it contains {axis}, and the pattern of its reply."""
+    """A query, which is sent for each axis if it contains {axis}, and the pattern of its reply."""
 
     send: Annotated[str, Field(min_length=1), AfterValidator(_check_query_line)]
     answer: Annotated[Pattern, AfterValidator(_check_groups)]
@@ -106,7 +106,7 @@ class Query(StrictModel):
 
 
 class Flag(ProfileSection):
-    """Source of a status flag: a bit or the text of a group in a query's reply, or a constant."""
+    """The source of a status flag: a bit or the text of a group in the reply to a query, or a constant."""
 
     query: str | None = None
     group: str = "value"
@@ -134,10 +134,7 @@ class Flags(StrictModel):
 
 
 class CheckedLines(StrictModel):
-    """`checked`: commands and replies are HEAD body MARK checksum.
-
-    The checksum is the 8-bit sum of the bytes before MARK.
-    """
+    """`checked`: commands and replies consist of head, body, mark and the 8-bit sum of the bytes before the mark."""
 
     head: str = Field(min_length=1)
     reply_head: str = Field(min_length=1)
@@ -146,7 +143,7 @@ class CheckedLines(StrictModel):
 
 
 class TextSection(ProfileSection):
-    """`[text]`: the framing of lines, and the lines themselves."""
+    """`[text]`: the framing of lines, and the lines of commands and queries."""
 
     joint_names: ClassVar[tuple[str, ...]] = ("outer", "inner")
     axes: list[str]
@@ -212,7 +209,7 @@ class TextSection(ProfileSection):
             if flag is None:
                 continue
             if flag.query is None:
-                if name in _NEVER_ALWAYS:
+                if name in _NEVER_CONSTANT:
                     yield EntryError("profile.flag_cannot_be_constant", *key_path)
                 continue
             if flag.query not in self.queries:
@@ -238,7 +235,7 @@ class GimbalCommands(CommandLines):
 
 
 class GimbalSection(TextSection):
-    """`[gimbal]`: like `[text]` with three axes, the names of the joints x, y and z in the lines."""
+    """`[gimbal]`: like `[text]`, where `axes` are the names of the joints x, y and z in the lines."""
 
     joint_names: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     commands: GimbalCommands

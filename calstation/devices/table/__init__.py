@@ -1,6 +1,6 @@
-"""Table drivers: Modbus registers, text commands, an indexing unit, and a manual rig.
+"""Table drivers for Modbus registers, text commands, an indexing unit, and a manual rig.
 
-The drivers execute commands; motion limits are checked before a command is given.
+The drivers do not check motion limits; the sequencer checks them before every command.
 """
 
 from calstation.devices.table.drivers import ManualTable, open_table

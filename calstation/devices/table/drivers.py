@@ -1,4 +1,4 @@
-"""Selection of a table's driver by its profile's protocol, and the representation of a manual rig as a table."""
+"""Selection of the driver of a table by its protocol, and the driver of a manual rig."""
 
 import math
 
@@ -10,7 +10,7 @@ from calstation.devices.table.register_table import ModbusTable
 from calstation.devices.table.text_table import GimbalTable, TextTable
 from calstation.errors import ConfigurationError
 
-#: Drivers of tables on a port of their own, by the section of the profile.
+#: Drivers of tables with a separate port, by the section of the profile.
 DRIVERS: dict[str, type[ModbusTable | TextTable]] = {"modbus": ModbusTable, "text": TextTable, "gimbal": GimbalTable}
 
 
@@ -27,7 +27,7 @@ def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) 
 
 
 class ManualTable(Table):
-    """A manual rig, turned by the operator: it reports rest and unknown angles, and it cannot be driven."""
+    """Driver of a manual rig, which the operator turns; its status is rest at unknown angles."""
 
     def __init__(self, profile: TableProfile) -> None:
         self._profile = profile
@@ -49,16 +49,16 @@ class ManualTable(Table):
         return TableIdentity(self._profile.model, "by hand")
 
     def status(self) -> TableStatus:
-        """Return the state of a table at rest at unknown angles."""
+        """Return the status of a table at rest at unknown angles."""
         return self._status
 
     def enable(self) -> None:
-        """Do nothing: a manual rig has no drives, no faults and no link."""
+        """Do nothing, because a manual rig has no drives, faults or link."""
 
     disable = home = stop = reset_fault = heartbeat = close = enable
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
-        """Raise ConfigurationError: only the operator moves the rig."""
+        """Raise ConfigurationError, because only the operator moves the rig."""
         raise ConfigurationError("table.rig_cannot_move", profile=self._profile.name)
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:

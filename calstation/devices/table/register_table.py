@@ -1,7 +1,7 @@
-"""Drivers of two-axis tables with 16-bit registers as defined in their profiles (CiA 402 words).
+"""Drivers of two-axis tables with 16-bit registers, which are defined in their profiles (CiA 402 words).
 
-The registers are on a Modbus link or, for an inertial system with its own indexing unit, on the link of its stream:
-there the IMU's driver owns the port, and registers are read and written by two of its commands.
+The registers are accessed over a Modbus link or, for an inertial system with an indexing unit, with two commands of the
+IMU's driver, which owns the port.
 """
 
 import math
@@ -35,11 +35,11 @@ from calstation.physics import JointLimits
 
 SHUTDOWN, SWITCH_ON, ENABLE, FAULT_RESET = 0x06, 0x07, 0x0F, 0x86
 _POLLED = ("statusword", "status2", "fault", "interlock", "watchdog", "position", "rate", "low", "high")
-_LARGEST_READ = 120  # largest number of registers in one transfer
+_MAX_READ = 120  # largest number of registers in one transfer
 
 
 class ImuWords:
-    """Registers of the axes over commands of their IMU. Raises DeviceFaultError if it refuses or is silent."""
+    """Registers of axes, accessed with commands of their IMU. Raises DeviceFaultError if a command fails."""
 
     received = b""
 
@@ -47,7 +47,7 @@ class ImuWords:
         self._imu, self._owned = imu, owned
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
-        """Read registers; a lost transfer is repeated. There is only one unit."""
+        """Read registers; repeat a lost transfer. `unit` is ignored, because there is only one."""
         try:
             return self._imu.read_words(address, count)
         except ImuRefusalError as exc:
@@ -55,7 +55,7 @@ class ImuWords:
             raise DeviceFaultError(code, address=address, last=address + count - 1, reason=exc.reason) from exc
 
     def write(self, address: int, values: list[int], repeat: bool = True, unit: int | None = None) -> None:
-        """Write registers; a lost transfer is repeated only if `repeat`."""
+        """Write registers; repeat a lost transfer only if `repeat`."""
         try:
             self._imu.write_words(address, values, repeat)
         except ImuRefusalError as exc:
@@ -69,7 +69,7 @@ class ImuWords:
 
 
 def encode(register: ModbusRegister, value: float, name: str) -> list[int]:
-    """Encode a value in the profile's unit as register words; raises ConfigurationError if it does not fit."""
+    """Encode a value in the profile's unit as register words. Raises ConfigurationError if it is out of range."""
     try:
         return _words(register, value / register.scale)
     except ValueError:
@@ -78,7 +78,7 @@ def encode(register: ModbusRegister, value: float, name: str) -> list[int]:
 
 
 def decode(register: ModbusRegister, words: list[int]) -> float:
-    """Decode register words to a value in the profile's unit; may be NaN or infinite for floats."""
+    """Decode register words to a value in the profile's unit, which may be NaN or infinite for floats."""
     wire = b"".join(word.to_bytes(2, "big") for word in words)
     return register.number.unpack(wire, "big", register.word_order) * register.scale
 
@@ -89,7 +89,7 @@ def _words(register: ModbusRegister, raw: float) -> list[int]:
 
 
 class RegisterTable(Table):
-    """Driver of a table as described by its profile. Moves are absolute, so a repeated transfer does not add motion."""
+    """Driver of a table with registers. Moves are absolute, so that a repeated transfer does not add motion."""
 
     def __init__(self, link: ModbusLink | ImuWords, profile: TableProfile) -> None:
         section = profile.section_of(ImuLinkSection)
@@ -104,7 +104,7 @@ class RegisterTable(Table):
         self._limits = profile.geometry().limits
 
     def identify(self) -> TableIdentity:
-        """Return model and serial number of the table, or of both drives; raises OtherModelError for another model."""
+        """Return model and serial number of the table, or of both drives. Raises OtherModelError."""
         models = [self._text(name) for name in self._map.names("model")]
         serials = [self._text(name) for name in self._map.names("serial")]
         for model in models:
@@ -113,9 +113,9 @@ class RegisterTable(Table):
         return TableIdentity(" + ".join(dict.fromkeys(models)), " + ".join(serials))
 
     def status(self) -> TableStatus:
-        """Poll the table, with one transfer for each drive if the profile's layout allows it."""
+        """Poll the table, with one transfer for each drive if the layout of the registers allows it."""
         words = [(unit, start, self._link.read(start, end - start, unit)) for unit, start, end in self._spans]
-        value = {name: self._pick(words, name) for name in self._polled}
+        value = {name: self._value(words, name) for name in self._polled}
         position, rate = (np.array([value[f"{joint}_{name}"] for joint in JOINTS]) for name in ("position", "rate"))
         at_rest = bool(np.all(np.abs(rate) < self._rest_rate))
         return TableStatus(
@@ -130,8 +130,8 @@ class RegisterTable(Table):
             and all(value[name] == 1 for name in self._map.names("interlock")),
             watchdog=min((value[name] for name in self._map.names("watchdog")), default=math.inf),
             limits=JointLimits(
-                self._ends("low", value, self._limits.low),
-                self._ends("high", value, self._limits.high),
+                self._travel("low", value, self._limits.low),
+                self._travel("high", value, self._limits.high),
                 self._limits.rate,
                 self._limits.acceleration,
             ),
@@ -140,13 +140,13 @@ class RegisterTable(Table):
     def enable(self) -> None:
         """Switch both axes on with the CiA 402 sequence."""
         for word in (SHUTDOWN, SWITCH_ON, ENABLE):
-            self._put("controlword", word)
+            self._write_registers("controlword", word)
         self._powered = True
 
     def disable(self) -> None:
-        """Switch both axes off, or the remaining one if the drive of the other is lost."""
+        """Switch both axes off, or the only axis whose drive responds."""
         self._powered = False
-        self._on_both([("controlword", SHUTDOWN)])
+        self._write_each_drive([("controlword", SHUTDOWN)])
 
     def home(self) -> None:
         """Start homing; a lost reply is a fault and never causes a second homing."""
@@ -161,29 +161,29 @@ class RegisterTable(Table):
         self._command("move", values)
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Rotate both joints at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
+        """Rotate both joints at these rates until they are stopped; rad/s, rad/s². See `interfaces.Table`."""
         if self._map.commands.rate is None:
             raise ConfigurationError("table.no_rate_command")
-        self._profile.check_endless(self.status().watchdog, (outer, inner), acceleration)
+        self._profile.check_continuous_rotation(self.status().watchdog, (outer, inner), acceleration)
         values = [
-            {turning: rate, f"{joint}_acceleration": acceleration}
-            for joint, turning, rate in zip(JOINTS, self._map.turning(), (outer, inner), strict=True)
+            {register_name: rate, f"{joint}_acceleration": acceleration}
+            for joint, register_name, rate in zip(JOINTS, self._map.rate_registers(), (outer, inner), strict=True)
         ]
         self._command("rate", values)
 
     def stop(self) -> None:
-        """Decelerate both axes to rest, or the remaining one if the drive of the other is lost."""
-        self._on_both(self._writes("stop"))
+        """Decelerate both axes to rest, or the only axis whose drive responds."""
+        self._write_each_drive(self._writes("stop"))
 
     def reset_fault(self) -> None:
-        """Clear a latched fault by a rising edge of the reset bit; the axes stay off."""
+        """Clear a latched fault by a rising edge of the reset bit; the axes remain off."""
         self._powered = False
         for word in (SHUTDOWN, FAULT_RESET, SHUTDOWN):
-            self._put("controlword", word)
+            self._write_registers("controlword", word)
 
     def heartbeat(self) -> None:
         """Feed the table's watchdog if it has one."""
-        self._put("heartbeat", 1)
+        self._write_registers("heartbeat", 1)
 
     def close(self) -> None:
         """Close the link."""
@@ -195,12 +195,12 @@ class RegisterTable(Table):
         return self._link.received
 
     def _unit(self, name: str) -> int | None:
-        """Return the unit number of a register of the inner axis's own drive; None for the link's own unit."""
+        """Return the unit number of a register in a separate drive of the inner axis; None for the link's unit."""
         modbus = self._profile.modbus
         return modbus.inner_unit if modbus is not None and name.startswith("inner_") else None
 
     def _flags(self, name: str, value: Mapping[str, float]) -> list[bool]:
-        """Return a flag for each drive; empty if the profile has no source for it."""
+        """Return a flag for each drive; empty if the profile does not define the flag."""
         bit: StatusBit | None = getattr(self._map.bits, name)
         if bit is None:
             return []
@@ -209,14 +209,14 @@ class RegisterTable(Table):
         return [bool(int(value[word]) >> bit.bit & 1) for word in self._map.names(bit.word)]
 
     def _fault(self, value: Mapping[str, float]) -> str | None:
-        """Return the latched fault, or why else the table rejects commands: bits 5, 9 and 11 of the statusword."""
+        """Return the latched fault, or another reason why the table rejects commands, or None."""
         codes = [int(value[name]) for name in self._map.names("fault")]
         if any(self._flags("fault", value)) or any(codes):
             code = next((code for code in codes if code), 0)
             return self._profile.faults.get(str(code), f"code {code}") if code else UNKNOWN_FAULT
         if not all(self._flags("remote", value)):
             return LOCAL_CONTROL
-        # This bit may have any value while the drive is off (CiA 402-2, table 30).
+        # The quick stop bit may have any value while the drive is off (CiA 402-2, table 30).
         if self._powered and not all(self._flags("quick_stop", value)):
             return "quick stop"
         return "limit" if any(self._flags("limit", value)) else None
@@ -224,8 +224,8 @@ class RegisterTable(Table):
     def _writes(self, command: str) -> list[tuple[str, int]]:
         return [write for writes in getattr(self._map.commands, command) for write in writes.items()]
 
-    def _on_both(self, writes: list[tuple[str, int]]) -> None:
-        """Write to every drive that replies, then raise the first DeviceFaultError, if any."""
+    def _write_each_drive(self, writes: list[tuple[str, int]]) -> None:
+        """Write to every drive that replies, then raise the first DeviceFaultError."""
         lost: dict[int | None, DeviceFaultError] = {}
         for name, raw in writes:
             for register_name in self._map.names(name):
@@ -233,17 +233,17 @@ class RegisterTable(Table):
                 if unit in lost:
                     continue
                 try:
-                    self._put_one(register_name, raw)
+                    self._write_register(register_name, raw)
                 except DeviceFaultError as exc:
                     lost[unit] = exc
         if lost:
             raise next(iter(lost.values()))
 
-    def _put(self, name: str, raw: int, repeat: bool = True) -> None:
+    def _write_registers(self, name: str, raw: int, repeat: bool = True) -> None:
         for register_name in self._map.names(name):
-            self._put_one(register_name, raw, repeat)
+            self._write_register(register_name, raw, repeat)
 
-    def _put_one(self, register_name: str, raw: int, repeat: bool = True) -> None:
+    def _write_register(self, register_name: str, raw: int, repeat: bool = True) -> None:
         register = self._map.registers[register_name]
         self._link.write(register.address, _words(register, raw), repeat, self._unit(register_name))
 
@@ -251,10 +251,10 @@ class RegisterTable(Table):
         for words in [self._encoded(register_name) for register_name in values]:
             self._write_together(words)
         for name, raw in self._writes(command):
-            self._put(name, raw, repeat)
+            self._write_registers(name, raw, repeat)
 
-    def _ends(self, end: str, value: Mapping[str, float], otherwise: tuple[float, float]) -> tuple[float, float]:
-        """Return one travel limit of both joints, rad, as set in the table, or the profile's if it is not reported."""
+    def _travel(self, end: str, value: Mapping[str, float], otherwise: tuple[float, float]) -> tuple[float, float]:
+        """Return one travel limit of both joints, rad, as set in the table or else in the profile."""
         reported = [value.get(f"{joint}_{end}") for joint in JOINTS]
         outer, inner = (
             known if degrees is None else float(np.deg2rad(degrees))
@@ -263,13 +263,13 @@ class RegisterTable(Table):
         return outer, inner
 
     def _encoded(self, values: Mapping[str, float]) -> dict[str, list[int]]:
-        """Encode values (rad, rad/s, rad/s²) for registers of one axis, in order of address; raises like `encode`."""
+        """Encode values (rad, rad/s, rad/s²) for registers of one axis, in order of address. Raises like `encode`."""
         registers = self._map.registers
         ordered = sorted(values, key=lambda name: registers[name].address)
         return {name: encode(registers[name], float(np.rad2deg(values[name])), name) for name in ordered}
 
     def _write_together(self, encoded: Mapping[str, list[int]]) -> None:
-        """Write adjacent registers of one axis in one transfer, and others separately."""
+        """Write adjacent registers of one axis in one transfer, and other registers separately."""
         together: list[tuple[int, list[int]]] = []
         for name, words in encoded.items():
             address = self._map.registers[name].address
@@ -280,7 +280,7 @@ class RegisterTable(Table):
         for address, words in together:
             self._link.write(address, words, unit=self._unit(next(iter(encoded))))
 
-    def _pick(self, words: list[tuple[int | None, int, list[int]]], name: str) -> float:
+    def _value(self, words: list[tuple[int | None, int, list[int]]], name: str) -> float:
         register = self._map.registers[name]
         for unit, start, values in words:
             if unit == self._unit(name) and start <= register.address < start + len(values):
@@ -305,13 +305,13 @@ class ModbusTable(RegisterTable):
         super().__init__(link, profile)
         self._port = port
         self._texts: dict[str, str] = {}
-        link.greet = self._greet
+        link.on_reopen = self._check_same_table
 
     def _text(self, name: str) -> str:
         self._texts[name] = super()._text(name)
         return self._texts[name]
 
-    def _greet(self) -> None:
+    def _check_same_table(self) -> None:
         for name, expected in self._texts.items():
             text = super()._text(name)
             if text != expected:
@@ -319,7 +319,7 @@ class ModbusTable(RegisterTable):
 
 
 class SharedTable(RegisterTable):
-    """Driver of the axes on their IMU's link; raises ConfigurationError if the IMU lacks the commands for them."""
+    """Driver of axes on the link of their IMU. Raises ConfigurationError if the IMU has no commands for axes."""
 
     def __init__(self, imu: StreamedImu, profile: TableProfile, *, owned: bool = False) -> None:
         if not isinstance(imu, FramedImu):
@@ -330,11 +330,11 @@ class SharedTable(RegisterTable):
 
 
 def _spans(registers: list[ModbusRegister], gap: int) -> list[tuple[int, int]]:
-    """Return address ranges [start, end) that cover the registers, joined across at most `gap` unused ones."""
+    """Return address ranges [start, end) that cover the registers and at most `gap` unused addresses between two."""
     spans: list[tuple[int, int]] = []
     for register in sorted(registers, key=lambda r: r.address):
         end = register.address + register.count
-        if spans and register.address - spans[-1][1] <= gap and end - spans[-1][0] <= _LARGEST_READ:
+        if spans and register.address - spans[-1][1] <= gap and end - spans[-1][0] <= _MAX_READ:
             spans[-1] = (spans[-1][0], end)
         else:
             spans.append((register.address, end))

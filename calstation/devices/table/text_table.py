@@ -1,4 +1,4 @@
-"""Drivers of a two-axis table (ATL, ACL, $MN...*SS) and a gimbal with text commands as defined in their profiles."""
+"""Drivers of a two-axis table (ATL, ACL, $MN...*SS) and a gimbal with text commands defined in their profiles."""
 
 import re
 from collections.abc import Mapping
@@ -16,29 +16,29 @@ from calstation.devices.interfaces import (
     TableIdentity,
     TableStatus,
 )
-from calstation.devices.links import TextLink, UnlikeAnswerError
+from calstation.devices.links import TextLink, UnexpectedReplyError
 from calstation.devices.profiles import JOINTS, Flag, GimbalSection, SerialSettings, TableProfile, TextSection
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import snap_angles
 from calstation.physics import FloatArray, JointLimits
 
-#: Pattern groups of the replies to each query: one reply for both axes, or one for each axis.
+#: Pattern groups of the replies to each query, with one reply for both axes or one for each axis.
 Answers = dict[str, list[dict[str, str]]]
 
 
 class TextTable(Table):
-    """Driver of a table on a serial port or `tcp://host:port`; moves are absolute, homing is not repeated."""
+    """Driver of a table on a serial port or `tcp://host:port`. Moves are absolute, and homing is not repeated."""
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
         self._profile, self._text = profile, profile.section_of(TextSection)
         self._link = TextLink(port, self._text, serial or self._text.serial)
         self._patterns = {name: re.compile(query.answer) for name, query in self._text.queries.items()}
         self._limits = profile.geometry().limits
-        self._still = 0
+        self._resting_polls = 0
         self._angles: FloatArray | None = None
 
     def identify(self) -> TableIdentity:
-        """Return the model and serial number; raises OtherModelError if another model replies."""
+        """Return the model and serial number. Raises OtherModelError if another model replies."""
         (reply,) = self._ask("identity")
         groups = self._read("identity", reply)
         identity = TableIdentity(groups["model"], groups.get("serial") or "")
@@ -51,17 +51,17 @@ class TextTable(Table):
         answers = self._poll()
         angles, rates = (_joints_of(answers[name], self._text.joint_names) for name in ("position", "rate"))
         at_rest = bool(np.all(np.abs(rates) < self._text.rest_rate_dps))
-        moving = self._any("moving", answers, otherwise=not at_rest)
+        moving = self._any_flag("moving", answers, otherwise=not at_rest)
         limits = self._travel(answers)
         return TableStatus(
             angles=snap_angles(np.deg2rad(angles)),
             rates=np.deg2rad(rates),
-            enabled=self._all("enabled", answers),
-            homed=self._all("homed", answers),
+            enabled=self._all_flags("enabled", answers),
+            homed=self._all_flags("homed", answers),
             moving=moving,
-            settled=self._all("settled", answers, otherwise=self._come_to_rest(angles, moving)),
+            settled=self._all_flags("settled", answers, otherwise=self._is_settled(angles, moving)),
             fault=self._fault(answers),
-            interlock_closed=self._all("interlock", answers, otherwise=True),
+            interlock_closed=self._all_flags("interlock", answers, otherwise=True),
             watchdog=self._watchdog(answers),
             limits=limits,
         )
@@ -82,15 +82,15 @@ class TextTable(Table):
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
         """Start moving both joints to absolute angles; rad, rad/s, rad/s²."""
-        self._still = 0
+        self._resting_polls = 0
         self._send("move", angle=(outer, inner), rate=(rate, rate), acceleration=(acceleration, acceleration))
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Rotate both joints at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
+        """Rotate both joints at these rates until they are stopped; rad/s, rad/s². See `interfaces.Table`."""
         if not self._text.commands.rate:
             raise ConfigurationError("table.no_rate_command")
-        self._profile.check_endless(self.status().watchdog, (outer, inner), acceleration)
-        self._still = 0
+        self._profile.check_continuous_rotation(self.status().watchdog, (outer, inner), acceleration)
+        self._resting_polls = 0
         self._send("rate", rate=(outer, inner), acceleration=(acceleration, acceleration))
 
     def stop(self) -> None:
@@ -129,7 +129,7 @@ class TextTable(Table):
         return text.removeprefix("-") if float(text) == 0.0 else text
 
     def _poll(self) -> Answers:
-        """Send all queries except the identity, equal lines only once, with the angles at the middle of the poll."""
+        """Send all queries except the identity, equal lines only once, with the angles in the middle of the poll."""
         queries = self._text.queries
         sends = list(dict.fromkeys(query.send for name, query in queries.items() if name != "identity"))
         angles = queries["position"].send
@@ -146,7 +146,7 @@ class TextTable(Table):
         return answers
 
     def _ask(self, name: str) -> list[str]:
-        """Return the replies to a query, one for each axis if its line has {axis}; each matches the profile."""
+        """Return the replies to a query, one for each axis if its line has {axis}, which match the profile."""
         query = self._text.queries[name]
         replies = []
         for axis in self._text.axes if "{axis}" in query.send else [""]:
@@ -158,12 +158,12 @@ class TextTable(Table):
         match = self._patterns[name].search(reply)
         if match is None:
             line, answer = self._text.queries[name].send, quoted_text(reply)
-            raise UnlikeAnswerError("table.unexpected_answer", line=line, answer=answer, query=name)
+            raise UnexpectedReplyError("table.unexpected_answer", line=line, answer=answer, query=name)
         return {group: value for group, value in match.groupdict().items() if value is not None}
 
     def _fault(self, answers: Answers) -> str | None:
-        """Return the latched fault, or another reason why the table does not accept commands."""
-        if self._any("fault", answers):
+        """Return the latched fault, or another reason why the table does not accept commands, or None."""
+        if self._any_flag("fault", answers):
             codes = [
                 groups["fault"]
                 for name in self._text.queries
@@ -171,7 +171,7 @@ class TextTable(Table):
                 if groups.get("fault") not in (None, "0")
             ]
             return self._profile.faults.get(codes[0], f"code {codes[0]}") if codes else UNKNOWN_FAULT
-        if not self._all("remote", answers, otherwise=True):
+        if not self._all_flags("remote", answers, otherwise=True):
             return LOCAL_CONTROL
         return None
 
@@ -188,20 +188,20 @@ class TextTable(Table):
         )
         return JointLimits((low[0], low[-1]), (high[0], high[-1]), self._limits.rate, self._limits.acceleration)
 
-    def _come_to_rest(self, angles: FloatArray, moving: bool) -> bool:
+    def _is_settled(self, angles: FloatArray, moving: bool) -> bool:
         near = self._angles is not None and bool(np.all(np.abs(angles - self._angles) <= self._text.settled_deg))
-        self._still = self._still + 1 if near and not moving else 0
+        self._resting_polls = self._resting_polls + 1 if near and not moving else 0
         self._angles = angles
-        return self._still >= self._text.settled_polls
+        return self._resting_polls >= self._text.settled_polls
 
-    def _all(self, name: str, answers: Answers, otherwise: bool = False) -> bool:
+    def _all_flags(self, name: str, answers: Answers, otherwise: bool = False) -> bool:
         return all(self._flags(name, answers) or [otherwise])
 
-    def _any(self, name: str, answers: Answers, otherwise: bool = False) -> bool:
+    def _any_flag(self, name: str, answers: Answers, otherwise: bool = False) -> bool:
         return any(self._flags(name, answers) or [otherwise])
 
     def _flags(self, name: str, answers: Answers) -> list[bool]:
-        """Return a flag for each axis; empty if the profile has no source for it."""
+        """Return a flag for each axis; empty if the profile does not define the flag."""
         flag: Flag | None = getattr(self._text.flags, name)
         if flag is None:
             return []
@@ -211,20 +211,20 @@ class TextTable(Table):
 
 
 class GimbalTable(TextTable, Gimbal):
-    """Driver of a gimbal on a serial port or `tcp://host:port`; it is commanded in turns, not in moves to angles."""
+    """Driver of a gimbal on a serial port or `tcp://host:port`, which is commanded in turns instead of moves."""
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
         super().__init__(port, profile, serial)
         self._section = profile.section_of(GimbalSection)
 
     def status(self) -> TableStatus:
-        """Poll the state; the angles of a two-axis table are NaN."""
+        """Poll the state, in which the angles of a two-axis table are NaN."""
         status = super().status()
         unknown = np.full(2, np.nan)
         return replace(status, angles=unknown, rates=unknown, joints=status.angles, joint_rates=status.rates)
 
     def home(self) -> None:
-        """Return to zero; unlike homing of a table it may be repeated."""
+        """Return to zero; unlike the homing of a table, this may be repeated."""
         self._send("home")
 
     def lock(self) -> None:
@@ -237,13 +237,13 @@ class GimbalTable(TextTable, Gimbal):
 
     def turn(self, axis: int, angle: float, rate: float) -> None:
         """Start a turn; a lost reply is a fault and never causes a second turn."""
-        self._still = 0
+        self._resting_polls = 0
         values = {"angle": self._number(float(np.rad2deg(angle))), "rate": self._number(float(np.rad2deg(rate)))}
         for line in self._section.commands.turn:
             self._link.command(line.format(axis=self._section.axes[axis], **values), repeat=False)
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
-        """Raise ConfigurationError: a gimbal is commanded in turns."""
+        """Raise ConfigurationError, because a gimbal is commanded in turns."""
         raise ConfigurationError("table.gimbal_cannot_move", profile=self._profile.name)
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
@@ -262,7 +262,7 @@ def _is_set(flag: Flag, groups: Mapping[str, str]) -> bool:
 
 
 def _joints_of(answers: list[dict[str, str]], joints: tuple[str, ...]) -> FloatArray:
-    """Return a value of each joint from one reply, or from one for each joint, degrees."""
+    """Return a value of each joint, degrees, from one reply for all joints or from one for each joint."""
     if len(answers) == 1:
         return np.array([_number(answers[0][joint]) for joint in joints])
     return np.array([_number(groups["value"]) for groups in answers])

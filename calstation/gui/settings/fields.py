@@ -8,7 +8,7 @@ from PySide6.QtCore import QSignalBlocker
 from PySide6.QtWidgets import QFileDialog, QFrame, QSizePolicy, QWidget
 
 from calstation.config import editing, field_spec
-from calstation.connection import FoundPort
+from calstation.connection import SerialPortInfo
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.text import Words, bind, on_language_change, say
 from calstation.gui.widgets import (
@@ -59,11 +59,11 @@ class PortBox(EditableBox):
         super().__init__()
         self.setCompleter(None)  # type: ignore[arg-type]  # completion could select an unintended port
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
-        self._ports: Sequence[FoundPort] = ()
+        self._ports: Sequence[SerialPortInfo] = ()
         self.view().setMinimumWidth(56 * theme.GRID)
         bind(self.line.setPlaceholderText, "settings.port_placeholder")
 
-    def offer(self, ports: Sequence[FoundPort]) -> None:
+    def offer(self, ports: Sequence[SerialPortInfo]) -> None:
         """List the ports found."""
         self._ports = ports
         typed = self.currentText()
@@ -87,7 +87,7 @@ class PortBox(EditableBox):
         super().choose(index)
 
 
-def _describe(port: FoundPort) -> str:
+def _describe(port: SerialPortInfo) -> str:
     """Return the description of an adapter and the current device name of its port."""
     maker = "" if port.maker in port.description else port.maker
     about = ", ".join(filter(None, (port.description, maker)))

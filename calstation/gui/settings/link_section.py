@@ -16,7 +16,7 @@ from calstation.config import (
     library,
     table_defaults,
 )
-from calstation.connection import FoundPort, LinkTestRequest, check_imu_link, check_table_link, discover_ports
+from calstation.connection import LinkTestRequest, SerialPortInfo, check_imu_link, check_table_link, discover_ports
 from calstation.errors import CalstationError
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import EDITOR, LABEL, AddressEdit, Field, PortBox, Row, Section
@@ -181,7 +181,7 @@ class LinkSection(Section):
             serial = self._defaults.serial.model_dump(include=_SERIAL_KEYS)
             self._draft.set({(*place, key): value for key, value in serial.items()})
 
-    def _found(self, ports: Sequence[FoundPort]) -> None:
+    def _found(self, ports: Sequence[SerialPortInfo]) -> None:
         enable(self.search_button, "")
         self._searched = True
         self.port_box.offer(ports)

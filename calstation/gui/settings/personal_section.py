@@ -107,8 +107,8 @@ class PersonalSection(QWidget):
         if self._new.text() != self._again.text():
             self._refuse(say("settings.pins_differ"), self._again)
             return
-        if len(self._new.text()) < access.SHORTEST:
-            self._refuse(say("settings.pin_too_short", least=access.SHORTEST), self._new)
+        if len(self._new.text()) < access.MIN_PIN_LENGTH:
+            self._refuse(say("settings.pin_too_short", least=access.MIN_PIN_LENGTH), self._new)
             return
         try:
             access.set_pin(self._old.text(), self._new.text(), self._badge)

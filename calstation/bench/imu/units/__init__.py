@@ -1,6 +1,6 @@
-"""Simulated units, one module with a class `UNIT` per protocol, under its name in profiles.
+"""Simulated units: the module of a protocol has the protocol's name in profiles and a class `UNIT`.
 
-What they have in common is in `bench.imu`; `docs/how-to/extend.md` explains how to add one.
+The package `bench.imu` contains their common parts; `docs/how-to/extend.md` explains how to add a unit.
 """
 
 from importlib import import_module

@@ -9,9 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calstation.bench.imu.flash import PowerCut
 from calstation.bench.imu.frames import REPLY_SYNC, CommandParser, pack
-from calstation.bench.imu.unit import CORRECTED, OFF, RAW, REGISTERS, ImuUnit
+from calstation.bench.imu.unit import CORRECTED, OFF, RAW, REGISTERS, ImuUnit, PowerCut
 from calstation.bench.table import NoSuchRegister, OutOfRange, Refusal, TableRegisters
 
 MODEL = "bench-imu"
@@ -22,12 +21,12 @@ BAD_OP, BAD_ADDRESS, FLASH_BUSY, BAD_STATE, BAD_VALUE = 1, 2, 3, 4, 5
 
 #: Device time for which the flash is busy after a commit, s.
 FLASH_TIME = 0.2
-#: Largest number of commands that a busy flash refuses, because virtual time may not advance between them.
+#: Maximum number of commands that a busy flash refuses, because virtual time may not advance between them.
 FLASH_REFUSALS = 3
 
 
 class FramedUnit(ImuUnit):
-    """A unit with the bench's own commands; it may also give access to the table's axes."""
+    """A unit with the commands of the bench, which may include access to the table's axes."""
 
     profile = "bench_mems"
 
@@ -81,7 +80,7 @@ class FramedUnit(ImuUnit):
             return BAD_ADDRESS
         if self._burning(time):
             return FLASH_BUSY
-        self._draw_power(len(payload))
+        self._count_written(len(payload))
         self.registers[address : address + count] = np.frombuffer(payload[3:], dtype="<f4")
         return payload[:3]
 

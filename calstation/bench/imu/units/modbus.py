@@ -1,4 +1,4 @@
-"""A unit that replies to Modbus RTU on the same line on which it streams the bench's own frames.
+"""A unit with Modbus RTU registers on the line on which it streams the frames of the bench.
 
 Holding registers, 0-based, unit 1, high byte first:
 
@@ -19,9 +19,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calstation.bench.imu.correction import Correction
-from calstation.bench.imu.flash import PowerCut
-from calstation.bench.imu.unit import CORRECTED, OFF, RAW, ImuUnit
+from calstation.bench.imu.unit import CORRECTED, OFF, RAW, Correction, ImuUnit, PowerCut
 from calstation.bench.links import ModbusServer, NoReply
 from calstation.bench.table import NoSuchRegister, OutOfRange
 
@@ -107,7 +105,7 @@ class DspUnit(ImuUnit):
         first, count = PAGES.get(self._page, (0, 0))
         if not first <= address or address + len(words) > first + count:
             raise NoSuchRegister
-        self._draw_power(2 * len(words))
+        self._count_written(2 * len(words))
         self._words[self._page][address - first : address - first + len(words)] = words
 
     def _command(self, address: int, word: int) -> None:

@@ -11,9 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from fastcrc import crc16
 
-from calstation.bench.imu.correction import Correction
-from calstation.bench.imu.flash import PowerCut
-from calstation.bench.imu.unit import BOOT_TIME, REGISTERS, ImuUnit
+from calstation.bench.imu.unit import BOOT_TIME, REGISTERS, Correction, ImuUnit, PowerCut
 from calstation.bench.truth import StreamOutput
 from calstation.physics import FloatArray
 
@@ -43,7 +41,7 @@ def check_line(words: str) -> int:
 
 
 class VectorNavUnit(ImuUnit):
-    """A unit with the VN-100 protocol; see the module docstring. Its output must be a rate."""
+    """A unit with the VN-100 protocol, see the module docstring; its output must be a rate."""
 
     profile = "vectornav_vn100"
     frame_size = SAMPLES.itemsize
@@ -158,7 +156,7 @@ class VectorNavUnit(ImuUnit):
         numbers = np.array([float(field) for field in fields], dtype=np.float32)
         if not np.all(np.isfinite(numbers)):
             return BAD_VALUE
-        self._draw_power(sum(map(len, fields)))
+        self._count_written(sum(map(len, fields)))
         numbers[list(_ONES)] -= np.float32(1.0)
         self.registers[_OFFSETS[register] : _OFFSETS[register] + 12] = numbers
         return "VNWRG," + ",".join(words)

@@ -1,6 +1,6 @@
-"""Drivers of IMUs, one module with a class `DRIVER` per protocol, under its name in profiles.
+"""IMU drivers: the module of a protocol has the protocol's name in profiles and a class `DRIVER`.
 
-What they have in common is in `imu`; `docs/how-to/extend.md` explains how to add one.
+The package `imu` contains their common parts; `docs/how-to/extend.md` explains how to add a driver.
 """
 
 from functools import cache
@@ -21,7 +21,7 @@ def driver(protocol: str) -> type[StreamedImu]:
 
 
 def open_imu(link: SerialLink, profile: ImuProfile, serial: str) -> StreamedImu:
-    """Return the driver of an IMU, not yet streaming; the operator's `serial` is used if the unit reports none."""
+    """Open the driver of an IMU without starting its stream; a unit without a reported serial number has `serial`."""
     return driver(profile.protocol)(link, profile, serial)
 
 

@@ -50,9 +50,9 @@ def command_frame(commands: FramedProtocol, frame: FrameSection, op: int, payloa
 
 
 class FramedImu(RegisteredImu):
-    """Driver of an IMU on a link; one thread owns the port, reads samples and sends commands.
+    """Driver of an IMU with framed commands.
 
-    Register requests consist of address u16, count u8 and, for writes, the numbers.
+    A register request consists of address u16, count u8 and, for a write, the numbers.
     """
 
     def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
@@ -65,7 +65,7 @@ class FramedImu(RegisteredImu):
         return CommandReply(profile.section_of(FramedProtocol), profile.frame)
 
     def read_words(self, address: int, count: int) -> list[int]:
-        """Read words, 0 to 65535, of the system's own axes; `timeout_s` for each attempt. Raises DeviceFaultError."""
+        """Read 16-bit registers of the axes of an inertial system. Raises DeviceFaultError."""
         head = struct.pack(self._format("HB"), address, count)
         answer = self._ask("read_words", head, head)
         if len(answer) != len(head) + 2 * count:
@@ -73,7 +73,7 @@ class FramedImu(RegisteredImu):
         return list(struct.unpack(self._format(f"{count}H"), answer[len(head) :]))
 
     def write_words(self, address: int, values: list[int], repeat: bool) -> None:
-        """Write 16-bit registers of the system's own axes; repeated after a lost reply only if `repeat`."""
+        """Write 16-bit registers of the axes of an inertial system, again after a lost reply if `repeat`."""
         head = struct.pack(self._format("HB"), address, len(values))
         body = struct.pack(self._format(f"{len(values)}H"), *values)
         question = self._question("write_words", head + body, head)
@@ -92,7 +92,7 @@ class FramedImu(RegisteredImu):
             raise OtherModelError("imu.identity_malformed", found=text, expected="model;serial;firmware")
         return ImuIdentity(*parts)
 
-    def _burn(self) -> None:
+    def _write_flash(self) -> None:
         answer = self._ask("commit", b"", attempts=1, timeout=self._commit_timeout)
         if answer[:1] != b"\x00":
             raise DeviceFaultError("imu.commit_refused")
@@ -164,8 +164,8 @@ class FramedImu(RegisteredImu):
     def _meaning(self, code: int) -> Text:
         meaning = self._commands.errors.get(str(code))
         if meaning is not None:
-            code_ = "imu.framed_own_busy" if code in self._commands.busy_codes else "imu.framed_own"
-            return Text.of(code_, meaning=meaning)
+            busy = code in self._commands.busy_codes
+            return Text.of("imu.framed_own_busy" if busy else "imu.framed_own", meaning=meaning)
         usual = not self._commands.errors and known(f"imu.framed_{code}")
         return Text.of(f"imu.framed_{code if usual else 'other'}", number=code)
 

@@ -1,4 +1,4 @@
-"""Driver of an IMU whose registers are accessed over Modbus RTU on the serial line of its stream."""
+"""Driver of an IMU with Modbus RTU registers on the serial line of its stream."""
 
 import struct
 import time
@@ -9,7 +9,7 @@ from calstation.devices.codecs import ByteOrder, ReplyKind, WordOrder, number, r
 from calstation.devices.imu.registered_imu import ATTEMPTS, POLL, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.devices.interfaces import ImuIdentity
-from calstation.devices.links import ACKNOWLEDGED, NOT_YET, Question, RtuReply, RtuRequest, SerialLink
+from calstation.devices.links import ACKNOWLEDGED, BUSY_EXCEPTIONS, Question, RtuReply, RtuRequest, SerialLink
 from calstation.devices.profiles import ImuProfile, ModbusProtocol, RegisterEntry, TextRegisters, WordCommand
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
@@ -19,7 +19,7 @@ _MAX_REGISTERS = 120
 
 
 class ModbusImu(RegisteredImu):
-    """Driver of an IMU on a link, as described by its profile."""
+    """Driver of an IMU with Modbus registers."""
 
     def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
         section = self._section = profile.section_of(ModbusProtocol)
@@ -46,10 +46,10 @@ class ModbusImu(RegisteredImu):
             self._text(section.firmware, attempts) if section.firmware else "",
         )
 
-    def _burn(self) -> None:
+    def _write_flash(self) -> None:
         self._order(self._section.commit, self._commit_timeout)
 
-    def _burning(self) -> bool:
+    def _is_busy(self) -> bool:
         return not self._done(self._section.commit)
 
     def _check_idle(self) -> None:
@@ -104,7 +104,7 @@ class ModbusImu(RegisteredImu):
             time.sleep(POLL)
 
     def _done(self, command: WordCommand) -> bool:
-        """Return whether the unit has executed a command; until then it may be busy or silent."""
+        """Return whether the unit has executed a command; False while it is busy or silent."""
         address = command.address if command.done is not None else self._section.model.address
         try:
             return self._read(address, 1, attempts=1)[0] == command.done or command.done is None
@@ -118,7 +118,7 @@ class ModbusImu(RegisteredImu):
 
     @contextmanager
     def _quiet(self) -> Iterator[None]:
-        """Switch the stream off while the context is open, if the unit requires it."""
+        """Switch the stream off while the context is open, if the profile specifies this."""
         stream = self._section.stream
         if stream is None or stream.off is None:
             yield
@@ -138,7 +138,7 @@ class ModbusImu(RegisteredImu):
         self._send(_question(RtuRequest.write(self._section.unit, address, values)), attempts, timeout)
 
     def _other_questions(self) -> Iterator[Question[bytes]]:
-        """Yield reads of text registers, whole and in part, since these do not depend on the page."""
+        """Yield reads of complete and partial text registers, which do not depend on the page."""
         longest = max(self._texts, key=lambda text: text.words)
         for words in (*(text.words for text in self._texts), *range(1, longest.words)):
             address = next((text.address for text in self._texts if text.words == words), longest.address)
@@ -154,7 +154,7 @@ def _question(request: RtuRequest) -> Question[bytes]:
     def refusal(number: int) -> ImuRefusalError:
         kind = number if known(f"imu.modbus_{number}") else "other"
         reason = Text.of(f"imu.modbus_{kind}", number=number)
-        error = ModbusBusyError if number in NOT_YET else ImuRefusalError
+        error = ModbusBusyError if number in BUSY_EXCEPTIONS else ImuRefusalError
         return error("imu.register_refused", address=request.address, number=number, reason=reason)
 
     return request.question(refusal)

@@ -1,4 +1,4 @@
-"""Driver of IMUs that only stream."""
+"""Driver of IMUs without commands."""
 
 from collections.abc import Callable, Mapping
 
@@ -7,21 +7,21 @@ from calstation.devices.interfaces import ImuIdentity
 
 
 class SilentImu(StreamedImu):
-    """An IMU that only streams: it accepts no commands, has no registers and cannot be identified."""
+    """Driver of an IMU that only streams: it accepts no commands, has no registers and cannot be identified."""
 
     def start(self, *, corrected: bool = False) -> None:
-        """Do nothing: the unit always streams."""
+        """Do nothing, because the unit always streams."""
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> None:
-        """Reset only the noise count, because a unit that has restarted resumes its stream automatically."""
-        self._forget_noise()
+        """Reset the noise count; a unit that has restarted resumes its stream automatically."""
+        self._reset_noise_count()
 
     def identify(self) -> ImuIdentity:
         """Return the profile's model and the serial number given by the operator."""
         return ImuIdentity(self._profile.model, self._serial, "")
 
     def read_registers(self) -> dict[str, float]:
-        """Return nothing: the unit has no registers."""
+        """Return no registers, because the unit has none."""
         return {}
 
     def write_registers(self, values: Mapping[str, float]) -> None:

@@ -1,4 +1,4 @@
-"""Driver of VectorNav IMUs (VN-100), with a binary or text stream and commands as lines $VN...*checksum."""
+"""Driver of VectorNav IMUs (VN-100) with a binary or text stream; commands are lines $VN...*checksum."""
 
 from collections.abc import Iterator
 
@@ -19,7 +19,7 @@ _IDENTITY = (1, 3, 4)
 
 
 class LineReply(TextLine):
-    """Lines that reply to commands; implements `packets.ReplyKind`."""
+    """Lines of text that reply to commands."""
 
     def __init__(self, section: VectorNavProtocol) -> None:
         crc = CrcSection(kind=section.check, start=1)
@@ -37,7 +37,7 @@ def line(words: str, check: str) -> bytes:
 
 
 class VectorNavImu(RegisteredImu):
-    """Driver of a VectorNav IMU on a link. A register entry is one register of the unit with all its fields."""
+    """Driver of a VectorNav IMU. A register entry is one register of the unit with all its fields."""
 
     def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
         self._section = profile.section_of(VectorNavProtocol)
@@ -57,7 +57,7 @@ class VectorNavImu(RegisteredImu):
         answers = [self._ask(f"VNRRG,{register}", attempts=attempts) for register in _IDENTITY]
         return ImuIdentity(*(",".join(fields).strip() for fields in answers))
 
-    def _burn(self) -> None:
+    def _write_flash(self) -> None:
         self._ask("VNWNV", timeout=self._commit_timeout, attempts=1)
 
     def _restart(self) -> None:
@@ -95,16 +95,11 @@ class VectorNavImu(RegisteredImu):
             fields = reply.payload.decode("ascii", "replace").split(",")
             if fields[0] == "VNERR":
                 raise ImuRefusalError("imu.line_refused", line=words, reason=_meaning(fields[1:]))
-            if fields[0] != begins[0] or not _same_register(fields[1:2], begins[1:]):
-                return None
-            return fields[len(begins) :]
+            is_reply = (fields[0], *(field.lstrip("0") for field in fields[1 : len(begins)])) == signature
+            return fields[len(begins) :] if is_reply else None
 
         signature = (command, *(register.lstrip("0") for register in begins[1:]))
         return Question(line(words, self._section.check), signature, take)
-
-
-def _same_register(fields: list[str], expected: list[str]) -> bool:
-    return not expected or (bool(fields) and fields[0].lstrip("0") == expected[0].lstrip("0"))
 
 
 def _meaning(fields: list[str]) -> Text:

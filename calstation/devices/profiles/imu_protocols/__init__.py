@@ -1,7 +1,7 @@
-"""Command protocols of IMUs, one module with a class `PROTOCOL` per protocol, under its name in profiles.
+"""Command protocols of IMUs: the module of a protocol has the protocol's name in profiles and a class `PROTOCOL`.
 
-A module has the entries of the protocol's section and its checks; the driver is in `imu.drivers`.
-`docs/how-to/extend.md` explains how to add one.
+The class contains the entries and rules of the protocol's section; the driver is in `imu.drivers`.
+`docs/how-to/extend.md` explains how to add a protocol.
 """
 
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""Base of the sections that describe how commands are sent to an IMU."""
+"""Base of the sections of command protocols."""
 
 from typing import Any, ClassVar, Literal
 
@@ -8,7 +8,7 @@ from calstation.devices.profiles.entries import ProfileSection, Rules
 
 
 class ImuProtocol(ProfileSection):
-    """Section of an IMU profile for the commands of one protocol, with timeouts in host time, s."""
+    """The section of a command protocol in an IMU profile; timeouts are in host time, s."""
 
     #: Name of the section in a profile.
     section: ClassVar[str]
@@ -25,7 +25,7 @@ class ImuProtocol(ProfileSection):
 
     @staticmethod
     def address_span(width: int) -> int:
-        """Return the default number of addresses of a register number of `width` bytes, 0 if all have the same one."""
+        """Return the default number of addresses of a number of `width` bytes; 0 if all have the same address."""
         return 1
 
     @property

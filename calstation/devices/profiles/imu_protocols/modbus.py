@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from pydantic import Field
 
 from calstation.devices.codecs import ByteOrder, WordOrder, number
-from calstation.devices.profiles.entries import LAST_ADDRESS, Address, ProfileSection, Rules, Word, within
+from calstation.devices.profiles.entries import LAST_ADDRESS, Address, ProfileSection, Rules, Word, with_prefix
 from calstation.devices.profiles.imu_protocols.base import ImuProtocol
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.schema import EntryError, StrictModel
@@ -21,9 +21,9 @@ class TextRegisters(StrictModel):
 
 
 class WordCommand(ProfileSection):
-    """A command given by writing a value to a holding register.
+    """A command that consists of writing a value to a holding register.
 
-    done : value of the register once the command is done; if absent, the reply to the write confirms it
+    done : value of the register after the execution; without it, the reply to the write confirms the execution
     """
 
     address: Address
@@ -36,7 +36,7 @@ class WordCommand(ProfileSection):
 
 
 class StreamSwitch(StrictModel):
-    """The holding register that switches the stream; off : value during register access, if the unit requires it."""
+    """The holding register that switches the stream; `off` is written before register access if it is specified."""
 
     address: Address
     on: Word
@@ -49,7 +49,7 @@ class StreamSwitch(StrictModel):
 
 
 class ModbusProtocol(ImuProtocol):
-    """`[modbus]`: the unit's registers over Modbus RTU, on the line of its stream. Addresses are 0-based."""
+    """`[modbus]`: the unit's registers over Modbus RTU, with 0-based addresses, on the line of its stream."""
 
     section: ClassVar[str] = "modbus"
 
@@ -108,7 +108,7 @@ class ModbusProtocol(ImuProtocol):
         lambda s: (
             EntryError("profile.registers_overlap", b, mine=_span(*other), other=f"modbus.{a}", at=_span(*at))
             for (a, at), (b, other) in combinations(s.ranges.items(), 2)
-            # commands that share a register are distinguished by the value
+            # the value distinguishes commands that share a register
             if not {a, b} <= s.written.keys() and at[0] < other[1] and other[0] < at[1]
         ),
         lambda s: (
@@ -117,10 +117,10 @@ class ModbusProtocol(ImuProtocol):
             if s.ranges[a] == s.ranges[b] and set(values) & set(others)
         ),
     )
-    # Commands and the page register exist on every page, so calibration registers must not overlap them on any page.
+    # Calibration registers of any page must not overlap the commands and the page register, which are on every page.
     profile_rules: ClassVar[Rules[Any]] = (
         lambda p: (
-            within(error, "registers", register.row)
+            with_prefix(error, "registers", register.row)
             for register in p.registers
             for error in _register_errors(register, p.modbus.ranges)
         ),

@@ -25,7 +25,7 @@ class VectorNavProtocol(ImuProtocol):
         """Return 0: a register has all its numbers at one address."""
         return 0
 
-    # The clock in nanoseconds agrees with the sample rate.
+    # The clock in nanoseconds must agree with the sample rate.
     profile_rules: ClassVar[Rules[Any]] = (
         lambda profile: (
             EntryError("profile.clock_rate", *at, value=counter.per_sample, rate=rate, expected=1e9 / rate)
