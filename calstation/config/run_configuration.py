@@ -125,11 +125,6 @@ class RunConfiguration:
         """Registers of the unit by parameter."""
         return RegisterMap(tuple(self.imu.registers))
 
-    @property
-    def by_hand(self) -> bool:
-        """Whether the operator moves the unit and there is no drive."""
-        return self.table.by_hand
-
     def log_meta(
         self, started: datetime | None = None, attempt: int = 1, registers: Mapping[str, float] | None = None
     ) -> LogMeta:
@@ -396,11 +391,11 @@ def check_manual_rig(setup: RunConfiguration) -> None:
         if not on_gimbal and setup.table.gimbal is not None:
             raise ManualRigError("product.needs_table", stage=stage, table=setup.table.name)
         manual = getattr(schedule, "manual", None)
-        if setup.by_hand and manual is None:
+        if setup.table.by_hand and manual is None:
             raise ManualRigError("product.needs_driven_table", stage=stage, **names)
-        if setup.by_hand and not manual:
+        if setup.table.by_hand and not manual:
             raise ManualRigError("product.needs_manual_motion", stage=stage, **names)
-        if manual and not setup.by_hand:
+        if manual and not setup.table.by_hand:
             raise ManualRigError("product.needs_manual_table", stage=stage, **names)
 
 

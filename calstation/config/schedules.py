@@ -51,7 +51,7 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
     if setup.table.gimbal is not None:
         offered = tuple(s for s in known if method(s).on_gimbal)
     else:
-        offered = tuple(s for s in known if not setup.by_hand or "manual" in method(s).schedule.model_fields)
+        offered = tuple(s for s in known if not setup.table.by_hand or "manual" in method(s).schedule.model_fields)
     complete = load_configuration(RunRequest("offer", station, product, offered))
     geometry = setup.table.geometry()
     context = setup.solve_context()
@@ -60,7 +60,7 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         name=setup.product.name,
         station=setup.station.name,
         virtual=setup.station.bench is not None,
-        by_hand=setup.by_hand,
+        by_hand=setup.table.by_hand,
         stages=setup.stages,
         offered=offered,
         schedules={stage: s.model_dump(mode="json") for stage, s in complete.schedules.items()},

@@ -42,7 +42,10 @@ _WITHOUT_SCHEME = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
 def virtual_serials(
     bench: Mapping[str, object], slots: Collection[str], unsuitable: Callable[[str], bool]
 ) -> tuple[str, ...]:
-    """Return the serial numbers of the next units of a virtual bench, see `StationConfig.virtual_serials`."""
+    """Return the serial numbers of the next suitable units of a virtual bench, one for each slot.
+
+    A serial number in the settings of a bench without slots is returned in any case.
+    """
     first = str(bench.get("serial", VIRTUAL_UNIT))
     if "serial" in bench and not slots:
         return (first,)
@@ -102,13 +105,6 @@ class StationConfig(StrictModel):
     def virtual_serial(self) -> str:
         """Serial number of the unit on the virtual bench; empty on hardware."""
         return "" if self.bench is None else str(self.bench.get("serial", VIRTUAL_UNIT))
-
-    def virtual_serials(self, unsuitable: Callable[[str], bool]) -> tuple[str, ...]:
-        """Return the serial numbers of the next suitable virtual units, one for each slot.
-
-        A serial number in the file of a station without slots is returned in any case.
-        """
-        return virtual_serials(self.bench or {}, self.slot_names, unsuitable)
 
     @property
     def secondaries(self) -> dict[int, FurtherImuLinkSection]:

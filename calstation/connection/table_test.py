@@ -75,16 +75,11 @@ def query_table(
             yield _text_finding(table.received, profile, settings, port, exc)
     else:
         yield Finding("identified", "ok", {"model": identity.model, "serial": identity.serial})
-        yield _round_trip(times)
+        seconds = {"typical": float(np.median(times)), "worst": max(times), "limit": MAX_POLL_DURATION}
+        values = {**seconds, "count": _POLLS, **{f"{name}_ms": 1e3 * value for name, value in seconds.items()}}
+        is_slow = seconds["worst"] > MAX_POLL_DURATION
+        yield Finding("round_trip", "warning" if is_slow else "ok", values, "round_trip_slow" if is_slow else "")
         yield from _status_findings(status, profile)
-
-
-def _round_trip(times: list[float]) -> Finding:
-    seconds = {"typical": float(np.median(times)), "worst": max(times), "limit": MAX_POLL_DURATION}
-    values = {**seconds, "count": _POLLS, **{f"{name}_ms": 1e3 * value for name, value in seconds.items()}}
-    if seconds["worst"] <= MAX_POLL_DURATION:
-        return Finding("round_trip", "ok", values)
-    return Finding("round_trip", "warning", values, "round_trip_slow")
 
 
 def _status_findings(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:

@@ -71,7 +71,7 @@ def recover_interrupted(
     if request.unfinished == "restore":
         restore(imu, registers, entry)
         report()
-    elif setup.by_hand:
+    elif setup.table.by_hand:
         transferred = finish(imu, registers, entry)
         session = ImuSession(imu, imu.identify(), devices.clock)
         finish_verification(setup, imu, transferred, capture_rest(session, setup, check_cancelled))

@@ -74,7 +74,7 @@ def moves_table(operation: RegisterOperation) -> bool:
     """Return whether an operation moves a table. Raises InputError if there is nothing to do, or ConfigurationError."""
     setup = load_configuration(operation.request)
     _ActiveOperation.of(operation, setup, lambda event: None)
-    return not (operation.at_rest or setup.by_hand)
+    return not (operation.at_rest or setup.table.by_hand)
 
 
 def run_operation(operation: RegisterOperation, emit: Emit, control: Control) -> None:
@@ -95,7 +95,7 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
     active = _ActiveOperation.of(operation, load_configuration(operation.request), emit)
     _audit(operation, active.setup)
     try:
-        if operation.at_rest or active.setup.by_hand:
+        if operation.at_rest or active.setup.table.by_hand:
             settled: Settled | None = _run_at_rest(active, control.check_cancelled)
         else:
             settled = _run_with_turns(active, control, control.check_cancelled)

@@ -21,7 +21,7 @@ from calstation.reports import station_request
 from calstation.results import Ending, build_result, write_json
 from calstation.runs.preparation import OpenRun
 from calstation.schema import EntryError
-from calstation.sequencer import Emit, RunEnd, Finalized, Message, State
+from calstation.sequencer import Emit, Finalized, Message, RunEnd, State
 
 _ENDS = {State.DONE: End.COMPLETED, State.STOPPED: End.STOPPED, State.FAULT: End.FAULT}
 

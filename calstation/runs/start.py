@@ -16,6 +16,7 @@ from calstation.config import (
     load_station,
     new_batch_id,
     prepare_batch,
+    virtual_serials,
 )
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, Value
@@ -175,7 +176,7 @@ class RunStart:
 
     def _ask_motion(self) -> Question | None:
         setup = self._setups[0]
-        if setup.station.bench is not None or setup.by_hand:
+        if setup.station.bench is not None or setup.table.by_hand:
             return None
         station = setup.station.name
         refusal = ConfigurationError("run.table_moves", station=station)
@@ -227,7 +228,11 @@ def _complete_request(request: RunRequest, history: History) -> RunRequest:
         raise ConfigurationError("run.serial_missing", path=path)
     if not any(serials):
         # the same seed means the same unit, also if it has passed
-        serials = station.virtual_serials(lambda s: request.seed is None and history.passed_before(s) is not None)
+        serials = virtual_serials(
+            station.bench or {},
+            station.slot_names,
+            lambda s: request.seed is None and history.passed_before(s) is not None,
+        )
     if not station.slot_names and len(serials) == 1:
         return replace(request, serial=serials[0], serials=())
     return replace(request, serial=next(filter(None, serials)), serials=serials, batch=new_batch_id())

@@ -77,10 +77,10 @@ def run_summary(request: RunRequest) -> RunSummary:
         targets=_targets(setup),
         load_angle=(load.outer_deg, load.inner_deg),
         operator_ends_stages=setup.product.operator_ends_stages,
-        by_hand=setup.by_hand,
+        by_hand=setup.table.by_hand,
         joint_order=setup.table.joint_order,
         positions=tuple(_up(geometry, step) for plan in plans for step in plan.steps() if isinstance(step, ManualMove))
-        if setup.by_hand
+        if setup.table.by_hand
         else (),
         sign_in=setup.station.sign_in,
         shift_starts=tuple(setup.station.shift_starts),

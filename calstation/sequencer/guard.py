@@ -67,21 +67,13 @@ def check_move(status: TableStatus, limits: JointLimits, move: Move) -> None:
 
 def check_limits(limits: JointLimits, move: Move) -> None:
     """Check travel, rate and acceleration of a move. Raises ConfigurationError."""
-    if not _allowed(move.rate, min(limits.rate)):
-        raise ConfigurationError(
-            "motion.rate_outside", value=math.degrees(move.rate), allowed=math.degrees(min(limits.rate))
-        )
-    if not _allowed(move.acceleration, min(limits.acceleration)):
-        raise ConfigurationError(
-            "motion.acceleration_outside",
-            value=math.degrees(move.acceleration),
-            allowed=math.degrees(min(limits.acceleration)),
-        )
+    for code, value, limit in (
+        ("motion.rate_outside", move.rate, min(limits.rate)),
+        ("motion.acceleration_outside", move.acceleration, min(limits.acceleration)),
+    ):
+        if not (math.isfinite(value) and 0.0 < value <= limit * (1.0 + 1e-9)):
+            raise ConfigurationError(code, value=math.degrees(value), allowed=math.degrees(limit))
     check_travel(limits, move)
-
-
-def _allowed(value: float, limit: float) -> bool:
-    return math.isfinite(value) and 0.0 < value <= limit * (1.0 + 1e-9)
 
 
 def check_travel(limits: JointLimits, move: Move) -> None:

@@ -25,7 +25,7 @@ def table_task(setup: RunConfiguration) -> Task:
             for stage, schedule in setup.schedules.items()
         ),
         geometry=setup.table.geometry(),
-        by_hand=setup.by_hand,
+        by_hand=setup.table.by_hand,
         latency=setup.table.accuracy.poll_latency_s,
         settle=setup.table.settle_s,
         load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),

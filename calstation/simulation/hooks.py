@@ -38,7 +38,7 @@ class BenchHooks(RunHooks):
         plan = fault_plan(setup)
 
         def accompanied(event: Event) -> None:
-            if setup.by_hand:
+            if setup.table.by_hand:
                 self._move_rig(event)
             emit(event)
             if plan.fault:

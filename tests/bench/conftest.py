@@ -11,7 +11,8 @@ import lent
 import pytest
 import serial
 
-from calstation.bench.imu.frames import COMMAND_SYNC, REPLY_SYNC, crc16, pack
+from calstation.bench.imu.unit import crc16
+from calstation.bench.imu.units.framed import COMMAND_SYNC, REPLY_SYNC, pack
 
 
 class Bench:

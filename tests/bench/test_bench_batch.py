@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calstation.bench import BenchConfig, Order
-from calstation.bench.imu.frames import STREAM
+from calstation.bench.imu.unit import STREAM
 from calstation.bench.live import LiveBench
 from calstation.bench.table import Fault
 from calstation.bench.truth import unit_axes

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.bench import BenchConfig
-from calstation.bench.imu.frames import COMMAND_SYNC, STREAM, CommandParser, crc16, pack, stream_frames
-from calstation.bench.imu.unit import BOOT_TIME
-from calstation.bench.imu.units.framed import FLASH_TIME, FramedUnit
+from calstation.bench.imu.unit import BOOT_TIME, STREAM, crc16, stream_frames
+from calstation.bench.imu.units.framed import COMMAND_SYNC, FLASH_TIME, CommandParser, FramedUnit, pack
 from calstation.bench.truth import StreamOutput
 
 IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM_OP, ERROR = 1, 2, 3, 4, 5, 6, 255

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from calstation.bench import BenchConfig, Order
-from calstation.bench.imu.frames import STREAM, crc16
-from calstation.bench.imu.unit import BOOT_TIME
+from calstation.bench.imu.unit import BOOT_TIME, STREAM, crc16
 from calstation.bench.live import LiveBench
 from calstation.bench.table import Fault
 from calstation.bench.truth import Simulator

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
-from calstation.bench.imu.frames import STREAM
+from calstation.bench.imu.unit import STREAM
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
 

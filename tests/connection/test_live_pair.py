@@ -51,8 +51,8 @@ def imu(monkeypatch: pytest.MonkeyPatch) -> FakeImu:
 def revived(unit: _LiveImu) -> None:
     unit.read(0.0)
     unit.read(3.0)
-    assert unit._revival is not None
-    unit._revival.join(5.0)
+    assert unit._wake_thread is not None
+    unit._wake_thread.join(5.0)
 
 
 def test_different_unit_on_the_port_ends_the_watch(imu: FakeImu) -> None:

@@ -9,7 +9,8 @@ import pytest
 
 from calstation.bench import BenchConfig
 from calstation.bench.imu import UNITS, ImuUnit
-from calstation.bench.imu.frames import REPLY_SYNC, crc16, pack, stream_frames
+from calstation.bench.imu.unit import crc16, stream_frames
+from calstation.bench.imu.units.framed import REPLY_SYNC, pack
 from calstation.config import library
 from calstation.devices import ImuIdentity, NoFramesError, OtherModelError
 from calstation.devices.imu import StreamedImu, open_imu

@@ -12,7 +12,7 @@ from calstation.config import schedule_fields
 from calstation.errors import ConfigurationError
 from calstation.messages import catalogue, entry, known, sentence, step_text
 from calstation.physics import JointLimits, ManualMove, Move, RoundEnd, TableGeometry
-from calstation.sequencer.guiding import manual_move_label
+from calstation.sequencer.steps import manual_move_label
 from procedures import method
 
 CATALOGUE = Path(catalogue.__file__).with_suffix("")

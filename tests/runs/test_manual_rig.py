@@ -131,7 +131,7 @@ def test_manual_rig_needs_no_port_and_has_no_link_test(tmp_path: Path) -> None:
 def test_shipped_station_and_product_are_compatible() -> None:
     request = RunRequest("SN-1", library.find("stations", "virtual_hand"), library.find("products", "mems_hand"))
     setup = prepare_run(request)
-    assert setup.by_hand
+    assert setup.table.by_hand
     assert run_summary(request).stages[0].duration < 600.0
 
 

@@ -1,4 +1,10 @@
-"""The processor of a simulated IMU: registers with a flash image, correction of the output, and stream frames."""
+"""The processor of a simulated IMU: registers with a flash image, correction of the output, and stream frames.
+
+All values in a frame are little-endian. The checksum is CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF, not
+reflected).
+
+    55 AA | counter u16 | gyro x y z, accel x y z i32 | temperature i16, 0.01 °C | status u16 | CRC
+"""
 
 import struct
 import zlib
@@ -9,12 +15,12 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+from fastcrc import crc16 as checks
 
 from calstation.bench.config import BenchConfig
-from calstation.bench.imu.frames import READY, SATURATED, STREAM, stream_frames
 from calstation.bench.table import TableRegisters
 from calstation.bench.truth import StreamOutput
-from calstation.physics import FloatArray
+from calstation.physics import FloatArray, IntArray
 
 #: Number of calibration registers, float32.
 REGISTERS = 30
@@ -24,6 +30,41 @@ OFF, RAW, CORRECTED = 0, 1, 2
 
 #: Device time for which the unit is silent after power-up or reset, s.
 BOOT_TIME = 0.1
+
+
+STREAM = np.dtype(
+    [
+        ("sync", "<u2"),
+        ("counter", "<u2"),
+        ("channels", "<i4", 6),
+        ("temperature", "<i2"),
+        ("status", "<u2"),
+        ("crc", "<u2"),
+    ]
+)
+STREAM_SYNC = 0xAA55  # 55 AA on the wire
+
+READY, SATURATED = 1, 2
+
+
+def crc16(data: bytes) -> int:
+    """Return the CRC-16/CCITT-FALSE of `data`."""
+    return int(checks.ibm_3740(data))
+
+
+def stream_frames(counter: IntArray, counts: FloatArray, temperature: float, status: IntArray) -> bytes:
+    """Build the frames of consecutive samples.
+
+    Only the low 16 bits of the counter are sent; NaN is sent as the lowest number.
+    """
+    frames = np.zeros(len(counter), dtype=STREAM)
+    frames["sync"] = STREAM_SYNC
+    frames["counter"] = counter & 0xFFFF
+    frames["channels"] = np.clip(np.nan_to_num(counts, nan=-(2.0**31)), -(2**31), 2**31 - 1)
+    frames["temperature"] = round(temperature * 100.0)
+    frames["status"] = status
+    frames["crc"] = [crc16(frame.tobytes()[2:-2]) for frame in frames]
+    return frames.tobytes()
 
 
 #: Sequence number that precedes the content of an image, and CRC-32 of both, which follows it.

@@ -13,9 +13,11 @@ from calstation.devices.links.serial_link import (
     SOCKETS,
     PortLostError,
     SerialLink,
+    SerialPortInfo,
     host_and_port,
+    list_serial_ports,
+    port_device,
     why_not,
     with_connection_reason,
 )
-from calstation.devices.links.serial_ports import SerialPortInfo, list_serial_ports, port_device
 from calstation.devices.links.text_link import TextLink, TextRefusalError, UnexpectedReplyError

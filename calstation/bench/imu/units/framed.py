@@ -1,4 +1,7 @@
-"""Protocol "framed": commands and replies in the bench's own frames, see `frames`.
+"""Protocol "framed": commands and replies in frames, little-endian with the checksum of the stream frames.
+
+    command  55 A5 | op u8 | n u8 | payload, n bytes | CRC of op to payload
+    reply    55 5A | op u8 | n u8 | payload, n bytes | CRC of op to payload
 
 Registers: gyro bias b from 0, gyro matrix M 3, accel bias 12, accel matrix 15, quadratic K 24, inner levers 27. The
 corrected stream removes these errors: measured = (I + M) true + b, plus K force² for the accelerometers.
@@ -6,11 +9,11 @@ corrected stream removes these errors: measured = (I + M) true + b, plus K force
 
 import struct
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.bench.imu.frames import REPLY_SYNC, CommandParser, pack
-from calstation.bench.imu.unit import CORRECTED, OFF, RAW, REGISTERS, ImuUnit, PowerCut
+from calstation.bench.imu.unit import CORRECTED, OFF, RAW, REGISTERS, ImuUnit, PowerCut, crc16
 from calstation.bench.table import NoSuchRegister, OutOfRange, Refusal, TableRegisters
 
 MODEL = "bench-imu"
@@ -23,6 +26,43 @@ BAD_OP, BAD_ADDRESS, FLASH_BUSY, BAD_STATE, BAD_VALUE = 1, 2, 3, 4, 5
 FLASH_TIME = 0.2
 #: Maximum number of commands that a busy flash refuses, because virtual time may not advance between them.
 FLASH_REFUSALS = 3
+
+
+COMMAND_SYNC = b"\x55\xa5"
+REPLY_SYNC = b"\x55\x5a"
+
+
+def pack(sync: bytes, op: int, payload: bytes = b"") -> bytes:
+    """Build the frame of a command or a reply."""
+    body = bytes([op, len(payload)]) + payload
+    return sync + body + crc16(body).to_bytes(2, "little")
+
+
+@dataclass
+class CommandParser:
+    """Finds command frames in the received bytes, regardless of how they are split, and skips all other bytes."""
+
+    _pending: bytearray = field(default_factory=bytearray)
+
+    def feed(self, data: bytes) -> list[tuple[int, bytes]]:
+        """Return the complete commands (op, payload) with a correct checksum, in order."""
+        self._pending += data
+        commands: list[tuple[int, bytes]] = []
+        while True:
+            start = self._pending.find(COMMAND_SYNC)
+            if start < 0:
+                del self._pending[: max(0, len(self._pending) - 1)]
+                return commands
+            del self._pending[:start]
+            if len(self._pending) < 4 or len(self._pending) < self._pending[3] + 6:
+                return commands
+            length = self._pending[3] + 6
+            frame = bytes(self._pending[:length])
+            if crc16(frame[2:-2]) == int.from_bytes(frame[-2:], "little"):
+                commands.append((frame[2], frame[4:-2]))
+                del self._pending[:length]
+            else:
+                del self._pending[:2]
 
 
 class FramedUnit(ImuUnit):
