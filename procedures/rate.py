@@ -270,7 +270,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Pos
     if context.diagnostics:
         effects = StageEffects(float(data.time[0]), len(data) * data.dt)
         added = np.concatenate([_effects(data, t, effects) for t in turns])
-        sensitivity = effects.of_batch(result.gain, added, mask)
+        sensitivity = effects.batch_sensitivity(result.gain, added, mask)
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="rate",

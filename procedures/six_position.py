@@ -173,7 +173,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
         force = observed.reshape(-1, 3)
         motion = Motion.steady(np.zeros_like(force), force, time)
         added = effects.errors(motion, np.ones(len(force), dtype=np.int64))[:, 3:].reshape(len(observed), -1)
-        sensitivity = effects.of_batch(result.gain, added, mask)
+        sensitivity = effects.batch_sensitivity(result.gain, added, mask)
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="six_position",

@@ -93,7 +93,7 @@ class Design(Reached):
 
     moves: tuple[Move, ...]  #: Moves; the last ones are a reserve.
     planned: int  #: Number of moves after which the targets are reached.
-    least: int  #: Number of moves that are always made, because the product's diagnosis needs them.
+    min_moves: int  #: Number of moves that are always made, because the product's diagnosis needs them.
     rate_dps: float
     acceleration_dps2: float
     duration: float  #: Duration of the planned moves, s.
@@ -118,7 +118,7 @@ class Design(Reached):
             "rate_dps": self.rate_dps,
             "acceleration_dps2": self.acceleration_dps2,
             "stop_at_limits": stops,
-            "least_moves": self.least,
+            "least_moves": self.min_moves,
         }
         if stops:
             values["margin"] = round(self.margin, 4)
@@ -142,7 +142,7 @@ class Design(Reached):
             "acceleration_dps2": self.acceleration_dps2,
             "moves": [list(move) for move in self.moves],
             "planned_moves": self.planned,
-            "least_moves": self.least,
+            "least_moves": self.min_moves,
             "sigma_over_limit": ratios,
             "front": [list(point) for point in self.front],
             "variations": [vars(variation) for variation in self.variations],
@@ -165,8 +165,8 @@ def speeds(setup: RunConfiguration, request: DesignRequest) -> tuple[float, floa
     per_count = imu.gyro_lsb * (imu.sample_rate if imu.output == "increment" else 1.0)
     ends = span(setup.imu.frame)
     reach = float(np.min(np.minimum(-ends.low[:3], ends.high[:3]))) * per_count
-    both = 2.0**0.5  # two perpendicular joints that move simultaneously
-    rate = np.rad2deg(min(_RATE * min(limits.rate), _RANGE * reach / both))
+    factor = 2.0**0.5  # two perpendicular joints that move simultaneously
+    rate = np.rad2deg(min(_RATE * min(limits.rate), _RANGE * reach / factor))
     acceleration = _ACCELERATION * np.rad2deg(min(limits.acceleration))
     return request.rate_dps or _rounded(rate), request.acceleration_dps2 or _rounded(acceleration)
 
@@ -182,9 +182,11 @@ def gravity_rest(product: ProductConfig, context: SolveContext) -> float | None:
     check = product.checks.gravity_at_rest if product.checks is not None else None
     if check is None:
         return None
-    enough = (check.within / _GRAVITY_SIGMAS) ** 2
+    max_variance = (check.within / _GRAVITY_SIGMAS) ** 2
     rests = np.arange(1.0, check.shortest_rest_s, 0.5)
-    return next((float(rest) for rest in rests if rest_mean_variance(context, rest) < enough), check.shortest_rest_s)
+    return next(
+        (float(rest) for rest in rests if rest_mean_variance(context, rest) < max_variance), check.shortest_rest_s
+    )
 
 
 def stages_duration(setup: RunConfiguration) -> float | None:

@@ -106,10 +106,10 @@ class _Designer:
 
     def _sigma_limits(self, limits: dict[str, float]) -> FloatArray:
         estimated = method(STAGE).estimates(self._context)
-        wanted = np.array([limits.get(name, np.inf) if name in estimated else np.inf for name in NAMES])
-        if not np.isfinite(wanted).any():
+        required = np.array([limits.get(name, np.inf) if name in estimated else np.inf for name in NAMES])
+        if not np.isfinite(required).any():
             raise ConfigurationError("design.no_limits", product=self._product.name)
-        return wanted
+        return required
 
     def _present_sigmas(self, present: RunRequest) -> FloatArray:
         """Return the sigmas after the product's stages."""
@@ -123,17 +123,17 @@ class _Designer:
     def _target_sigmas(self) -> FloatArray:
         """Return the target sigmas of the stage, shape (30,): the limits times the margin, less gravity's part."""
         relative = self._context.site.relative_gravity_sigma
-        wanted = without_gravity(self._margin * self._limits, relative)
-        for i in np.flatnonzero(wanted <= 0.0):
+        targets = without_gravity(self._margin * self._limits, relative)
+        for i in np.flatnonzero(targets <= 0.0):
             self._refuse("design.gravity", int(i), relative)
-        return wanted
+        return targets
 
     def _problem(self, factor: float = 1.0) -> Problem:
         """Return the problem with targets multiplied by `factor`."""
         limits = self._geometry.limits
         low, high = self._lattice(limits.low, up=True), self._lattice(limits.high, up=False)
-        whole = min(b - a for a, b in zip(low, high, strict=True)) * LATTICE_DEG >= 360.0
-        turns = _TURNS if whole else _SHORT_TURNS
+        full_turn = min(b - a for a, b in zip(low, high, strict=True)) * LATTICE_DEG >= 360.0
+        turns = _TURNS if full_turn else _SHORT_TURNS
         sizes = [self._product.diagnosis[c.cause] for c in self._effects for _ in c.components]
         targets = np.concatenate([factor * self._goal, np.array(sizes) / np.sqrt(MAX_EXCESS + 1.0)])
         shortest = self._request.duration is None and self._gravity_rest is not None
@@ -167,8 +167,8 @@ class _Designer:
         self._report(_SEARCHED, note="checking")
         goal, moves = factor * self._goal, _moves(stops)
         times = list(self._trial.after_moves(moves))
-        least = self._least(stops[:planned])
-        reached = (k for k, (_, sigma) in enumerate(times, 1) if k >= least and np.all(sigma <= goal))
+        min_moves = self._min_moves(stops[:planned])
+        reached = (k for k, (_, sigma) in enumerate(times, 1) if k >= min_moves and np.all(sigma <= goal))
         planned = next(reached, planned)
         solution, hidden = self._trial.solve(moves[:planned])
         consistency, latitude = solution.consistency, solution.latitude
@@ -176,7 +176,7 @@ class _Designer:
         return Design(
             moves=moves,
             planned=planned,
-            least=least,
+            min_moves=min_moves,
             rate_dps=self._rate_dps,
             acceleration_dps2=self._acceleration_dps2,
             duration=float(times[planned - 1][0]),
@@ -197,13 +197,13 @@ class _Designer:
             seconds=time.monotonic() - self._start_time,
         )
 
-    def _least(self, stops: Stops) -> int:
+    def _min_moves(self, stops: Stops) -> int:
         """Return the number of moves that detect the diagnosed effects and contain enough rests for the check."""
         problem, ends = self._problem(), np.array(states(self._library, stops))
-        shown = np.all(problem.ratios(ends)[:, COUNT:] <= _MAX_DETECTION_RATIO, axis=1)
-        enough = np.array([problem.rests_enough(stops[:k]) for k in range(1, len(stops) + 1)])
-        both = np.flatnonzero(shown & enough)
-        return int(both[0]) + 1 if len(both) else len(stops)
+        detects_effects = np.all(problem.ratios(ends)[:, COUNT:] <= _MAX_DETECTION_RATIO, axis=1)
+        enough_rests = np.array([problem.rests_enough(stops[:k]) for k in range(1, len(stops) + 1)])
+        sufficient = np.flatnonzero(detects_effects & enough_rests)
+        return int(sufficient[0]) + 1 if len(sufficient) else len(stops)
 
     def _variations(self, moves: Moves, goal: FloatArray) -> Iterator[Variation]:
         """Yield the time at which a goal is reached under each of the other conditions."""
@@ -250,19 +250,19 @@ class _Designer:
 
     def _attempt(self, problem: Problem, number: int, longest: float) -> Iterator[Stops]:
         """Yield the results of a beam, and of the exchanges after it."""
-        answer: Stops | None = None
+        result: Stops | None = None
         for seconds, stops in Beam(problem, _WIDTHS[min(number, len(_WIDTHS) - 1)], longest, self._front).run():
             self._progress(number, 0.6 * seconds / longest, longest)
-            answer = stops
+            result = stops
             if self._should_stop():
                 break
-        if answer is None:
+        if result is None:
             return
         self._searched = True
-        answer = problem.with_long_rests(answer)
-        self._note(problem, answer)
-        yield answer
-        exchange = Exchange(problem, answer, self._request.seed + number)
+        result = problem.with_long_rests(result)
+        self._note(problem, result)
+        yield result
+        exchange = Exchange(problem, result, self._request.seed + number)
         for share in exchange.run(_EXCHANGES):
             self._progress(number, 0.6 + 0.4 * share, exchange.time)
             if self._should_stop():

@@ -77,13 +77,13 @@ class Problem:
         """Return whether enough rests are long."""
         return sum(stop.rest >= self.long_rest for stop in stops) >= self.long_rests
 
-    def next_positions(self, at: Position) -> Iterator[Position]:
+    def next_positions(self, position: Position) -> Iterator[Position]:
         """Yield the positions that a move can reach."""
         for outer in self.turns:
             for inner in self.turns:
-                to = (at[0] + outer, at[1] + inner)
-                if (outer or inner) and abs(outer) + abs(inner) <= _LONGEST and self.allowed(to):
-                    yield to
+                target = (position[0] + outer, position[1] + inner)
+                if (outer or inner) and abs(outer) + abs(inner) <= _LONGEST and self.allowed(target):
+                    yield target
 
 
 @dataclass(slots=True)
@@ -93,7 +93,7 @@ class _Node:
     information: FloatArray | None
     position: Position
     time: float
-    missing: float
+    remaining_log_ratio: float
     worst: float
     before: "_Node | None" = None
     rest: int = 1
@@ -132,7 +132,7 @@ class Front:
         return points
 
 
-def missing(ratios: FloatArray) -> FloatArray:
+def remaining_log_ratio(ratios: FloatArray) -> FloatArray:
     """Return the remaining log ratio, shape (n,), for ratios of sigmas to targets, shape (n, c)."""
     return np.asarray(np.log(np.maximum(ratios, 1.0)).sum(axis=1))
 
@@ -143,8 +143,8 @@ class Beam:
     def __init__(self, problem: Problem, width: int, longest: float, front: Front | None = None) -> None:
         self._problem, self._width, self._longest, self._front = problem, width, longest, front
         self._interval = max(REST_UNIT, longest / _TIMES)
-        self._waiting: dict[int, list[_Node]] = {}
-        self._begun: Stops = (Stop((0, 0), FIRST_REST),)
+        self._queue: dict[int, list[_Node]] = {}
+        self._first_stops: Stops = (Stop((0, 0), FIRST_REST),)
 
     def run(self, before: tuple[Stops, FloatArray, float] | None = None) -> Iterator[tuple[float, Stops | None]]:
         """Yield the time reached, s, with None, and finally the time and the stops of the result, or None.
@@ -153,16 +153,16 @@ class Beam:
         """
         if before is None:
             state = self._problem.library.begin((0, 0), FIRST_REST)
-            time = durations(self._problem.library, self._begun)[0]
+            time = durations(self._problem.library, self._first_stops)[0]
         else:
-            self._begun, state, time = before
-        first = _Node(state, self._begun[-1].position, time, np.inf, np.inf)
-        self._waiting = {self._key(time): [first]}
+            self._first_stops, state, time = before
+        first = _Node(state, self._first_stops[-1].position, time, np.inf, np.inf)
+        self._queue = {self._key(time): [first]}
         at = self._key(time)
-        while self._waiting:
-            nodes = self._best(self._waiting.pop(at, []))
-            if nodes and nodes[0].missing <= 0.0:
-                yield nodes[0].time, self._whole(nodes[0])
+        while self._queue:
+            nodes = self._best(self._queue.pop(at, []))
+            if nodes and nodes[0].remaining_log_ratio <= 0.0:
+                yield nodes[0].time, self._complete(nodes[0])
                 return
             at += 1
             self._extend(nodes, at)
@@ -174,24 +174,24 @@ class Beam:
 
     def _best(self, nodes: list[_Node]) -> list[_Node]:
         """Return the best nodes of a time, without duplicates."""
-        nodes.sort(key=lambda node: (node.missing, node.time))
-        kept: list[_Node] = []
-        seen: set[tuple[int, int, float]] = set()
+        nodes.sort(key=lambda node: (node.remaining_log_ratio, node.time))
+        best_nodes: list[_Node] = []
+        keys: set[tuple[int, int, float]] = set()
         for node in nodes:
-            same = (node.position[0] % 8, node.position[1] % 8, round(node.missing, 3))
-            if same not in seen:
-                seen.add(same)
-                kept.append(node)
-            if len(kept) == self._width:
+            key = (node.position[0] % 8, node.position[1] % 8, round(node.remaining_log_ratio, 3))
+            if key not in keys:
+                keys.add(key)
+                best_nodes.append(node)
+            if len(best_nodes) == self._width:
                 break
-        best = min(kept, key=lambda node: node.worst, default=None)
+        best = min(best_nodes, key=lambda node: node.worst, default=None)
         if self._front is not None and best is not None and np.isfinite(best.worst):
-            self._front.add(best.time, self._problem.margin * best.worst, self._whole(best))
-        return kept
+            self._front.add(best.time, self._problem.margin * best.worst, self._complete(best))
+        return best_nodes
 
-    def _whole(self, node: _Node) -> Stops:
+    def _complete(self, node: _Node) -> Stops:
         """Return the schedule of a node, including the stops before the first node."""
-        *before, last = self._begun
+        *before, last = self._first_stops
         first, *others = node.stops()
         return (*before, Stop(last.position, last.rest + first.rest - 1), *others)
 
@@ -217,21 +217,21 @@ class Beam:
             return
         states = advance_information(np.array([node.information for node in before]), np.array(segments))
         ratios = self._problem.ratios(states)
-        left = missing(ratios)
+        remaining = remaining_log_ratio(ratios)
         # A schedule that does not detect all effects is not a point of the front.
-        shown = np.all(ratios[:, COUNT:] <= 1.0, axis=1)
-        worst = np.where(shown, ratios[:, :COUNT].max(axis=1), np.inf)
+        detects_effects = np.all(ratios[:, COUNT:] <= 1.0, axis=1)
+        worst = np.where(detects_effects, ratios[:, :COUNT].max(axis=1), np.inf)
         for node in nodes:
             node.information = None
         for k, (to, time, rest) in enumerate(after):
-            node = _Node(states[k], to, time, float(left[k]), float(worst[k]), before[k], rest)
-            self._waiting.setdefault(max(self._key(time), earliest), []).append(node)
-        for key, waiting in self._waiting.items():
-            if len(waiting) > 8 * self._width:
-                waiting.sort(key=lambda node: node.missing)
-                self._waiting[key] = waiting[: 4 * self._width]
-        for waiting in self._waiting.values():
-            for node in waiting:
+            node = _Node(states[k], to, time, float(remaining[k]), float(worst[k]), before[k], rest)
+            self._queue.setdefault(max(self._key(time), earliest), []).append(node)
+        for key, queued in self._queue.items():
+            if len(queued) > 8 * self._width:
+                queued.sort(key=lambda node: node.remaining_log_ratio)
+                self._queue[key] = queued[: 4 * self._width]
+        for queued in self._queue.values():
+            for node in queued:
                 if node.information is not None and node.information.base is not None:
                     # a view would keep the information of all others in memory
                     node.information = node.information.copy()
@@ -259,8 +259,8 @@ def _walk(problem: Problem, pattern: Sequence[int], seed: int) -> tuple[Stops, F
     rng, library = np.random.default_rng(seed), problem.library
     positions = [(0, 0)]
     for _ in range(_WALK):
-        near = list(problem.next_positions(positions[-1]))
-        positions.append(near[int(rng.integers(len(near)))])
+        targets = list(problem.next_positions(positions[-1]))
+        positions.append(targets[int(rng.integers(len(targets)))])
     home = [to for to in ((0, positions[-1][1]), (0, 0)) if to != positions[-1]]
     if len(home) == 2 and home[0] == home[1]:
         del home[0]
@@ -274,12 +274,12 @@ def _walk(problem: Problem, pattern: Sequence[int], seed: int) -> tuple[Stops, F
         for part in (library.move(a.position, b.position)[0], library.rest(b.position, b.rest - 1))
     ]
     segment = reduce(lambda a, b: join_segments(a, b, library.states), parts)
-    times, seconds = 1, durations(library, (first, *loop))[-1] - durations(library, (first,))[0]
+    repetitions, seconds = 1, durations(library, (first, *loop))[-1] - durations(library, (first,))[0]
     while True:
         ratios = problem.ratios(advance_information(state[None], segment[None]))[0]
-        if ratios.max() <= 1.0 or times * seconds > _HOUR:
-            return (first, *(times * loop)), ratios
-        times, segment = 2 * times, join_segments(segment, segment, library.states)
+        if ratios.max() <= 1.0 or repetitions * seconds > _HOUR:
+            return (first, *(repetitions * loop)), ratios
+        repetitions, segment = 2 * repetitions, join_segments(segment, segment, library.states)
 
 
 def durations(library: SegmentLibrary, stops: Stops) -> list[float]:
@@ -307,12 +307,12 @@ class Exchange:
     def __init__(self, problem: Problem, stops: Stops, seed: int) -> None:
         self._problem, self._rng = problem, np.random.default_rng(seed)
         self._library = problem.library
-        self._take(stops)
+        self._set_stops(stops)
         self.best, self.time = stops, self._times[-1]
         #: Whether `best` reaches all targets.
-        self.reached = bool(missing(problem.ratios(self._states[-1][None]))[0] <= 0.0)
+        self.reached = bool(remaining_log_ratio(problem.ratios(self._states[-1][None]))[0] <= 0.0)
 
-    def _take(self, stops: Stops) -> None:
+    def _set_stops(self, stops: Stops) -> None:
         self._stops = stops
         self._states, self._times = states(self._library, stops), durations(self._library, stops)
 
@@ -322,28 +322,28 @@ class Exchange:
         if len(self._stops) < 2:
             return
         price = 2.0 * self.time  # penalty for targets that are not reached, s
-        cost = self.time + price * float(missing(problem.ratios(self._states[-1][None]))[0])
+        cost = self.time + price * float(remaining_log_ratio(problem.ratios(self._states[-1][None]))[0])
         for step in range(steps):
             heat = 0.01 * self.time * (1.0 - step / steps) ** 2
             cut = int(rng.integers(1, len(self._stops)))
-            tried = [t for t in (self._changed(cut) for _ in range(_BATCH)) if t is not None]
+            candidates = [t for t in (self._random_change(cut) for _ in range(_BATCH)) if t is not None]
             yield (step + 1) / steps
-            if not tried:
+            if not candidates:
                 continue
-            ends, times = self._ends(cut, tried)
-            left = missing(problem.ratios(ends))
-            costs = times + price * left
+            ends, times = self._ends(cut, candidates)
+            remaining = remaining_log_ratio(problem.ratios(ends))
+            costs = times + price * remaining
             chosen = int(np.argmin(costs))
-            better = np.flatnonzero((left <= 0.0) & (times < self.time + (-1e-9 if self.reached else 1e-9)))
-            if len(better):
+            improved = np.flatnonzero((remaining <= 0.0) & (times < self.time + (-1e-9 if self.reached else 1e-9)))
+            if len(improved):
                 self.reached = True
-                first = int(better[np.argmin(times[better])])
-                self.best, self.time = tried[first], float(times[first])
+                first = int(improved[np.argmin(times[improved])])
+                self.best, self.time = candidates[first], float(times[first])
             if costs[chosen] < cost + heat * rng.exponential():
                 cost = float(costs[chosen])
-                self._take(tried[chosen])
+                self._set_stops(candidates[chosen])
 
-    def _changed(self, cut: int) -> Stops | None:
+    def _random_change(self, cut: int) -> Stops | None:
         """Return the schedule with a random change at or after stop `cut`, or None if the table cannot execute it."""
         rng, stops = self._rng, list(self._stops)
         k = cut + int(rng.integers(0, min(3, len(stops) - cut)))
@@ -360,8 +360,8 @@ class Exchange:
         elif kind == 4 and k + 1 < len(stops):
             stops[k], stops[k + 1] = stops[k + 1], stops[k]
         else:  # all later stops are shifted by the same angles
-            new = self._random_position(stops[k - 1].position)
-            shift = new[0] - stops[k].position[0], new[1] - stops[k].position[1]
+            target = self._random_position(stops[k - 1].position)
+            shift = target[0] - stops[k].position[0], target[1] - stops[k].position[1]
             stops[k:] = [Stop((s.position[0] + shift[0], s.position[1] + shift[1]), s.rest) for s in stops[k:]]
         for a, b in pairwise(stops[cut - 1 :]):
             turn = b.position[0] - a.position[0], b.position[1] - a.position[1]
@@ -374,22 +374,22 @@ class Exchange:
         return tuple(stops) if self._problem.rests_enough(stops) else None
 
     def _random_position(self, at: Position) -> Position:
-        near = list(self._problem.next_positions(at))
-        return near[int(self._rng.integers(len(near)))]
+        targets = list(self._problem.next_positions(at))
+        return targets[int(self._rng.integers(len(targets)))]
 
-    def _ends(self, cut: int, tried: Sequence[Stops]) -> tuple[FloatArray, FloatArray]:
+    def _ends(self, cut: int, candidates: Sequence[Stops]) -> tuple[FloatArray, FloatArray]:
         """Return the information at the ends of schedules that agree before stop `cut`, and their durations, s."""
         library = self._library
-        state = np.repeat(self._states[cut - 1][None], len(tried), axis=0)
-        times = np.full(len(tried), self._times[cut - 1])
-        for k in range(cut, max(len(stops) for stops in tried)):
-            active = [i for i, stops in enumerate(tried) if k < len(stops)]
-            moves = [library.move(tried[i][k - 1].position, tried[i][k].position) for i in active]
+        state = np.repeat(self._states[cut - 1][None], len(candidates), axis=0)
+        times = np.full(len(candidates), self._times[cut - 1])
+        for k in range(cut, max(len(stops) for stops in candidates)):
+            active = [i for i, stops in enumerate(candidates) if k < len(stops)]
+            moves = [library.move(candidates[i][k - 1].position, candidates[i][k].position) for i in active]
             state[active] = advance_information(state[active], np.array([segment for segment, _ in moves]))
             times[active] += [seconds for _, seconds in moves]
-            longer = [i for i in active if tried[i][k].rest > 1]
+            longer = [i for i in active if candidates[i][k].rest > 1]
             if longer:
-                rests = [library.rest(tried[i][k].position, tried[i][k].rest - 1) for i in longer]
+                rests = [library.rest(candidates[i][k].position, candidates[i][k].rest - 1) for i in longer]
                 state[longer] = advance_information(state[longer], np.array(rests))
-                times[longer] += [(tried[i][k].rest - 1) * REST_UNIT for i in longer]
+                times[longer] += [(candidates[i][k].rest - 1) * REST_UNIT for i in longer]
         return state, times

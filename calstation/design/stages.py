@@ -69,7 +69,7 @@ def shorter_product(text: str, shorter: ShorterStages) -> str:
 class _Shortening:
     def __init__(self, report: ProgressCallback, request: DesignRequest) -> None:
         self._report, self._request = report, request
-        self._begun = time.monotonic()
+        self._start_time = time.monotonic()
         self._run = RunRequest(SERIAL, request.station, request.product, out=Path("nowhere"))
         #: The current stages match their own sigmas exactly, up to rounding.
         self._margin = 1.0 + 1e-9 if request.as_present else request.margin
@@ -100,23 +100,23 @@ class _Shortening:
         if not self._reached(best):
             raise ConfigurationError("design.stages_miss", parameter=Reached(self._sigma(best), self._limits).limiting)
         for number, factor in enumerate(_FACTORS):
-            tried: set[tuple[str, str, float]] = set()
-            while (better := self._better(values, factor, tried)) is not None:
-                values, best = better
+            attempted: set[tuple[str, str, float]] = set()
+            while (improved := self._improve(values, factor, attempted)) is not None:
+                values, best = improved
                 saved = 1.0 - best.duration / self._present
                 self._report((number + saved) / len(_FACTORS), note=f"{best.duration:.1f}")
-        spent = time.monotonic() - self._begun
+        spent = time.monotonic() - self._start_time
         return ShorterStages(self._sigma(best), self._limits, values, best.duration, self._present, self._rest, spent)
 
-    def _better(
-        self, values: Values, factor: float, tried: set[tuple[str, str, float]]
+    def _improve(
+        self, values: Values, factor: float, attempted: set[tuple[str, str, float]]
     ) -> tuple[Values, Preview] | None:
         """Return the values with the reduction that saves most time within the limits; None if there is none."""
         reduced = sorted(self._reduced(values, factor), key=lambda change: self._duration(change[1]) or 0.0)
         for change, new in reduced:
-            if change in tried:
+            if change in attempted:
                 continue
-            tried.add(change)
+            attempted.add(change)
             preview = self._preview(new)
             if self._reached(preview):
                 return new, preview
@@ -131,8 +131,8 @@ class _Shortening:
                     continue
                 old = values[stage].get(field.name, float(getattr(schedule, field.name)))
                 step = _UNIT if rest else 1.0
-                least = max(float(field.low or 0.0), step, self._rest or 0.0 if field.name == "dwell_s" else 0.0)
-                new = max(float(np.floor(old * factor / step) * step), least)
+                lowest = max(float(field.low or 0.0), step, self._rest or 0.0 if field.name == "dwell_s" else 0.0)
+                new = max(float(np.floor(old * factor / step) * step), lowest)
                 if new < old:
                     value = new if rest else int(new)
                     changed = {**values, stage: {**values[stage], field.name: value}}

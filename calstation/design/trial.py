@@ -119,8 +119,8 @@ class Trial:
             context = replace(self._context, site=replace(site, azimuth=site.azimuth + heading))
             yield Condition("heading", float(heading), context, self.mount)
         noisy = replace(imu, gyro_arw=MORE_NOISE * imu.gyro_arw, accel_vrw=MORE_NOISE * imu.accel_vrw)
-        shaken = replace(table, velocity_sigma=MORE_NOISE * table.velocity_sigma)
-        yield Condition("noise", MORE_NOISE, replace(self._context, imu=noisy, table=shaken), self.mount)
+        vibrating = replace(table, velocity_sigma=MORE_NOISE * table.velocity_sigma)
+        yield Condition("noise", MORE_NOISE, replace(self._context, imu=noisy, table=vibrating), self.mount)
 
     def under(self, condition: Condition, moves: Moves, goal: FloatArray) -> Variation:
         """Return the time at which the sigmas `goal`, SI, shape (30,), are reached under a condition."""

@@ -1,7 +1,7 @@
-"""All that decides about a unit; `judge` says whether it is within its limits, `verdict_of` how its run counts.
+"""Judgement of a unit: `judge` compares the solutions with the limits, `verdict_of` returns the verdict of a run.
 
-The tests of data and model run while the stages are solved, and their findings are in the solutions. The limits
-themselves are entries of files and logs, see `calstation.records.product`.
+The tests of data and model are executed while the stages are solved, and are stored in the solutions. The limits are
+entries of files and logs, see `calstation.records.product`.
 """
 
 from calstation.judgement.acceptance import offline_online
@@ -18,5 +18,5 @@ from calstation.judgement.limits import (
     unobservable,
 )
 from calstation.judgement.model_tests import ModelTests
-from calstation.judgement.site import check_seen_latitude, latitude_agrees, unconfirmed_site
+from calstation.judgement.site import latitude_agrees, require_latitude, unconfirmed_site
 from calstation.judgement.standards import FALSE_ALARM, POWER, StandardComparison, judge_standard, reference_variances

@@ -1,4 +1,4 @@
-"""Evaluation of a product's acceptance checks with the evidence from a calibration."""
+"""Evaluation of a product's acceptance checks for a calibration."""
 
 import itertools
 import math
@@ -25,7 +25,7 @@ from calstation.records import (
     Previous,
 )
 
-#: Motions with a smaller rotation than this, rad, do not reveal a scale factor error.
+#: Smallest rotation of a motion that is sensitive to a scale factor error, rad.
 MIN_TURN = np.deg2rad(10.0)
 
 
@@ -51,12 +51,12 @@ def offline_online(section: ChecksSection, offline: Mapping[str, Any], online: M
     shared = [n for n, row in offline.items() if n in online and online[n]["stage"] == row["stage"]]
     if rule is None or not shared:
         return []
-    apart = {n: abs(offline[n]["value"] - online[n]["value"]) / max(offline[n]["sigma"], 1e-300) for n in shared}
-    worst = max(apart, key=lambda n: float(np.nan_to_num(apart[n], nan=np.inf)))
+    differences = {n: abs(offline[n]["value"] - online[n]["value"]) / max(offline[n]["sigma"], 1e-300) for n in shared}
+    worst = max(differences, key=lambda n: float(np.nan_to_num(differences[n], nan=np.inf)))
     return [
         Check.compare(
             "offline_online",
-            float(apart[worst]),
+            float(differences[worst]),
             rule.within_sigmas,
             "sigma",
             near=section.near_miss_beyond,
@@ -65,7 +65,7 @@ def offline_online(section: ChecksSection, offline: Mapping[str, Any], online: M
     ]
 
 
-#: Kind of check that compares with the floor of an improvement.
+#: Kind of check that compares with the smallest required error instead of an improvement.
 _FLOORS: dict[CheckKind, CheckKind] = {
     "improvement_at_rest": "improvement_at_rest_floor",
     "motion_improvement": "motion_improvement_floor",
@@ -73,7 +73,7 @@ _FLOORS: dict[CheckKind, CheckKind] = {
 
 
 class _Acceptance:
-    """Solutions of a chain of stages and the evidence for their checks."""
+    """Acceptance checks of the solutions of a chain of stages."""
 
     def __init__(
         self, section: ChecksSection, context: SolveContext, prior: Posterior, solutions: Sequence[Solution]
@@ -86,7 +86,7 @@ class _Acceptance:
     def checks(self, previous: Mapping[str, float]) -> Iterator[Check]:
         """Yield all checks that the product requires for the solved stages.
 
-        If a solved stage lacks a named rest, or the motions between two rests, the value is NaN and the check fails.
+        If a rest listed in the product or a motion between two rests is missing, the value is NaN and the check fails.
         """
         s = self._section
         if s.gravity_at_rest is not None:
@@ -122,22 +122,22 @@ class _Acceptance:
             yield self._check("gravity_at_rest", value, rule.within, "m/s²", where)
 
     def _improvement(self, rule: ImprovementAtRest) -> Iterator[Check]:
-        chosen = [e for e in self._evidence if e.rests and rule.stage in (None, e.stage)]
-        if not chosen:
+        candidates = [e for e in self._evidence if e.rests and rule.stage in (None, e.stage)]
+        if not candidates:
             return
-        evidence = chosen[-1]
+        evidence = candidates[-1]
         rows = []
         for k in range(len(evidence.rests)) if rule.positions is None else rule.positions:
             before = after = math.nan
             if k < len(evidence.rests):
                 before, after = (self._force_error(evidence.rests[k], p) for p in (evidence.before, self._after.mean))
             rows.append((before, after, Where(stage=evidence.stage, rest=k)))
-        yield from self._improved("improvement_at_rest", rule.below, rule.or_within, "m/s²", rows)
+        yield from self._compare_improvement("improvement_at_rest", rule.below, rule.or_within, "m/s²", rows)
 
-    def _improved(
+    def _compare_improvement(
         self, kind: CheckKind, below: float, floor: float, unit: str, rows: list[tuple[float, float, Where]]
     ) -> Iterator[Check]:
-        """Compare errors after calibration with a fraction of the errors before, or with the floor if larger."""
+        """Compare the errors after calibration with a fraction of the errors before, or with `floor` if larger."""
         factors = [(after / before, where) for before, after, where in rows if not below * before <= floor]
         if factors:
             value, where = max(factors, key=_value_then_where)
@@ -148,10 +148,10 @@ class _Acceptance:
             yield self._check(_FLOORS[kind], value, floor, unit, where)
 
     def _level(self, rule: Level) -> Iterator[Check]:
-        chosen = [e for e in self._evidence if e.stage == rule.stage or (e.rests and rule.stage is None)]
-        if not chosen:
+        candidates = [e for e in self._evidence if e.stage == rule.stage or (e.rests and rule.stage is None)]
+        if not candidates:
             return
-        evidence = next((e for e in chosen if len(e.rests) > rule.position), chosen[0])
+        evidence = next((e for e in candidates if len(e.rests) > rule.position), candidates[0])
         where, force = Where(stage=evidence.stage, rest=rule.position), np.full(3, math.nan)
         if rule.position < len(evidence.rests):
             _, force = evidence.rests[rule.position].compensated(self._after.mean)
@@ -180,7 +180,7 @@ class _Acceptance:
             value, where = max(((after, where) for _, after, where in rows), key=_value_then_where)
             yield self._check("motion_angle", value, rule.within, "rad", where)
         if rule.below is not None:
-            yield from self._improved("motion_improvement", rule.below, rule.or_within, "rad", rows)
+            yield from self._compare_improvement("motion_improvement", rule.below, rule.or_within, "rad", rows)
 
     def _previous(self, rule: Previous, previous: Mapping[str, float]) -> Iterator[Check]:
         for limited, limit in rule.change_within.items():
@@ -207,7 +207,7 @@ class _Acceptance:
 
 
 def _pairs(count: int, positions: Positions | None) -> Iterator[tuple[int, int]]:
-    """Return consecutive pairs of `count` rests, or all pairs of `positions`."""
+    """Return the pairs of consecutive rests among `count`, or all pairs of `positions`."""
     return itertools.pairwise(range(count)) if positions is None else itertools.combinations(sorted(set(positions)), 2)
 
 

@@ -16,7 +16,7 @@ _MAX_SHIFTS = 3
 
 @dataclass(frozen=True)
 class Where:
-    """Origin of the worst value of a check: a parameter, a rest of a stage, or the motions between two rests."""
+    """Origin of a check's worst value: a parameter, a rest of a stage, or the motions between two rests."""
 
     parameter: str = ""  #: Name of the parameter, or "".
     stage: str = ""  #: Stage of the rests, or "".
@@ -46,7 +46,7 @@ class Check:
     passed: bool
     near_miss: bool = False  #: Whether the value is within the limit, but with little margin.
     where: Where = Where()  #: Origin of the value.
-    diagnosis: Diagnosis | None = None  #: Meaning of the failure of a model test.
+    diagnosis: Diagnosis | None = None  #: Diagnosis of a failed model test.
     #: Lowest and highest accepted value if the decision rule narrows the limit.
     acceptance: tuple[float, float] | None = None
 
@@ -72,7 +72,7 @@ class Check:
     ) -> "Check":
         """Compare a value with its limit, or with `acceptance` if the decision rule narrows the limit.
 
-        A value within it but above its fraction `near` is a near miss.
+        A value within the limit, but above its fraction `near`, is a near miss.
         """
         accepted = acceptance or limit
         low, high = accepted if isinstance(accepted, tuple) else (-math.inf, accepted)
@@ -103,7 +103,7 @@ class Check:
 
     @property
     def cause_text(self) -> Text | None:
-        """Message about the cause of a failed test of the model; None for any other check."""
+        """Message about the cause of a failed model test; None for any other check."""
         diagnosis = self.diagnosis
         if diagnosis is None:
             return None
@@ -115,8 +115,8 @@ class Check:
         shifts = diagnosis.parameter_shift
         largest = sorted(shifts, key=lambda name: -abs(shifts[name]))[:_MAX_SHIFTS]
         moves = [Text.of("cause.move", parameter=name, sigmas=shifts[name]) for name in largest]
-        shown = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": self.subject}
-        return Text(f"cause.{diagnosis.cause}", {**shown, **values_from_json(diagnosis.values)})
+        size_values = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": self.subject}
+        return Text(f"cause.{diagnosis.cause}", {**size_values, **values_from_json(diagnosis.values)})
 
     def to_json(self) -> dict[str, Any]:
         """Return the check as a row of the result JSON."""

@@ -7,7 +7,7 @@ The true value y of a unit is drawn from N(μ, s²), with the spread s of the pr
 
     m ~ N(κ y + (1 − κ) m₀, κ σ²),  κ = 1 − σ²/p²,
 
-which is N(y, σ²) where the data determine the parameter. A unit's own previous calibration is data about it: κ = 1.
+which is N(y, σ²) if the data determine the parameter. A previous calibration of the same unit is also data: κ = 1.
 """
 
 import math
@@ -28,17 +28,17 @@ from calstation.schema import Number, ResultSection
 #: Lowest and highest value.
 Interval = tuple[float, float]
 
-#: Replaces an argument or a sigma of 0 where a formula divides by it.
+#: Value that replaces an argument or a sigma of 0 in a denominator.
 _TINY = 1e-300
 
-#: √(1 − ρ²) below which ρ counts as 1, because rounding errors in Owen's formula are divided by it.
+#: √(1 − ρ²) below which ρ is set to 1, because rounding errors in Owen's formula are divided by it.
 _SMALLEST_ROOT = 1e-8
 
 
 class ParameterConformity(ResultSection):
-    """Decision about a parameter with limits of its value, and the probabilities that it is wrong.
+    """Decision on a parameter with limits of its value, and the probabilities of a wrong decision.
 
-    `false_accept` and `false_reject` need the spread of the product and apply to all its units, not to this one.
+    `false_accept` and `false_reject` require the spread of the product and apply to all its units, not to this one.
     """
 
     accepted: bool
@@ -52,7 +52,7 @@ class ParameterConformity(ResultSection):
 
 
 class Conformity(ResultSection):
-    """Decision rule of a result, and its decisions by parameter."""
+    """Decision rule of a result, and the decisions by parameter."""
 
     rule: Rule
     coverage_factor: float = COVERAGE_FACTOR  #: Ratio of expanded to standard uncertainty.
@@ -70,7 +70,7 @@ class Measurement:
 
     @property
     def response(self) -> float:
-        """Change of the estimate with the true value, κ: from 0 for a useless measurement to 1."""
+        """Derivative of the estimate with respect to the true value, κ, from 0 for a useless measurement to 1."""
         return max(0.0, 1.0 - (self.sigma / self.prior_sigma) ** 2)
 
 
@@ -135,7 +135,7 @@ def bivariate_normal(h: float, k: float, rho: float, root: float) -> float:
 def conformity(
     meta: LogMeta, prior: Posterior, solutions: Sequence[Solution], checks: Sequence[Check]
 ) -> Conformity | None:
-    """Return the decisions on values in `checks` with their probabilities; None if there are none."""
+    """Return the decisions on the values in `checks` and their probabilities; None if there are none."""
     if not solutions:
         return None
     section, decisions = conformity_section(meta), {}

@@ -1,4 +1,4 @@
-"""Tests of the recorded samples themselves: clipped channels, the sample clock, and the temperature."""
+"""Tests of the recorded samples: clipped channels, the sample clock, and the temperature."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -12,15 +12,15 @@ from calstation.estimation.common import ImuModel, RestResiduals, SampleBlock, S
 from calstation.physics import CHANNELS, PARAMETERS, BoolArray, FloatArray, group_indices
 from calstation.records import ChecksSection, LogMeta, SampleClockLimit, TemperatureLimit
 
-#: A channel is clipped if this many samples are expected above its largest one, given its noise.
+#: Number of samples expected above the largest one, given the noise, above which a channel is clipped.
 MISSING_SAMPLES = 30.0
-#: Default of the largest error of a clock that is compared with the sample rate, ppm: a computer's quartz.
+#: Default of the largest error of a clock with which the sample rate is compared, ppm: the quartz of a computer.
 CLOCK_ERROR_PPM = 50.0
-#: Window for the noise of a channel and the mean of times and temperatures, s.
+#: Window in which the noise of a channel and the means of times and temperatures are computed, s.
 _WINDOW = 1.0
-#: Deviation of the clock rate beyond its limit that fails, in sigmas; no verdict if this is more than the limit.
+#: Deviation of the clock rate in excess of its limit that fails, in sigmas; if it exceeds the limit, there is no test.
 _SIGMAS = 5.0
-#: Times closer to the counter than this, s, are derived from it and do not represent a clock.
+#: Smallest range of the differences between a clock and the counter, s; other times are computed from the counter.
 _DERIVED = 1e-6
 #: Smallest number of windows from which the clock rate is determined.
 _MIN_WINDOWS = 20
@@ -33,15 +33,15 @@ class DataTests:
 
     def __init__(self, meta: LogMeta, context: SolveContext) -> None:
         checks = (meta.product.checks if meta.product is not None else None) or ChecksSection()
-        given = meta.run.clock_error_ppm if meta.run is not None else None
-        error = CLOCK_ERROR_PPM if given is None else given
+        run_error = meta.run.clock_error_ppm if meta.run is not None else None
+        error = CLOCK_ERROR_PPM if run_error is None else run_error
         self._clock_within = 1e-6 * ((checks.sample_clock or SampleClockLimit()).within_ppm + error)
         self._temperature_within = (checks.temperature or TemperatureLimit()).change_within
         self._context = context
         self._temperatures: list[float] = []
 
-    def tested(self, solution: Solution, samples: SampleBlock, data: StageData) -> Solution:
-        """Return the solution of a stage with the tests of its samples, and their findings in its details."""
+    def add_tests(self, solution: Solution, samples: SampleBlock, data: StageData) -> Solution:
+        """Return the solution of a stage with the tests of its samples, and their values in its details."""
         clocks = sample_clocks(samples, self._context.imu.sample_rate)
         tests = [self._clipping(samples), *self._clock(clocks)]
         details: dict[str, Any] = {}
@@ -60,14 +60,14 @@ class DataTests:
         return replace(solution, tests=(*solution.tests, *tests), details={**solution.details, **details})
 
     def _clipping(self, samples: SampleBlock) -> ModelTest:
-        """Return the worst test of the IMUs on the body; a secondary IMU's number follows the name of the sensor."""
+        """Return the worst test of the IMUs on the body."""
         imus = [("", self._context.imu, samples.counts)]
         imus += [(str(s.number), s.imu, samples.others[:, k]) for k, s in enumerate(self._context.secondaries)]
         tests = []
         for number, imu, counts in imus:
-            known = _known(samples.valid, counts)
-            chosen = slice(None) if known.all() else known  # a slice copies nothing
-            tests.append(clipping_test(counts[chosen], samples.time[chosen], imu, number))
+            complete = _complete_samples(samples.valid, counts)
+            selection = slice(None) if complete.all() else complete  # a slice copies nothing
+            tests.append(clipping_test(counts[selection], samples.time[selection], imu, number))
         return max(tests, key=lambda test: test.value)
 
     def _clock(self, clocks: dict[str, "SampleClock"]) -> Iterator[ModelTest]:
@@ -96,12 +96,12 @@ class DataTests:
 
 
 def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: str = "") -> ModelTest:
-    """Test whether a channel of `counts`, shape (n, 6), ends at a value that its noise should exceed.
+    """Test whether a channel of `counts`, shape (n, 6), is clipped at a value that its noise would exceed.
 
-    Samples are rounded to bins of width h. Gaussian noise of standard deviation s, added to any signal, leaves
-    p[k-1] p[k+1] >= p[k]² exp(-h²/s²) for the shares p of neighbouring bins (by Cauchy's inequality for one level of
-    the signal, by Titu's lemma for a mixture). The two highest bins therefore give a lower bound of the number
-    of samples expected above the highest one, where there is none. `time` is in s, shape (n,); `number` is the IMU's.
+    Samples are rounded to bins of width h. With Gaussian noise of standard deviation s, the fractions p of samples in
+    neighbouring bins satisfy p[k-1] p[k+1] >= p[k]² exp(-h²/s²) for any signal (by Cauchy's inequality for one level of
+    the signal, by Titu's lemma for a mixture). The two highest bins therefore give a lower bound of the number of
+    samples expected above the highest one. `time` is in s, shape (n,); `number` of a secondary IMU is displayed.
     """
     size = imu.count_size
     noise = np.repeat([imu.gyro_arw, imu.accel_vrw], 3) * imu.sample_rate**0.5 / size
@@ -115,14 +115,14 @@ def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: s
     last = (values.max(), values.min())[side]
     at = np.flatnonzero(values == last)
     level = float(last * size[i])
-    shown, unit = (np.rad2deg(level), "°/s") if i < 3 else (level, "m/s²")
+    displayed, unit = (np.rad2deg(level), "°/s") if i < 3 else (level, "m/s²")
     cause = Diagnosis(
         "clipped",
         level,
         unit="rad/s" if i < 3 else "m/s²",
         values={
             "channel": CHANNELS[i].replace("_", f"{number} "),
-            "level": float(shown),
+            "level": float(displayed),
             "level_unit": unit,
             "count": len(at),
             "first": float(time[at[0]]),
@@ -135,18 +135,18 @@ def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: s
 def _missing_samples(counts: FloatArray, noise: FloatArray, step: FloatArray, width: int) -> FloatArray:
     """Return a lower bound of the samples missing above the largest and below the smallest one, shape (6, 2).
 
-    `noise`, the profile's noise, and `step`, the rounding step, are in counts, shape (6,); both are also estimated from
-    the data, the noise from windows of `width` samples.
+    `noise`, the profile's noise, and `step`, the rounding step, are in counts, shape (6,). Both are also estimated from
+    the data, the noise in windows of `width` samples.
     """
     missing = np.zeros((len(step), 2))
     if not len(counts):
         return missing
     low, high, fine, slow, finest = _windows_of(counts, width)
     for i in range(len(step)):
-        least, most = float(low[:, i].min()), float(high[:, i].max())
+        lowest, highest_value = float(low[:, i].min()), float(high[:, i].max())
         if finest[i] > step[i]:  # adjacent samples may differ by more than adjacent values do
             finest[i] = np.diff(np.unique(counts[:, i])).min(initial=np.inf)
-        inside = (high[: len(fine), i] < most) & (low[: len(fine), i] > least)
+        inside = (high[: len(fine), i] < highest_value) & (low[: len(fine), i] > lowest)
         if not inside.any():
             continue
         # Second differences exclude motion, standard deviations include slow noise; both are upper limits of the noise.
@@ -155,31 +155,31 @@ def _missing_samples(counts: FloatArray, noise: FloatArray, step: FloatArray, wi
         if not smallest > 0.0:
             continue
         bin_width = spacing * max(1, round(smallest / spacing))
-        edges = np.array([most, -least]) + 0.5 * spacing - bin_width
-        highest = _beyond(counts, i, edges, low, high, width)
-        next_bin = _beyond(counts, i, edges - bin_width, low, high, width) - highest
+        edges = np.array([highest_value, -lowest]) + 0.5 * spacing - bin_width
+        highest = _count_beyond(counts, i, edges, low, high, width)
+        next_bin = _count_beyond(counts, i, edges - bin_width, low, high, width) - highest
         share = highest**2 / (next_bin + 3.0 * next_bin**0.5 + 3.0)
         missing[i] = share * np.exp(-((bin_width / smallest) ** 2))
     return missing
 
 
 @nb.njit(cache=True)
-def _known(valid: BoolArray, counts: FloatArray) -> BoolArray:
+def _complete_samples(valid: BoolArray, counts: FloatArray) -> BoolArray:
     """Return whether each sample is valid and has all of its channels, shape (n,)."""
-    known = valid.copy()
+    complete = valid.copy()
     for k in range(len(counts)):
         for i in range(counts.shape[1]):
-            known[k] &= counts[k, i] == counts[k, i]
-    return known
+            complete[k] &= counts[k, i] == counts[k, i]
+    return complete
 
 
 @nb.njit(cache=True)
 def _windows_of(counts: FloatArray, width: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return statistics of windows of `width` samples of m channels, and the smallest step of each channel.
 
-    The smallest and the largest value of each window have the shape (k, m), the last window being the remainder.
-    Further results are the noise from second differences and the variance of whole windows, shape (k or k − 1, m), and
-    the steps, infinite for a constant channel, shape (m,).
+    The smallest and the largest value of each window have the shape (k, m); the last window may be incomplete. The
+    other results are the noise variance from second differences and the variance of complete windows, shape (k or
+    k − 1, m), and the steps, infinite for a constant channel, shape (m,).
     """
     whole, channels = len(counts) // width, counts.shape[1]
     total = -(-len(counts) // width)
@@ -209,7 +209,7 @@ def _windows_of(counts: FloatArray, width: int) -> tuple[FloatArray, FloatArray,
 
 
 @nb.njit(cache=True)
-def _beyond(
+def _count_beyond(
     counts: FloatArray, channel: int, edges: FloatArray, low: FloatArray, high: FloatArray, width: int
 ) -> FloatArray:
     """Return the number of values above the first edge, and of their negatives above the second, shape (2,).
@@ -235,7 +235,7 @@ class SampleClock:
 
 
 def sample_clocks(samples: SampleBlock, rate: float) -> dict[str, SampleClock]:
-    """Compare the counter of the samples at `rate`, Hz, with their times and with station time, if known."""
+    """Compare the counter of samples at `rate`, Hz, with their times and with station time, if known."""
     nominal = samples.seq / rate
     clocks = {"time_s": _clock(nominal, samples.time, rate)}
     if samples.station.shape[1]:
@@ -246,11 +246,11 @@ def sample_clocks(samples: SampleBlock, rate: float) -> dict[str, SampleClock]:
 def _clock(nominal: FloatArray, time: FloatArray, rate: float) -> SampleClock | None:
     """Fit the rate of a clock with one offset for each interval without gap; None if the intervals are too short."""
     interval = np.concatenate([[0], np.cumsum(np.diff(nominal) * rate > 1.5)])
-    known = ~np.isnan(time)
-    nominal, late, interval = nominal[known], (time - nominal)[known], interval[known]
+    is_known = ~np.isnan(time)
+    nominal, late, interval = nominal[is_known], (time - nominal)[is_known], interval[is_known]
     if not len(nominal) or np.ptp(late) < _DERIVED:
         return None
-    # Use means over windows, so that arrival times that are late together count once.
+    # Use means over windows, so that a common delay of several samples is counted once.
     window = np.floor((nominal - nominal[0]) / _WINDOW).astype(np.int64) + interval * (1 << 32)
     _, first, index = np.unique(window, return_index=True, return_inverse=True)
     weight = np.bincount(index)
@@ -263,8 +263,8 @@ def _clock(nominal: FloatArray, time: FloatArray, rate: float) -> SampleClock | 
         return None
     slope = float(x @ y / (x @ x))
     scatter = float(np.sqrt(((y - slope * x) ** 2).sum() / free))
-    each = late - (np.bincount(index, late) / weight)[index]
-    jitter = float(np.hypot(scatter, each.std()))
+    within_window = late - (np.bincount(index, late) / weight)[index]
+    jitter = float(np.hypot(scatter, within_window.std()))
     # Delays may also change slowly, for example if times are read at multiples of the sample period.
     sigma = float(np.hypot(scatter / np.sqrt(x @ x), jitter / np.ptp(x)))
     return SampleClock(-slope / (1.0 + slope), sigma, jitter)
@@ -283,8 +283,8 @@ def temperature_coefficients(rests: RestResiduals, samples: SampleBlock, gravity
     values; {} if the temperature of the rests is constant. A rest determines the gyro bias along up and the force
     component along up.
     """
-    known = ~np.isnan(samples.temperature)
-    warmth = np.interp(0.5 * (rests.first_seq + rests.last_seq), samples.seq[known], samples.temperature[known])
+    measured = ~np.isnan(samples.temperature)
+    warmth = np.interp(0.5 * (rests.first_seq + rests.last_seq), samples.seq[measured], samples.temperature[measured])
     if not len(rests) or not np.ptp(warmth) > _MIN_CHANGE:
         return {}
     up = rests.up

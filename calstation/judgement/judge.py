@@ -1,4 +1,4 @@
-"""Where PASS or FAIL is decided: the solutions of a run against its limits and checks, and the verdict."""
+"""Decision between PASS and FAIL: comparison of a run's solutions with the limits and checks, and its verdict."""
 
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
@@ -18,7 +18,7 @@ from calstation.records import NEAR, CheckKind, Limit, LogMeta, Verdict, context
 from procedures import DEFAULT_STAGES
 
 #: Kinds of checks that may fail because the model does not describe the data.
-_OF_THE_MODEL: frozenset[CheckKind] = frozenset({
+_MODEL_DEPENDENT: frozenset[CheckKind] = frozenset({
     "within", "consistency", "agreement", "halves", "gravity_at_rest", "improvement_at_rest",
     "improvement_at_rest_floor", "motion_angle", "motion_improvement", "motion_improvement_floor",
 })  # fmt: skip
@@ -26,10 +26,11 @@ _OF_THE_MODEL: frozenset[CheckKind] = frozenset({
 
 @dataclass(frozen=True)
 class Judgement:
-    """Answer to whether the solutions of a run are within the limits of its product, and why not."""
+    """Checks of a run's solutions against the limits of its product, and their outcome."""
 
     checks: tuple[Check, ...]
-    #: None without limits, if data and model were not tested, or if a stage lacks data or gravity is contradictory.
+    #: None without limits, if data and model were not tested, if the data of a stage are insufficient, or if gravity is
+    #: contradictory.
     passed: bool | None
     partial: bool  #: Whether stages of the product were omitted.
     not_compared: tuple[str, ...] = ()  #: Parameters with a limit that no stage estimated or determined.
@@ -42,9 +43,9 @@ class Judgement:
 
 @dataclass(frozen=True)
 class SolvedAgain:
-    """What counts in addition if a log was solved again, possibly for fewer stages than those of its run."""
+    """Additional input to the judgement of a log that was solved again, possibly for fewer stages than its run."""
 
-    complete: bool = True  #: Whether no stage of the log lacks data; otherwise the unit may fail, but not pass.
+    complete: bool = True  #: Whether every stage of the log was solved; otherwise the unit may fail, but not pass.
     online: Sequence[Check] = ()  #: Comparison with the result of the run, see `offline_online`.
 
 
@@ -63,15 +64,15 @@ def judge(
     meta : configuration of the log, with limits, acceptance checks and decision rule
     prior : posterior before the first stage
     solutions : solutions of the stages, with the tests of data and model, in order
-    again : if a log was solved again; None for a run
+    again : additional input for a log that was solved again; None for a run
     standard : comparison of a check standard with its reference; None for a production unit
     """
     limits, near = _limits(meta)
     section = meta.product.checks if meta.product is not None else None
     compared = check_limits(limits, prior, solutions, near, meta.calibrated, conformity_section(meta).rule)
-    limit_checks = [_explained(meta, check) for check in compared]
+    limit_checks = [_with_cause(meta, check) for check in compared]
     if section is not None:
-        if meta.calibrated:  # the current calibration, not the run, determines most of the sigmas
+        if meta.calibrated:  # most of the sigmas are due to the current calibration instead of the run
             section = section.model_copy(update={"excitation": None})
         limit_checks += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
     checks = [*_with_explanation(limit_checks, solutions), *check_latitude(meta, solutions)]
@@ -80,7 +81,7 @@ def judge(
         checks += again.online if again is not None else ()
         passed = bool(limit_checks) and all(check.passed for check in checks) and (standard is None or standard.passed)
     if again is not None and not (again.complete and gravity_contradiction(meta.site) is None):
-        passed = None if passed else passed  # it may fail, but not pass
+        passed = None if passed else passed  # the unit may fail, but not pass
     return Judgement(
         checks=tuple(checks),
         passed=passed,
@@ -93,10 +94,10 @@ def judge(
 
 
 def compare_only(meta: LogMeta, prior: Posterior, solutions: Sequence[Solution]) -> Judgement:
-    """Compare values and sigmas of a log's untested solutions with the limits; the unit neither passes nor fails."""
+    """Compare the values and sigmas of untested solutions with the limits; the unit neither passes nor fails."""
     limits, near = _limits(meta)
     checks = check_limits(limits, prior, solutions, near, meta.calibrated, conformity_section(meta).rule)
-    limit_checks = tuple(_explained(meta, check) for check in checks if check.kind in ("within", "sigma_below"))
+    limit_checks = tuple(_with_cause(meta, check) for check in checks if check.kind in ("within", "sigma_below"))
     partial = is_partial(meta, [s.stage for s in solutions])
     return Judgement(limit_checks, None, partial, tuple(not_compared(limits, prior, solutions)), tested=False)
 
@@ -110,16 +111,16 @@ def _limits(meta: LogMeta) -> tuple[Mapping[str, Limit], float]:
 
 
 def _with_explanation(checks: list[Check], solutions: Sequence[Solution]) -> list[Check]:
-    """Return the checks, with the last stage's failed test inserted before the first check that it explains."""
-    failed = [k for k, check in enumerate(checks) if not check.passed and check.kind in _OF_THE_MODEL]
-    last = solutions[-1] if solutions else None
-    if not failed or last is None or last.explanation is None:
+    """Return the checks with the last stage's failed test inserted before the first check that it explains."""
+    failed = [k for k, check in enumerate(checks) if not check.passed and check.kind in _MODEL_DEPENDENT]
+    last_solution = solutions[-1] if solutions else None
+    if not failed or last_solution is None or last_solution.explanation is None:
         return checks
-    return [*checks[: failed[0]], Check.of_model(last.stage, last.explanation), *checks[failed[0] :]]
+    return [*checks[: failed[0]], Check.of_model(last_solution.stage, last_solution.explanation), *checks[failed[0] :]]
 
 
-def _explained(meta: LogMeta, check: Check) -> Check:
-    """Return a check of a sigma with the cause if gravity alone exceeds its limit."""
+def _with_cause(meta: LogMeta, check: Check) -> Check:
+    """Return a check of a sigma with a diagnosis if the gravity uncertainty alone exceeds its limit."""
     if check.kind != "sigma_below" or isinstance(check.limit, tuple):
         return check
     gravity = excess_gravity_sigma(meta, check.subject, check.limit)
@@ -131,7 +132,7 @@ def _explained(meta: LogMeta, check: Check) -> Check:
 
 
 def is_partial(meta: LogMeta, solved: Collection[str] | None = None) -> bool:
-    """Return whether the stages of the run, or the stages `solved` again, omit stages of its product.
+    """Return whether the run, or the `solved` stages of its log, omit stages of the product.
 
     A log without a run section is never partial.
     """
@@ -143,7 +144,7 @@ def is_partial(meta: LogMeta, solved: Collection[str] | None = None) -> bool:
 
 
 class End(StrEnum):
-    """How a run ended; a log that was solved again is completed."""
+    """End of a run; a log that was solved again is completed."""
 
     COMPLETED = "completed"
     STOPPED = "stopped"
@@ -154,11 +155,11 @@ class End(StrEnum):
 def verdict_of(end: End, passed: bool | None, *, partial: bool) -> Verdict:
     """Return the verdict of a run, or of a log that was solved again.
 
-    A run that was not completed has no other verdict than its end, whatever its values are.
+    The verdict of a run that was not completed is its end, regardless of its values.
 
     Parameters
     ----------
-    end : how the run ended
+    end : end of the run
     passed, partial : as in the judgement of its solutions
     """
     if end is not End.COMPLETED:
@@ -173,7 +174,7 @@ def verdict_of(end: End, passed: bool | None, *, partial: bool) -> Verdict:
 def advice(product: ProductConfig, verdict: Verdict, failures: int, *, resumable: bool) -> str | None:
     """Return the recommended action: ``reseat``, ``repeat``, ``set_aside`` or ``resume``; None for a unit that passed.
 
-    `failures` counts consecutive failed runs, including this one.
+    `failures` is the number of consecutive failed runs, including this one.
     """
     if verdict.passed:
         return None

@@ -13,7 +13,7 @@ from calstation.records import MODEL_KINDS, NEAR, Limit, Rule
 
 #: Coverage factor of the expanded uncertainty.
 COVERAGE_FACTOR = 2.0
-#: Change of a parameter, in its standard deviations, beyond which the unit no longer matches its calibration.
+#: Largest change of a parameter for which the unit agrees with its current calibration, in standard deviations.
 _CHANGED = 6.0
 #: Smallest relative decrease of a variance that is not due to rounding.
 _RESOLVED = 1e-6
@@ -42,32 +42,32 @@ def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
 
 
 def unobservable(prior: Posterior, solutions: Sequence[Solution]) -> list[str]:
-    """Return estimated parameters that the data do not determine.
+    """Return the estimated parameters that the data do not determine.
 
-    Their sigma is above 0.9 of the prior sigma, or they lie in the unobservable subspace of every stage that estimated
+    Their sigma is above 0.9 of the prior sigma, or they are in the unobservable subspace of every stage that estimated
     them, so that only a prior correlation has reduced their sigma.
     """
     if not solutions:
         return []
     before, after = prior.sigma, solutions[-1].posterior.sigma
-    lost = [
+    names = [
         name
         for name in estimated_stage(solutions)
         if before[INDEX[name]] > 0
         and (after[INDEX[name]] > OBSERVABLE * before[INDEX[name]] or _not_observed(name, solutions))
     ]
-    return lost + [name for s in solutions for name, e in s.estimates.items() if not e.determined]
+    return names + [name for s in solutions for name, e in s.estimates.items() if not e.determined]
 
 
 def undetermined(prior: Posterior, solutions: Sequence[Solution], calibrated: Collection[str]) -> list[str]:
-    """Return unobservable parameters that are not known from the current calibration either.
+    """Return the unobservable parameters that are not known from the current calibration.
 
-    The parameters in `calibrated` are known from it if the data determine at least half of the parameters; a run with
-    less information, such as a stage ended at its first rest, is not a calibration.
+    The parameters in `calibrated` are known if the data determine at least half of the parameters. A run with less
+    information, such as a stage that ended after its first rest, is not a calibration.
     """
-    lost, estimated = unobservable(prior, solutions), estimated_stage(solutions)
-    known = calibrated if 2 * sum(name in lost for name in estimated) <= len(estimated) else ()
-    return [name for name in lost if name not in known]
+    names, estimated = unobservable(prior, solutions), estimated_stage(solutions)
+    calibrated_names = calibrated if 2 * sum(name in names for name in estimated) <= len(estimated) else ()
+    return [name for name in names if name not in calibrated_names]
 
 
 def _not_observed(name: str, solutions: Sequence[Solution]) -> bool:
@@ -77,14 +77,13 @@ def _not_observed(name: str, solutions: Sequence[Solution]) -> bool:
 
 
 def not_compared(limits: Mapping[str, Limit], prior: Posterior, solutions: Sequence[Solution]) -> list[str]:
-    """Return parameters with a limit that no stage estimated, or that the data do not determine.
+    """Return the parameters with a limit that no stage estimated, or that the data do not determine.
 
-    A partial run is judged only by its own stages, and makes no statement about parameters that its data do not
-    determine.
+    A partial run is judged only by its own stages, without a statement about these parameters.
     """
-    estimated, lost = estimated_stage(solutions), unobservable(prior, solutions)
+    estimated, undetermined_names = estimated_stage(solutions), unobservable(prior, solutions)
     limited = [p.name for p in PARAMETERS if p.name in limits or p.group in limits]
-    return [name for name in limited if name not in estimated or name in lost]
+    return [name for name in limited if name not in estimated or name in undetermined_names]
 
 
 def check_limits(
@@ -98,17 +97,17 @@ def check_limits(
     """Compare the result of a chain of stages with the limits of its product by a decision rule.
 
     A value above the fraction `near` of its limit is a near miss. A parameter's limit overrides the limit of its group;
-    only parameters that were estimated and determined by the data are compared. Innovations, if a stage had any to
-    test, and undetermined parameters are checked without near misses. The change of the parameters in `calibrated`,
-    whose prior is the current calibration, is compared with its sigma.
+    only parameters that were estimated and determined by the data are compared. The checks of the innovations and of
+    undetermined parameters have no near miss. The change of the parameters in `calibrated`, whose prior is the current
+    calibration, is compared with its sigma.
     """
     if not solutions:
         return []
     posterior = solutions[-1].posterior
-    sigma, lost = posterior.sigma, unobservable(prior, solutions)
+    sigma, undetermined_names = posterior.sigma, unobservable(prior, solutions)
     checks = []
     for name, stage in estimated_stage(solutions).items():
-        if name in lost:
+        if name in undetermined_names:
             continue
         i = INDEX[name]
         limit = entry_of(limits, name)

@@ -12,7 +12,7 @@ MIN_PROBABILITY = 1e-6
 
 
 class ModelTests:
-    """Adds the tests of the model, and the effects in it, to the solution of every stage."""
+    """Adds the tests of the model, and the effects in the unit's model, to the solution of every stage."""
 
     def __init__(self, prior: Posterior, states: Sequence[str]) -> None:
         self._effects = EffectTests(prior.sigma, states)
@@ -27,8 +27,8 @@ class ModelTests:
         self._effects.add(solution.stage, solution.sensitivity, solution.estimated)
         return self._with_effects(replace(solution, sensitivity=None))
 
-    def tested(self, solution: Solution, before: Sequence[Solution], posterior: Posterior) -> Solution:
-        """Return a solution with its tests; `before` are the earlier stages, and `posterior` is the last posterior."""
+    def add_tests(self, solution: Solution, before: Sequence[Solution], posterior: Posterior) -> Solution:
+        """Return a solution with its tests; `before` are the earlier solutions, `posterior` is their posterior."""
         tests = [*solution.tests, *_convergence(solution)]
         if solution.sensitivity is not None:
             self.effects_tested = True
@@ -40,23 +40,23 @@ class ModelTests:
         return replace(solution, tests=tuple(tests))
 
     def _with_effects(self, solution: Solution) -> Solution:
-        """Return a solution whose model contains the effects of the IMU profile."""
+        """Return a solution whose model contains the effects in the unit's model."""
         if not self._states:
             return solution
-        known, c = self._effects.estimated(), solution.consistency
-        sizes = zip(known.names, known.size, known.covariance.diagonal() ** 0.5, known.units, strict=True)
+        effects, c = self._effects.estimate(), solution.consistency
+        sizes = zip(effects.names, effects.size, effects.covariance.diagonal() ** 0.5, effects.units, strict=True)
         estimates = {name: Estimate(float(size), float(sigma), unit) for name, size, sigma, unit in sizes}
-        nis = c.nis_mean - known.explained / c.count if c.count else c.nis_mean
+        nis = c.nis_mean - effects.explained / c.count if c.count else c.nis_mean
         return replace(
             solution,
-            posterior=known.corrected(solution.posterior),
+            posterior=effects.correct(solution.posterior),
             consistency=replace(c, nis_mean=max(nis, 0.0)),
             estimates={**solution.estimates, **estimates},
         )
 
 
 def _convergence(solution: Solution) -> list[ModelTest]:
-    """Return a failed test for a solution whose iteration has not converged, because its error is unknown."""
+    """Return a failed test if the iteration of a solution has not converged, because its error is unknown."""
     passes = [values["passes"] for code, values in solution.messages if code == "not_converged"]
     return [ModelTest("convergence", n, n - 1, "1", Diagnosis("not_converged", values={"passes": n})) for n in passes]
 

@@ -1,4 +1,4 @@
-"""Checks of a station's site after its rests: the gyros reveal a latitude that differs from the station file's."""
+"""Checks of a station's site: the gyros at rest detect a latitude that differs from the station file."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -15,9 +15,9 @@ from procedures import method
 
 
 def unconfirmed_site(meta: LogMeta, solutions: Iterable[Solution]) -> dict[str, float] | None:
-    """Return the site of a recording from another program if a run at it would need a confirmation, else None.
+    """Return the site of a recording by another program if a run at it would require a confirmation, otherwise None.
 
-    A run requests this confirmation before it records.
+    A run requests this confirmation before recording.
     """
     context = context_from_meta(meta)
     scale = any("accel_scale_x" in solution.estimated for solution in solutions)
@@ -29,24 +29,24 @@ def unconfirmed_site(meta: LogMeta, solutions: Iterable[Solution]) -> dict[str, 
 
 
 def check_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> list[Check]:
-    """Compare the latitude measured in the latest rests with the file's latitude; return [] if it was not measured."""
-    seen = _seen(solutions)
-    if seen is None:
+    """Compare the latitude measured in the latest rests with the file; return [] if it was not measured."""
+    measured = _measured_latitude(solutions)
+    if measured is None:
         return []
     latitude = context_from_meta(meta).site.latitude
-    limit = (latitude - seen.tolerance, latitude + seen.tolerance)
-    check = Check.compare("latitude", seen.value, limit, "rad")
+    limit = (latitude - measured.tolerance, latitude + measured.tolerance)
+    check = Check.compare("latitude", measured.value, limit, "rad")
     values = {
-        "measured": float(np.rad2deg(seen.value)),
+        "measured": float(np.rad2deg(measured.value)),
         "latitude": meta.site.latitude_deg,
-        "rate": RATE * float(np.sin(seen.value) - np.sin(latitude)) / DEGREE_PER_HOUR,
-        "rate_sigma": RATE * float(np.cos(seen.value)) * seen.sigma / DEGREE_PER_HOUR,
+        "rate": RATE * float(np.sin(measured.value) - np.sin(latitude)) / DEGREE_PER_HOUR,
+        "rate_sigma": RATE * float(np.cos(measured.value)) * measured.sigma / DEGREE_PER_HOUR,
     }
-    diagnosis = Diagnosis("latitude_unlike", seen.value - latitude, seen.sigma, "rad", values=values)
+    diagnosis = Diagnosis("latitude_unlike", measured.value - latitude, measured.sigma, "rad", values=values)
     return [check if check.passed else replace(check, diagnosis=diagnosis)]
 
 
-def check_seen_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> None:
+def require_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> None:
     """Raise ConfigurationError if the latitude measured by the gyros contradicts the file's latitude."""
     for check in check_latitude(meta, solutions):
         if check.diagnosis is not None:
@@ -56,21 +56,23 @@ def check_seen_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> None:
 
 
 def unconfirmed_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> dict[str, str | float] | None:
-    """Return the first inconsistent stage and the latitude it assumed if no rest has confirmed it.
+    """Return the first inconsistent stage and its assumed latitude if no rest has confirmed the latitude.
 
-    The unit may still be good: rests in one attitude, as in `rate`, cannot separate earth rate from a bias. Return None
-    if the latitude was confirmed, if the gyros cannot resolve earth rate, or if every stage is consistent.
+    The unit may nevertheless be good: rests in one attitude, as in `rate`, do not separate earth rate from a bias.
+    Return None if the latitude was confirmed, if the gyros cannot resolve earth rate, or if every stage is consistent.
     """
     inconsistent = [s.stage for s in solutions if not (s.consistency.passed or method(s.stage).needs_no_table)]
-    if not inconsistent or _seen(solutions) is not None or not resolves_earth_rate(context_from_meta(meta).imu):
+    if not inconsistent or _measured_latitude(solutions) is not None:
+        return None
+    if not resolves_earth_rate(context_from_meta(meta).imu):
         return None
     return {"stage": inconsistent[0], "latitude": meta.site.latitude_deg}
 
 
 def latitude_agrees(checks: Iterable[Check]) -> bool:
-    """Return whether no latitude check failed; runs from another location cannot be resumed."""
+    """Return whether no latitude check failed; a run can be resumed only at the same location."""
     return all(check.passed for check in checks if check.kind == "latitude")
 
 
-def _seen(solutions: Sequence[Solution]) -> LatitudeEstimate | None:
+def _measured_latitude(solutions: Sequence[Solution]) -> LatitudeEstimate | None:
     return solutions[-1].latitude if solutions else None

@@ -1,4 +1,4 @@
-"""Check standards: comparison of a run with the reference values of its unit.
+"""Comparison of a run of a check standard with its reference values.
 
 Two tests share the probability `FALSE_ALARM` equally, so that together they fail an unchanged station and unit at most
 with this probability. The normalised error of each parameter, Eₙ = (x − x_ref) / √(U² + U_ref²) with U = 2σ (ISO
@@ -30,7 +30,7 @@ FALSE_ALARM = 0.0027
 #: Probability with which a run detects an error of the size of `StandardComparison.detectable`.
 POWER = 0.9
 
-#: s.
+#: Duration of a day and of a year, s.
 _DAY, _YEAR = 86400.0, 365.25 * 86400.0
 _MOUNTING = frozenset(group_indices("outer_lever"))
 
@@ -55,16 +55,16 @@ def judge_standard(
     """Compare a run of a check standard with its reference.
 
     `estimate` is the estimate of the run that began at `started`. The parameters that are both `determined` by its data
-    and contained in the reference are compared; a run without any of these fails. A parameter that is not determined
-    keeps the large sigma of the prior: it could not fail, but would widen both limits for the others.
+    and contained in the reference are compared; a run without any of them fails. Other parameters have the large sigma
+    of the prior: they could not fail, but would increase both limits for the others.
     """
     names = [name for name in standard.reference if name in determined and INDEX[name] not in _MOUNTING]
-    at = [INDEX[name] for name in names]
+    indices = [INDEX[name] for name in names]
     reference = [standard.reference[name] for name in names]
     expected = reference_variances(standard, imu, np.array([started.timestamp()]))
     variance = np.array([float(expected[name][0]) for name in names])
-    difference = estimate.mean[at] - np.array([r.value for r in reference])
-    covariance = estimate.covariance[np.ix_(at, at)] + np.diag(variance)
+    difference = estimate.mean[indices] - np.array([r.value for r in reference])
+    covariance = estimate.covariance[np.ix_(indices, indices)] + np.diag(variance)
     sigma = np.sqrt(np.diag(covariance))
     errors = difference / (COVERAGE_FACTOR * sigma)
     count, each = len(names), 0.5 * FALSE_ALARM

@@ -30,8 +30,8 @@ from calstation.physics.parameters import (
     group_indices,
     group_matrix,
     group_vector,
-    named,
-    reached,
+    parameter_indices,
+    targets_reached,
 )
 from calstation.physics.rotation import (
     axis_rotation,

@@ -68,13 +68,13 @@ def compose(old: Mapping[str, float], solved: Mapping[str, float]) -> dict[str, 
     (I + M_old)(I + M) ω + (I + M_old) b + b_old. Second-order terms and levers, which act on the specific force itself,
     add to first order. The accelerometer matrix stays lower triangular, as a product of lower triangular matrices.
     """
-    was, now = parameter_vector(old), parameter_vector(solved)
-    result = was + now
+    old_vector, solved_vector = parameter_vector(old), parameter_vector(solved)
+    result = old_vector + solved_vector
     for sensor in ("gyro", "accel"):
         groups = (f"{sensor}_scale", f"{sensor}_misalign")
-        before = np.eye(3) + group_matrix(was, *groups)
-        matrix = before @ (np.eye(3) + group_matrix(now, *groups)) - np.eye(3)
-        bias = before @ group_vector(now, f"{sensor}_bias") + group_vector(was, f"{sensor}_bias")
+        old_matrix = np.eye(3) + group_matrix(old_vector, *groups)
+        matrix = old_matrix @ (np.eye(3) + group_matrix(solved_vector, *groups)) - np.eye(3)
+        bias = old_matrix @ group_vector(solved_vector, f"{sensor}_bias") + group_vector(old_vector, f"{sensor}_bias")
         for i, parameter in enumerate(PARAMETERS):
             if parameter.group in groups:
                 result[i] = matrix[parameter.row, parameter.column]

@@ -70,14 +70,14 @@ def group_indices(group: str) -> list[int]:
     return [i for i, p in enumerate(PARAMETERS) if p.group == group]
 
 
-def named(name: str) -> list[int]:
+def parameter_indices(name: str) -> list[int]:
     """Return the indices of a parameter or of all parameters of a group; empty for an unknown name."""
     return [INDEX[name]] if name in INDEX else group_indices(name)
 
 
-def reached(sigma: FloatArray, targets: Mapping[str, float]) -> bool:
+def targets_reached(sigma: FloatArray, targets: Mapping[str, float]) -> bool:
     """Return whether every element of `sigma` (shape (30,), SI) with a target is at or below it."""
-    return all(sigma[i] <= limit for name, limit in targets.items() for i in named(name))
+    return all(sigma[i] <= limit for name, limit in targets.items() for i in parameter_indices(name))
 
 
 def group_matrix(values: FloatArray, *groups: str) -> FloatArray:

@@ -153,15 +153,15 @@ def _increments(
     which gravity in a steadily rotating body is too small by (ω dt)²/6.
     """
     coning = _cross_product(last_omega, omega)
-    turned = _cross_product(omega, force)
-    third = _cross_product(omega, turned)
+    product = _cross_product(omega, force)
+    third = _cross_product(omega, product)
     first, second = _cross_product(last_omega, force), _cross_product(last_force, omega)
     square, cube, part = dt * dt, dt * dt * dt / 6.0, dt * dt / 12.0
     rotvec = (omega[0] * dt + coning[0] * part, omega[1] * dt + coning[1] * part, omega[2] * dt + coning[2] * part)
     dv = (
-        force[0] * dt + 0.5 * turned[0] * square + (first[0] + second[0]) * part + third[0] * cube,
-        force[1] * dt + 0.5 * turned[1] * square + (first[1] + second[1]) * part + third[1] * cube,
-        force[2] * dt + 0.5 * turned[2] * square + (first[2] + second[2]) * part + third[2] * cube,
+        force[0] * dt + 0.5 * product[0] * square + (first[0] + second[0]) * part + third[0] * cube,
+        force[1] * dt + 0.5 * product[1] * square + (first[1] + second[1]) * part + third[1] * cube,
+        force[2] * dt + 0.5 * product[2] * square + (first[2] + second[2]) * part + third[2] * cube,
     )
     return rotvec, dv
 
@@ -192,12 +192,12 @@ def increments(c: Compensation, dt: float, gyro: FloatArray, accel: FloatArray) 
 
 
 @nb.njit(cache=True)
-def _turned(earth: Vector, C: Matrix, E: Matrix, dt: float) -> Matrix:
+def _next_attitude(earth: Vector, C: Matrix, E: Matrix, dt: float) -> Matrix:
     """Return C_new = (I − [Ω dt×] + ½[Ω dt×]²) C E."""
     x, y, z = _times(C[0], E), _times(C[1], E), _times(C[2], E)
-    p = _less_earth(earth, (x[0], y[0], z[0]), dt)
-    q = _less_earth(earth, (x[1], y[1], z[1]), dt)
-    r = _less_earth(earth, (x[2], y[2], z[2]), dt)
+    p = _without_earth(earth, (x[0], y[0], z[0]), dt)
+    q = _without_earth(earth, (x[1], y[1], z[1]), dt)
+    r = _without_earth(earth, (x[2], y[2], z[2]), dt)
     return ((p[0], q[0], r[0]), (p[1], q[1], r[1]), (p[2], q[2], r[2]))
 
 
@@ -211,13 +211,13 @@ def _times(a: Vector, B: Matrix) -> Vector:
 
 
 @nb.njit(cache=True)
-def _less_earth(earth: Vector, turned: Vector, dt: float) -> Vector:
-    first = _cross_product(earth, turned)
+def _without_earth(earth: Vector, vector: Vector, dt: float) -> Vector:
+    first = _cross_product(earth, vector)
     second = _cross_product(earth, first)
     return (
-        turned[0] - first[0] * dt + 0.5 * second[0] * dt * dt,
-        turned[1] - first[1] * dt + 0.5 * second[1] * dt * dt,
-        turned[2] - first[2] * dt + 0.5 * second[2] * dt * dt,
+        vector[0] - first[0] * dt + 0.5 * second[0] * dt * dt,
+        vector[1] - first[1] * dt + 0.5 * second[1] * dt * dt,
+        vector[2] - first[2] * dt + 0.5 * second[2] * dt * dt,
     )
 
 
@@ -261,7 +261,7 @@ def propagate(
             (rotations[k, 3], rotations[k, 4], rotations[k, 5]),
             (rotations[k, 6], rotations[k, 7], rotations[k, 8]),
         )
-        before, C = C, _turned(rotation, C, E, dt)
+        before, C = C, _next_attitude(rotation, C, E, dt)
         cross, coriolis = _cross_product(rotation, f), _cross_product(rotation, v)
         f = ((f[0] - 0.5 * dt * cross[0]) / dt, (f[1] - 0.5 * dt * cross[1]) / dt, (f[2] - 0.5 * dt * cross[2]) / dt)
         v = (

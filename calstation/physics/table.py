@@ -29,7 +29,7 @@ ALIGNED: Orientation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 ORIENTATIONS = tuple(f"{x}{a}{z}{b}" for x, a, z, b in product("+-", "xyz", "+-", "xyz") if a != b)
 
 #: Largest permitted angle between the achieved and the requested direction, rad.
-_REACH = np.deg2rad(5.0)
+_MAX_DEVIATION = np.deg2rad(5.0)
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,8 @@ class GimbalJoints:
 
     def outside(self, joints: FloatArray) -> int | None:
         """Return the index of a joint that is beyond its travel, rad, shape (3,); None if there is none."""
-        beyond = [not low <= q <= high for q, (low, high) in zip(joints, self.travel, strict=True)]
-        return beyond.index(True) if any(beyond) else None
+        is_outside = [not low <= q <= high for q, (low, high) in zip(joints, self.travel, strict=True)]
+        return is_outside.index(True) if any(is_outside) else None
 
 
 @dataclass(frozen=True)
@@ -88,8 +88,8 @@ class TableGeometry:
 
     def body_to_home(self, outer: float, inner: float) -> FloatArray:
         """Return the rotation from b to the platform's axes at home at joint angles in rad, shape (3, 3)."""
-        turned = axis_rotation(self.outer_axis, outer) @ axis_rotation(self.inner_axis, inner)
-        return turned if self.orientation == ALIGNED else turned @ np.array(self.orientation)
+        rotation = axis_rotation(self.outer_axis, outer) @ axis_rotation(self.inner_axis, inner)
+        return rotation if self.orientation == ALIGNED else rotation @ np.array(self.orientation)
 
     def body_to_level(self, outer: float, inner: float, azimuth: float) -> FloatArray:
         """Return `C_bn` (ENU), shape (3, 3), at joint angles and heading of platform +y at home, rad."""
@@ -128,10 +128,10 @@ class TableGeometry:
         solutions = []
         for c in _circle_intersections(w1, w2, p, UP):
             inner = near[INNER] if _parallel(p, w2) else angle_about(w2, p, c)
-            reached = axis_rotation(self.inner_axis, inner) @ p
-            outer = near[OUTER] if _parallel(reached, w1) else angle_about(w1, reached, UP)
-            turned = axis_rotation(self.outer_axis, outer) @ axis_rotation(self.inner_axis, inner)
-            if np.arccos(np.clip((turned @ p) @ UP, -1.0, 1.0)) < _REACH:
+            on_circle = axis_rotation(self.inner_axis, inner) @ p
+            outer = near[OUTER] if _parallel(on_circle, w1) else angle_about(w1, on_circle, UP)
+            rotation = axis_rotation(self.outer_axis, outer) @ axis_rotation(self.inner_axis, inner)
+            if np.arccos(np.clip((rotation @ p) @ UP, -1.0, 1.0)) < _MAX_DEVIATION:
                 pose = (self.nearest(OUTER, outer, near[OUTER]), self.nearest(INNER, inner, near[INNER]))
                 solutions.append(pose)
         if not solutions:
@@ -150,7 +150,7 @@ class TableGeometry:
         options = []
         for sign in (1, -1):
             inner = angle_about(w2, a, sign * w1)
-            if axis_rotation(self.inner_axis, inner) @ a @ (sign * w1) > np.cos(_REACH):
+            if axis_rotation(self.inner_axis, inner) @ a @ (sign * w1) > np.cos(_MAX_DEVIATION):
                 options.append(BodyTurn(OUTER, sign, self.nearest(INNER, inner, near_inner)))
         if not options:
             raise ConfigurationError("plan.no_axis_along", direction=np.round(a, 3).tolist())

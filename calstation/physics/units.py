@@ -69,8 +69,8 @@ def unit_of_parameter(name: str) -> tuple[str, float]:
 
 def display_by_unit(unit: str, value: float) -> tuple[float, str]:
     """Convert an SI value that is not a parameter to the display unit of its SI unit; return both."""
-    shown, size = unit_of(unit)
-    return value / size, shown
+    display_unit, size = unit_of(unit)
+    return value / size, display_unit
 
 
 def display(name: str, value: float) -> tuple[float, str]:
@@ -96,16 +96,16 @@ def number(value: float, sigma: float) -> str:
     if not 0.0 < sigma < float("inf"):
         return f"{value:.6g}"
     exponent = int(f"{sigma:e}".partition("e")[2])
-    shown = f"{value:.{max(0, min(12, 1 - exponent))}f}"
-    return shown.lstrip("-") if float(shown) == 0.0 else shown
+    rounded = f"{value:.{max(0, min(12, 1 - exponent))}f}"
+    return rounded.lstrip("-") if float(rounded) == 0.0 else rounded
 
 
 def aligned(numbers: Sequence[str]) -> list[str]:
     """Pad numbers on the right with figure and punctuation spaces so that their decimal points align."""
-    after = [len(text.partition(".")[2]) for text in numbers]
+    decimals = [len(text.partition(".")[2]) for text in numbers]
     points = any("." in text for text in numbers)
-    most = max(after, default=0)
+    max_decimals = max(decimals, default=0)
     return [
-        text + (FIGURE_SPACE * (most - n)) + (POINT_SPACE if points and "." not in text else "")
-        for text, n in zip(numbers, after, strict=True)
+        text + (FIGURE_SPACE * (max_decimals - n)) + (POINT_SPACE if points and "." not in text else "")
+        for text, n in zip(numbers, decimals, strict=True)
     ]

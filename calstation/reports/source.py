@@ -18,8 +18,8 @@ from calstation.results import (
     Registers,
     Result,
     find_log,
+    is_release_recorded,
     load_result,
-    recorded_release,
     resolve_log,
     stored_result,
     with_states,
@@ -79,7 +79,7 @@ def _run_result(path: Path, result: Result, log: Log) -> Result:
     _check_content(path, log, _content(path, _ADDED_LATER), log.results[-1], 0.0)
     if result.override is None:
         return stored
-    if not recorded_release(result):
+    if not is_release_recorded(result):
         raise InputError("report.release_unknown", file=path, by=result.override.by)
     return stored.model_copy(update={"override": result.override})
 

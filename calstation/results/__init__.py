@@ -9,7 +9,7 @@ from calstation.results.handover import Delivery, HandOver, deliver_pending, reg
 from calstation.results.history import History, ShiftCount, count_shift, load_results, refresh_history, shift_start
 from calstation.results.inspection import inspect_recording
 from calstation.results.offline import drop_partial, export_log, export_result, export_runs, offline_solve
-from calstation.results.override import override_required, override_result, recorded_release, run_files
+from calstation.results.override import is_release_recorded, override_required, override_result, run_files
 from calstation.results.pairs import (
     PairCheckResult,
     PairProgress,

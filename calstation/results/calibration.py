@@ -67,7 +67,7 @@ def current_calibration(
     message that reports it; without a calibration, return None and the reason.
     """
     entries, serial, imu = setup.register_map, setup.request.serial, setup.log_meta().imu
-    none = Message("prior_no_calibration", {"serial": serial})
+    reason = Message("prior_no_calibration", {"serial": serial})
     for record in history.passed(serial):
         try:
             registers = history.result(record).registers
@@ -79,12 +79,12 @@ def current_calibration(
         if not same_imu:
             continue
         if registers_read is not None and entries.differing(registers.new, registers_read):
-            none = Message("prior_other_registers", {"serial": serial})
+            reason = Message("prior_other_registers", {"serial": serial})
             continue
         section = CalibrationSection(log=record.log.name, started_utc=record.started_utc)
         message = Message("prior_calibration", {"log": record.log.name, "date": record.started_utc})
         return Calibration(section, from_estimate(registers.estimate), registers.new), message
-    return None, none
+    return None, reason
 
 
 def estimate_of(posterior: Posterior, registers: Mapping[str, float]) -> JointEstimate:

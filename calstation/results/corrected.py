@@ -1,4 +1,4 @@
-"""Corrected output of IMUs on one body: JSON lines for other programs, and the plot data of the last minute of a watch.
+"""Corrected output of IMUs on one body: JSON lines for other programs, and plot data of the last minute of a watch.
 
 See docs/reference/corrected-data.md. The primary is corrected for its own errors, a secondary for its stored errors
 relative to the primary and then for the primary's errors. Each line specifies the IMU whose output is valid.
@@ -25,7 +25,7 @@ PRIMARY = "primary"
 #: Decimal places of rates, rad/s, and forces, m/s²: far below the noise of a sample.
 _RATE_PLACES, _FORCE_PLACES = 10, 8
 #: Displayed duration, and averaging time of a point, s.
-SHOWN, _MEAN_OVER = 60.0, 0.25
+DURATION, _AVERAGING_TIME = 60.0, 0.25
 
 
 class CorrectedStream:
@@ -41,9 +41,9 @@ class CorrectedStream:
         self.unaligned: frozenset[int] = frozenset()  #: IMUs whose samples are not aligned with the primary's samples.
 
     def update(self, watch: PairWatch) -> list[tuple[str, int, dict[str, Any]]]:
-        """Take over the state of the watch; return the changes as kind, number of the IMU or 0, and values."""
+        """Update the state from the watch; return the changes as kind, number of the IMU or 0, and values."""
         changes: list[tuple[str, int, dict[str, Any]]] = []
-        begun, self.unaligned = bool(self.calibrations), watch.unaligned
+        started, self.unaligned = bool(self.calibrations), watch.unaligned
         for number, secondary in self._secondaries.items():
             stored = watch.stored[number]
             if number not in self.calibrations or secondary.stored is not stored:
@@ -51,22 +51,22 @@ class CorrectedStream:
                 self.calibrations[number] = self.calibrations.get(number, -1) + 1
                 changes.append(("calibration", number, self.in_use()[f"imu{number}"]))
         before, (source, reason) = self.source, self._valid(watch)
-        if source != before or not begun:
+        if source != before or not started:
             self.source = source
-            self.switch_overs += begun
+            self.switch_overs += started
             values = {"from": before, "to": source, "reason": reason, "count": self.switch_overs}
-            changes.append(("switch_over" if begun else "source", 0, values))
+            changes.append(("switch_over" if started else "source", 0, values))
         return changes
 
     def in_use(self) -> dict[str, dict[str, Any]]:
-        """Return number and values of the calibrations in use by name of the IMU."""
+        """Return the number and values of the calibration in use, by name of the IMU."""
         return {
             f"imu{number}": {"calibration": count, "values": dict(self._secondaries[number].stored.values)}
             for number, count in self.calibrations.items()
         }
 
     def _valid(self, watch: PairWatch) -> tuple[str | None, str]:
-        """Return the IMU whose corrected output is valid, None without one, and the reason."""
+        """Return the name of the IMU whose corrected output is valid, or None, and the reason."""
         if 0 in watch.silent:
             reason = "primary_silent"
         elif watch.primary_off:
@@ -84,7 +84,7 @@ class CorrectedStream:
         raw = np.where(block.valid[:, None], block.counts, np.nan) * self._imu.count_size
         output = {PRIMARY: compensate(self._primary, raw[:, :3], raw[:, 3:])}
         for index, (number, secondary) in enumerate(self._secondaries.items()):
-            output[f"imu{number}"] = secondary.corrected(block.others[:, index])
+            output[f"imu{number}"] = secondary.correct(block.others[:, index])
         return output
 
     def clock_offset(self, number: int) -> float:
@@ -148,12 +148,12 @@ class CorrectedOutput:
             **{name: _rows(*samples) for name, samples in self._stream.corrected(block).items()},
         }
         for number, calibration in self._stream.calibrations.items():
-            used = {
+            state = {
                 "calibration": calibration,
                 "clock_offset_s": self._stream.clock_offset(number),
                 "aligned": number not in self._stream.unaligned,
             }
-            frame[f"imu{number}"] = {**used, **frame[f"imu{number}"]}
+            frame[f"imu{number}"] = {**state, **frame[f"imu{number}"]}
         self._write(_line(frame))
 
 
@@ -186,24 +186,25 @@ class CorrectedTrace:
 
 
 class CorrectedTraceBuilder:
-    """A `PairConsumer` that keeps the means of the last `SHOWN` s."""
+    """A `PairConsumer` that keeps the means of the last `DURATION` s."""
 
     def __init__(self, meta: LogMeta) -> None:
         self._stream, self._gravity = CorrectedStream(meta), context_from_meta(meta).site.local_gravity
-        self._count = max(1, round(_MEAN_OVER * meta.imu.sample_rate_hz))
+        self._count = max(1, round(_AVERAGING_TIME * meta.imu.sample_rate_hz))
         self._parts: dict[str, list[FloatArray]] = {}
-        self._taken = 0
-        self._points: deque[tuple[float, dict[str, tuple[float, float]]]] = deque(maxlen=round(SHOWN / _MEAN_OVER))
+        self._samples = 0
+        count = round(DURATION / _AVERAGING_TIME)
+        self._points: deque[tuple[float, dict[str, tuple[float, float]]]] = deque(maxlen=count)
 
     def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
         """Add the samples of a block."""
         self._stream.update(watch)
         for name, samples in self._stream.corrected(block).items():
             self._parts.setdefault(name, []).append(np.hstack(samples))
-        self._taken += len(block)
-        if self._taken >= self._count:
+        self._samples += len(block)
+        if self._samples >= self._count:
             self._points.append((float(block.time[-1]), {name: self._sizes(p) for name, p in self._parts.items()}))
-            self._parts, self._taken = {}, 0
+            self._parts, self._samples = {}, 0
 
     def _sizes(self, parts: list[FloatArray]) -> tuple[float, float]:
         rows = np.vstack(parts)

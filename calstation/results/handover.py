@@ -25,12 +25,12 @@ from calstation.sequencer import Emit, Message
 CSV_NAME = "handover.csv"
 
 #: Folder inside the runs folder, with an empty file for each pending run.
-WAITING = ".handover"
+PENDING = ".handover"
 
 #: Maximum time that a run waits for an unresponsive folder, s.
-_WAIT = 10.0
+_WAIT_TIME = 10.0
 
-_LOCKED_WITHIN = 5.0
+_LOCK_TIMEOUT = 5.0
 #: Number of bytes at the end of the CSV that are searched for a line from an interrupted delivery.
 _TAIL = 65_536
 
@@ -66,7 +66,7 @@ class HandOver:
 
     def __init__(self, runs: Path, station_path: Path, station: StationConfig, emit: Emit) -> None:
         self._runs = runs
-        self._folder, self._make = _target(runs, station_path, station)
+        self._folder, self._create = _target(runs, station_path, station)
         self._emit = emit
         self._thread: threading.Thread | None = None
         self._delivery: Delivery | None = None
@@ -83,13 +83,13 @@ class HandOver:
         It waits at most 10 s of host time for a delivery in progress, and another 10 s for its own.
         """
         if self._thread is not None:
-            self._thread.join(_WAIT)
+            self._thread.join(_WAIT_TIME)
         before = 0 if self._delivery is None else self._delivery.done
         self._delivery = None
         if self._thread is None or not self._thread.is_alive():
-            self.start().join(_WAIT)
-        unresponsive = Text.of("handover.no_answer", seconds=_WAIT)
-        ended = self._delivery or Delivery(self._folder, 0, len(_waiting(self._runs)), unresponsive)
+            self.start().join(_WAIT_TIME)
+        unresponsive = Text.of("handover.no_answer", seconds=_WAIT_TIME)
+        ended = self._delivery or Delivery(self._folder, 0, len(_pending(self._runs)), unresponsive)
         values = {"folder": str(ended.folder)}
         if ended.waiting:
             self._emit(Message("handover_waiting", {**values, "count": ended.waiting, "reason": ended.reason}))
@@ -97,12 +97,12 @@ class HandOver:
             self._emit(Message("handover_done", {**values, "count": before + ended.done}))
 
     def _deliver(self) -> None:
-        self._delivery = _deliver(self._runs, self._folder, self._make)
+        self._delivery = _deliver(self._runs, self._folder, self._create)
 
 
 def register_pending(runs: Path, name: str) -> None:
     """Register a run as pending; `name` is the stem of its log. Raises OSError."""
-    folder = runs / WAITING
+    folder = runs / PENDING
     folder.mkdir(exist_ok=True)
     (folder / name).touch()
     sync_folder(folder)
@@ -121,10 +121,10 @@ def _target(runs: Path, station_path: Path, station: StationConfig) -> tuple[Pat
     return station_path.absolute().parent / Path(station.handover.folder).expanduser(), False
 
 
-def _waiting(runs: Path) -> list[str]:
+def _pending(runs: Path) -> list[str]:
     """Return the stems of the pending runs, oldest first; drop those without any file."""
     names = []
-    for entry in (runs / WAITING).glob("*"):
+    for entry in (runs / PENDING).glob("*"):
         with suppress(FileNotFoundError):  # another process has already delivered it
             if (runs / f"{entry.name}.json").exists():
                 names.append((entry.stat().st_mtime, entry.name))
@@ -133,17 +133,17 @@ def _waiting(runs: Path) -> list[str]:
     return [name for _, name in sorted(names)]
 
 
-def _deliver(runs: Path, folder: Path, make: bool) -> Delivery:
+def _deliver(runs: Path, folder: Path, create: bool) -> Delivery:
     """Deliver the pending results; after a failure, continue with the others as long as the folder exists."""
     done = 0
     reason: Text | None = None
     try:
-        if not _waiting(runs):
+        if not _pending(runs):
             return Delivery(folder, 0, 0)
-        if make:
+        if create:
             folder.mkdir(parents=True, exist_ok=True)
-        with locked(runs / WAITING / ".lock", _LOCKED_WITHIN):
-            for name in _waiting(runs):
+        with locked(runs / PENDING / ".lock", _LOCK_TIMEOUT):
+            for name in _pending(runs):
                 try:
                     _hand_over(runs, name, folder)
                     done += 1
@@ -153,7 +153,7 @@ def _deliver(runs: Path, folder: Path, make: bool) -> Delivery:
                         break
     except OSError as exc:
         reason = os_reason(exc)
-    return Delivery(folder, done, len(_waiting(runs)) if reason else 0, reason)
+    return Delivery(folder, done, len(_pending(runs)) if reason else 0, reason)
 
 
 def _hand_over(runs: Path, name: str, folder: Path) -> None:
@@ -161,7 +161,7 @@ def _hand_over(runs: Path, name: str, folder: Path) -> None:
     write_atomic(folder / f"{name}.json", content)
     with suppress(ValueError):  # JSON from another program does not get a line
         _append(folder, name, Result.from_json(json.loads(content)))
-    (runs / WAITING / name).unlink(missing_ok=True)
+    (runs / PENDING / name).unlink(missing_ok=True)
 
 
 def _append(folder: Path, name: str, result: Result) -> None:
@@ -169,7 +169,7 @@ def _append(folder: Path, name: str, result: Result) -> None:
     cells = [*(_cell(column(result)) for column in COLUMNS.values()), f"{name}.json"]
     with ExitStack() as stack:
         try:
-            stack.enter_context(locked(folder / ".handover.lock", _LOCKED_WITHIN))
+            stack.enter_context(locked(folder / ".handover.lock", _LOCK_TIMEOUT))
         except TimeoutError:
             raise
         except OSError:

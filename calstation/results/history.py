@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from calstation.records import RunIndex
 
 #: Number of runs read between two progress reports.
-_AT_ONCE = 100
+_BATCH = 100
 
 _PASSED = (Verdict.PASSED, Verdict.PARTIAL)
 _SOLVED = (*_PASSED, Verdict.FAILED)
@@ -51,7 +51,7 @@ NO_FILTER = RunFilter()
 
 
 class History:
-    """The runs of a folder. Queries read the index and take milliseconds; `refresh` updates it from the files."""
+    """The runs of a folder; queries read an index, which `refresh` updates from the files."""
 
     def __init__(self, folder: Path, index: "RunIndex | None" = None) -> None:
         """Open the history of a folder, with its index if that is already open."""
@@ -59,7 +59,7 @@ class History:
 
         self._folder = folder
         self._index = RunIndex(folder) if index is None else index
-        #: Offline solutions with the stamp of their file.
+        #: Stamp of the file with the offline solutions, and its content.
         self._resolves: tuple[tuple[int, int] | None, list[ResolveRecord]] = (None, [])
 
     def refresh(self, report: Callable[[float], None] | None = None) -> int:
@@ -75,13 +75,13 @@ class History:
         """Update the index from the folder; yield the number of changed runs of each part, and the fraction done."""
         known = self._index.stamps()
         files = _files(self._folder, known)
-        gone = [name for name in known if name not in files]
+        removed = [name for name in known if name not in files]
         changed = [name for name, stamp in files.items() if known.get(name) != stamp]
-        if gone:
-            self._index.update([], gone)
-            yield len(gone), 0.0
-        for start in range(0, len(changed), _AT_ONCE):
-            names = changed[start : start + _AT_ONCE]
+        if removed:
+            self._index.update([], removed)
+            yield len(removed), 0.0
+        for start in range(0, len(changed), _BATCH):
+            names = changed[start : start + _BATCH]
             read = {name: _read(self._folder, name, files[name]) for name in names}
             runs = [run for run in read.values() if run is not None]
             no_runs = [name for name, run in read.items() if run is None and name in known]
@@ -94,31 +94,31 @@ class History:
 
     def indexed(self, conditions: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Return at most `limit` runs that meet all conditions with their values, the latest first."""
-        return self._ask(lambda: self._index.find(conditions, limit))
+        return self._query(lambda: self._index.find(conditions, limit))
 
     def columns(self, conditions: RunFilter = NO_FILTER) -> RunColumns:
-        """Return as columns the runs that meet all conditions and have a start time, the oldest first."""
-        return self._ask(lambda: self._index.columns(conditions))
+        """Return the runs that meet all conditions and have a start time as columns, the oldest first."""
+        return self._query(lambda: self._index.columns(conditions))
 
     def mark(self) -> str | None:
-        """Return a value that differs after any change of the indexed runs; None before the first."""
-        return self._ask(lambda: self._index.mark)
+        """Return a value that changes with the indexed runs; None if there are none."""
+        return self._query(lambda: self._index.mark)
 
     def count(self, conditions: RunFilter) -> int:
         """Return the number of runs that meet all conditions."""
-        return self._ask(lambda: self._index.count(conditions))
+        return self._query(lambda: self._index.count(conditions))
 
     def choices(self) -> RunChoices:
         """Return the products, stations and operators of the runs, and their earliest start."""
-        return self._ask(self._index.choices)
+        return self._query(self._index.choices)
 
     def of(self, serial: str) -> list[RunRecord]:
         """Return all runs of a unit, the latest first."""
-        return [run.record for run in self._ask(lambda: self._index.of(serial))]
+        return [run.record for run in self._query(lambda: self._index.of(serial))]
 
     def passed(self, serial: str) -> list[RunRecord]:
         """Return the unit's runs that passed, partial ones included, the latest first."""
-        return [run.record for run in self._ask(lambda: self._index.of(serial, _PASSED))]
+        return [run.record for run in self._query(lambda: self._index.of(serial, _PASSED))]
 
     def passed_before(self, serial: str) -> RunRecord | None:
         """Return the unit's latest run that passed and was not partial, or None."""
@@ -127,7 +127,7 @@ class History:
     def result(self, record: RunRecord) -> Result:
         """Return the result of a run in the index, from its log if there is no result file. Raises InputError.
 
-        For a run of another folder, the result is in the shared database, with a copy where its log would be.
+        The result of a run of another folder is in the shared database, with a copy in place of the log.
         """
         if record.origin:
             copy = record.log.with_suffix(".json")
@@ -152,31 +152,31 @@ class History:
 
     def attempts(self, serial: str) -> int:
         """Return the number of runs of the unit; a resumed run counts once."""
-        return self._ask(lambda: self._index.attempts(serial))
+        return self._query(lambda: self._index.attempts(serial))
 
     def failures(self, serial: str) -> int:
         """Return the number of failures of the unit since it last passed; partial runs that passed do not count."""
-        runs = self._ask(lambda: self._index.of(serial, (Verdict.PASSED, Verdict.FAILED)))
+        runs = self._query(lambda: self._index.of(serial, (Verdict.PASSED, Verdict.FAILED)))
         return sum(1 for _ in takewhile(lambda run: run.record.verdict is Verdict.FAILED, runs))
 
     def previous(self, serial: str, before: str | None = None) -> Mapping[str, float]:
         """Return the unit's latest solved value of each parameter, SI, from runs started before `before` (ISO 8601)."""
         values: dict[str, float] = {}
-        for run in self._ask(lambda: self._index.of(serial, _SOLVED, before)):
+        for run in self._query(lambda: self._index.of(serial, _SOLVED, before)):
             values = {**run.values, **values}
         return values
 
     def solved(self, serial: str, limit: int) -> list[IndexedRun]:
         """Return the unit's solved runs with their values, at most the latest `limit`, the oldest first."""
-        return self._ask(lambda: self._index.of(serial, _SOLVED, limit=limit))[::-1]
+        return self._query(lambda: self._index.of(serial, _SOLVED, limit=limit))[::-1]
 
-    def _ask(self, question: Callable[[], T]) -> T:
-        answer = question()
+    def _query(self, query: Callable[[], T]) -> T:
+        result = query()
         if self._index.may_lack_runs:
             self._index.may_lack_runs = False
             self.refresh()
-            answer = question()
-        return answer
+            result = query()
+        return result
 
 
 def refresh_history(report: ProgressCallback, folder: Path) -> int:
@@ -209,16 +209,20 @@ def _files(folder: Path, known: Mapping[str, str]) -> dict[str, str]:
                 status = entry.stat()
                 stamps[suffix][stem] = f"{status.st_mtime_ns} {status.st_size}"
     logs, results = stamps.values()
-    alone = {stem: f"log {stamp}" for stem, stamp in logs.items() if stem not in results}
-    ended = {stem: stamp for stem, stamp in alone.items() if known.get(stem) == stamp or not _is_running(folder, stem)}
+    without_result = {stem: f"log {stamp}" for stem, stamp in logs.items() if stem not in results}
+    ended = {
+        stem: stamp
+        for stem, stamp in without_result.items()
+        if known.get(stem) == stamp or not _is_running(folder, stem)
+    }
     return {**ended, **results}
 
 
 def _is_running(folder: Path, stem: str) -> bool:
     """Return whether a run is still in progress, or its log cannot be read.
 
-    The lock is tested once without waiting, because each of up to 16 runs in progress is tested whenever one ends. A
-    log that another program tests at the same moment enters the index with the next refresh.
+    The lock is tested once without waiting, because each of up to 16 runs in progress is tested whenever one of them
+    ends. A log that another program tests at the same time is indexed by the next refresh.
     """
     try:
         return being_written(folder / f"{stem}{SUFFIX}", within=0.0)
@@ -238,10 +242,10 @@ def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
 
 
 def _read_file(folder: Path, name: str, stamp: str) -> IndexedRun | None:
-    beside = folder / f"{name}.json"
+    path = folder / f"{name}.json"
     if not stamp.startswith("log "):
-        result = Result.from_json(json.loads(beside.read_text(encoding="utf-8")))
-        return _from_result(folder, name, stamp, result, beside) if _is_run(result, name) else None
+        result = Result.from_json(json.loads(path.read_text(encoding="utf-8")))
+        return _from_result(folder, name, stamp, result, path) if _is_run(result, name) else None
     contents = open_log(folder / f"{name}{SUFFIX}")
     if contents.outcome is None:
         return _from_log(folder, name, stamp, contents)
@@ -252,17 +256,17 @@ def _read_file(folder: Path, name: str, stamp: str) -> IndexedRun | None:
 
 
 def _check_texts(run: IndexedRun) -> None:
-    """Raise ValueError for a run with text that an index or a database cannot store."""
+    """Raise ValueError if the index or the database cannot store the texts of a run."""
     record = run.record
-    searched = (run.name, record.serial, record.started_utc, record.product, record.station, record.operator)
-    further = (*record.stages, record.error, record.resumed_from, record.batch, record.slot)
-    "".join(filter(None, (*searched, *further))).encode()  # raises for a lone surrogate
+    required_texts = (run.name, record.serial, record.started_utc, record.product, record.station, record.operator)
+    other_texts = (*record.stages, record.error, record.resumed_from, record.batch, record.slot)
+    "".join(filter(None, (*required_texts, *other_texts))).encode()  # raises for a lone surrogate
     if "\0" in record.serial + record.started_utc:
         raise ValueError("PostgreSQL has no such character")
 
 
 def _is_run(result: Result, name: str) -> bool:
-    """Return whether a result belongs to the run with this name, and is not a copy or a solution of another log."""
+    """Return whether a result belongs to the run with this name instead of being a copy or an offline solution."""
     return result.outcome != "resolved" and Path(result.log.file.replace("\\", "/")).stem == name
 
 
@@ -288,9 +292,9 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
         batch=result.batch,
         slot=result.slot,
     )
-    known = {name: row for name, row in result.parameters.items() if math.isfinite(row.value)}
-    values = {name: row.value for name, row in known.items()}
-    sigmas = {name: row.sigma for name, row in known.items() if math.isfinite(row.sigma)}
+    finite = {name: row for name, row in result.parameters.items() if math.isfinite(row.value)}
+    values = {name: row.value for name, row in finite.items()}
+    sigmas = {name: row.sigma for name, row in finite.items() if math.isfinite(row.sigma)}
     failed = tuple(check.id for check in result.failed_checks) if result.verdict.judged else ()
     rows = {name: (row.value, row.sigma) for name, row in result.table.items()}
     table = {name: row for name, row in rows.items() if all(map(math.isfinite, row))}
@@ -320,7 +324,7 @@ def _from_log(folder: Path, name: str, stamp: str, contents: Log) -> IndexedRun:
 
 @dataclass(frozen=True)
 class ShiftCount:
-    """Runs that ended with PASS or FAIL."""
+    """Counts of the runs that passed or failed."""
 
     passed: int = 0
     failed: int = 0
@@ -348,15 +352,15 @@ def shift_start(starts: Iterable[str], now: datetime | None = None) -> datetime:
 def count_shift(report: ProgressCallback, folder: Path, station: str, since: datetime) -> ShiftCount:
     """Job: count the runs of a station in a folder that started at `since` or later.
 
-    Partial runs and runs of check standards do not count, nor do runs that were stopped or ended in a fault; a resumed
-    run counts once. The units of a batch share its duration.
+    Partial, stopped and faulty runs and runs of check standards are not counted; a resumed run is counted once. The
+    units of a batch share its duration.
     """
     history = History(folder)
     history.refresh()
-    begun = RunFilter(station=station, since=f"{since.astimezone(UTC):%Y-%m-%dT%H:%M:%S}")
+    conditions = RunFilter(station=station, since=f"{since.astimezone(UTC):%Y-%m-%dT%H:%M:%S}")
     runs = [
         run
-        for run in history.runs(begun, limit=None)
+        for run in history.runs(conditions, limit=None)
         if run.verdict in (Verdict.PASSED, Verdict.FAILED) and not run.partial and not run.check_standard
     ]
     passed = sum(run.verdict is Verdict.PASSED for run in runs)

@@ -51,7 +51,7 @@ def inspect_recording(path: Path) -> Inspection:
             "joints": bool(block.joints.size) and not np.isnan(block.joints).all(),
             "temperature": not np.isnan(block.temperature).all(),
         }
-        channels |= dict.fromkeys(name for name, given in present.items() if given)
+        channels |= dict.fromkeys(name for name, is_present in present.items() if is_present)
     channels |= dict.fromkeys(f"imu{number}" for number in log.meta.secondaries)
     counter, clock = np.concatenate(seq), np.concatenate(time)
     line = np.polynomial.Polynomial.fit(counter, clock, 1).convert().coef if len(clock) > 1 else [0.0, np.nan]

@@ -50,22 +50,22 @@ def offline_solve(
 
     `spans` are the log's stages, from its index; `states` are added to its model.
     """
-    chosen = [s for s in spans if stages is None or s.stage in stages]
+    solved_spans = [s for s in spans if stages is None or s.stage in stages]
     shares: dict[str, float] = {}
-    for span in chosen:
+    for span in solved_spans:
         cost = span.within(first_seq, last_seq) * _BATCH.get(span.stage, _FILTER)
         shares[span.stage] = shares.get(span.stage, 0.0) + cost
-    total = max(sum(s.within(first_seq, last_seq) for s in chosen) + sum(shares.values()), 1.0)
-    solved: dict[str, float] = {}
-    read, most = 0, 0.0
+    total = max(sum(s.within(first_seq, last_seq) for s in solved_spans) + sum(shares.values()), 1.0)
+    fractions: dict[str, float] = {}
+    read, reported = 0, 0.0
 
     def watch(stage: str, seq: int, done: float) -> None:
-        nonlocal read, most
-        read = max(read, sum(s.within(first_seq, min(seq, last_seq)) for s in chosen))
-        solved.update({**dict.fromkeys(solved, 1.0), stage: done})  # stages are solved in sequence
-        work = read + sum(solved[name] * shares.get(name, 0.0) for name in solved)
-        most = max(most, min(work / total, 0.99))
-        report(most, note=stage)
+        nonlocal read, reported
+        read = max(read, sum(s.within(first_seq, min(seq, last_seq)) for s in solved_spans))
+        fractions.update({**dict.fromkeys(fractions, 1.0), stage: done})  # stages are solved in sequence
+        work = read + sum(fractions[name] * shares.get(name, 0.0) for name in fractions)
+        reported = max(reported, min(work / total, 0.99))
+        report(reported, note=stage)
 
     return resolve(path, stages, first_seq, last_seq, watch, states=states)
 

@@ -63,7 +63,7 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
     return override
 
 
-def recorded_release(result: Result) -> bool:
+def is_release_recorded(result: Result) -> bool:
     """Return whether the site's audit trail is intact and contains the release of a result. Raises InputError."""
     trail = read_audit(audit_path(site_folder()))
     events = (event for event in trail.entries if event.event == "override")
@@ -101,15 +101,15 @@ def run_files(
     """
     product = _file("product", ProductConfig, files.get("product"), path, texts.get("product"))
     station = files.get("station")
-    known = station is not None and station.name in library.names("stations")
-    return product, _file("station", StationConfig, station, path, None if known else texts.get("station"))
+    in_library = station is not None and station.name in library.names("stations")
+    return product, _file("station", StationConfig, station, path, None if in_library else texts.get("station"))
 
 
-def _file(kind: str, model: type[T], used: FileSection | None, path: Path, text: str | None) -> T:
+def _file(kind: str, model: type[T], file_section: FileSection | None, path: Path, text: str | None) -> T:
     """Parse the text of a file of a run; if missing, read the library file of that name. Raises InputError."""
     if text is not None:
         return validate(model, tomllib.loads(text), path, InputError)
-    if used is None or used.name not in library.names(f"{kind}s"):
+    if file_section is None or file_section.name not in library.names(f"{kind}s"):
         raise InputError("override.no_files", file=path, kind=kind)
-    file = library.find(f"{kind}s", used.name)
+    file = library.find(f"{kind}s", file_section.name)
     return validate(model, tomllib.loads(file.read_text(encoding="utf-8")), file)

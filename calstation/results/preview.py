@@ -1,7 +1,6 @@
 """Preview of a run by covariance analysis: joint angles, duration, violated limits, and sigmas after every stage.
 
-It uses the plans and solvers of the run; the solvers receive simulated samples of a perfect unit during the planned
-motion.
+It uses the plans and solvers of the run with simulated samples of an ideal unit during the planned motion.
 """
 
 from collections.abc import Iterator, Mapping
@@ -16,7 +15,17 @@ from calstation.estimation.common import PlannedSamples, profile
 from calstation.jobs import ProgressCallback
 from calstation.judgement import is_partial
 from calstation.messages import Text
-from calstation.physics import JOINTS, NAMES, FloatArray, GimbalTurn, ManualMove, Move, RoundEnd, Step, named
+from calstation.physics import (
+    JOINTS,
+    NAMES,
+    FloatArray,
+    GimbalTurn,
+    ManualMove,
+    Move,
+    RoundEnd,
+    Step,
+    parameter_indices,
+)
 from calstation.records import LogMeta, context_from_meta
 from calstation.results.calibration import current_calibration
 from calstation.results.history import History
@@ -25,17 +34,17 @@ from calstation.sequencer import StagePlan, check_limits, move_time, planned, st
 from procedures import method
 
 #: Maximum number of rounds of a stage that ends only when its targets are reached.
-MOST_ROUNDS = 20
+MAX_ROUNDS = 20
 
 #: Number of points per drawn move, enough to show its ramps.
-_CORNERS = 9
+_POINTS_PER_MOVE = 9
 
-#: Assumed mounting error in units of the profile's mount sigma. A perfect fixture would separate scale factors and
-#: misalignments slightly better than any real one.
+#: Assumed mounting error in units of the profile's mount sigma. With a perfect fixture, scale factors and misalignments
+#: would be slightly more observable than with any real one.
 _MOUNT = np.full(3, 0.3)
 
 #: Maximum progress reported before the last stage is solved.
-_FEEDING = 0.95
+_MAX_FEED_PROGRESS = 0.95
 
 
 @dataclass(frozen=True)
@@ -61,7 +70,7 @@ class StagePreview:
     stage: str
     begin: float  #: Start time, since the start of the first stage, s.
     end: float  #: End time, since the start of the first stage, s.
-    #: Reason for its end: plan, rounds, duration, targets or operator; "" if it does not end within MOST_ROUNDS rounds.
+    #: Reason for its end: plan, rounds, duration, targets or operator; "" if it exceeds `MAX_ROUNDS`.
     reason: str
     rounds: int  #: Complete rounds.
     moves: int  #: Number of moves of the table.
@@ -103,7 +112,7 @@ def compute_preview(report: ProgressCallback, request: RunRequest) -> Preview:
 
 
 def _expected_meta(setup: RunConfiguration) -> LogMeta:
-    """Return the log configuration that a run would use if the unit holds its latest calibration."""
+    """Return the log configuration of a run if the registers contain the unit's latest calibration."""
     meta, folder = setup.log_meta(), setup.request.out
     if not is_partial(meta) or not folder.is_dir():
         return meta
@@ -127,7 +136,7 @@ class _Previewer:
         self._settle = setup.table.settle_s
         mount = _MOUNT * self._context.table.mount_sigma
         self._samples = PlannedSamples(self._context, self._chain.prior.mean, mount)
-        self._course = [(0.0, 0.0, 0.0)]
+        self._trajectory = [(0.0, 0.0, 0.0)]
         self._clock = 0.0
         self._joints = (0.0, 0.0)
         self._labels: dict[int, tuple[str | float, ...]] = {}
@@ -141,12 +150,12 @@ class _Previewer:
             stage = self._drive(plan, solve, expected)
             solve = solve and stage.error is None
             stages.append(stage)
-        course, limits = np.array(self._course), self._geometry.limits
+        trajectory, limits = np.array(self._trajectory), self._geometry.limits
         return Preview(
             stages=tuple(stages),
-            time=course[:, 0],
-            outer=course[:, 1],
-            inner=course[:, 2],
+            time=trajectory[:, 0],
+            outer=trajectory[:, 1],
+            inner=trajectory[:, 2],
             violations=tuple(violations),
             before=self._chain.prior.sigma,
             limits=self._setup.sigma_limits(),
@@ -158,22 +167,23 @@ class _Previewer:
     def _check(self, plan: StagePlan, violations: list[Violation]) -> float:
         """Check every move of a plan against the table's limits; return the plan's duration, s, ignoring targets."""
         seconds, moves = 0.0, 0
-        broken: dict[tuple[str, str], Violation] = {}
+        first_violations: dict[tuple[str, str], Violation] = {}
         try:
             for step, duration in planned(plan.steps(), plan.rule, self._joints, self._settle):
                 seconds += duration
                 if not isinstance(step, Move):
                     continue
                 moves += 1
-                for new in self._broken(plan.name, moves, step):
-                    key = (new.kind, new.joint)
-                    broken[key] = replace(broken[key], more=broken[key].more + 1) if key in broken else new
+                for violation in self._violations(plan.name, moves, step):
+                    key = violation.kind, violation.joint
+                    first = first_violations.get(key)
+                    first_violations[key] = violation if first is None else replace(first, more=first.more + 1)
         except ConfigurationError as error:
-            broken["plan", ""] = Violation(plan.name, moves + 1, (), "plan", error.as_text)
-        violations.extend(broken.values())
+            first_violations["plan", ""] = Violation(plan.name, moves + 1, (), "plan", error.as_text)
+        violations.extend(first_violations.values())
         return seconds
 
-    def _broken(self, stage: str, number: int, move: Move) -> Iterator[Violation]:
+    def _violations(self, stage: str, number: int, move: Move) -> Iterator[Violation]:
         try:
             check_limits(self._geometry.limits, move)
             return
@@ -181,9 +191,9 @@ class _Previewer:
             text = error.as_text
         limits = self._geometry.limits
         speeds = ("rate", move.rate, min(limits.rate)), ("acceleration", move.acceleration, min(limits.acceleration))
-        for kind, value, most in speeds:
-            if value > most * (1.0 + 1e-9):
-                yield Violation(stage, number, move.label, kind, text, "", value, 0.0, most)
+        for kind, value, limit in speeds:
+            if value > limit * (1.0 + 1e-9):
+                yield Violation(stage, number, move.label, kind, text, "", value, 0.0, limit)
         for joint, (name, target) in enumerate(zip(JOINTS, (move.outer, move.inner), strict=True)):
             if not limits.within(joint, target):
                 span = limits.low[joint], limits.high[joint]
@@ -211,7 +221,7 @@ class _Previewer:
                         error = Text("preview.gimbal_motion")
                     moves += isinstance(step, Move)
                     self._step(step, plan.name if solve else "")
-                    self._report(_FEEDING * self._clock / expected if expected else 0.0, note=plan.name)
+                    self._report(_MAX_FEED_PROGRESS * self._clock / expected if expected else 0.0, note=plan.name)
         except ConfigurationError:
             reason = ""  # `_check` has already reported the reason
         estimated = method(plan.name).estimates(self._context)
@@ -234,7 +244,7 @@ class _Previewer:
         if reason is None and rule.open_ended:
             if not rule.targets:
                 return "operator"
-            if rounds >= MOST_ROUNDS or not measured:
+            if rounds >= MAX_ROUNDS or not measured:
                 return ""
         return reason
 
@@ -242,13 +252,13 @@ class _Previewer:
         seconds = step_time(step, self._joints, self._settle)
         if isinstance(step, Move):
             target = (step.outer, step.inner)
-            t = np.linspace(0.0, move_time(self._joints, step), _CORNERS)
-            course = [profile(t, a, b, step.rate, step.acceleration) for a, b in zip(self._joints, target, strict=True)]
-            self._course.extend(zip((self._clock + t).tolist(), *(c.tolist() for c in course), strict=True))
+            t = np.linspace(0.0, move_time(self._joints, step), _POINTS_PER_MOVE)
+            angles = [profile(t, a, b, step.rate, step.acceleration) for a, b in zip(self._joints, target, strict=True)]
+            self._trajectory.extend(zip((self._clock + t).tolist(), *(c.tolist() for c in angles), strict=True))
             self._joints = target
         elif isinstance(step, ManualMove):
             self._joints = (step.outer, step.inner)
-            self._course.append((self._clock + step.travel_time, *self._joints))
+            self._trajectory.append((self._clock + step.travel_time, *self._joints))
         if stage:
             for block in self._samples.run(step, seconds, stage):
                 self._chain.feed(block)
@@ -256,12 +266,12 @@ class _Previewer:
                 self._labels[self._samples.step] = step.label
         self._clock += seconds
         if seconds > 0.0:
-            self._course.append((self._clock, *self._joints))
+            self._trajectory.append((self._clock, *self._joints))
 
     def _targets(self) -> dict[str, float]:
         targets: dict[str, float] = {}
         for plan in self._plans:
             for name, target in plan.rule.targets.items():
-                for i in named(name):
+                for i in parameter_indices(name):
                     targets[NAMES[i]] = min(target, targets.get(NAMES[i], np.inf))
         return targets

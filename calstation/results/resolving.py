@@ -128,8 +128,8 @@ def resolve_log(
     solutions, missing = tuple(chain.solutions), chain.missing_data
     if diagnostics:
         stored = stored_result(log) if meta == log.meta else None
-        again = SolvedAgain(complete=not missing, online=_compared(meta, solutions, stored))
-        judgement = judge(meta, chain.prior, solutions, again=again)
+        solved_again = SolvedAgain(complete=not missing, online=_compare_online(meta, solutions, stored))
+        judgement = judge(meta, chain.prior, solutions, again=solved_again)
     else:
         judgement = compare_only(meta, chain.prior, solutions)
     with one_blas_thread():
@@ -169,7 +169,7 @@ def resolve_log(
     return Resolved(result, tuple(messages), tuple(missing.values()), by_stage)
 
 
-def _compared(meta: LogMeta, solutions: Sequence[Solution], stored: Result | None) -> list[Check]:
+def _compare_online(meta: LogMeta, solutions: Sequence[Solution], stored: Result | None) -> list[Check]:
     """Return the check of the parameters against those of the run, if the product has one."""
     section = meta.product.checks if meta.product is not None else None
     if section is None or stored is None:
@@ -209,8 +209,8 @@ def _check_range(log: Log, first: int | None, last: int | None) -> None:
     if first is None and last is None:
         return
     facts = log.facts()
-    before, beyond = first is not None and first < facts.first_seq, last is not None and last > facts.last_seq
-    if facts.samples and (before or beyond):
+    before, after = first is not None and first < facts.first_seq, last is not None and last > facts.last_seq
+    if facts.samples and (before or after):
         span = {"first": facts.first_seq, "last": facts.last_seq}
         raise InputError("solution.range_beyond", file=log.path, wanted=first if before else last, **span)
 

@@ -273,8 +273,8 @@ class Result(ResultSection):
     @property
     def undetermined(self) -> list[str]:
         """Parameters that neither the run's data nor the current calibration determine."""
-        known = self.calibration.not_improved if self.calibration is not None else ()
-        return [name for name in self.unobservable if name not in known]
+        calibrated = self.calibration.not_improved if self.calibration is not None else ()
+        return [name for name in self.unobservable if name not in calibrated]
 
     @property
     def cycle_seconds(self) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Chain of stage solvers, fed by a run as samples arrive or from a log, with bit-identical results."""
+"""Chain of stage solvers, which gives bit-identical results for the samples of a run and of its log."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -28,7 +28,7 @@ from calstation.records import LogMeta, context_from_meta, prior_from_meta
 from calstation.schema import validate
 from procedures import method
 
-#: Function that starts reading the samples of a log from the beginning.
+#: Function that reads the samples of a log from the beginning.
 Blocks = Callable[[], Iterable[SampleBlock]]
 
 #: Callback with the stage, the latest sequence number read, and the solved fraction of the stage, 0 during reading.
@@ -45,13 +45,13 @@ def one_blas_thread() -> Iterator[None]:
 class StageChain:
     """Solves stages in order, each with the joint posterior of the previous one as its prior.
 
-    Without `diagnostics`, the solutions have the same parameters, but no tests of data and model.
+    Without `diagnostics`, the solutions have the same parameters, but data and model are not tested.
     """
 
     def __init__(self, meta: LogMeta, *, diagnostics: bool = True) -> None:
         self._meta, self._diagnostics = meta, diagnostics
         states = meta.model.states if meta.model is not None else ()
-        # additional states are estimated from the responses to them, which diagnostics compute
+        # additional states are estimated from the sensitivities to them, which are part of the diagnostics
         self._context = replace(context_from_meta(meta), diagnostics=diagnostics or bool(states))
         self.prior = prior_from_meta(meta)
         #: Posterior of the last completed stage excluding the gravity error, which no stage can reduce.
@@ -82,20 +82,19 @@ class StageChain:
 
     def start(self, stage: str) -> None:
         """Start a stage. Raises ConfigurationError for an unknown stage, InputError for an invalid schedule."""
-        chosen = method(stage)
-        self._stage = stage
-        schedule = validate(chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
+        schedule_type, self._stage = method(stage).schedule, stage
+        schedule = validate(schedule_type, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
         self._lacks_gyros = False
-        self._solver = chosen.solver(self._context, self._solved, schedule)
+        self._solver = method(stage).solver(self._context, self._solved, schedule)
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the started stage."""
         if not has_gyros(block.counts) and not method(self._stage).without_gyros:
             self._lacks_gyros = True
             return
-        self._started().feed(block)
+        self._current_solver().feed(block)
 
-    def _started(self) -> StageSolver:
+    def _current_solver(self) -> StageSolver:
         if self._solver is None:
             raise RuntimeError("no stage has been started")
         return self._solver
@@ -110,7 +109,7 @@ class StageChain:
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the started stage; its posterior becomes the next prior. Raises InputError if the solution diverges."""
-        solver = self._started()
+        solver = self._current_solver()
         if self._lacks_gyros:
             raise InsufficientDataError("recording.no_gyros")
         if self._resting is not None:
@@ -120,12 +119,12 @@ class StageChain:
         except np.linalg.LinAlgError as exc:
             what = Text.of("solution.diverged", detail=str(exc))
             raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
-        shown = [message for earlier in self.solutions for message in earlier.messages]
-        # a message without the name of its stage, such as that of the quiet table, is shown once
-        solution = replace(solution, messages=tuple(m for m in solution.messages if m not in shown))
+        earlier_messages = [message for earlier in self.solutions for message in earlier.messages]
+        # a message without the name of its stage, such as the one about a quiet table, is displayed once
+        solution = replace(solution, messages=tuple(m for m in solution.messages if m not in earlier_messages))
         self._solver, solved = None, solution.posterior
         if self._diagnostics:
-            solution = self._tested(solution, solver.buffer)
+            solution = self._with_tests(solution, solver.buffer)
         else:
             solution = replace(self._model.with_states(solution), observability={}, tests=())
         self._gravity = gravity_sensitivity(self._solved, solved, solution.estimated, self._gravity)
@@ -135,16 +134,16 @@ class StageChain:
         self.solutions.append(solution)
         return solution
 
-    def _tested(self, solution: Solution, buffer: StageBuffer) -> Solution:
-        """Return a solution with the findings from its samples in addition to the parameters."""
+    def _with_tests(self, solution: Solution, buffer: StageBuffer) -> Solution:
+        """Return a solution with its evidence, its latitude, and the tests of data and model."""
         data = buffer.data()
         if self._gather:
             evidence = gather(self._stage, data, self._context, self._uncalibrated, solution.posterior.mean)
             solution = replace(solution, evidence=evidence)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.posterior))
-        solution = self._model.tested(solution, self.solutions, self.posterior)
-        solution = self._data_tests.tested(solution, buffer.block(), data)
+        solution = self._model.add_tests(solution, self.solutions, self.posterior)
+        solution = self._data_tests.add_tests(solution, buffer.block(), data)
         if not data.joints.size:  # a gimbal has three joints, and no stationary base
             self._table_rests.append(table_rests(data, self._context, solution.posterior))
         return solution
@@ -175,37 +174,37 @@ def solve(
 ) -> StageChain:
     """Solve the chosen stages of a log, by default all as recorded; `source` names the log in messages.
 
-    `chain` is a new chain that the caller may monitor while it is fed.
+    `chain` is a new chain that the caller may monitor meanwhile.
 
-    Raises InsufficientDataError if a chosen stage or every stage of the log lacks data; InputError if the log cannot be
-    solved for another reason.
+    Raises InsufficientDataError if the data of a chosen stage, or of every stage of the log, are insufficient;
+    InputError if the log cannot be solved for another reason.
     """
     replay = _Replay(blocks, chain or StageChain(meta), source, progress)
     with one_blas_thread():
         if stages is None:
-            replay.as_recorded()
+            replay.solve_all()
         else:
-            replay.chosen(stages)
+            replay.solve_chosen(stages)
     return replay.chain
 
 
 class _Replay:
-    """Feeds the blocks of a log to a chain."""
+    """Feeds the blocks of a log to a chain and solves its stages."""
 
     def __init__(self, blocks: Blocks, chain: StageChain, source: str | Path, progress: SolveProgress | None) -> None:
         self._blocks, self.chain, self._source, self._progress = blocks, chain, source, progress
         self._stage, self._seq = "", 0
 
-    def as_recorded(self) -> None:
-        """Solve all stages in the order of the log; skip those that lack data."""
-        seen: set[str] = set()
+    def solve_all(self) -> None:
+        """Solve all stages in the order of the log; skip stages with insufficient data."""
+        started: set[str] = set()
         for block in self._blocks():
             if block.stage and block.stage != self._stage:
                 if self._stage:
                     self._finish(skip=True)
-                if block.stage in seen:
+                if block.stage in started:
                     raise self._in_log(InputError("solution.stage_recorded_twice", stage=block.stage))
-                seen.add(block.stage)
+                started.add(block.stage)
                 try:
                     method(block.stage)
                 except ConfigurationError as exc:
@@ -220,8 +219,8 @@ class _Replay:
             reason = next(iter(self.chain.missing_data.values()))
             raise InsufficientDataError("solution.in_log", file=self._source, what=reason)
 
-    def chosen(self, stages: tuple[str, ...]) -> None:
-        """Solve the chosen stages; the log is read only once if they are in its order."""
+    def solve_chosen(self, stages: tuple[str, ...]) -> None:
+        """Solve the chosen stages; the log is read only once if their order is that of the log."""
         for stage in stages:
             method(stage)
         waiting = list(stages)
@@ -273,7 +272,7 @@ class _Replay:
             self._progress(self._stage, self._seq, solved)
 
     def _finish(self, *, skip: bool = False) -> None:
-        """Finish a stage; with `skip`, omit it if it lacks data, as the last stage of an interrupted run may."""
+        """Finish a stage; with `skip`, omit it if its data are insufficient, as in an interrupted run."""
         try:
             self.chain.finish(None if self._progress is None else self._report)
         except InsufficientDataError as exc:

@@ -11,10 +11,10 @@ from calstation.estimation import Solution
 from calstation.estimation.common import Posterior
 from calstation.judgement import (
     StandardComparison,
-    check_seen_latitude,
     estimated_stage,
     judge,
     judge_standard,
+    require_latitude,
     unobservable,
 )
 from calstation.physics import EFFECT_PARAMETERS, NAMES, compose
@@ -63,7 +63,7 @@ class Finalization:
         Raises ConfigurationError if the measured latitude contradicts the station file.
         """
         run, solutions = self.run, tuple(self.run.chain.solutions)
-        check_seen_latitude(run.meta, solutions)
+        require_latitude(run.meta, solutions)
         if not self._setup.product.end_on_failure or judge(run.meta, run.chain.prior, solutions).passed:
             return True
         run.emit(Message("stopped_early", {"stage": solution.stage}))

@@ -12,7 +12,7 @@ from calstation.devices import Imu
 from calstation.devices.imu import flash_registers
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.estimation import Solution
-from calstation.judgement import check_seen_latitude
+from calstation.judgement import require_latitude
 from calstation.registers import recover_interrupted
 from calstation.results import HandOver, one_blas_thread
 from calstation.runs.closing import close_run, start_reports
@@ -194,7 +194,7 @@ def _resume(run: OpenRun) -> LastSample | None:
         run.log.sync()
 
     last_sample = continuation.copy(run.log, run.chain, run.prepared.control.check_cancelled, on_solved)
-    check_seen_latitude(run.meta, tuple(run.chain.solutions))
+    require_latitude(run.meta, tuple(run.chain.solutions))
     return last_sample
 
 

@@ -17,7 +17,7 @@ from calstation.physics import (
     RoundEnd,
     Step,
     group_indices,
-    reached,
+    targets_reached,
 )
 from calstation.sequencer.events import StageProgress
 
@@ -56,7 +56,7 @@ class StopRule:
             return "rounds"
         if self.duration is not None and elapsed >= self.duration:
             return "duration"
-        if self.targets and sigma is not None and reached(sigma, self.targets):
+        if self.targets and sigma is not None and targets_reached(sigma, self.targets):
             return "targets"
         return None
 

@@ -175,11 +175,11 @@ def _gimbal_block(samples: GimbalSamples) -> SampleBlock:
 
 
 def turn_gimbal(
-    bench: GimbalBench, schedule: Any, imu: ImuModel, keep: Callable[[SampleBlock], None]
+    bench: GimbalBench, schedule: Any, imu: ImuModel, store: Callable[[SampleBlock], None]
 ) -> GimbalIteration:
     """Turn the bench's gimbal in closed loop with the method, until it ends; return the iteration.
 
-    `schedule` is that of the method gimbal; `keep` is called with the samples of each motion and rest. Raises
+    `schedule` is that of the method gimbal; `store` is called with the samples of each motion and rest. Raises
     InputError if a turn is not found in the joints.
     """
     iteration: GimbalIteration = schedule.iteration()
@@ -189,7 +189,7 @@ def turn_gimbal(
 
     def take(samples: GimbalSamples) -> None:
         blocks.append(_gimbal_block(samples))
-        keep(blocks[-1])
+        store(blocks[-1])
 
     locked = bench.lock(dwell + BIAS_TIME)
     bench.zero_bias(locked)

@@ -35,10 +35,10 @@ def bench_config(*setups: RunConfiguration) -> Settings:
     first, *others = (_unit_config(setup, bench_settings(setup)) for setup in setups)
     if not others:
         return first
-    further = [{"clock_drift_ppm": _clock_drift(unit["seed"]), **unit, "orders": []} for unit in others]
+    other_units = [{"clock_drift_ppm": _clock_drift(unit["seed"]), **unit, "orders": []} for unit in others]
     numbers = [setup.number for setup in setups]
     # the first unit contains the fault orders for all of them
-    secondaries = [{**unit, "unit": number} for unit, number in zip(further, numbers[1:], strict=True)]
+    secondaries = [{**unit, "unit": number} for unit, number in zip(other_units, numbers[1:], strict=True)]
     return {**first, "unit": numbers[0], "secondaries": secondaries}
 
 
@@ -59,9 +59,9 @@ def bench_settings(setup: RunConfiguration) -> Settings:
     bench: Settings = dict(setup.station.bench or {})
     if setup.slot is not None:
         number = setup.station.slot_names.index(setup.slot.name)
-        without = ("secondaries", *(_OF_THE_FIRST if number else ()))
+        excluded = ("secondaries", *(_OF_THE_FIRST if number else ()))
         units = [{}, *bench.get("secondaries", ())]
-        shared = {name: value for name, value in bench.items() if name not in without}
+        shared = {name: value for name, value in bench.items() if name not in excluded}
         bench = shared | (units[number] if number < len(units) else {})
     return _settings(setup, bench)
 

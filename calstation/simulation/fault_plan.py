@@ -101,30 +101,30 @@ class FaultPlan(StrictModel):
 
     def times(self) -> list[float]:
         """Return the time of each fault, s; a time given as a range is drawn at random."""
-        drawn = random.Random(self.seed)
-        return [drawn.uniform(*f.time_s) if isinstance(f.time_s, list) else f.time_s for f in self.fault]
+        generator = random.Random(self.seed)
+        return [generator.uniform(*f.time_s) if isinstance(f.time_s, list) else f.time_s for f in self.fault]
 
     def adjust(self, setup: RunConfiguration) -> RunConfiguration:
         """Return the configuration with the planned errors in its station file and bench settings."""
-        wrong = sum(self._value(fault) for fault in self.fault if fault.kind == "wrong_latitude")
+        latitude_error = sum(self._value(fault) for fault in self.fault if fault.kind == "wrong_latitude")
         station = setup.station
-        site = station.site.model_copy(update={"latitude_deg": station.site.latitude_deg + wrong})
+        site = station.site.model_copy(update={"latitude_deg": station.site.latitude_deg + latitude_error})
         setup = replace(setup, station=station.model_copy(update={"site": site}))
         return replace(setup, bench_overrides=self._overrides(bench_settings(setup), setup.number))
 
     def _overrides(self, settings: Mapping[str, Any], number: int) -> dict[str, Any]:
         """Return the bench settings of a unit that faults change from the start, and the orders for later faults."""
-        changed: dict[str, Any] = {}
+        changes: dict[str, Any] = {}
         orders = list(settings.get("orders", []))
         for fault, time in zip(self.fault, self.times(), strict=True):
             if fault.kind in _OF_UNIT and fault.unit != number:
                 continue
             if fault.kind in SET_UP:
-                changed |= _SET_UP[fault.kind]({**settings, **changed}, self._value(fault))
+                changes |= _SET_UP[fault.kind]({**settings, **changes}, self._value(fault))
             elif fault.kind in ORDERS and fault.stage is None:
                 value = {} if fault.value is None else {"value": fault.value}
                 orders.append({"order": fault.kind, "at": time, "unit": fault.unit, **value})
-        return changed | ({"orders": orders} if orders else {})
+        return changes | ({"orders": orders} if orders else {})
 
     @staticmethod
     def _value(fault: PlannedFault) -> float:
@@ -162,8 +162,8 @@ def _plan_file(setup: RunConfiguration) -> Path | None:
 
 
 def _check_units(plan: FaultPlan, setup: RunConfiguration) -> None:
-    names, filled = setup.station.slot_names, setup.request.batch_slots
-    units = [number for number, name in enumerate(names or ("",), start=1) if name in filled or not filled]
+    names, used_slots = setup.station.slot_names, setup.request.batch_slots
+    units = [number for number, name in enumerate(names or ("",), start=1) if name in used_slots or not used_slots]
     for number, fault in enumerate(plan.fault):
         if fault.of_unit and fault.unit not in units:
             raise EntryError("bench.fault_of_no_unit", "fault", number, "unit", unit=fault.unit, units=units)

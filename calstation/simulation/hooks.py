@@ -37,14 +37,14 @@ class BenchHooks(RunHooks):
         """Return an event sink that calls `emit`, moving the rig before each event and injecting faults after it."""
         plan = fault_plan(setup)
 
-        def accompanied(event: Event) -> None:
+        def emit_with_faults(event: Event) -> None:
             if setup.table.by_hand:
                 self._move_rig(event)
             emit(event)
             if plan.fault:
                 self._inject(plan, folder, event)
 
-        return accompanied
+        return emit_with_faults
 
     def connected(self, devices: Devices) -> None:
         """Store the bench's clock, which accepts fault orders."""

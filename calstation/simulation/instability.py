@@ -28,7 +28,7 @@ class MismatchedCovariance:
         variance = np.repeat([float(instability_variance(b)) for b in levels], len(INSTABILITY_TIMES))
         times = np.tile(INSTABILITY_TIMES, len(levels))
         self._times, self._variance = times, variance
-        self._into_bias = np.kron(np.eye(len(levels)), np.ones(len(INSTABILITY_TIMES)))
+        self._bias_sum = np.kron(np.eye(len(levels)), np.ones(len(INSTABILITY_TIMES)))
         start = run.state.P.copy()
         start[STATES:], start[:, STATES:] = 0.0, 0.0
         self.P = block_diag(start, np.diag(variance))
@@ -40,18 +40,18 @@ class MismatchedCovariance:
         decay = np.exp(-len(group.z) // 3 * run.stride * run.dt / self._times)
         size = len(run.state.x)
         I_KH = np.eye(size) - gain @ group.H
-        into = np.zeros((size, len(BIAS)))
-        into[NAVIGATION] = group.transition[NAVIGATION, BIAS]
-        seen = gain @ group.H[:, BIAS] @ self._into_bias
+        bias_transition = np.zeros((size, len(BIAS)))
+        bias_transition[NAVIGATION] = group.transition[NAVIGATION, BIAS]
+        bias_gain = gain @ group.H[:, BIAS] @ self._bias_sum
         T = np.block(
             [
-                [I_KH @ group.transition, -I_KH @ into @ self._into_bias + seen * decay],
+                [I_KH @ group.transition, -I_KH @ bias_transition @ self._bias_sum + bias_gain * decay],
                 [np.zeros((len(decay), size)), np.diag(decay)],
             ]
         )
         white = group.noise.copy()
         white[STATES:, STATES:] = 0.0
-        driven = np.vstack([seen, np.eye(len(decay))])
+        driven = np.vstack([bias_gain, np.eye(len(decay))])
         noise = driven @ np.diag(self._variance * (1.0 - decay**2)) @ driven.T
         shared = I_KH @ group.M @ gain.T
         noise[:size, :size] += I_KH @ white @ I_KH.T + gain @ group.R @ gain.T - shared - shared.T
@@ -64,9 +64,9 @@ def instability_ratio(block: SampleBlock, context: SolveContext, prior: Posterio
     The mean of `prior` must be the true parameters.
     """
     data: StageData = stage_data([block], context.imu)
-    settled = solve_navigation(data, context, prior, np.zeros(len(NAMES), dtype=np.bool_))
+    solution = solve_navigation(data, context, prior, np.zeros(len(NAMES), dtype=np.bool_))
     run = ReferencePass(context, prior, prior.mean)
-    start, attitude = settled.starts[0], settled.attitudes[0]
+    start, attitude = solution.starts[0], solution.attitudes[0]
     steps = run.steps(data, start, attitude, batch=1)
     next(steps)
     true = MismatchedCovariance(run, context)

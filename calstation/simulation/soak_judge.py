@@ -1,4 +1,4 @@
-"""Evaluation of a soak-test run: its verdict against the bench's truth, its records, and the table's final state."""
+"""Evaluation of a run of a soak test: its verdict against the truth of the bench, its records, and the final state."""
 
 import os
 import time
@@ -22,13 +22,13 @@ from calstation.simulation.bench_settings import bench_config
 from calstation.simulation.fault_plan import HOST, SET_UP, with_faults
 from calstation.simulation.soak_plan import FROM_LISTENER, MILD, Planned
 
-#: A parameter is wrong if its error exceeds this many sigmas.
+#: Largest error of a correct parameter, in sigmas.
 SIGMAS = 6.0
 
 #: Time allowed for the bench to write its report, host time, s.
 _REPORT_TIMEOUT = 20.0
 
-#: A gap of more samples is a counter jump, not a loss: no run survives such a long silence.
+#: Smallest gap that is a counter jump, in samples: no run survives such a long silence.
 _JUMP = 5_000
 
 #: Kinds of faults with which a good unit must fail.
@@ -38,21 +38,22 @@ _VERDICTS = ("passed", "failed")
 
 
 @dataclass(frozen=True)
-class Judged:
+class RunEvaluation:
     """Evaluation of one run.
 
-    `outcome` is the outcome of the result, or ``hung``, or ``lost`` without a result; `error` is the error in the
-    result. `injected` lists the kinds of faults that occurred, `wrong` the errors of the verdict, `lost` the defects of
-    the records. `unsafe` means that the table was left moving, or left enabled although it can switch off without the
-    engine. `engine_mb` and `parent_mb` are peaks of resident memory, MB; `seconds` is host time, s.
+    `outcome` is the outcome of the result, ``hung``, or ``lost`` without a result; `error` is the error in the result.
+    `injected` lists the kinds of faults that occurred, `verdict_errors` the errors of the verdict, and `record_defects`
+    the defects of the records. `unsafe` is True if the table was still moving at the end, or was still enabled although
+    it can switch off without the engine. `engine_mb` and `parent_mb` are peaks of resident memory, MB; `seconds` is
+    host time, s.
     """
 
     planned: Planned
     outcome: str
     error: str | None
     injected: tuple[str, ...]
-    wrong: tuple[str, ...]
-    lost: tuple[str, ...]
+    verdict_errors: tuple[str, ...]
+    record_defects: tuple[str, ...]
     unsafe: bool
     samples: int
     samples_lost: int
@@ -62,8 +63,8 @@ class Judged:
 
     @property
     def recovered(self) -> bool:
-        """Whether the verdict is right despite faults."""
-        return bool(self.injected) and self.outcome in _VERDICTS and not self.wrong
+        """Whether the verdict is correct despite faults."""
+        return bool(self.injected) and self.outcome in _VERDICTS and not self.verdict_errors
 
     @property
     def stopped_safely(self) -> bool:
@@ -74,32 +75,32 @@ class Judged:
 
 def judge_run(
     planned: Planned, request: RunRequest, hung: bool, engine_mb: float, seconds: float, report: Path
-) -> Judged:
+) -> RunEvaluation:
     """Evaluate a run from its files; `report` is the bench's report, missing if the bench died with the engine.
 
-    `hung` is True if the run did not end in time; `engine_mb` and `seconds` are as in `Judged`. Waits at most 10 s of
-    host time for the report.
+    `hung` is True if the run did not end in time; `engine_mb` and `seconds` are as in `RunEvaluation`. The report is
+    awaited for at most `_REPORT_TIMEOUT`.
     """
     kinds = [kind for kind, _ in planned.faults]
     bench = _bench_report(report)
     died = "engine_killed" in kinds and not list(request.out.glob(f"{request.serial}_*.json"))
     setup = load_configuration(request, with_faults)
     executed = () if bench is None else bench.executed
-    happened = [kind for kind in kinds if kind in executed or _set_up(kind, setup)]
-    result, lost = _records(request, died)
+    occurred = [kind for kind in kinds if kind in executed or _set_up(kind, setup)]
+    result, defects = _records(request, died)
     outcome = "hung" if hung else "lost" if result is None else result.outcome
-    happened += [kind for kind in kinds if kind in HOST and outcome == "incomplete"]
-    happened += [kind for kind in kinds if kind in FROM_LISTENER and outcome == "stopped"]
-    lost_link = died or "mute_table" in happened
-    may_stay_on = lost_link and _keeps_axes_on(setup.table)
-    samples, missing = _samples(result, "jump_counter" in happened)
-    return Judged(
+    occurred += [kind for kind in kinds if kind in HOST and outcome == "incomplete"]
+    occurred += [kind for kind in kinds if kind in FROM_LISTENER and outcome == "stopped"]
+    link_lost = died or "mute_table" in occurred
+    may_stay_on = link_lost and _keeps_axes_on(setup.table)
+    samples, missing = _samples(result, "jump_counter" in occurred)
+    return RunEvaluation(
         planned=planned,
         outcome=outcome,
         error=None if result is None else result.error,
-        injected=tuple(happened),
-        wrong=tuple(_wrong(planned, request, result, outcome, happened)),
-        lost=tuple(lost),
+        injected=tuple(occurred),
+        verdict_errors=tuple(_verdict_errors(planned, request, result, outcome, occurred)),
+        record_defects=tuple(defects),
         unsafe=bench is None or bench.moving or (bench.enabled and not may_stay_on),
         samples=samples,
         samples_lost=missing,
@@ -124,7 +125,7 @@ def _has_watchdog(table: TableProfile) -> bool:
 
 
 def _keeps_axes_on(table: TableProfile) -> bool:
-    """Return whether the axes stay on when the link is lost: the table completes its move and then rests."""
+    """Return whether the axes stay on after the loss of the link: the table completes its move and then rests."""
     return table.link_loss_stop_s is None and not _has_watchdog(table)
 
 
@@ -146,37 +147,37 @@ def _records(request: RunRequest, died: bool) -> tuple[Result | None, list[str]]
         facts = log.facts()
     except CalstationError as error:
         return result, [f"log: {error}"]
-    lost = []
+    defects = []
     if facts.sha256 != result.log.sha256:
-        lost.append("the digest of the log is not the one in the result")
+        defects.append("the digest of the log is not the one in the result")
     if log.outcome != (None if result.outcome == "incomplete" else result.outcome):
-        lost.append(f"the log ends as {log.outcome}, the result as {result.outcome}")
-    return result, lost
+        defects.append(f"the log ends as {log.outcome}, the result as {result.outcome}")
+    return result, defects
 
 
-def _wrong(
-    planned: Planned, request: RunRequest, result: Result | None, outcome: str, happened: Collection[str]
+def _verdict_errors(
+    planned: Planned, request: RunRequest, result: Result | None, outcome: str, occurred: Collection[str]
 ) -> list[str]:
     if outcome == "hung":
         return ["it hung"]
-    only_mild = {fault for fault in planned.faults if fault[0] in happened} <= set(MILD)
+    only_mild = {fault for fault in planned.faults if fault[0] in occurred} <= set(MILD)
     if outcome not in _VERDICTS and not planned.faulty_unit and only_mild:
         return [f"no verdict without need: {(result and result.error) or outcome}"]
-    must_fail = bool(_MUST_FAIL & set(happened))
+    must_fail = bool(_MUST_FAIL & set(occurred))
     if result is None or outcome not in _VERDICTS or (outcome == "failed" and (planned.faulty_unit or must_fail)):
         return []
     if must_fail:
-        return [f"passed with {', '.join(happened)}"]
+        return [f"passed with {', '.join(occurred)}"]
     setup = load_configuration(request, with_faults)
     truth = BenchConfig.model_validate(bench_config(setup)).truth().parameters
     if outcome == "failed":
         if any(_outside(check, result, truth, -SIGMAS) for check in result.failed_checks):
-            return []  # the truth is outside, or so close that noise may move the estimate outside
+            return []  # the truth is outside, or so close that the estimate may be outside due to noise
         return [f"a good unit failed: {', '.join(check.name for check in result.failed_checks)}"]
-    away = {n: abs(row.value - truth[INDEX[n]]) / row.sigma for n, row in result.parameters.items()}
-    wrong = [f"passed with {name} off by {sigmas:.1f} sigma" for name, sigmas in away.items() if sigmas > SIGMAS]
-    outside = [check.subject for check in result.checks if _outside(check, result, truth, SIGMAS)]
-    return wrong + [f"passed with {name} outside its limits" for name in outside]
+    deviations = {n: abs(row.value - truth[INDEX[n]]) / row.sigma for n, row in result.parameters.items()}
+    errors = [f"passed with {name} off by {sigmas:.1f} sigma" for name, sigmas in deviations.items() if sigmas > SIGMAS]
+    outside_limits = [check.subject for check in result.checks if _outside(check, result, truth, SIGMAS)]
+    return errors + [f"passed with {name} outside its limits" for name in outside_limits]
 
 
 def _outside(check: Check, result: Result, truth: FloatArray, sigmas: float) -> bool:
@@ -207,8 +208,8 @@ def _samples(result: Result | None, jumped: bool) -> tuple[int, int]:
     try:
         for block in open_log(Path(result.log.file)).blocks():
             seq = block.seq if last is None else np.concatenate(([last], block.seq))
-            lost = np.diff(seq) - 1
-            missing += int(lost[lost < _JUMP].sum() if jumped else lost.sum())
+            gaps = np.diff(seq) - 1
+            missing += int(gaps[gaps < _JUMP].sum() if jumped else gaps.sum())
             count += len(block)
             last = int(block.seq[-1])
     except CalstationError:

@@ -117,24 +117,24 @@ class Planned:
 
 def plans(runs: int, seed: int) -> Iterator[Planned]:
     """Plan the runs; the same seed gives the same plan, and each fault occurs once before any is repeated."""
-    drawn = random.Random(seed)
-    deck: list[tuple[str, float | None]] = []
+    generator = random.Random(seed)
+    remaining: list[tuple[str, float | None]] = []
     for number in range(runs):
-        count = drawn.choices((0, 1, 2), (0.2, 0.65, 0.15))[0]
+        count = generator.choices((0, 1, 2), (0.2, 0.65, 0.15))[0]
         faults: list[tuple[str, float | None]] = []
         for _ in range(count):
-            if not deck:
-                deck = [*STAGE_FAULTS, *OTHER_FAULTS]
-                drawn.shuffle(deck)
-            faults.append(deck.pop())
-        seed_of_run, faulty = drawn.randrange(2**31), drawn.random() < 0.1
-        (chosen,) = drawn.choices(list(devices()), [weight for weight, _, _ in devices().values()])
-        yield Planned(number, seed_of_run, faulty, tuple(faults), chosen)
+            if not remaining:
+                remaining = [*STAGE_FAULTS, *OTHER_FAULTS]
+                generator.shuffle(remaining)
+            faults.append(remaining.pop())
+        seed_of_run, faulty = generator.randrange(2**31), generator.random() < 0.1
+        (devices_name,) = generator.choices(list(devices()), [weight for weight, _, _ in devices().values()])
+        yield Planned(number, seed_of_run, faulty, tuple(faults), devices_name)
 
 
 def write_request(planned: Planned, folder: Path, stages: tuple[str, ...]) -> RunRequest:
     """Write the station, product and fault-plan files of a run; return the request that uses them."""
-    drawn = random.Random(planned.seed)
+    generator = random.Random(planned.seed)
     (folder / "bench").mkdir(parents=True, exist_ok=True)
     _, other_station, other_product = devices()[planned.devices]
     station = read_toml(library.shipped_folder() / "stations" / f"{DEFAULT_STATION}.toml")
@@ -154,7 +154,7 @@ def write_request(planned: Planned, folder: Path, stages: tuple[str, ...]) -> Ru
         product |= {"name": "soak", **_SHORT, "limits": limits, "stages": list(stages)}
         product.pop("checks", None)  # they name omitted stages, and apply to the full schedule
     names = tuple(product["stages"])
-    faults = [_fault(kind, value, names, drawn) for kind, value in planned.faults if kind not in FROM_LISTENER]
+    faults = [_fault(kind, value, names, generator) for kind, value in planned.faults if kind not in FROM_LISTENER]
     _write(folder / "station.toml", station)
     _write(folder / "product.toml", product)
     _write(folder / "plan.toml", {"seed": planned.seed, "fault": faults})
@@ -172,13 +172,13 @@ def _product(name: str) -> dict[str, Any]:
     return read_toml(library.shipped_folder() / "products" / f"{name}.toml")
 
 
-def _fault(kind: str, value: float | None, stages: tuple[str, ...], drawn: random.Random) -> dict[str, Any]:
+def _fault(kind: str, value: float | None, stages: tuple[str, ...], generator: random.Random) -> dict[str, Any]:
     entry: dict[str, Any] = {"kind": kind} if value is None else {"kind": kind, "value": float(value)}
     if (kind, value) in STAGE_FAULTS:
-        entry["stage"] = drawn.choice((*stages, *CAPTURES) if kind in _IN_CAPTURES else stages)
-        if entry["stage"] not in CAPTURES and drawn.random() < 0.5:
-            entry["step"] = drawn.randrange(6)
-        entry["time_s"] = drawn.uniform(0.0, _LATEST_TIME if "step" not in entry else 3.0)
+        entry["stage"] = generator.choice((*stages, *CAPTURES) if kind in _IN_CAPTURES else stages)
+        if entry["stage"] not in CAPTURES and generator.random() < 0.5:
+            entry["step"] = generator.randrange(6)
+        entry["time_s"] = generator.uniform(0.0, _LATEST_TIME if "step" not in entry else 3.0)
     return entry
 
 

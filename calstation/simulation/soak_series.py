@@ -13,7 +13,7 @@ from calstation.errors import ConfigurationError
 from calstation.results import deliver_pending
 from calstation.runs import Engine
 from calstation.sequencer import Command, StepStarted
-from calstation.simulation.soak_judge import Judged, judge_run, resident_mb
+from calstation.simulation.soak_judge import RunEvaluation, judge_run, resident_mb
 from calstation.simulation.soak_plan import STAGES, Planned, plans, write_request
 
 #: Host time after which a run with short schedules counts as hung, s; with full schedules, ten times this.
@@ -27,7 +27,7 @@ _ALLOWED_GROWTH = 20.0
 class Soak:
     """The completed runs of a soak test, and the number of results not delivered to the hand-over folder."""
 
-    runs: list[Judged] = field(default_factory=list)
+    runs: list[RunEvaluation] = field(default_factory=list)
     undelivered: int = 0
 
     def counts(self) -> dict[str, Any]:
@@ -48,12 +48,12 @@ class Soak:
             "faults_injected": sum(injected.values()),
             "recovered": sum(run.recovered for run in self.runs),
             "stopped_safely": sum(run.stopped_safely for run in self.runs),
-            "wrong_verdicts": sum(bool(run.wrong) for run in self.runs),
+            "wrong_verdicts": sum(bool(run.verdict_errors) for run in self.runs),
             "unsafe": sum(run.unsafe for run in self.runs),
             "hung": sum(run.outcome == "hung" for run in self.runs),
             "samples": sum(run.samples for run in self.runs),
             "samples_lost": sum(run.samples_lost for run in self.runs),
-            "lost_records": sum(bool(run.lost) for run in self.runs) + self.undelivered,
+            "lost_records": sum(bool(run.record_defects) for run in self.runs) + self.undelivered,
             "engine_memory_mb": _trend([run.engine_mb for run in self.runs]),
             "parent_memory_mb": _trend([run.parent_mb for run in self.runs]),
             "seconds_per_run": _mean([run.seconds for run in self.runs]),
@@ -66,7 +66,7 @@ class Soak:
                     "what": what,
                 }
                 for run in self.runs
-                for what in (*run.wrong, *run.lost, *(["table not left safe"] if run.unsafe else []))
+                for what in (*run.verdict_errors, *run.record_defects, *(["table not left safe"] if run.unsafe else []))
             ],
         }
 
@@ -89,7 +89,7 @@ def soak(
     """
     if (folder / "runs").exists():
         raise ConfigurationError("study.folder_in_use", folder=folder)
-    done = Soak()
+    series = Soak()
     stages = () if full else STAGES
     for planned in plans(runs, seed):
         if stopping():
@@ -99,10 +99,10 @@ def soak(
         hung, memory = _observe(request, planned, _HANG_TIMEOUT * (10.0 if full else 1.0))
         report = folder / "bench" / f"{planned.number}.json"
         seconds = time.monotonic() - begin
-        done.runs.append(judge_run(planned, request, hung, memory, seconds, report))
-        on_run(done)
-    done.undelivered = deliver_pending(lambda *_, **__: None, folder / "runs", folder / "station.toml").waiting
-    return done
+        series.runs.append(judge_run(planned, request, hung, memory, seconds, report))
+        on_run(series)
+    series.undelivered = deliver_pending(lambda *_, **__: None, folder / "runs", folder / "station.toml").waiting
+    return series
 
 
 def _observe(request: RunRequest, planned: Planned, patience: float) -> tuple[bool, float]:

@@ -68,11 +68,11 @@ class VirtualBench(StationBench):
         meta = open_log(recording).meta
         seed = None if meta.run is None else meta.run.seed
         truth = {name: value for name, value in read_truth(recording).items() if name in NAMES}
-        known = seed is not None or bool(truth)
+        is_known = seed is not None or bool(truth)
         request = replace(
             setup.request,
-            serial=meta.imu.serial if known else VIRTUAL_UNIT,
-            product=_product_like(meta.imu, setup.request) if known else setup.request.product,
+            serial=meta.imu.serial if is_known else VIRTUAL_UNIT,
+            product=_product_like(meta.imu, setup.request) if is_known else setup.request.product,
             seed=seed,
         )
         setup = load_configuration(request)

@@ -27,7 +27,7 @@ from calstation.estimation.common import (
 )
 from calstation.estimation.navigation import solve_navigation
 from calstation.judgement import ModelTests
-from calstation.physics import NAMES, PARAMETERS, EffectName, FloatArray, TableGeometry, group_indices, reached
+from calstation.physics import NAMES, PARAMETERS, EffectName, FloatArray, TableGeometry, group_indices, targets_reached
 from calstation.results import one_blas_thread
 from calstation.simulation.instability import instability_ratio
 from calstation.simulation.study_table import UnitResult, summary
@@ -155,11 +155,11 @@ def _unit(job: _Job) -> tuple[GradeName, list[UnitResult]]:
     results = []
     with one_blas_thread():
         for lever, instability, states in dict.fromkeys((c.outer_lever, c.instability, c.states) for c in cases):
-            chosen = [c for c in cases if (c.outer_lever, c.instability, c.states) == (lever, instability, states)]
+            selected = [c for c in cases if (c.outer_lever, c.instability, c.states) == (lever, instability, states)]
             truth, context = draw_unit(grade, seed, lever, instability, PRESENT[grade] if states else Effects())
-            stages = [s for s in (*DEFAULT_STAGES, "designed") if any(s in c.stages for c in chosen)]
+            stages = [s for s in (*DEFAULT_STAGES, "designed") if any(s in c.stages for c in selected)]
             data = simulate_stages(truth, seed, stages, schedules)
-            results += [_solve(c, truth, context, data, schedules) for c in chosen]
+            results += [_solve(c, truth, context, data, schedules) for c in selected]
     return grade, results
 
 
@@ -232,7 +232,7 @@ def _solve(
     estimated = np.zeros(len(NAMES), dtype=np.bool_)
     nis, seconds = {}, 0.0
     model, joint = ModelTests(posterior, case.states), posterior
-    added: FloatArray = np.zeros_like(posterior.covariance)
+    effects_covariance: FloatArray = np.zeros_like(posterior.covariance)
     for stage in case.stages:
         m = method(stage)
         schedule = m.schedule(**schedules.get(stage, {}))
@@ -242,18 +242,18 @@ def _solve(
         solution = solver.finish()
         posterior = solution.posterior
         if case.states:
-            solution = model.tested(solution, (), joint)
+            solution = model.add_tests(solution, (), joint)
         joint = solution.posterior
-        added = joint.covariance - posterior.covariance
+        effects_covariance = joint.covariance - posterior.covariance
         mask = np.array([n in solution.estimated for n in NAMES])
         if stage in NAVIGATION_STAGES:
             samples_data = stage_data([samples], context.imu)
             at_truth = solve_navigation(samples_data, context, bound, np.zeros_like(mask)).posterior
             bound = consider_update(bound, at_truth, mask)
         else:
-            other = m.solver(context, bound, schedule)
-            other.feed(samples)
-            bound = other.finish().posterior
+            bound_solver = m.solver(context, bound, schedule)
+            bound_solver.feed(samples)
+            bound = bound_solver.finish().posterior
         bound = Posterior(truth.parameters, bound.covariance)
         estimated |= mask
         c = solution.consistency
@@ -263,7 +263,8 @@ def _solve(
     if case.states:
         with np.errstate(invalid="ignore"):
             cost = joint.sigma / posterior.sigma
-    return UnitResult(case.name, estimated, error, joint.covariance, bound.covariance + added, nis, cost, seconds)
+    bound_covariance = bound.covariance + effects_covariance
+    return UnitResult(case.name, estimated, error, joint.covariance, bound_covariance, nis, cost, seconds)
 
 
 def feed_until_targets(solver: StageSolver, samples: SampleBlock, schedule: BaseModel) -> SampleBlock:
@@ -277,7 +278,7 @@ def feed_until_targets(solver: StageSolver, samples: SampleBlock, schedule: Base
     for move, end in enumerate(ends, start=1):
         solver.feed(samples.part(first, int(end)))
         first = int(end)
-        if move >= least and reached(solver.sigma(), targets):
+        if move >= least and targets_reached(solver.sigma(), targets):
             break
     return samples.part(0, first)
 

@@ -55,16 +55,17 @@ def summary(units: list[UnitResult], true_covariance_ratio: FloatArray | None) -
     estimated = np.flatnonzero(units[-1].estimated)
     groups = {}
     for group in GROUPS:
-        chosen = [i for i in group_indices(group) if i in estimated]
-        if chosen:
-            groups[group] = _group(units, chosen, true_covariance_ratio)
+        indices = [i for i in group_indices(group) if i in estimated]
+        if indices:
+            groups[group] = _group(units, indices, true_covariance_ratio)
     nees = _nees(units, estimated)
     over_bound, correlations = [], []
     for unit in units:
         sigma = np.sqrt(np.diag(unit.bound)[estimated])
-        known = sigma > 0.0
-        over_bound.append((unit.error[estimated] / np.where(known, sigma, 1.0))[known])
-        correlations.append((unit.bound[np.ix_(estimated, estimated)] / np.outer(sigma, sigma))[np.ix_(known, known)])
+        nonzero = sigma > 0.0
+        over_bound.append((unit.error[estimated] / np.where(nonzero, sigma, 1.0))[nonzero])
+        correlation = unit.bound[np.ix_(estimated, estimated)] / np.outer(sigma, sigma)
+        correlations.append(correlation[np.ix_(nonzero, nonzero)])
     bound = _rms(over_bound)
     limit = max(BOUND_RATIO_LIMIT, rms_band(correlations)[1])
     groups_passed = all(g["passed"] for g in groups.values())
@@ -114,10 +115,10 @@ def _nees(units: list[UnitResult], estimated: IntArray) -> dict[str, Any]:
     """Return the mean normalised estimation error squared per parameter (Bar-Shalom et al., *Estimation*, 5.4.2)."""
     total, count = 0.0, 0
     for unit in units:
-        chosen = [i for i in estimated if unit.covariance[i, i] > 0.0]
-        covariance = unit.covariance[np.ix_(chosen, chosen)]
-        total += float(unit.error[chosen] @ np.linalg.solve(covariance, unit.error[chosen]))
-        count += len(chosen)
+        indices = [i for i in estimated if unit.covariance[i, i] > 0.0]
+        covariance = unit.covariance[np.ix_(indices, indices)]
+        total += float(unit.error[indices] @ np.linalg.solve(covariance, unit.error[indices]))
+        count += len(indices)
     low, high = chi_squared_band(count)
     mean = total / count
     return {"mean": mean, "low": float(low), "high": float(high), "passed": bool(low <= mean <= high)}

@@ -11,7 +11,7 @@ from calstation.config.station import StationSite
 from calstation.errors import ConfigurationError
 from calstation.estimation import Solution
 from calstation.estimation.common import Consistency, LatitudeEstimate, Posterior
-from calstation.judgement import check_seen_latitude, latitude_agrees, unconfirmed_site
+from calstation.judgement import latitude_agrees, require_latitude, unconfirmed_site
 from calstation.judgement.site import check_latitude, unconfirmed_latitude
 from calstation.physics import COUNT
 from calstation.records import LogMeta
@@ -131,14 +131,14 @@ def test_measured_latitude_that_contradicts_the_site_ends_the_run() -> None:
         assert latitude_agrees([check]) is agrees
         assert agrees or (check.diagnosis is not None and check.diagnosis.cause == "latitude_unlike")
     with pytest.raises(ConfigurationError, match=r"the earth rate of latitude 34.38° \(sigma 0.01°\)"):
-        check_seen_latitude(log_meta, solved(LatitudeEstimate(0.60, 1e-4)))
+        require_latitude(log_meta, solved(LatitudeEstimate(0.60, 1e-4)))
 
 
 def test_no_latitude_check_without_a_latitude_estimate() -> None:
     log_meta = meta(NAV, "rate")
     for solutions in ((), solved(None)):
         assert check_latitude(log_meta, solutions) == []
-        check_seen_latitude(log_meta, solutions)
+        require_latitude(log_meta, solutions)
 
 
 def test_inconsistent_stage_reports_an_unconfirmed_latitude() -> None:

@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 
 from calstation.config import RunRequest, library, load_configuration
-from calstation.design.search import Beam, Exchange, Front, Problem, Stop, durations, missing, reachable, states
+from calstation.design.search import (
+    Beam,
+    Exchange,
+    Front,
+    Problem,
+    Stop,
+    durations,
+    reachable,
+    remaining_log_ratio,
+    states,
+)
 from calstation.design.segments import Conditions, SegmentLibrary
 from calstation.physics import NAMES
 from calstation.records import context_from_meta, prior_from_meta
@@ -99,7 +109,7 @@ def test_search_handles_travel_shorter_than_a_quarter_turn(problem):
 
 
 def test_missing_information_counts_only_sigmas_above_their_targets():
-    assert missing(np.array([[0.5, 1.0, np.e], [0.0, 0.1, 0.2]])) == pytest.approx([1.0, 0.0])
+    assert remaining_log_ratio(np.array([[0.5, 1.0, np.e], [0.0, 0.1, 0.2]])) == pytest.approx([1.0, 0.0])
 
 
 def test_moves_beyond_the_table_travel_are_not_tried(problem):

@@ -5,7 +5,7 @@ import pytest
 from simulated_stages import with_effect
 
 from calstation.estimation.common import BatchGain, Posterior
-from calstation.estimation.effects import EffectEvidence, EffectTests, StageEffects, changing
+from calstation.estimation.effects import EffectEvidence, EffectTests, StageEffects, parameter_changes
 from calstation.physics import COUNT, EFFECTS, INDEX, NAMES, PARAMETERS, Motion
 from calstation.simulation.study import draw_unit, simulate_stages, study_prior
 from procedures import DEFAULT_STAGES, method
@@ -17,7 +17,7 @@ def test_score_test_equals_the_estimate_of_the_augmented_model() -> None:
     random = np.random.default_rng(1)
     count = sum(len(c.components) for c in EFFECTS)
     H, constant = random.normal(size=(80, COUNT)) / SIGMA, random.normal(size=(80, count))
-    added = np.hstack([constant, np.zeros((80, sum(len(c.components) for c in changing(1.0))))])
+    added = np.hstack([constant, np.zeros((80, sum(len(c.components) for c in parameter_changes(1.0))))])
     truth = SIGMA * random.normal(size=COUNT)
     tests, posterior = EffectTests(SIGMA), Posterior(np.zeros(COUNT), np.diag(SIGMA**2))
     size = 0.02 * np.array([c.plausible for c in EFFECTS if c.cause == "time_skew"])[0]
@@ -28,7 +28,7 @@ def test_score_test_equals_the_estimate_of_the_augmented_model() -> None:
         K = np.linalg.solve(S, h @ posterior.covariance).T
         tests.add(
             "a stage",
-            StageEffects(0.0, 1.0).of_batch(BatchGain(h, K, S, y), added[rows], np.ones(COUNT, dtype=bool)),
+            StageEffects(0.0, 1.0).batch_sensitivity(BatchGain(h, K, S, y), added[rows], np.ones(COUNT, dtype=bool)),
             NAMES,
         )
         posterior = Posterior(posterior.mean + K @ y, posterior.covariance - K @ h @ posterior.covariance)
@@ -46,7 +46,7 @@ def test_score_test_equals_the_estimate_of_the_augmented_model() -> None:
 def test_effects_are_sorted_by_start_time_and_zero_before_it() -> None:
     time = np.linspace(0.5, 80.0, 160)
     moved = Motion(*np.random.default_rng(4).normal(size=(4, 160, 3)), time)
-    candidates = list(changing(80.0))
+    candidates = list(parameter_changes(80.0))
     assert [c.begin for c in candidates] == sorted(c.begin for c in candidates)
     for c in candidates:
         errors = np.abs(c.errors(moved)).max(axis=(1, 2))
@@ -77,12 +77,12 @@ def test_drift_is_estimated_across_the_stages_of_a_run() -> None:
             (h[:, i, None] * shapes[:, None, :]).reshape(len(h), 6)
             if (c.cause, c.parameters[:1]) == ("drift", ("gyro_bias_x",))
             else np.zeros((len(h), len(c.components)))
-            for c in changing(duration)
+            for c in parameter_changes(duration)
         ]
         columns = np.hstack([np.zeros((len(h), count)), *added])
         tests.add(
             "a stage",
-            StageEffects(begin, duration).of_batch(BatchGain(h, K, S, y), columns, np.ones(COUNT, bool)),
+            StageEffects(begin, duration).batch_sensitivity(BatchGain(h, K, S, y), columns, np.ones(COUNT, bool)),
             NAMES,
         )
         posterior = Posterior(posterior.mean + K @ y, posterior.covariance - K @ h @ posterior.covariance)
@@ -183,12 +183,12 @@ def test_modelled_effects_are_estimated_with_the_parameters() -> None:
         posterior = solution.posterior
         assert solution.sensitivity is not None
         tests.add(stage, solution.sensitivity, solution.estimated)
-    known, wrong = tests.estimated(), (posterior.mean - truth.parameters) / posterior.sigma
+    known, wrong = tests.estimate(), (posterior.mean - truth.parameters) / posterior.sigma
     assert np.abs(wrong).max() > 100.0
     size = dict(zip(known.names, known.size, strict=True))
     sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
     assert abs(size["accel_cubic_x"] - 1e-6) < 4.5 * sigma["accel_cubic_x"]
     assert all(abs(size[name]) < 4.5 * sigma[name] for name in known.names if name != "accel_cubic_x")
-    corrected = known.corrected(posterior)
+    corrected = known.correct(posterior)
     assert np.abs((corrected.mean - truth.parameters) / corrected.sigma).max() < 4.5
     assert tests.evidence(corrected)[0].excess < 20.0

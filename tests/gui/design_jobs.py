@@ -32,7 +32,7 @@ def design() -> Design:
     return Design(
         moves=MOVES,
         planned=4,
-        least=1,
+        min_moves=1,
         searched=True,
         rate_dps=60.0,
         acceleration_dps2=60.0,

@@ -21,7 +21,7 @@ FOUND = ModelTest("effects", 50.0, 30.0, "1", Diagnosis("gyro_cubic"))
 @pytest.mark.parametrize(("message", "failed"), [("not_converged", ["rate convergence"]), ("turns_assumed_whole", [])])
 def test_solution_that_did_not_converge_fails(message: str, failed: list[str]) -> None:
     solution = replace(SOLVED, messages=((message, {"stage": "rate", "passes": 20}),))
-    tested = ModelTests(PRIOR, ()).tested(solution, (), PRIOR)
+    tested = ModelTests(PRIOR, ()).add_tests(solution, (), PRIOR)
     assert [check.name for check in check_limits({}, PRIOR, [tested]) if not check.passed] == failed
 
 

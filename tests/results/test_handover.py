@@ -11,7 +11,7 @@ import pytest
 
 from calstation.config import StationConfig
 from calstation.results import HandOver, deliver_pending, handover, register_pending
-from calstation.results.handover import COLUMNS, CSV_NAME, WAITING
+from calstation.results.handover import COLUMNS, CSV_NAME, PENDING
 from calstation.sequencer import Event, Message
 from tests.site_folder import STATION
 
@@ -143,7 +143,7 @@ def test_window_delivers_pending_results(factory: Factory) -> None:
 
 def test_an_unresponsive_folder_does_not_delay_a_run(factory: Factory, monkeypatch: pytest.MonkeyPatch) -> None:
     go = threading.Event()
-    monkeypatch.setattr(handover, "_WAIT", 0.2)
+    monkeypatch.setattr(handover, "_WAIT_TIME", 0.2)
     monkeypatch.setattr(handover, "write_atomic", lambda *_: go.wait(60.0))
     factory.result("SN-1_a")
     factory.hand_over()
@@ -160,7 +160,7 @@ def test_failed_delivery_does_not_block_other_results(factory: Factory) -> None:
     (factory.folder / "SN-1_a.json").mkdir()
     factory.hand_over()
     assert [row["serial"] for row in factory.rows()] == ["SN-2"]
-    assert [path.name for path in (factory.runs / WAITING).glob("S*")] == ["SN-1_a"]
+    assert [path.name for path in (factory.runs / PENDING).glob("S*")] == ["SN-1_a"]
 
 
 def test_line_written_just_before_a_power_cut_is_not_repeated(factory: Factory) -> None:
@@ -186,7 +186,7 @@ def test_run_in_progress_stays_pending_and_a_deleted_run_is_dropped(factory: Fac
     for name in ("SN-1_a", "SN-2_gone"):
         register_pending(factory.runs, name)
     factory.hand_over()
-    assert [path.name for path in (factory.runs / WAITING).glob("S*")] == ["SN-1_a"]
+    assert [path.name for path in (factory.runs / PENDING).glob("S*")] == ["SN-1_a"]
     assert factory.events == []
 
 
@@ -194,7 +194,7 @@ def test_result_delivered_meanwhile_by_another_program_is_skipped(
     factory: Factory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     factory.result("SN-1_a")
-    (factory.runs / WAITING / "SN-1_a").unlink()
+    (factory.runs / PENDING / "SN-1_a").unlink()
     monkeypatch.setattr(Path, "glob", lambda folder, pattern: [folder / "SN-1_a"])
     factory.hand_over()
     assert factory.events == []

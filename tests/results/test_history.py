@@ -271,7 +271,7 @@ def test_refresh_does_not_wait_for_logs_being_written(tmp_path: Path, monkeypatc
 
 
 def test_history_is_refreshed_by_a_background_job(three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(history_module, "_AT_ONCE", 2)
+    monkeypatch.setattr(history_module, "_BATCH", 2)
     fractions: list[float] = []
     assert refresh_history(lambda fraction, *_: fractions.append(fraction), three) == 3
     assert fractions == [pytest.approx(2 / 3), 1.0]

@@ -11,7 +11,7 @@ from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.records import LogMeta, RawLogWriter, export_csv
 from calstation.results.plots import BINS, CHANNELS, LogIndex, MinMaxPyramid, log_index, samples
-from calstation.results.plots.index import _held
+from calstation.results.plots.index import _hold
 
 RATE = 100.0
 META = {
@@ -107,9 +107,9 @@ def test_stages_steps_gaps_and_invalid_samples_are_found(seen: LogIndex) -> None
     assert spans == [("rate", 500, 19_999, 19_460), ("excitation", 21_000, 90_000, 69_001)]
     assert (seen.steps.ranges[:, 0] - START).tolist() == [500, 9_040, 21_000, 40_000]
     assert (seen.gaps.ranges - START).tolist() == [[8_999, 9_040]]
-    assert (seen.spoilt.ranges - START).tolist() == [[39_990, 40_004]]
-    assert (seen.steps.count, seen.gaps.count, seen.spoilt.count) == (4, 1, 1)
-    assert seen.spoilt_samples == 15
+    assert (seen.invalid.ranges - START).tolist() == [[39_990, 40_004]]
+    assert (seen.steps.count, seen.gaps.count, seen.invalid.count) == (4, 1, 1)
+    assert seen.invalid_samples == 15
     assert seen.step_numbers.tolist() == [0, 1, 2, 3, 4]
     assert seen.step_labels == ({3: ("face_up", "+z")} if seen.path.suffix == ".h5" else {})
     assert seen.channels == CHANNELS
@@ -176,7 +176,7 @@ def test_angles_are_not_held_across_a_gap(log: Path, tmp_path: Path) -> None:
     assert known[fine.seq >= START + 9_040].all()  # polled at once here
     part = block("rate", START + np.arange(100, 200), 0)
     part.angles[:50] = np.nan
-    held = _held(part.angles, part.seq, np.ones(2), START + 90)
+    held = _hold(part.angles, part.seq, np.ones(2), START + 90)
     assert np.isnan(held[:50]).all()
     assert not np.isnan(held[60:]).any()
 

@@ -10,7 +10,7 @@ from calstation.estimation.common import profile
 from calstation.messages import sentence
 from calstation.physics import INDEX
 from calstation.results import Preview, compute_preview
-from calstation.results.preview import MOST_ROUNDS
+from calstation.results.preview import MAX_ROUNDS
 from calstation.sequencer import StageStarted
 from tests.helpers import Progress
 from tests.site_folder import PRODUCT, QUICK, SiteFolder
@@ -100,7 +100,7 @@ def test_targets_end_a_repeated_stage_as_in_the_run(site_folder: SiteFolder) -> 
     assert easy.targets == {"gyro_bias_x": 1e-6}
     hopeless = {"rounds": None, "targets": {"accel_quadratic": 1e-12}, "dwell_s": 2.0}
     never = preview_of(site_folder, "azimuth_flip", azimuth_flip=hopeless).stages[0]
-    assert (never.reason, never.rounds) == ("", MOST_ROUNDS)
+    assert (never.reason, never.rounds) == ("", MAX_ROUNDS)
 
 
 def test_preview_needs_no_serial_number_and_reports_progress(site_folder: SiteFolder) -> None:

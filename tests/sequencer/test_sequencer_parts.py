@@ -8,7 +8,7 @@ import pytest
 
 from calstation.devices.profiles import Span, StatusSection
 from calstation.estimation.common import SampleBlock
-from calstation.physics import COUNT, INDEX, Dwell, Move, RoundEnd, named, reached
+from calstation.physics import COUNT, INDEX, Dwell, Move, RoundEnd, parameter_indices, targets_reached
 from calstation.sequencer import LastSample, StopRule, move_time, plan_time, planned
 from calstation.sequencer.acquisition import RESUME_GAP, Acquisition, SampleTags
 from tests.sequencer.fakes import MODEL, RATE, UNIT, FakeClock, FakeImu, FakeTable, endless
@@ -42,13 +42,13 @@ def test_planned_duration_uses_the_usual_rounds_but_all_steps_are_planned() -> N
 
 
 def test_targets_may_be_parameters_or_groups() -> None:
-    assert named("accel_scale_y") == [INDEX["accel_scale_y"]]
-    assert len(named("gyro_misalign")) == 6
-    assert named("nonsense") == []
+    assert parameter_indices("accel_scale_y") == [INDEX["accel_scale_y"]]
+    assert len(parameter_indices("gyro_misalign")) == 6
+    assert parameter_indices("nonsense") == []
     sigma = np.full(COUNT, 1.0)
     sigma[INDEX["gyro_bias_x"]] = 1e-6
-    assert reached(sigma, {"gyro_bias_x": 1e-5})
-    assert not reached(sigma, {"gyro_bias": 1e-5})
+    assert targets_reached(sigma, {"gyro_bias_x": 1e-5})
+    assert not targets_reached(sigma, {"gyro_bias": 1e-5})
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.004, 0.03])

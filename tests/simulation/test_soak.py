@@ -16,7 +16,7 @@ from calstation.physics import INDEX
 from calstation.results import Result
 from calstation.simulation import Soak, bench_config
 from calstation.simulation.fault_plan import KINDS
-from calstation.simulation.soak_judge import Judged, _bench_report, _keeps_axes_on, _set_up, _wrong
+from calstation.simulation.soak_judge import RunEvaluation, _bench_report, _keeps_axes_on, _set_up, _verdict_errors
 from calstation.simulation.soak_plan import OTHER_FAULTS, STAGE_FAULTS, Planned, devices, plans, write_request
 from tests.check_rows import check_row
 
@@ -25,9 +25,9 @@ pytestmark = pytest.mark.long
 GOOD = Planned(0, 5, faulty_unit=False, faults=())
 
 
-def judged(**changes: Any) -> Judged:
+def judged(**changes: Any) -> RunEvaluation:
     """Return a correct run without a fault."""
-    run = Judged(GOOD, "passed", None, (), (), (), unsafe=False, samples=9, samples_lost=0, engine_mb=1.0,
+    run = RunEvaluation(GOOD, "passed", None, (), (), (), unsafe=False, samples=9, samples_lost=0, engine_mb=1.0,
                  parent_mb=1.0, seconds=1.0)  # fmt: skip
     return replace(run, **changes)
 
@@ -48,8 +48,8 @@ def test_plans_are_reproducible_and_use_every_fault_before_any_repeats() -> None
 def test_wrong_lost_unsafe_or_hung_run_fails_the_soak_test() -> None:
     assert Soak([judged()]).sound
     for bad in (
-        judged(wrong=("passed with gyro_bias_x off by 7.0 sigma",)),
-        judged(lost=("no log",)),
+        judged(verdict_errors=("passed with gyro_bias_x off by 7.0 sigma",)),
+        judged(record_defects=("no log",)),
         judged(unsafe=True),
         judged(outcome="hung"),
     ):
@@ -73,25 +73,25 @@ def test_verdicts_are_assessed_by_the_truth(tmp_path: Path) -> None:
     setup = load_configuration(request)
     truth = float(BenchConfig.model_validate(bench_config(setup)).truth().parameters[INDEX["accel_bias_x"]])
 
-    def wrong(
+    def verdict_errors(
         happened: tuple[str, ...] = (), *, error: float = 0.0, limit: float = 0.0074, failed: bool = False, faulty=False
     ) -> list[str]:
         row = {"value": truth + error, "sigma": 1e-4}
         check = check_row("within", "accel_bias_x", row["value"], [-limit, limit], passed=not failed, unit="m/s²")
         outcome = "failed" if failed else "passed"
         result = result_of(outcome, parameters={"accel_bias_x": row}, checks=[check])
-        return _wrong(replace(GOOD, faulty_unit=faulty), request, result, outcome, happened)
+        return _verdict_errors(replace(GOOD, faulty_unit=faulty), request, result, outcome, happened)
 
-    assert wrong() == []
-    assert wrong(error=7e-4) == ["passed with accel_bias_x off by 7.0 sigma"]
-    assert wrong(limit=1e-9) == ["passed with accel_bias_x outside its limits"]
-    assert not wrong(limit=1e-9, failed=True), "the truth itself is outside this limit"
-    assert wrong(limit=1.0, failed=True)
-    assert wrong(("jam",), limit=1.0, failed=True)
-    assert not wrong(("wrong_gravity",), limit=1.0, failed=True)
-    assert wrong(("wrong_gravity",)) == ["passed with wrong_gravity"]
-    assert not wrong(limit=1.0, failed=True, faulty=True)
-    assert _wrong(GOOD, request, None, "hung", ())
+    assert verdict_errors() == []
+    assert verdict_errors(error=7e-4) == ["passed with accel_bias_x off by 7.0 sigma"]
+    assert verdict_errors(limit=1e-9) == ["passed with accel_bias_x outside its limits"]
+    assert not verdict_errors(limit=1e-9, failed=True), "the truth itself is outside this limit"
+    assert verdict_errors(limit=1.0, failed=True)
+    assert verdict_errors(("jam",), limit=1.0, failed=True)
+    assert not verdict_errors(("wrong_gravity",), limit=1.0, failed=True)
+    assert verdict_errors(("wrong_gravity",)) == ["passed with wrong_gravity"]
+    assert not verdict_errors(limit=1.0, failed=True, faulty=True)
+    assert _verdict_errors(GOOD, request, None, "hung", ())
 
 
 def test_soak_test_waits_for_a_report_that_is_being_written(tmp_path: Path) -> None:
@@ -107,15 +107,17 @@ def test_soak_test_waits_for_a_report_that_is_being_written(tmp_path: Path) -> N
 def test_run_without_a_verdict_requires_a_reason(tmp_path: Path) -> None:
     request = write_request(GOOD, tmp_path, ("rate",))
 
-    def wrong(*faults: tuple[str, float | None], faulty: bool = False) -> list[str]:
+    def verdict_errors(*faults: tuple[str, float | None], faulty: bool = False) -> list[str]:
         planned = replace(GOOD, faults=faults, faulty_unit=faulty)
-        return _wrong(planned, request, result_of("fault", error="table: x"), "fault", [kind for kind, _ in faults])
+        return _verdict_errors(
+            planned, request, result_of("fault", error="table: x"), "fault", [kind for kind, _ in faults]
+        )
 
-    assert wrong() == wrong(("drop_frames", 3)) == ["no verdict without need: table: x"]
-    assert not wrong(("silence_imu", 600))
-    assert wrong(("silence_imu", 0.4))
-    assert not wrong(("silence_imu", 0.4), ("stall", None))
-    assert not wrong(faulty=True)
+    assert verdict_errors() == verdict_errors(("drop_frames", 3)) == ["no verdict without need: table: x"]
+    assert not verdict_errors(("silence_imu", 600))
+    assert verdict_errors(("silence_imu", 0.4))
+    assert not verdict_errors(("silence_imu", 0.4), ("stall", None))
+    assert not verdict_errors(faulty=True)
 
 
 def test_short_soak_test_passes_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

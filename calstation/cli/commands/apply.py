@@ -16,7 +16,7 @@ from calstation.errors import ConfigurationError
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, NAMES, FloatArray
 from calstation.records import export_corrected, open_log, prior_from_meta
 from calstation.results import find_log, load_result
-from calstation.results.plots import Applied, before_and_found, read_recording
+from calstation.results.plots import Applied, before_and_after, read_recording
 
 #: Columns of the printed results at rest, before and after: JSON name and size of the display unit.
 _QUANTITIES = (("force", MICRO_G), ("rate", DEGREE_PER_HOUR))
@@ -46,7 +46,7 @@ def apply(
     if solved_log is not None:
         meta = open_log(solved_log).meta
         values_before, registers = dict(zip(NAMES, prior_from_meta(meta).mean.tolist(), strict=True)), meta.registers
-    before, values_after = before_and_found(values_before, result.parameters)
+    before, values_after = before_and_after(values_before, result.parameters)
     if np.array_equal(before, values_after):
         raise ConfigurationError("cli.apply_nothing", file=result_file)
     if log is not None:

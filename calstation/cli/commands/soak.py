@@ -69,7 +69,11 @@ def _soak(runs: int, seed: int, folder: Path, full: bool, interrupted: list[bool
             if not console.is_terminal:
                 outcome = {"outcome": last.outcome, "seconds": last.seconds, "runs": runs, "faults": what}
                 show_line(console, say("cli.soak_run", **values, **outcome))
-            for text in (*last.wrong, *last.lost, *([say("cli.soak_unsafe_run")] if last.unsafe else [])):
+            for text in (
+                *last.verdict_errors,
+                *last.record_defects,
+                *([say("cli.soak_unsafe_run")] if last.unsafe else []),
+            ):
                 console.print(say("cli.soak_problem", **values, problem=text), markup=False)
 
         return run_soak(runs, seed, folder, full=full, on_run=on_run, stopping=lambda: bool(interrupted))

@@ -4,8 +4,8 @@ from calstation.estimation.effects.score import MAX_EXCESS, EffectEvidence, Effe
 from calstation.estimation.effects.sensitivity import (
     Sensitivity,
     StageEffects,
-    changing,
     effect_errors,
     mean_errors,
     mean_regressors,
+    parameter_changes,
 )

@@ -1,9 +1,9 @@
 """Score tests along a chain of stages: evidence in the innovations for each effect outside the model.
 
-The test of one added effect of size θ needs only the estimate without it: χ² = Uᵀ I⁻¹ U with the score U = Σ Jᵀ S⁻¹ ν
-and the information I = Σ Jᵀ S⁻¹ J (C. R. Rao, *Proc. Cambridge Phil. Soc.* 44, 1948; for jumps in state-space models:
-P. de Jong, J. Penzer, *Diagnosing shocks in time series*, JASA 93(442), 1998). The estimated size is I⁻¹ U, and the
-effect leaves the errors D I⁻¹ U in the parameters.
+The test of one additional effect of size θ requires only the estimate without it: χ² = Uᵀ I⁻¹ U with the score U = Σ Jᵀ
+S⁻¹ ν and the information I = Σ Jᵀ S⁻¹ J (C. R. Rao, *Proc. Cambridge Phil. Soc.* 44, 1948; for jumps in state-space
+models: P. de Jong, J. Penzer, *Diagnosing shocks in time series*, JASA 93(442), 1998). The estimated size is I⁻¹ U, and
+the effect causes the errors D I⁻¹ U of the parameters.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,13 +15,13 @@ from calstation.estimation.common import Diagnosis, ModelTest, Posterior
 from calstation.estimation.effects.sensitivity import Sensitivity, drift_functions
 from calstation.physics import AXES, COUNT, EFFECTS, INDEX, Effect, FloatArray, IntArray
 
-#: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect shifts a parameter by
-#: more than `MIN_SHIFT` of its sigmas. An effect with a smaller shift is harmless, but may explain other failures.
+#: A score test fails if its χ² exceeds its degrees of freedom by more than `MAX_EXCESS` and the effect shifts a
+#: parameter by more than `MIN_SHIFT` sigmas. Another effect is harmless, but may explain other failures.
 MAX_EXCESS, MIN_SHIFT = 30.0, 3.0
-#: An effect is not the cause if its χ² is smaller than the likeliest effect's χ² by more than this.
+#: Largest difference between the χ² of the likeliest effect and that of another possible cause.
 _AS_LIKELY = 10.0
-#: Groups in which jumps between two stages are searched.
-_JUMPING = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale")
+#: Parameter groups that are tested for jumps between two stages.
+_JUMP_GROUPS = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale")
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class EffectEvidence:
     size: float  #: Estimated size of the component, in `unit`.
     sigma: float
     unit: str
-    parameter_shift: dict[str, float]  #: Error that the effect leaves in each estimated parameter, in its sigmas.
+    parameter_shift: dict[str, float]  #: Error of each estimated parameter due to the effect, in its sigmas.
 
     @property
     def largest_shift(self) -> float:
@@ -45,10 +45,10 @@ class EffectEvidence:
 
 
 def effect_tests(evidence: Sequence[EffectEvidence]) -> tuple[ModelTest | None, ModelTest | None]:
-    """Return the tests of the most harmful effect outside the error model and of a significant but harmless one.
+    """Return the tests of a harmful and of a significant but harmless effect outside the error model.
 
-    `evidence` is of all effects, the likeliest first. An effect nearly as likely as the first may be the harmful one.
-    Either test is None if there is no such effect; only the first one can pass.
+    `evidence` contains all effects, the likeliest first. An effect nearly as likely as the first may be the harmful
+    one. Either test is None if there is no such effect; only the first test can pass.
     """
     if not evidence:
         return None, None
@@ -80,21 +80,21 @@ class EffectLimit:
     component: str
     parameter: str  #: As in `EffectEvidence`.
     stage: str  #: As in `EffectEvidence`.
-    size: float  #: Size that gives the expected χ², in `unit`; infinite if the innovations do not contain it.
+    size: float  #: Size at which χ² reaches its limit, in `unit`; infinite if the innovations do not depend on it.
     unit: str
     moved: str  #: Estimated parameter that this size shifts most.
-    move: float  #: Error that this size leaves in it, in its sigmas.
+    move: float  #: Error of this parameter due to this size, in its sigmas.
 
 
 @dataclass
 class _EffectTest:
-    """An effect with its score, information and accumulated parameter error."""
+    """Score, information and accumulated parameter error of an effect."""
 
     effect: Effect
     stage: str
     score: FloatArray
     information: FloatArray
-    cross: FloatArray  #: Information shared with the components of `EFFECTS`, shape (k, components).
+    cross: FloatArray  #: Cross information with the components of `EFFECTS`, shape (k, components).
     error: FloatArray
 
     @classmethod
@@ -119,11 +119,11 @@ class _EffectTest:
         self.error = s.error[:, :n] @ error
 
     def add_to_parameters(self, change_per_size: FloatArray | float) -> None:
-        """Change the parameters themselves by `change_per_size` per unit of each size, shape (k,)."""
+        """Add `change_per_size` per unit of each size, shape (k,), to the parameter that the component changes."""
         self.error[[INDEX[name] for name in self.effect.parameters], range(len(self.score))] += change_per_size
 
     def in_units_of(self, sizes: FloatArray) -> "_EffectTest":
-        """Return the same test with its sizes in other units, shape (k,)."""
+        """Return the same test with its sizes in units of `sizes`, shape (k,)."""
         information = self.information * np.outer(sizes, sizes)
         scaled = self.score * sizes, information, self.cross * sizes[:, None], self.error * sizes
         return _EffectTest(self.effect, self.stage, *scaled)
@@ -140,13 +140,13 @@ class _EffectTest:
             yield EffectLimit(c.cause, component, c.parameter_of(k), self.stage, size, c.unit, largest, shift)
 
     def evaluate(
-        self, known: "EffectEstimate", before: FloatArray, sigma: FloatArray, names: Sequence[str]
+        self, model_effects: "EffectEstimate", before: FloatArray, sigma: FloatArray, names: Sequence[str]
     ) -> EffectEvidence:
-        """Evaluate the test together with the effects in the model; `before` and `sigma` refer to the 30 parameters."""
-        shared = self.cross[:, known.columns]
-        score = self.score - shared @ known.size
-        information = self.information - shared @ known.covariance @ shared.T
-        error = self.error - known.error @ known.covariance @ shared.T
+        """Evaluate the test in addition to the effects in the model; `before` and `sigma` have the shape (30,)."""
+        shared = self.cross[:, model_effects.columns]
+        score = self.score - shared @ model_effects.size
+        information = self.information - shared @ model_effects.covariance @ shared.T
+        error = self.error - model_effects.error @ model_effects.covariance @ shared.T
         changed = [before[INDEX[name]] for name in self.effect.parameters]
         plausible = np.diag(changed or len(score) * [self.effect.plausible])
         covariance = plausible @ np.linalg.inv(plausible @ information @ plausible + np.eye(len(score))) @ plausible
@@ -163,79 +163,79 @@ class _EffectTest:
 
 @dataclass(frozen=True)
 class EffectEstimate:
-    """Estimate of the effects in the model of the unit."""
+    """Estimate of the effects in the unit's model."""
 
     columns: IntArray  #: Indices of the components within `EFFECTS`, shape (k,).
     names: tuple[str, ...]  #: Contract names of the components.
     units: tuple[str, ...]
     size: FloatArray  #: Shape (k,).
     covariance: FloatArray  #: Shape (k, k).
-    error: FloatArray  #: Error that each effect leaves in the parameters per unit of its size, shape (30, k).
-    explained: float  #: Part of the last stage's sum of squared innovations that the effects explain.
+    error: FloatArray  #: Parameter error due to each effect per unit of its size, shape (30, k).
+    explained: float  #: Part of the last stage's sum of squared innovations explained by the effects.
 
-    def corrected(self, posterior: Posterior) -> Posterior:
+    def correct(self, posterior: Posterior) -> Posterior:
         """Return the posterior of the parameters with the effects in the model."""
         mean = posterior.mean + self.error @ self.size
         return Posterior(mean, posterior.covariance + self.error @ self.covariance @ self.error.T)
 
 
 class EffectTests:
-    """Tests of all effects over the stages so far, and the estimate of the effects in the unit's model.
+    """Tests for all effects over the stages so far, and the estimate of the effects in the unit's model.
 
-    The stages are solved without any effect. From the contribution of an effect to the innovations and to the
-    parameters, its size and the corrected parameters follow without solving again (B. Friedland, *Treatment of bias in
-    recursive filtering*, IEEE TAC 14(4), 1969).
+    The stages are solved without effects. The size of an effect and the corrected parameters follow from its
+    contributions to innovations and parameters, without solving again (B. Friedland, *Treatment of bias in recursive
+    filtering*, IEEE TAC 14(4), 1969).
     """
 
     def __init__(self, before: FloatArray, states: Sequence[str] = ()) -> None:
-        """Begin with the sigmas of the 30 parameters before calibration, shape (30,), and the effects in the model."""
+        """Create the tests from the parameter sigmas before calibration, shape (30,), and the effects in the model."""
         self._before = before
         causes = [(effect, name) for effect in EFFECTS for name in effect.names]
         self._states = tuple(states)
         self._columns = np.array([i for i, (effect, _) in enumerate(causes) if effect.cause in states], dtype=np.int64)
         chosen = [causes[i] for i in self._columns]
         self._names, self._units = tuple(name for _, name in chosen), tuple(effect.unit for effect, _ in chosen)
-        self._plausible = np.array([effect.plausible or np.nan for effect, _ in chosen])
+        self._prior_sigma = np.array([effect.plausible or np.nan for effect, _ in chosen])
         count = len(causes)
         self._score, self._information = np.zeros(count), np.zeros((count, count))
         self._last, self._noise_ratio = (self._score, self._information), 1.0
         self._error = np.zeros((COUNT, count))
         self._changes: list[_EffectTest] = []
-        #: Drifts throughout the run, in units of their time functions, and the time since the start, s.
+        #: Drifts throughout the run in units of their time functions; `_elapsed` is the time since the start, s.
         self._drifts: list[_EffectTest] = []
         self._begin = self._elapsed = 0.0
         self._parameters: dict[str, None] = {}
 
     def add(self, stage: str, s: Sensitivity, estimated: Sequence[str]) -> None:
-        """Add a stage with the parameters that it estimated."""
+        """Add a stage and the parameters that it estimated."""
         count = len(self._score)
         prior, constant = slice(0, COUNT), slice(COUNT, COUNT + count)
-        into = np.vstack([self._error, np.eye(count)])
+        response = np.vstack([self._error, np.eye(count)])
         both = slice(0, COUNT + count)
-        self._last = into.T @ s.score[both], into.T @ s.information[both, both] @ into
+        self._last = response.T @ s.score[both], response.T @ s.information[both, both] @ response
         self._noise_ratio = s.noise_ratio
         self._score = self._score + self._last[0]
         self._information = self._information + self._last[1]
         self._error = s.error[:, prior] @ self._error + s.error[:, constant]
         if self._parameters:  # before the first stage, a jump is an error of the prior
-            self._changes += [_jump_before(stage, group, count) for group in _JUMPING]
+            self._changes += [_jump_before(stage, group, count) for group in _JUMP_GROUPS]
         for change in self._changes:
-            change.add_stage(s, into)
-        self._add_changing(stage, s, into)
+            change.add_stage(s, response)
+        self._add_changing(stage, s, response)
         self._parameters |= dict.fromkeys(estimated)
 
-    def _add_changing(self, stage: str, s: Sensitivity, into: FloatArray) -> None:
-        """Add the changes within a stage, and continue the drifts throughout the run."""
-        changing, duration = s.effects.changing, s.effects.duration
-        widths = [len(effect.components) for effect in changing]
+    def _add_changing(self, stage: str, s: Sensitivity, response: FloatArray) -> None:
+        """Add the tests for changes within a stage, and continue those for drifts throughout the run."""
+        changes, duration = s.effects.parameter_changes, s.effects.duration
+        widths = [len(effect.components) for effect in changes]
         units = np.split(np.eye(sum(widths)), np.cumsum(widths)[:-1], axis=1)
         count = len(self._score)
-        for effect, unit in zip(changing, units, strict=True):
+        for effect, unit in zip(changes, units, strict=True):
             test = _EffectTest.initial(effect, stage, count)
-            test.add_stage(s, into, unit)
+            test.add_stage(s, response, unit)
             test.add_to_parameters(1.0)
             self._changes.append(test)
-        drifts = [(effect, unit) for effect, unit in zip(changing, units, strict=True) if effect.cause == "drift"]
+        drifts = [(effect, unit) for effect, unit in zip(changes, units, strict=True) if effect.cause == "drift"]
         if not self._drifts:
             self._begin = s.effects.begin
             self._drifts = [_EffectTest.initial(replace(e, cause="drift_throughout"), "", count) for e, _ in drifts]
@@ -243,15 +243,15 @@ class EffectTests:
         last, first, end = drift_functions(np.array([self._elapsed, start, start + duration]))
         for test, (_, unit) in zip(self._drifts, drifts, strict=True):
             test.add_to_parameters(np.tile(first - last, 3))
-            test.add_stage(s, into, unit * np.tile(end - first, 3))
+            test.add_stage(s, response, unit * np.tile(end - first, 3))
             test.add_to_parameters(np.tile(end - first, 3))
         self._elapsed = start + duration
 
-    def estimated(self) -> EffectEstimate:
+    def estimate(self) -> EffectEstimate:
         """Return the estimate of the effects in the model."""
         at = self._columns
         information = self._information[np.ix_(at, at)]
-        covariance: FloatArray = np.linalg.inv(information + np.diag(self._plausible**-2.0)).astype(np.float64)
+        covariance: FloatArray = np.linalg.inv(information + np.diag(self._prior_sigma**-2.0)).astype(np.float64)
         size = np.asarray(covariance @ self._score[at], np.float64)
         score, last = self._last[0][at], self._last[1][np.ix_(at, at)]
         explained = self._noise_ratio * float(2.0 * score @ size - size @ last @ size)
@@ -260,21 +260,21 @@ class EffectTests:
     def evidence(self, posterior: Posterior) -> list[EffectEvidence]:
         """Return the evidence for every effect outside the model, the likeliest first.
 
-        `posterior` is the latest one. A change in one stage has more chances to appear than other effects, several in
-        every stage for each group of parameters; its likelihood is divided by their number.
+        `posterior` is the latest one. There are many tests for changes, several in every stage for each parameter
+        group, so a chance result is more likely among them; their likelihood is divided by their number.
         """
-        known, names = self.estimated(), tuple(self._parameters)
-        evidence = [t.evaluate(known, self._before, posterior.sigma, names) for t in self._tests()]
+        model_effects, names = self.estimate(), tuple(self._parameters)
+        evidence = [t.evaluate(model_effects, self._before, posterior.sigma, names) for t in self._tests()]
         chances = 2.0 * np.log(max(len(self._changes), 1))
         return sorted(evidence, key=lambda f: (chances if f.stage else 0.0) - f.excess)
 
     def limits(self, posterior: Posterior, chi_square: float) -> list[EffectLimit]:
-        """Return, for every effect outside the model, the size at which its test is expected to reach `chi_square`."""
+        """Return the size of each effect outside the model at which its test is expected to reach `chi_square`."""
         names = tuple(self._parameters)
         return [limit for t in self._tests() for limit in t.limits(chi_square, posterior.sigma, names)]
 
     def _tests(self) -> Iterator[_EffectTest]:
-        """Yield the effects outside the model."""
+        """Yield the tests for effects outside the model."""
         at = 0
         for effect in EFFECTS:
             columns = slice(at, at := at + len(effect.components))
@@ -292,7 +292,7 @@ class EffectTests:
 
 
 def _jump_before(stage: str, group: str, count: int) -> _EffectTest:
-    """Return the test for a jump of the parameters of a group before a stage."""
+    """Return the test for a jump of a group's parameters before a stage."""
     unit = {"gyro_bias": "rad/s", "accel_bias": "m/s²"}.get(group, "1")
     names = tuple(f"{group}_{axis}" for axis in AXES)
     effect = Effect("jump_before", unit, None, 3 * ("",), lambda motion: np.empty((0, 0)), (), parameters=names)

@@ -1,7 +1,7 @@
-"""Response of a stage's innovations and estimates to errors of the prior and to effects outside the model.
+"""Sensitivity of a stage's innovations and estimates to prior errors and to effects outside the model.
 
-An effect that is not modelled adds J θ to the innovations and leaves the error D θ in the estimate (truth minus
-estimate). Both follow from the gains of the estimator, optimal or not.
+An unmodelled effect of size θ adds J θ to the innovations and causes the error D θ of the estimate (truth minus
+estimate). Both follow from the gains of the estimator, whether it is optimal or not.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,7 +13,7 @@ import numpy as np
 from calstation.estimation.common import BatchGain, means
 from calstation.physics import AXES, COUNT, EFFECTS, BoolArray, Effect, FloatArray, IntArray, Motion, Term
 
-#: Times within a stage at which a bias or scale factor may jump, as fractions of its duration.
+#: Times of the tested jumps within a stage, as fractions of its duration.
 JUMPS = tuple((k + 1) / 8.0 for k in range(7))
 #: Time constant of a warm-up, s.
 WARM_UP = 300.0
@@ -21,24 +21,24 @@ WARM_UP = 300.0
 
 @dataclass(frozen=True)
 class StageEffects:
-    """The effects for which a stage is tested, from which its solver builds its `Sensitivity`."""
+    """The effects for which a stage is tested; its solver creates the `Sensitivity` from them."""
 
     begin: float  #: Time at which the stage begins, s.
     duration: float  #: s
 
     @cached_property
-    def changing(self) -> tuple[Effect, ...]:
-        """Effects that change a parameter during the stage, see `changing`."""
-        return tuple(changing(self.duration))
+    def parameter_changes(self) -> tuple[Effect, ...]:
+        """Effects that change a parameter during the stage, see `parameter_changes`."""
+        return tuple(parameter_changes(self.duration))
 
     @property
-    def tested(self) -> tuple[Effect, ...]:
-        """All effects: `EFFECTS`, then `changing`."""
-        return (*EFFECTS, *self.changing)
+    def candidates(self) -> tuple[Effect, ...]:
+        """All tested effects: `EFFECTS`, then `parameter_changes`."""
+        return (*EFFECTS, *self.parameter_changes)
 
     def errors(self, motion: Motion, counts: IntArray) -> FloatArray:
         """Return the errors of the six channels, averaged over k groups of `counts` intervals, shape (k, 6, c)."""
-        return mean_errors(motion, self.tested, counts)
+        return mean_errors(motion, self.candidates, counts)
 
     def sensitivity(
         self,
@@ -53,19 +53,19 @@ class StageEffects:
         Parameters
         ----------
         score, information, noise_ratio : as in `Sensitivity`
-        remaining : error left in each parameter if all were estimated, shape (30, c)
+        remaining : error of each parameter if all were estimated, shape (30, c)
         estimated : True for the parameters that the stage estimates, shape (30,)
         """
         error = np.where(estimated[:, None], remaining, np.eye(COUNT, len(score)))
         return Sensitivity(score, information, error, self, noise_ratio)
 
-    def of_batch(self, gain: BatchGain, contributions: FloatArray, estimated: BoolArray) -> "Sensitivity":
+    def batch_sensitivity(self, gain: BatchGain, contributions: FloatArray, estimated: BoolArray) -> "Sensitivity":
         """Return the sensitivity of an estimate from m observations in one batch.
 
         Parameters
         ----------
         gain : gain of the 30 parameters
-        contributions : contribution of each component of `tested` to the observations, shape (m, components)
+        contributions : contribution of each component of `candidates` to the observations, shape (m, components)
         estimated : True for the parameters that the gain corrects, shape (30,)
         """
         jacobian, K, covariance, innovation = gain
@@ -79,14 +79,14 @@ class StageEffects:
 class Sensitivity:
     """Score and information of c columns, and the estimation errors that they cause.
 
-    The columns are an error of each parameter's prior mean (30), and the components of the `tested` effects.
+    The columns are an error of each parameter's prior mean (30), and the components of the tested effects.
     """
 
     score: FloatArray  #: Jᵀ S⁻¹ ν, shape (c,).
     information: FloatArray  #: Jᵀ S⁻¹ J, shape (c, c).
-    error: FloatArray  #: D: error left in each parameter, truth minus estimate, shape (30, c).
+    error: FloatArray  #: D, the error of each parameter, truth minus estimate, shape (30, c).
     effects: StageEffects
-    #: χ² of the innovations with the noise of the estimate, divided by χ² with the noise of `score` and `information`.
+    #: Ratio of χ² with the noise of the estimate to χ² with the noise of `score` and `information`.
     noise_ratio: float = 1.0
 
 
@@ -126,8 +126,8 @@ def effect_errors(sizes: Mapping[str, float], rate: FloatArray, force: FloatArra
     return errors
 
 
-def changing(duration: float) -> Iterator[Effect]:
-    """Yield the drifts and jumps of every bias and scale factor within a stage of `duration` s, in start order.
+def parameter_changes(duration: float) -> Iterator[Effect]:
+    """Yield the drifts and jumps of every bias and scale factor within a stage of `duration` s, in chronological order.
 
     The size of a component is the change of its parameter at the end of the stage.
     """
@@ -139,7 +139,7 @@ def changing(duration: float) -> Iterator[Effect]:
 
 
 def drift_functions(time: FloatArray) -> FloatArray:
-    """Return the time functions of a drift: a ramp, s, and a warm-up that ends at 1, shape (n, 2)."""
+    """Return the time functions of a drift: a ramp, s, and a warm-up that approaches 1, shape (n, 2)."""
     return np.stack([time, -np.expm1(-time / WARM_UP)], axis=1)
 
 
@@ -150,9 +150,9 @@ def _step(begin: float, time: FloatArray) -> FloatArray:
 def _changes(
     cause: str, width: int, course: Callable[[FloatArray], FloatArray], begin: float = 0.0
 ) -> Iterator[Effect]:
-    """Yield the same change of the biases and of the scale factors of gyros and accelerometers.
+    """Yield one kind of change for the biases and scale factors of gyros and accelerometers.
 
-    `course` returns the `width` time functions of the change, each for every axis.
+    `course` returns the `width` time functions of the change, which apply to every axis.
     """
     for sensor, (name, unit) in enumerate((("gyro", "rad/s"), ("accel", "m/s²"))):
         for kind in ("bias", "scale"):

@@ -1,6 +1,6 @@
 """Iteration for gyro misalignment from the joints of a stabilised gimbal, updated after every turn.
 
-The gimbal stabilises on corrected rates c = (I + K)⁻¹ (measured − b). Commanded to rotate about one body axis e only,
+The gimbal stabilises on corrected rates c = (I + K)⁻¹ (measured − b). If a rotation about one body axis e is commanded,
 it rotates about N e, where N = (I + M)⁻¹ (I + K). In a turn by A from joints at zero the other joints drift by
 D = −J(A) (m − k), where m and k are the columns of M and K for that axis without its own row. After every turn
 
@@ -11,9 +11,9 @@ with the body. For the innermost and the outermost joint J(A) = [[sin A, ±(1 �
 eigenvalues 2 sin(A/2) e^(±iA/2). The iteration is stable for 0 < α < cot(A/2) and converges fastest at half this limit,
 where each turn reduces the error to sin(A/2) of its value. For A ≥ 180° it is unstable for every gain.
 
-Turns of one axis follow each other without a return to zero. If a turn starts from other joint angles, its drift is the
-deviation from the ideal turn about the body axis, and J depends on these angles: an innermost joint at q rotates it by
-q. Every drift is therefore converted to the equivalent drift of the same turn from zero, so that the same gains are
+Successive turns of one axis have no return to zero in between. If a turn starts from other joint angles, its drift is
+the deviation from the ideal turn about the body axis, and J depends on these angles: an innermost joint at q rotates it
+by q. Every drift is therefore converted to the equivalent drift of the same turn from zero, so that the same gains are
 stable.
 """
 
@@ -24,7 +24,7 @@ import numpy as np
 from calstation.physics import AXES, FloatArray, axis_rotation, rotation_matrix
 
 _DERIVATIVE_STEP = 1e-5
-#: Time for which the joints are locked to measure the gyro bias, in addition to a rest, s.
+#: Time for which the joints are locked to measure the gyro bias, in addition to the rest, s.
 BIAS_TIME = 2.0
 #: Largest joint angle of a series of turns, rad: the outer and inner joint become parallel at 90° of the middle one.
 TRAVEL = np.deg2rad(80.0)
@@ -67,15 +67,15 @@ def joints_after_turn(
 
 
 def drift_matrix(order: str, axis: int, angle: float, start: FloatArray | None = None) -> FloatArray:
-    """Return J, the drift of the other joints per rad of tilt of the axis in a turn by `angle`, rad, shape (2, 2).
+    """Return J, the drift of the other joints per rad of axis tilt in a turn by `angle`, rad, shape (2, 2).
 
     `start` are the joints x, y, z at the start of the turn, rad, shape (3,); zero if None.
     """
-    rest, start = other_axes(axis), np.zeros(3) if start is None else start
+    rows, start = other_axes(axis), np.zeros(3) if start is None else start
     J = np.empty((2, 2))
-    for column, lean in enumerate(rest):
-        tilt = _DERIVATIVE_STEP * np.eye(3)[lean]
-        plus, minus = (joints_after_turn(order, start, axis, angle, sign * tilt)[rest] for sign in (1.0, -1.0))
+    for column, tilted in enumerate(rows):
+        tilt = _DERIVATIVE_STEP * np.eye(3)[tilted]
+        plus, minus = (joints_after_turn(order, start, axis, angle, sign * tilt)[rows] for sign in (1.0, -1.0))
         J[:, column] = (plus - minus) / (2.0 * _DERIVATIVE_STEP)
     return J
 
@@ -95,7 +95,7 @@ def largest_gain(order: str, axis: int, angle: float) -> float:
 
 
 def contraction(order: str, axis: int, angle: float, gain: float) -> float:
-    """Return the factor by which a turn by `angle` and a turn back reduce an error, per turn."""
+    """Return the factor per turn by which a turn by `angle` and a turn back reduce an error."""
     both = np.eye(2)
     for way in (angle, -angle):
         both = (np.eye(2) + correction_sign(way) * gain * drift_matrix(order, axis, way)) @ both
@@ -117,7 +117,7 @@ class TurnCommand:
 
 @dataclass
 class AxisTurns:
-    """Turns about one axis: angles, rad; drifts D of the other joints, rad, shape (2,); K after each, shape (2,)."""
+    """Turns about one axis: angles, rad, drifts D of the other joints, rad, and K after each turn, shape (2,) each."""
 
     axis: int
     angles: list[float] = field(default_factory=list)
@@ -154,16 +154,16 @@ class GimbalIteration:
         """Return the next turn; None at the end."""
         if self.done:
             return None
-        axis, turned = (self.courses[-1].axis, len(self.courses[-1].drifts)) if self.courses else (0, 0)
+        axis, count = (self.courses[-1].axis, len(self.courses[-1].drifts)) if self.courses else (0, 0)
         new = self.axis_done
         if new:
-            axis, turned = axis + 1, 0
-        angle = -self.angle if self.alternate and turned % 2 == 1 else self.angle
+            axis, count = axis + 1, 0
+        angle = -self.angle if self.alternate and count % 2 == 1 else self.angle
         home = new or abs(self.position + angle) > self.travel
         return TurnCommand(axis, angle, self.correction.copy(), home)
 
     def at_zero(self) -> None:
-        """Record that the gimbal has returned to zero."""
+        """Record a return of the gimbal to zero."""
         self.position = 0.0
 
     def add_drift(self, axis: int, angle: float, drift: FloatArray) -> None:

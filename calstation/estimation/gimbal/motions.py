@@ -1,6 +1,6 @@
-"""Motions of a gimbal recording: turns of one joint and returns to zero, with the drift at rest, and their fit.
+"""Motions of a gimbal recording (turns of one joint and returns to zero), and their least-squares fit.
 
-The least-squares fit compares the rotation of every motion from the gyros with the joints:
+The fit compares the rotation of every motion measured by the gyros with that of the joints:
 
     Exp(−Ω T) C_before B(gyro parameters) = C_after,  C from the joints, B the body rotation from the compensated gyros
 """
@@ -26,16 +26,16 @@ from calstation.estimation.gimbal.iteration import drift_matrix, gimbal_attitude
 from calstation.estimation.positions import GYRO_COLUMNS, gyro_derivative, integrate_rotation, square_root
 from calstation.physics import AXES, COUNT, GYRO_BIAS, RATE, FloatArray, compensation, rotation_matrix, rotation_vector
 
-#: Joints within this angle of zero count as at zero, rad.
-AT_ZERO = np.deg2rad(2.0)
-#: A joint that moved by more than this was turned; one that moved by less has drifted, rad.
+#: Largest angle of a joint at zero, rad.
+ZERO_TOLERANCE = np.deg2rad(2.0)
+#: Smallest rotation of a joint in a turn, rad; a smaller rotation is drift.
 MIN_JOINT_TURN = np.deg2rad(5.0)
-#: Duration, next to the motion, of the part of a rest from which the joint rates are determined, s.
+#: Duration of the part of a rest next to a motion from which the joint rates are determined, s.
 RATE_FIT = 3.0
-#: Duration, next to the motion, of the part of a rest whose mean gyro output is subtracted, s. It equals the shortest
-#: stabilised rest, because a small return to zero after a rest does not end it.
+#: Duration of the part of a rest next to a motion whose mean gyro output is subtracted, s. It equals the shortest
+#: stabilised rest, because a small return to zero after a rest does not end the rest.
 MEAN_FIT = 2.0
-#: Duration of the part of a rest from which the joint angles are determined, s.
+#: Duration of the part of a rest next to a motion from which the joint angles are determined, s.
 ANGLE_FIT = 0.3
 MAX_ITERATIONS = 12
 
@@ -56,25 +56,25 @@ class Motion:
 
     @property
     def axis(self) -> int | None:
-        """The joint that moved most; None if no joint moved."""
-        moved = np.abs(self.after - self.before)
-        return int(np.argmax(moved)) if moved.max() > MIN_JOINT_TURN else None
+        """Index of the joint that moved most; None if no joint moved."""
+        change = np.abs(self.after - self.before)
+        return int(np.argmax(change)) if change.max() > MIN_JOINT_TURN else None
 
     @property
     def to_zero(self) -> bool:
         """Whether the motion ends with all joints near zero and begins elsewhere."""
-        return bool(np.abs(self.before).max() > AT_ZERO and np.abs(self.after).max() < AT_ZERO)
+        return bool(np.abs(self.before).max() > ZERO_TOLERANCE and np.abs(self.after).max() < ZERO_TOLERANCE)
 
     @property
     def angle(self) -> float:
         """Angle of the joint that moved most, rad."""
-        moved = self.after - self.before
-        return float(moved[int(np.argmax(np.abs(moved)))])
+        change = self.after - self.before
+        return float(change[int(np.argmax(np.abs(change)))])
 
     def cross_rotation(self, axis: int, correction: FloatArray) -> float:
         """Return the rotation about the axes other than `axis`, rad, from the rates corrected with K, shape (3, 3).
 
-        A gimbal that stabilises on these rates keeps it at zero.
+        It is zero for a gimbal that stabilises on these rates.
         """
         corrected = np.linalg.solve(np.eye(3) + correction, self.rotation)
         return float(np.linalg.norm(corrected[other_axes(axis)]))
@@ -84,20 +84,20 @@ class Motion:
 
         The drift is the difference from the ideal turn about the body axis, minus the drift at rest.
         """
-        rest, angle = other_axes(axis), self.angle
+        rows, angle = other_axes(axis), self.angle
         J = drift_matrix(order, axis, angle, self.before)
         start = gimbal_attitude(order, self.before)
         at_rest = rotation_vector(start.T @ gimbal_attitude(order, self.before + self.drift * self.duration))
         deviation = self.after - joints_after_turn(order, self.before, axis, angle)
         deviation = (deviation + np.pi) % (2.0 * np.pi) - np.pi
-        drift = deviation[rest] - J @ at_rest[rest] / angle
-        if np.abs(deviation[rest]).max() > MIN_JOINT_TURN:
+        drift = deviation[rows] - J @ at_rest[rows] / angle
+        if np.abs(deviation[rows]).max() > MIN_JOINT_TURN:
             raise InputError("recording.two_joints_turned", axis=AXES[axis])
         return np.asarray(drift_matrix(order, axis, angle) @ np.linalg.solve(J, drift))
 
 
 def find_motions(data: StageData, imu: ImuModel) -> list[Motion]:
-    """Return the motions of a recording in order. Raises InputError or InsufficientDataError if it is unusable."""
+    """Return the motions of a recording in order. Raises InputError or InsufficientDataError if it cannot be used."""
     if data.joints.shape[1] != 3:
         raise InputError("recording.no_joint_angles")
     still = find_stillness(data, imu)
@@ -175,44 +175,44 @@ def fit_gimbal(
     measured = np.median(data.gyro[: round(1.0 / data.dt)], axis=0)
     start[GYRO_BIAS] = np.where(prior.sigma[GYRO_BIAS] > RATE, measured, start[GYRO_BIAS])
 
-    def step(at: tuple[FloatArray, FloatArray]) -> tuple[tuple[FloatArray, FloatArray], GimbalFit, float]:
-        point, more = at
-        H, r = _rows(data, motions, order, point, more)
-        innovation = (r + H[:, :COUNT] @ (point - prior.mean) + H[:, COUNT:] @ more) / sigma
+    def step(unknowns: tuple[FloatArray, FloatArray]) -> tuple[tuple[FloatArray, FloatArray], GimbalFit, float]:
+        point, nuisance = unknowns
+        H, r = _rows(data, motions, order, point, nuisance)
+        innovation = (r + H[:, :COUNT] @ (point - prior.mean) + H[:, COUNT:] @ nuisance) / sigma
         columns = np.hstack([H[:, :COUNT] @ root, H[:, COUNT:] * scale]) / sigma[:, None]
         covariance = np.linalg.inv(columns.T @ columns + np.eye(columns.shape[1]))
         x = covariance @ (columns.T @ innovation)
-        mean, spread = prior.mean + root @ x[:COUNT], root @ covariance[:COUNT, :COUNT] @ root.T
-        width = np.sqrt(np.diag(spread))
+        mean, posterior_covariance = prior.mean + root @ x[:COUNT], root @ covariance[:COUNT, :COUNT] @ root.T
+        width = np.sqrt(np.diag(posterior_covariance))
         change = float(np.max(np.abs(mean - point) / np.where(width > 0.0, width, 1.0)))
         rest = innovation - columns @ x
-        spare = len(innovation) - float(np.einsum("ij,jk,ik->", columns, covariance, columns))
-        posterior = Posterior(mean, 0.5 * (spread + spread.T))
-        fit = GimbalFit(posterior, float(rest @ rest), spare, (rest * sigma).reshape(-1, 3))
+        freedom = len(innovation) - float(np.einsum("ij,jk,ik->", columns, covariance, columns))
+        posterior = Posterior(mean, 0.5 * (posterior_covariance + posterior_covariance.T))
+        fit = GimbalFit(posterior, float(rest @ rest), freedom, (rest * sigma).reshape(-1, 3))
         return (mean, scale * x[COUNT:]), fit, change
 
     return gauss_newton(step, (start, np.zeros(len(scale))), MAX_ITERATIONS)[1]
 
 
 def _rows(
-    data: StageData, motions: list[Motion], order: str, point: FloatArray, more: FloatArray
+    data: StageData, motions: list[Motion], order: str, point: FloatArray, nuisance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the derivatives, shape (3 n, 33 + 3 rests), and the residuals, rad, shape (3 n,).
 
-    `more` contains, in the base frame, the earth rate, rad/s, and the joint errors at rests as rotation vectors, rad.
+    `nuisance` contains earth rate, rad/s, and the joint errors at rests as rotation vectors, rad, in the base frame.
     """
-    c, earth, wrong = compensation(point), more[:3], more[3:].reshape(-1, 3)
-    H, residuals = np.zeros((3 * len(motions), COUNT + len(more))), []
+    c, earth, joint_errors = compensation(point), nuisance[:3], nuisance[3:].reshape(-1, 3)
+    H, residuals = np.zeros((3 * len(motions), COUNT + len(nuisance))), []
     for k, m in enumerate(motions):
         B, time, rate = integrate_rotation(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, m.start, m.stop)
         first, second = m.between
-        before = rotation_matrix(wrong[first]) @ gimbal_attitude(order, m.before)
+        before = rotation_matrix(joint_errors[first]) @ gimbal_attitude(order, m.before)
         start = rotation_matrix(-earth * m.duration) @ before
         rows = slice(3 * k, 3 * k + 3)
         H[rows, GYRO_COLUMNS] = gyro_derivative(start, c, time, rate)
         H[rows, COUNT : COUNT + 3] = -m.duration * np.eye(3)
         H[rows, COUNT + 3 + 3 * first : COUNT + 6 + 3 * first] = np.eye(3)
         H[rows, COUNT + 3 + 3 * second : COUNT + 6 + 3 * second] = -np.eye(3)
-        after = rotation_matrix(wrong[second]) @ gimbal_attitude(order, m.after)
+        after = rotation_matrix(joint_errors[second]) @ gimbal_attitude(order, m.after)
         residuals.append(rotation_vector(after @ (start @ B).T))
     return H, np.concatenate(residuals)

@@ -48,9 +48,11 @@ def result_sensitivity(
     motion = motion_between_observations(result.history, data, result.starts, context, result.point)
     updates = result.updates
     counts = np.repeat([u.innovation.shape[1] // 3 for u in updates], [len(u.innovation) for u in updates])
-    regressors, terms = mean_regressors(motion, effects.tested, counts[counts > 0])
-    columns = COUNT + sum(len(c.components) for c in effects.tested)
-    begin = np.repeat([c.begin for c in effects.changing], [len(c.components) for c in effects.changing])
+    regressors, terms = mean_regressors(motion, effects.candidates, counts[counts > 0])
+    columns = COUNT + sum(len(c.components) for c in effects.candidates)
+    begin = np.repeat(
+        [c.begin for c in effects.parameter_changes], [len(c.components) for c in effects.parameter_changes]
+    )
     ends = motion.time[np.cumsum(counts) - 1]
     error = np.zeros((updates[0].H.shape[2], columns - len(begin)))
     error[PARAMETER_STATES, :COUNT] = np.eye(COUNT)

@@ -37,7 +37,7 @@ from calstation.estimation.navigation.relinearise import (
     solve_with_table_noise,
 )
 from calstation.estimation.navigation.response import local_scores, result_sensitivity
-from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, reached
+from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, targets_reached
 
 #: Shortest duration of the data after a start for which the live filter aligns, s.
 LIVE_ALIGNMENT = 5.0
@@ -113,7 +113,7 @@ class NavigationStage(StageSolver):
         Once all of them are within their targets, they are computed with the noise measured at rest if it is larger.
         """
         sigma = self._live.sigma()
-        if not self._targets or not reached(sigma, self._targets):
+        if not self._targets or not targets_reached(sigma, self._targets):
             return sigma
         data = self.buffer.data()
         if self._measured_noise is None or self._measured_noise[0] != len(data):

@@ -19,53 +19,53 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.estimation.common import ImuModel, SampleBlock
+from calstation.estimation.pairs.filtering import lagrange_weights
 from calstation.physics import FloatArray, IntArray
 
 #: Duration of a window in which the offset is measured, s.
 WINDOW = 2.0
-#: Rate to which a window is averaged before it is differentiated, Hz: well above the motion, below most of the noise.
+#: Rate to which a window is averaged before differentiation, Hz: well above the motion, below most of the noise.
 _AVERAGED_RATE = 100.0
-#: Smallest rms change of the rate within a window that is used to measure the offset, rad/s.
+#: Smallest rms change of the rate within a window from which the offset is measured, rad/s.
 _MIN_CHANGE = np.deg2rad(5.0)
-#: Smallest correlation of the rate magnitudes for which a first measurement is accepted.
+#: Smallest correlation of the rate magnitudes for an initial measurement.
 _MIN_CORRELATION = 0.9
-#: Standard deviation of an offset from arrival times, s, and of a drift before it is measured.
+#: Standard deviations of an offset from arrival times, s, and of an unmeasured drift.
 ARRIVAL_SIGMA, _DRIFT_SIGMA = 0.05, 100e-6
 #: Random walk of the drift, 1/√s: 0.1 ppm in 20 minutes.
 _DRIFT_WALK = 3e-9
 #: Smallest standard deviation of a measured offset, s.
-_FLOOR = 1e-6
-#: A measurement further from the prediction, in sigmas, is rejected; after this many rejections, search again.
-_GATE, _REJECTIONS = 6.0, 3
-#: Largest error of an offset from arrival times that the first measurement corrects, s.
-_SEARCH = 0.25
+_MIN_SIGMA = 1e-6
+#: Largest deviation of a measurement from the prediction, in sigmas, and number of rejections after which the search
+#: is repeated.
+_MAX_DEVIATION, _MAX_REJECTIONS = 6.0, 3
+#: Largest error of an offset from arrival times that the initial measurement corrects, s.
+_SEARCH_RANGE = 0.25
 _ITERATIONS = 5
 
-#: Number of samples on each side that an interpolation uses.
-_HALF = 5
+#: Number of samples on each side for an interpolation.
+_HALF_WIDTH = 5
 #: Duration of the stored samples, s.
-_KEPT = 6.0
+_BUFFER_TIME = 6.0
 #: Window over which the smallest delay is determined, s.
 _DELAY_WINDOW = 10.0
-#: Increase of the delay that indicates a jump of a unit's clock, s, if it lasts; a busy computer also delays samples.
-_JUMP, _JUMP_LASTS = 0.5, 3.0
-#: Decrease of the delay that indicates a jump of a unit's clock, s; the first samples may have waited in a buffer.
-_JUMP_AHEAD = 2.0
-#: Delay after which a row is complete, whether or not all samples have arrived, s.
+#: Increase of the delay that indicates a jump of a unit's clock, s, and its shortest duration, s, because a busy
+#: computer also delays samples.
+_JUMP, _MIN_JUMP_TIME = 0.5, 3.0
+#: Decrease of the delay that indicates a jump of a unit's clock, s; the first samples may be delayed by a buffer.
+_JUMP_FORWARD = 2.0
+#: Delay after which a row is output even if samples are missing, s.
 LATE = 0.5
 
 
 def interpolate(counts: FloatArray, at: FloatArray) -> FloatArray:
-    """Return rows of `counts`, shape (n, k), at fractional indices `at`, shape (m,), shape (m, k).
+    """Interpolate the rows of `counts`, shape (n, k), at fractional indices `at`, shape (m,); return shape (m, k).
 
-    Polynomial interpolation over 10 samples; NaN if one of them is missing or NaN.
+    The interpolation uses 10 samples; the result is NaN if one of them is missing or NaN.
     """
-    nodes = np.arange(-_HALF + 1, _HALF + 1)
+    nodes = np.arange(-_HALF_WIDTH + 1, _HALF_WIDTH + 1)
     whole = np.floor(at).astype(np.int64)
-    part = (at - whole)[:, None, None]
-    others = nodes[:, None] != nodes[None, :]
-    ratio = np.where(others, (part - nodes[None, :]) / np.where(others, nodes[:, None] - nodes[None, :], 1), 1.0)
-    weights = np.prod(ratio, axis=2)
+    weights = lagrange_weights(nodes, at - whole)
     rows = whole[:, None] + nodes
     inside = (rows[:, 0] >= 0) & (rows[:, -1] < len(counts))
     values = np.full((len(at), counts.shape[1]), np.nan)
@@ -83,9 +83,9 @@ class OffsetFix:
 
 
 def measure(omega: FloatArray, omega2: FloatArray, dt: float) -> OffsetFix | None:
-    """Return the offset δ at which `omega2`(t) is a linear function of `omega`(t + δ), both rad/s, shape (n, 3).
+    """Return the offset δ for which `omega2`(t) is a linear function of `omega`(t + δ), both rad/s, shape (n, 3).
 
-    Return None if the motion does not determine it; `dt` is the sample period, s.
+    Return None if the motion does not determine it. `dt` is the sample period, s.
     """
     rows = slice(1, -1)
     slope = (omega[2:] - omega[:-2]) / (2.0 * dt)
@@ -103,7 +103,7 @@ def measure(omega: FloatArray, omega2: FloatArray, dt: float) -> OffsetFix | Non
     # `time` is the centroid of the information, because the offset drifts
     weight = np.sum(g * g, axis=1)
     time = dt * (1.0 + float(weight @ np.arange(len(g))) / square)
-    return OffsetFix(offset, float(np.hypot(np.sqrt(variance), _FLOOR)), time)
+    return OffsetFix(offset, float(np.hypot(np.sqrt(variance), _MIN_SIGMA)), time)
 
 
 @dataclass(frozen=True)
@@ -117,10 +117,9 @@ class Alignment:
 
 
 class ClockFilter:
-    """Estimates offset and drift of a secondary's clock relative to the primary's.
+    """Estimates the offset and drift of a secondary's clock relative to the primary's.
 
-    `locked` is True once the offset is measured and measurements agree with it, `arrival` while it is known only from
-    arrival times.
+    `locked` is True while measurements of the offset agree, `arrival` while it is known only from arrival times.
     """
 
     def __init__(self) -> None:
@@ -150,13 +149,13 @@ class ClockFilter:
         self._covariance = np.diag([ARRIVAL_SIGMA**2, max(float(self._covariance[1, 1]), (1e-6) ** 2)])
 
     def update(self, time: float, offset: float, sigma: float) -> bool:
-        """Combine with an offset, s, at `time` of the primary, s, and its sigma, s. Return whether it was accepted."""
+        """Update with an offset measured at `time` of the primary and its sigma, s; return whether it was accepted."""
         state, P = self._predicted(time - self._time)
         innovation = offset - state[0]
         variance = P[0, 0] + sigma**2
-        if self.locked and abs(innovation) > _GATE * np.sqrt(variance):
+        if self.locked and abs(innovation) > _MAX_DEVIATION * np.sqrt(variance):
             self._rejected += 1
-            if self._rejected >= _REJECTIONS:
+            if self._rejected >= _MAX_REJECTIONS:
                 self.locked, self._rejected = False, 0
                 self._covariance += np.diag([innovation**2, (1e-6) ** 2])
             return False
@@ -175,7 +174,7 @@ class ClockFilter:
 
 
 class _Stream:
-    """Samples of one IMU by index; sample i ends at (i + 1) / rate on a clock that continues across restarts."""
+    """Buffer of the samples of one IMU; sample i ends at (i + 1) / rate on a clock that continues across restarts."""
 
     def __init__(self, imu: ImuModel) -> None:
         self.rate = imu.sample_rate
@@ -184,8 +183,8 @@ class _Stream:
         self.jumps = 0
         self._shift = 0
         self._delays: deque[tuple[float, float]] = deque()
-        self._held: list[tuple[IntArray, FloatArray]] = []
-        self._held_since: float | None = None
+        self._delayed: list[tuple[IntArray, FloatArray]] = []
+        self._delayed_since: float | None = None
 
     @property
     def last(self) -> int:
@@ -203,23 +202,23 @@ class _Stream:
         delay = float(np.min(arrival - (seq + 1 + self._shift) / self.rate))
         if usual is not None:
             if not restarted and delay > usual + _JUMP:
-                self._held_since = now if self._held_since is None else self._held_since
-                if now - self._held_since < _JUMP_LASTS:
-                    self._held.append((seq, counts))
+                self._delayed_since = now if self._delayed_since is None else self._delayed_since
+                if now - self._delayed_since < _MIN_JUMP_TIME:
+                    self._delayed.append((seq, counts))
                     return
                 restarted = True
-            if restarted or delay < usual - _JUMP_AHEAD:
+            if restarted or delay < usual - _JUMP_FORWARD:
                 self._shift += round((delay - usual) * self.rate)
                 delay = float(np.min(arrival - (seq + 1 + self._shift) / self.rate))
                 self._delays.clear()
                 self.jumps += 1
-        self._held_since = None
+        self._delayed_since = None
         self._delays.append((now, delay))
         while self._delays[0][0] < now - _DELAY_WINDOW:
             self._delays.popleft()
-        for held_seq, held_counts in (*self._held, (seq, counts)):
-            self._append(held_seq + self._shift, held_counts)
-        self._held.clear()
+        for delayed_seq, delayed_counts in (*self._delayed, (seq, counts)):
+            self._append(delayed_seq + self._shift, delayed_counts)
+        self._delayed.clear()
 
     def at(self, index: FloatArray) -> FloatArray:
         """Return counts at fractional indices, shape (n, 6), NaN where samples are missing."""
@@ -234,43 +233,46 @@ class _Stream:
         return rows
 
     def _append(self, index: IntArray, counts: FloatArray) -> None:
-        fresh = index > self.last if len(self.counts) else np.ones(len(index), np.bool_)
-        index, counts = index[fresh], counts[fresh]
+        new = index > self.last if len(self.counts) else np.ones(len(index), np.bool_)
+        index, counts = index[new], counts[new]
         if not len(index):
             return
-        kept = round(_KEPT * self.rate)
-        if not len(self.counts) or index[0] - self.last > kept:
+        capacity = round(_BUFFER_TIME * self.rate)
+        if not len(self.counts) or index[0] - self.last > capacity:
             self.first, self.counts = int(index[0]), np.empty((0, 6))
         start = self.last + 1
         added = np.full((int(index[-1]) - start + 1, 6), np.nan)
         added[index - start] = counts
         self.counts = np.concatenate([self.counts, added])
-        surplus = max(len(self.counts) - kept, 0)
+        surplus = max(len(self.counts) - capacity, 0)
         self.first, self.counts = self.first + surplus, self.counts[surplus:]
 
 
 class PairAligner:
     """Combines the streams of a primary and its secondaries into blocks of simultaneous samples at the primary's times.
 
-    Rows continue while the primary sends nothing. `clocks` are the clocks of the secondaries.
+    Rows are also output while the primary sends no samples. `clocks` are the clocks of the secondaries.
     """
 
     def __init__(self, primary: ImuModel, secondaries: Sequence[ImuModel]) -> None:
         self._streams = [_Stream(imu) for imu in (primary, *secondaries)]
         self.clocks = [ClockFilter() for _ in secondaries]
-        self._seen_jumps = [0] * len(self._streams)
+        self._known_jumps = [0] * len(self._streams)
         self._next: int | None = None
         self._measured = 0
 
     def feed(
         self, number: int, seq: IntArray, counts: FloatArray, arrival: FloatArray, *, restarted: bool = False
     ) -> None:
-        """Add samples of one IMU, 0 for the primary.
+        """Add samples of one IMU.
 
+        Parameters
+        ----------
+        number : number of the IMU, 0 for the primary
         seq : increasing count of its samples, shape (n,)
         counts : raw output, NaN if invalid, shape (n, 6)
-        arrival : host time at which each was received, s, shape (n,)
-        restarted : whether the unit has restarted before them
+        arrival : host time at which each sample was received, s, shape (n,)
+        restarted : whether the unit restarted before these samples
         """
         if len(seq):
             self._streams[number].add(seq, counts, arrival, restarted)
@@ -278,7 +280,7 @@ class PairAligner:
     def take(self, now: float) -> tuple[SampleBlock, list[int]]:
         """Return the rows that are complete at host time `now`, s, and the secondaries that were realigned.
 
-        A secondary, given by its index, is realigned when its offset is measured for the first time after a start.
+        A secondary is realigned when its offset is measured for the first time after a start; it is given by its index.
         """
         primary = self._streams[0]
         delay = primary.delay
@@ -289,7 +291,7 @@ class PairAligner:
             self._measured = self._next
         due = int(np.floor((now - delay - LATE) * primary.rate)) - 1
         stop = max(min([primary.last, *(self._complete(k) for k in range(len(self.clocks)))]), due) + 1
-        self._follow(delay, (self._next + 1) / primary.rate)
+        self._restart_clocks(delay, (self._next + 1) / primary.rate)
         index = np.arange(self._next, max(stop, self._next))
         time = (index + 1) / primary.rate
         others = np.full((len(index), len(self.clocks), 6), np.nan)
@@ -298,7 +300,7 @@ class PairAligner:
         block = _block(index, primary.rate, primary.rows(self._next, self._next + len(index)), others)
         self._next += len(index)
         window, aligned = round(WINDOW * primary.rate), list[int]()
-        if self._next - self._measured >= window + round(_SEARCH * primary.rate):
+        if self._next - self._measured >= window + round(_SEARCH_RANGE * primary.rate):
             start, self._measured = self._measured, self._measured + window
             aligned = [k for k in range(len(self.clocks)) if self._measure(k, start, self._measured)]
         return block, aligned
@@ -312,14 +314,14 @@ class PairAligner:
         stream = self._streams[k + 1]
         if stream.delay is None:
             return -1
-        last = (stream.last - _HALF + 1) / stream.rate
+        last = (stream.last - _HALF_WIDTH + 1) / stream.rate
         time = last + float(self.clocks[k].offset(last + float(self.clocks[k].offset(last))))
         return int(np.floor(time * self._streams[0].rate - 1e-6)) - 1
 
-    def _follow(self, delay: float, time: float) -> None:
-        """Restart the clocks of restarted units; until its offset is measured, a clock follows the arrival times."""
-        jumped = [stream.jumps != seen for stream, seen in zip(self._streams, self._seen_jumps, strict=True)]
-        self._seen_jumps = [stream.jumps for stream in self._streams]
+    def _restart_clocks(self, delay: float, time: float) -> None:
+        """Restart the clocks of restarted units, and set unmeasured clocks from the arrival times."""
+        jumped = [stream.jumps != known for stream, known in zip(self._streams, self._known_jumps, strict=True)]
+        self._known_jumps = [stream.jumps for stream in self._streams]
         for clock, stream, clock_jumped in zip(self.clocks, self._streams[1:], jumped[1:], strict=True):
             if stream.delay is not None and (jumped[0] or clock_jumped or clock.arrival):
                 clock.restart(time, stream.delay - delay)
@@ -336,22 +338,22 @@ class PairAligner:
         time = (np.arange(start, stop) + 1) / primary.rate
         position = self._position(k, time)
 
-        def seen(offset: float) -> FloatArray:
+        def secondary_rate(offset: float) -> FloatArray:
             return _averaged((stream.at(position - offset * stream.rate) * stream.scale)[:, :3], average)
 
-        def measured(offset: float) -> OffsetFix | None:
-            omega2 = seen(offset)
+        def measure_at(offset: float) -> OffsetFix | None:
+            omega2 = secondary_rate(offset)
             return None if np.isnan(omega2).any() else measure(omega, omega2, dt)
 
-        offset = 0.0 if clock.locked else _search(omega, seen(0.0), dt)
+        offset = 0.0 if clock.locked else _search(omega, secondary_rate(0.0), dt)
         if offset is None:
             return False
-        fix = measured(offset)
+        fix = measure_at(offset)
         for _ in range(_ITERATIONS - 1):
             if fix is None or abs(fix.offset) < 0.1 * fix.sigma:
                 break
             offset += fix.offset
-            fix = measured(offset)
+            fix = measure_at(offset)
         if fix is None:
             return False
         offset += fix.offset
@@ -360,19 +362,19 @@ class PairAligner:
 
 
 def _search(omega: FloatArray, omega2: FloatArray, dt: float) -> float | None:
-    """Return the offset, s, at which the magnitudes of both rates agree best; None if they do not agree."""
-    reach = round(_SEARCH / dt)
+    """Return the offset, s, with the largest correlation of the rate magnitudes; None if they do not agree."""
+    max_lag = round(_SEARCH_RANGE / dt)
     a, b = (np.linalg.norm(values, axis=1) for values in (omega, omega2))
-    inner = b[reach : len(b) - reach]
-    if np.isnan(inner).any() or len(inner) < reach:
+    inner = b[max_lag : len(b) - max_lag]
+    if np.isnan(inner).any() or len(inner) < max_lag:
         return None
-    best, at = _MIN_CORRELATION, 0
-    for lag in range(-reach, reach + 1):
-        shifted = a[reach + lag : len(a) - reach + lag]
-        alike = float(np.corrcoef(shifted, inner)[0, 1])
-        if alike > best:
-            best, at = alike, lag
-    return at * dt if best > _MIN_CORRELATION else None
+    best, best_lag = _MIN_CORRELATION, 0
+    for lag in range(-max_lag, max_lag + 1):
+        shifted = a[max_lag + lag : len(a) - max_lag + lag]
+        correlation = float(np.corrcoef(shifted, inner)[0, 1])
+        if correlation > best:
+            best, best_lag = correlation, lag
+    return best_lag * dt if best > _MIN_CORRELATION else None
 
 
 def _averaged(values: FloatArray, count: int) -> FloatArray:

@@ -1,9 +1,9 @@
-"""A secondary IMU against its primary: static check at a rest, calibration from synchronous motion, live correction.
+"""Cross-calibration of a secondary IMU: static check at a rest, calibration from synchronous motion, live correction.
 
-At rest the magnitude of the specific force equals gravity and the rate is earth rate. A secondary is compensated first
-with its stored error relative to the primary and then with the primary's own errors, because the stored error refers
+At rest the magnitude of the specific force equals gravity, and the rate equals earth rate. A secondary is compensated
+first with its stored error relative to the primary and then with the primary's errors, because the stored error refers
 to the raw output of the primary. Recordings without paired samples or motion, with frozen channels, or in wrong units
-or axes are refused.
+or axes are rejected.
 """
 
 from dataclasses import dataclass, replace
@@ -42,14 +42,14 @@ SLOPE_TIME = 0.02
 _INDEX = {p.name: i for i, p in enumerate(PAIR_PARAMETERS)}
 #: Shortest total time with samples of both IMUs, s.
 MIN_PAIRED_TIME = 5.0
-#: Smallest rms rate, rad/s, about the axis of least rotation that determines a matrix.
+#: Smallest rms rate about the axis of least rotation from which a matrix is determined, rad/s.
 MIN_RATE = np.deg2rad(3.0)
-#: Smallest rms change of specific force, m/s², along the axis of least change that determines a matrix.
+#: Smallest rms change of the specific force along the axis of least change from which a matrix is determined, m/s².
 MIN_FORCE = 0.5
-#: Largest singular value of a matrix that is plausible as a scale factor; a larger one indicates a wrong unit.
-UNIT = 1.5
+#: Largest plausible singular value of a matrix; a larger one indicates a wrong unit.
+MAX_SINGULAR_VALUE = 1.5
 #: Largest angle between the axes of gyro and accelerometer of one IMU, rad.
-TOGETHER = np.deg2rad(10.0)
+MAX_SENSOR_ANGLE = np.deg2rad(10.0)
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class StaticCheck:
 
     @property
     def primary_out_of_tolerance(self) -> tuple[str, ...]:
-        """Sensors of the primary that are out of tolerance and therefore cannot serve as reference."""
+        """Sensors of the primary that are out of tolerance and are therefore not used as reference."""
         return tuple(s for s in SENSORS if not self.primary[s].within)
 
 
@@ -121,7 +121,7 @@ class PairCalibration:
     def check(
         self, data: StageData, rest: tuple[int, int], index: int, secondary: Secondary, stored: StoredPair
     ) -> StaticCheck | None:
-        """Check both IMUs at a rest; return None if the secondary (index `index` in the samples) has no data in it."""
+        """Check both IMUs at a rest; return None if the secondary, at `index` in the samples, has no data in it."""
         a, b = rest
         pair = pair_data(data, index, secondary.imu)
         gyro2, accel2 = _mean(pair.gyro2[a:b]), _mean(pair.accel2[a:b])
@@ -140,7 +140,7 @@ class PairCalibration:
         )
 
     def references(self, check: StaticCheck) -> tuple[str, ...]:
-        """Return the sensors of the primary that can serve as reference after a check."""
+        """Return the sensors of the primary that can be used as reference after a check."""
         if self.schedule.primary_valid == "both_sensors" and check.primary_out_of_tolerance:
             return ()
         return tuple(s for s in SENSORS if check.primary[s].within)
@@ -149,8 +149,8 @@ class PairCalibration:
         """Return the sensors that are out of tolerance in the secondary and have a reference in the primary."""
         return tuple(s for s in self.references(check) if not check.secondary[s].within)
 
-    def chosen(self, check: StaticCheck) -> PairChoice:
-        """Choose the terms to fit after a check; a sensor without a reference in the primary is never fitted."""
+    def choose_terms(self, check: StaticCheck) -> PairChoice:
+        """Return the terms to fit after a check; a sensor without a reference in the primary is not fitted."""
         fitted = self.to_calibrate(check) if self.schedule.sensors == "triggering" else self.references(check)
         choice = self.schedule.choice
         return replace(
@@ -160,14 +160,14 @@ class PairCalibration:
     def calibrate(
         self, data: StageData, index: int, secondary: Secondary, choice: PairChoice, stored: StoredPair
     ) -> PairResult:
-        """Fit to all data; terms that are not chosen keep their stored values. Raises InputError."""
+        """Fit the chosen terms to all data; the other terms keep their stored values. Raises InputError."""
         pair = pair_data(data, index, secondary.imu)
         require_pairs(pair, secondary.number, choice)
         try:
             fit = fit_pair(pair, self._primary, secondary.imu, self._c, choice, pair_vector(stored))
         except np.linalg.LinAlgError as exc:
             raise InputError("solve.pair_undetermined", number=secondary.number) from exc
-        require_sense(fit, secondary.number, choice)
+        require_plausible(fit, secondary.number, choice)
         values = dict(zip((p.name for p in PAIR_PARAMETERS), fit.value.tolist(), strict=True))
         solved = StoredPair({n: v for n, v in values.items() if fit.fitted[_INDEX[n]] or n in stored.values})
         rest = self.last_rest(data)
@@ -177,7 +177,7 @@ class PairCalibration:
         static = {s: None if check is None else check.secondary[s].value for s in fitted}
         for sensor, value in static.items():
             threshold = self.schedule.threshold("secondary", sensor)
-            # the deviation after a poor calibration would loosen the next threshold; small ones must not accumulate
+            # a large deviation would increase the next threshold, and small increases would accumulate
             if value is not None and value <= min(threshold.limit(last[sensor]), threshold.fixed):
                 last[sensor] = value
         return PairResult(fit, replace(solved, gyro_static=last["gyro"], accel_static=last["accel"]), static)
@@ -190,7 +190,7 @@ def _mean(values: FloatArray) -> FloatArray | None:
 
 
 class SecondaryCorrection:
-    """Corrects a secondary with its stored calibration and then with the primary's errors `primary`."""
+    """Corrects the output of a secondary with its stored calibration and then with the primary's errors."""
 
     def __init__(self, secondary: Secondary, primary: Compensation) -> None:
         self._size, self._dt, self._primary = secondary.imu.count_size, 1.0 / secondary.imu.sample_rate, primary
@@ -201,7 +201,7 @@ class SecondaryCorrection:
         self.use(secondary.stored)
 
     def use(self, stored: StoredPair) -> None:
-        """Replace the calibration for the following samples."""
+        """Use another calibration for the following samples."""
         self.stored, self._pair = stored, pair_vector(stored)
 
     @property
@@ -209,8 +209,8 @@ class SecondaryCorrection:
         """Time to add to a sample's time to obtain the time of the motion it measures, s."""
         return float(self._pair[OFFSET])
 
-    def corrected(self, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the next samples as rate, rad/s, and specific force, m/s², at the primary, NaN where missing.
+    def correct(self, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rate, rad/s, and specific force, m/s², of the next samples at the primary, NaN where missing.
 
         `counts` are raw, shape (n, 6). Without a fitted lever arm, the force refers to the secondary's location. The
         angular acceleration is found from the last `SLOPE_TIME`, so that no sample is delayed; it is 0 next to missing
@@ -220,9 +220,9 @@ class SecondaryCorrection:
         omega, force = compensate_secondary(self._pair, self._primary, raw[:, :3], raw[:, 3:])
         lever = self._pair[LEVER]
         if lever.any() and len(omega):
-            earlier = self._before if len(self._before) else omega[:1]
-            earlier = np.vstack([np.repeat(earlier[:1], self._width - len(earlier), axis=0), earlier])
-            rates = np.vstack([earlier, omega])
+            last_rates = self._before if len(self._before) else omega[:1]
+            last_rates = np.vstack([np.repeat(last_rates[:1], self._width - len(last_rates), axis=0), last_rates])
+            rates = np.vstack([last_rates, omega])
             alpha = np.nan_to_num(
                 np.lib.stride_tricks.sliding_window_view(rates, self._width + 1, axis=0) @ self._slope
             )
@@ -257,12 +257,12 @@ def require_pairs(data: PairData, number: int, choice: PairChoice) -> None:
         _require_spread(data.accel[rows], MIN_FORCE, choice.accel == "full", tilting=True)
 
 
-def _require_spread(values: FloatArray, least: float, every_axis: bool, tilting: bool) -> None:
+def _require_spread(values: FloatArray, minimum: float, every_axis: bool, tilting: bool) -> None:
     spread, axes = np.linalg.eigh(np.cov(values.T))
     size = np.sqrt(np.maximum(spread, 0.0))
-    if size[-1] < least:
+    if size[-1] < minimum:
         raise InsufficientDataError("recording.no_tilting" if tilting else "recording.no_turning")
-    if every_axis and size[0] < least:
+    if every_axis and size[0] < minimum:
         axis = AXES[int(np.argmax(np.abs(axes[:, 0])))]
         raise InsufficientDataError(
             "recording.little_tilting" if tilting else "recording.little_turning",
@@ -271,22 +271,22 @@ def _require_spread(values: FloatArray, least: float, every_axis: bool, tilting:
         )
 
 
-def require_sense(fit: PairFit, number: int, choice: PairChoice) -> None:
+def require_plausible(fit: PairFit, number: int, choice: PairChoice) -> None:
     """Check that the matrices are plausible as sensor errors and not due to swapped columns. Raises InputError."""
-    turns = []
+    rotations = []
     for sensor, model, columns in (("gyro", choice.gyro, GYRO_MATRIX), ("accel", choice.accel, ACCEL_MATRIX)):
         if model not in ("scale", "full"):
             continue
         C = fit.value[columns].reshape(3, 3)
         U, lengths, V = np.linalg.svd(C)
-        if not 1.0 / UNIT < lengths[-1] <= lengths[0] < UNIT:
+        if not 1.0 / MAX_SINGULAR_VALUE < lengths[-1] <= lengths[0] < MAX_SINGULAR_VALUE:
             ratio = float(np.exp(np.mean(np.log(lengths))))
             raise InputError("recording.pair_unit", number=number, sensor=sensor, ratio=ratio)
         if np.linalg.det(C) < 0.0:
             raise InputError("recording.pair_mirrored", number=number, sensor=sensor)
-        turns.append(U @ V)
-    if len(turns) == 2:
-        apart = float(np.linalg.norm(rotation_vector(turns[0] @ turns[1].T)))
-        if apart > TOGETHER:
-            angle = float(np.rad2deg(apart))
+        rotations.append(U @ V)
+    if len(rotations) == 2:
+        angle_between = float(np.linalg.norm(rotation_vector(rotations[0] @ rotations[1].T)))
+        if angle_between > MAX_SENSOR_ANGLE:
+            angle = float(np.rad2deg(angle_between))
             raise InputError("recording.pair_sensors_apart", number=number, angle_deg=angle)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.effects import EffectEvidence, changing
+from calstation.estimation.effects import EffectEvidence, parameter_changes
 from calstation.physics import AXES, EFFECTS, OF_ACCELEROMETERS, Effect, FloatArray, Motion
 
 #: Second-order term of the accelerometers, which is one of the 30 parameters in other methods.
@@ -32,21 +32,21 @@ class Block:
 
 
 def jackknife(normals: FloatArray, gradient: FloatArray, prior: FloatArray | float = 0.0) -> FloatArray:
-    """Return the covariance of the solution from its changes when each block is omitted, shape (k, k).
+    """Return the covariance of the solution, shape (k, k), from its changes if each block is omitted in turn.
 
-    This is the sandwich estimator corrected for the leverage of every block (R. M. Bell and D. F. McCaffrey, Survey
-    Methodology 28(2), 2002); without it, the residuals of a block with strong motion would be too small. `prior` is
-    information that does not belong to any block.
+    This is the sandwich estimator with a correction for the leverage of every block (R. M. Bell and D. F. McCaffrey,
+    Survey Methodology 28(2), 2002), without which the residuals of a block with strong motion would be too small.
+    `prior` is an information matrix in addition to the blocks.
     """
     normal, total = normals.sum(axis=0) + prior, gradient.sum(axis=0)
     solution = np.linalg.solve(normal, total)
-    moved = np.linalg.solve(normal - normals, (total - gradient)[:, :, None])[:, :, 0] - solution
-    return np.asarray(moved.T @ moved * (len(moved) - 1) / len(moved))
+    change = np.linalg.solve(normal - normals, (total - gradient)[:, :, None])[:, :, 0] - solution
+    return np.asarray(change.T @ change * (len(change) - 1) / len(change))
 
 
 def pair_effects(
     blocks: Sequence[Block],
-    tested: Callable[[Effect], bool],
+    is_tested: Callable[[Effect], bool],
     scale: FloatArray,
     axes: FloatArray,
     duration: float,
@@ -54,15 +54,15 @@ def pair_effects(
     sigma: FloatArray,
     names: Sequence[str],
 ) -> list[EffectEvidence]:
-    """Return the evidence for the effects that are `tested`, the likeliest first; none from a short recording.
+    """Return the evidence for each tested effect, the likeliest first; none from a short recording.
 
-    The primary's noise in the columns, for which the fit is corrected, is not removed here: if the columns of an effect
-    equal the columns of parameters, it cancels.
+    The correction of the fit for the primary's noise in the columns is not applied here: if the columns of an effect
+    equal those of parameters, the noise cancels.
 
     Parameters
     ----------
     blocks : the linearised fit in blocks of time, in order
-    tested : function that returns whether to test an effect
+    is_tested : function that returns whether to test an effect
     scale : noise of the six outputs, rad/s and m/s², shape (6,)
     axes : axes of the secondary in primary axes, one per row, shape (3, 3)
     duration : duration of the recording, s
@@ -72,23 +72,23 @@ def pair_effects(
     if len(blocks) < MIN_BLOCKS:
         return []
     # a jump near an end would be determined by a few blocks only
-    drifts = (c for c in changing(duration) if c.cause == "drift")
-    candidates = [c for c in (*EFFECTS, _QUADRATIC, *drifts) if tested(c)]
+    drifts = (c for c in parameter_changes(duration) if c.cause == "drift")
+    candidates = [c for c in (*EFFECTS, _QUADRATIC, *drifts) if is_tested(c)]
     if not candidates:
         return []
     k, normals, gradients = len(names), [], []
     for block in blocks:
-        added = np.concatenate([c.errors(block.motion) for c in candidates], axis=2) / scale[:, None]
-        both = np.concatenate([block.columns, added], axis=2)
+        errors = np.concatenate([c.errors(block.motion) for c in candidates], axis=2) / scale[:, None]
+        both = np.concatenate([block.columns, errors], axis=2)
         weighted = both * block.weights[:, :, None]
         normals.append(np.tensordot(weighted, both, axes=([0, 1], [0, 1])))
         gradients.append(np.tensordot(weighted, block.residual, axes=([0, 1], [0, 1])))
     whole, evidence, at = (np.array(normals), np.array(gradients)), [], k
     for candidate in candidates:
-        chosen = np.r_[0:k, at : (at := at + len(candidate.components))]
+        columns = np.r_[0:k, at : (at := at + len(candidate.components))]
         evidence.append(
             _evidence(
-                candidate, whole[0][:, chosen[:, None], chosen], whole[1][:, chosen], axes, bias_drift, sigma, names
+                candidate, whole[0][:, columns[:, None], columns], whole[1][:, columns], axes, bias_drift, sigma, names
             )
         )
     return sorted(evidence, key=lambda f: -f.excess)
@@ -111,20 +111,20 @@ def _evidence(
     solution = np.linalg.solve(normal, gradient)
     covariance = jackknife(normals, gradients, prior)
     group = candidate.parameter_of(0).rpartition("_")[0]
-    size, own_covariance = solution[k:], covariance[k:, k:] + bias_drift.get(group, 0.0) * np.eye(len(solution) - k)
-    best = int(np.argmax(np.abs(size) / np.sqrt(np.diag(own_covariance))))
-    without = np.linalg.solve(normal[:k, :k], gradient[:k])
-    shift = dict(zip(names, ((solution[:k] - without) / sigma).tolist(), strict=True))
-    changed = parameter = candidate.parameter_of(best)
+    size, size_covariance = solution[k:], covariance[k:, k:] + bias_drift.get(group, 0.0) * np.eye(len(solution) - k)
+    best = int(np.argmax(np.abs(size) / np.sqrt(np.diag(size_covariance))))
+    base_solution = np.linalg.solve(normal[:k, :k], gradient[:k])
+    shift = dict(zip(names, ((solution[:k] - base_solution) / sigma).tolist(), strict=True))
+    changed_parameter = parameter = candidate.parameter_of(best)
     if parameter:
-        own_axis = parameter[-1]
-        axis = AXES[int(np.argmax(np.abs(axes[AXES.index(own_axis)])))]
-        changed = f"secondary_{parameter}".replace(f"scale_{own_axis}", f"matrix_{own_axis}{axis}")
-    stage = "cross_calibration" if changed else ""
+        axis_name = parameter[-1]
+        axis = AXES[int(np.argmax(np.abs(axes[AXES.index(axis_name)])))]
+        changed_parameter = f"secondary_{parameter}".replace(f"scale_{axis_name}", f"matrix_{axis_name}{axis}")
+    stage = "cross_calibration" if changed_parameter else ""
     # Hotelling's T² with the degrees of freedom of the jackknife, as a χ²
     n, m = len(normals), len(size)
-    excess = float(size @ np.linalg.solve(own_covariance, size)) * (n - m) / (n - 1) - m
-    estimate = float(size[best]), float(np.sqrt(own_covariance[best, best]))
+    excess = float(size @ np.linalg.solve(size_covariance, size)) * (n - m) / (n - 1) - m
+    estimate = float(size[best]), float(np.sqrt(size_covariance[best, best]))
     return EffectEvidence(
-        candidate.cause, candidate.components[best], changed, stage, excess, *estimate, candidate.unit, shift
+        candidate.cause, candidate.components[best], changed_parameter, stage, excess, *estimate, candidate.unit, shift
     )

@@ -43,9 +43,9 @@ def pair_data(data: StageData, index: int, imu: ImuModel) -> PairData:
     )
 
 
-#: Number of samples on each side that an interpolation uses.
-READING = 10
-#: Number of samples on each side that the low-pass filter uses.
+#: Number of samples on each side for an interpolation.
+INTERPOLATION_HALF_WIDTH = 10
+#: Number of samples on each side for the low-pass filter.
 HALF_WIDTH = 16
 #: Cut-off of the low-pass filter relative to the sample rate: above the motion, below most of the noise.
 PASS_BAND = 0.2
@@ -76,24 +76,24 @@ class Signals:
 
 
 def signals(data: PairData, offset: float, c: Compensation) -> Signals:
-    """Filter all sufficiently long segments; the primary is shifted by `offset` s, `c` compensates the lever term."""
+    """Filter all sufficiently long segments; shift the primary by `offset` s, compensate the lever term with `c`."""
     shift = round(offset / data.dt)
-    reading, slope = _kernels(offset / data.dt - shift)
-    slope, matrix = slope / data.dt, np.linalg.inv(c.accel_inverse)
-    margin = READING + HALF_WIDTH + abs(shift)
+    interpolator, differentiator = _kernels(offset / data.dt - shift)
+    differentiator, matrix = differentiator / data.dt, np.linalg.inv(c.accel_inverse)
+    margin = INTERPOLATION_HALF_WIDTH + HALF_WIDTH + abs(shift)
     parts: list[list[FloatArray]] = [[] for _ in range(7)]
     rows = []
     for start, stop in data.segments:
         if stop - start <= 2 * margin + 1:
             continue
         primary = np.hstack([data.gyro[start:stop], data.accel[start:stop]])
-        read = np.roll(_filtered(primary, reading), -shift, axis=0)
-        derivative = np.roll(_filtered(primary, slope), -shift, axis=0)
-        omega, alpha = (read[:, :3] - c.gyro_bias) @ c.gyro_inverse.T, derivative[:, :3] @ c.gyro_inverse.T
+        interpolated = np.roll(_filtered(primary, interpolator), -shift, axis=0)
+        derivative = np.roll(_filtered(primary, differentiator), -shift, axis=0)
+        omega, alpha = (interpolated[:, :3] - c.gyro_bias) @ c.gyro_inverse.T, derivative[:, :3] @ c.gyro_inverse.T
         G = matrix @ lever_matrix(omega, alpha, data.dt)
         columns = (
-            read[:, :3],
-            read[:, 3:],
+            interpolated[:, :3],
+            interpolated[:, 3:],
             derivative[:, :3],
             derivative[:, 3:],
             G.reshape(-1, 9),
@@ -116,8 +116,8 @@ def signals(data: PairData, offset: float, c: Compensation) -> Signals:
         lever=lever.reshape(-1, 3, 3),
         gyro2=gyro2,
         accel2=accel2,
-        white=float(np.sum(np.convolve(reading, low_pass()) ** 2)),
-        slope=float(np.sum(np.convolve(slope, low_pass()) ** 2)),
+        white=float(np.sum(np.convolve(interpolator, low_pass()) ** 2)),
+        slope=float(np.sum(np.convolve(differentiator, low_pass()) ** 2)),
     )
 
 
@@ -134,15 +134,17 @@ def _kernels(part: float) -> tuple[FloatArray, FloatArray]:
     Lagrange polynomials of order 20 (T. I. Laakso et al., *Splitting the unit delay*, IEEE Signal Processing Magazine
     13(1), 1996) are exact for slow motion and all-pass in the band, so that the noise does not depend on the offset.
     """
-    k = np.arange(-READING, READING + 1)
-
-    def reading(at: float) -> FloatArray:
-        others = k[:, None] != k[None, :]
-        ratio = np.where(others, (at - k[None, :]) / np.where(others, k[:, None] - k[None, :], 1.0), 1.0)
-        return np.asarray(np.prod(ratio, axis=1))
-
     step = 1e-4
-    return reading(part), (reading(part + step) - reading(part - step)) / (2.0 * step)
+    nodes = np.arange(-INTERPOLATION_HALF_WIDTH, INTERPOLATION_HALF_WIDTH + 1)
+    interpolator, after, before = lagrange_weights(nodes, np.array([part, part + step, part - step]))
+    return interpolator, (after - before) / (2.0 * step)
+
+
+def lagrange_weights(nodes: IntArray, at: FloatArray) -> FloatArray:
+    """Return the weights of n values at `nodes` for the Lagrange interpolation at m positions, shape (m, n)."""
+    others = nodes[:, None] != nodes[None, :]
+    distance = np.where(others, nodes[:, None] - nodes[None, :], 1)
+    return np.asarray(np.prod(np.where(others, (at[:, None, None] - nodes[None, :]) / distance, 1.0), axis=2))
 
 
 def lever_matrix(omega: FloatArray, alpha: FloatArray, dt: float) -> FloatArray:
@@ -159,19 +161,19 @@ def lever_matrix(omega: FloatArray, alpha: FloatArray, dt: float) -> FloatArray:
     return np.asarray(G)
 
 
-def coarse_offset(data: PairData, largest: float) -> float:
-    """Return the offset, s, a whole number of samples within ± `largest` s, at which the rate magnitudes agree best."""
+def coarse_offset(data: PairData, max_offset: float) -> float:
+    """Return the offset within ± `max_offset` s, in whole samples, at which the rate magnitudes agree best, s."""
     length, length2 = (np.linalg.norm(np.where(np.isnan(g), 0.0, g), axis=1) for g in (data.gyro, data.gyro2))
-    used = np.zeros(len(data))
+    weight = np.zeros(len(data))
     for start, stop in data.segments:
-        used[start:stop] = 1.0
-    if not used.any():
+        weight[start:stop] = 1.0
+    if not weight.any():
         return 0.0
     from scipy.signal import fftconvolve
 
-    a, b = ((x - np.average(x, weights=used)) * used for x in (length, length2))
-    reach = min(round(largest / data.dt), len(data) - 1)
+    a, b = ((x - np.average(x, weights=weight)) * weight for x in (length, length2))
+    max_lag = min(round(max_offset / data.dt), len(data) - 1)
     correlation = fftconvolve(a, b[::-1])
     middle = len(b) - 1
-    window = correlation[middle - reach : middle + reach + 1]
-    return float(int(np.argmax(window)) - reach) * data.dt
+    window = correlation[middle - max_lag : middle + max_lag + 1]
+    return float(int(np.argmax(window)) - max_lag) * data.dt

@@ -29,15 +29,15 @@ from calstation.estimation.pairs.filtering import PairData, Signals, coarse_offs
 from calstation.physics import PAIR_PARAMETERS, BoolArray, Compensation, Effect, FloatArray, Motion, compensate
 
 Model = Literal["bias", "scale", "full"]
-#: Duration of a jackknife block, s; residuals further apart are independent.
+#: Duration of a jackknife block, s; residuals of different blocks are independent.
 BLOCK = 0.5
-#: Largest number of blocks for the tests of effects, which need much memory per block.
+#: Largest number of blocks for the tests of effects, which use much memory per block.
 MAX_BLOCKS = 200
 #: Largest clock offset, s.
-LARGEST_OFFSET = 1.0
-#: Residuals above this multiple of the typical size have proportionally lower weights.
-FAR = 4.0
-#: Smallest share of the information about any direction for which half a recording is solved alone.
+MAX_OFFSET = 1.0
+#: Size of a residual, relative to the typical size, above which its weight decreases.
+HUBER_THRESHOLD = 4.0
+#: Smallest share of the information in any direction for which half a recording is solved separately.
 MIN_SHARE = 0.05
 MAX_ITERATIONS = 20
 GYRO_BIAS, GYRO_MATRIX = slice(0, 3), slice(3, 12)
@@ -59,17 +59,17 @@ class PairChoice:
     @property
     def fitted(self) -> BoolArray:
         """Mask of the fitted pair parameters, shape (28,)."""
-        chosen = np.zeros(COUNT, np.bool_)
+        mask = np.zeros(COUNT, np.bool_)
         for model, bias, matrix in ((self.gyro, GYRO_BIAS, GYRO_MATRIX), (self.accel, ACCEL_BIAS, ACCEL_MATRIX)):
             if model is not None:
-                chosen[bias] = True
-                chosen[matrix] = {"bias": np.zeros(9), "scale": np.eye(3).ravel(), "full": np.ones(9)}[model] > 0
-        chosen[LEVER] = self.lever and self.accel is not None
-        chosen[OFFSET] = self.offset
-        return chosen
+                mask[bias] = True
+                mask[matrix] = {"bias": np.zeros(9), "scale": np.eye(3).ravel(), "full": np.ones(9)}[model] > 0
+        mask[LEVER] = self.lever and self.accel is not None
+        mask[OFFSET] = self.offset
+        return mask
 
     def tests(self, effect: Effect) -> bool:
-        """Return whether an effect can be distinguished with the terms that are not fitted."""
+        """Return whether an effect can be tested if the other terms are not fitted."""
         if effect.between_sensors:
             return self.offset and self.gyro == self.accel == "full"
         return (self.gyro if effect.terms[0].channel < 3 else self.accel) == "full"
@@ -85,15 +85,14 @@ class PairFit:
     rms: tuple[float, float]  #: Residuals of gyro (rad/s) and accelerometer (m/s²) in the pass band.
     expected: tuple[float, float]  #: Residuals expected from noise alone, units as for `rms`.
     blocks: int  #: Number of jackknife blocks.
-    #: Mean squared difference between the solutions of the odd and the even blocks, in units of its variance; 1 if the
-    #: covariance is consistent.
+    #: Mean squared difference between the solutions of odd and even blocks, in units of its variance, which is 1 if
+    #: the covariance is consistent.
     halves: float
     converged: bool  #: Whether the last iteration made no significant change.
     change: FloatArray  #: Second half of the recording minus the first, SI, NaN if not compared, shape (28,).
     change_sigma: FloatArray  #: Standard deviation of `change`, including the bias drift, SI, shape (28,).
-    effects: tuple[
-        EffectEvidence, ...
-    ]  #: Evidence in the residuals for effects outside the model, the likeliest first.
+    #: Evidence in the residuals for effects outside the model, the likeliest first.
+    effects: tuple[EffectEvidence, ...]
 
 
 def fit_pair(
@@ -106,16 +105,16 @@ def fit_pair(
     """
     value, fitted = start.copy(), choice.fitted
     if choice.offset:
-        value[OFFSET] = coarse_offset(data, LARGEST_OFFSET)
+        value[OFFSET] = coarse_offset(data, MAX_OFFSET)
     noise = np.array([_white(primary), _white(secondary)])
 
     def step(value: FloatArray) -> tuple[FloatArray, tuple[Signals, _System], float]:
         rows = signals(data, float(value[OFFSET]), c)
         system = _System(rows, value, noise, data, fitted)
         change = np.linalg.solve(system.normal, system.gradient.sum(axis=0))
-        following, sigma = value.copy(), np.sqrt(np.diag(system.covariance()))
-        following[fitted] += change
-        return following, (rows, system), float(np.max(np.abs(change) / sigma))
+        next_value, sigma = value.copy(), np.sqrt(np.diag(system.covariance()))
+        next_value[fitted] += change
+        return next_value, (rows, system), float(np.max(np.abs(change) / sigma))
 
     value, (rows, system), converged = gauss_newton(step, value, MAX_ITERATIONS)
     covariance = np.zeros((COUNT, COUNT))
@@ -133,9 +132,9 @@ def fit_pair(
     blocks = system.blocks(_motion(rows, value, c, data.time[rows.row], axes))
     # variance of the change of a bias over the recording due to instability
     share = 2.0 * BIAS_DRIFT_PER_INSTABILITY**2 * (1.0 - np.exp(-duration / BIAS_DRIFT_TIME))
-    changed = share * (primary.bias_instability**2 + secondary.bias_instability**2)
-    changes = dict(zip(("gyro_bias", "accel_bias"), changed.tolist(), strict=True))
-    effects = pair_effects(blocks, choice.tests, system.scale, axes, duration, changes, sigma, names)
+    drift_variance = share * (primary.bias_instability**2 + secondary.bias_instability**2)
+    drift_variances = dict(zip(("gyro_bias", "accel_bias"), drift_variance.tolist(), strict=True))
+    effects = pair_effects(blocks, choice.tests, system.scale, axes, duration, drift_variances, sigma, names)
     return PairFit(
         value,
         covariance,
@@ -159,7 +158,7 @@ def _motion(rows: Signals, value: FloatArray, c: Compensation, time: FloatArray,
 
 
 class _System:
-    """Normal equations of the k fitted parameters at a linearisation point, for each block."""
+    """Normal equations of the k fitted parameters at a linearisation point, by block."""
 
     def __init__(self, rows: Signals, value: FloatArray, noise: FloatArray, data: PairData, fitted: BoolArray) -> None:
         self._fitted = fitted
@@ -213,14 +212,14 @@ class _System:
         return of
 
     def blocks(self, motion: Motion) -> list[Block]:
-        """Return at most `MAX_BLOCKS` longer blocks; `motion` covers all rows."""
+        """Return at most `MAX_BLOCKS` longer blocks; `motion` contains all rows."""
         count, blocks = -(-len(self._parts) // MAX_BLOCKS), []
         for b in range(0, len(self._parts), count):
             parts = self._parts[b : b + count]
             part = slice(parts[0].start, parts[-1].stop)
             columns = self._columns(part)[:, :, self._fitted] / self.scale[:, None]
-            moved = Motion(*(values[part] for values in vars(motion).values()))
-            blocks.append(Block(moved, columns, self._residual[part] / self.scale, self._weights[part]))
+            block_motion = Motion(*(values[part] for values in vars(motion).values()))
+            blocks.append(Block(block_motion, columns, self._residual[part] / self.scale, self._weights[part]))
         return blocks
 
     def covariance(self) -> FloatArray:
@@ -228,38 +227,38 @@ class _System:
         return jackknife(self._normals, self.gradient)
 
     def halves(self) -> float:
-        """Return the difference between the solutions of odd and even blocks, see `PairFit.halves`."""
+        """Return the normalised difference between the solutions of odd and even blocks, see `PairFit.halves`."""
         solutions, covariances = [], []
         for half in (slice(0, None, 2), slice(1, None, 2)):
             normals, gradient = self._normals[half], self.gradient[half]
             solutions.append(np.linalg.solve(normals.sum(axis=0), gradient.sum(axis=0)))
             covariances.append(jackknife(normals, gradient))
-        apart = solutions[0] - solutions[1]
-        return float(np.mean(apart**2 / np.diag(covariances[0] + covariances[1])))
+        difference = solutions[0] - solutions[1]
+        return float(np.mean(difference**2 / np.diag(covariances[0] + covariances[1])))
 
     def change(self) -> tuple[FloatArray, FloatArray]:
         """Return the change from the first to the second half and its variance, NaN where not compared, shape (28,).
 
-        For a half that does not determine all parameters by itself, only the biases are compared; the other parameters
-        keep their values from the whole recording.
+        If a half does not determine all parameters, only the biases are compared, and the other parameters keep their
+        values from the whole recording.
         """
         middle = len(self.gradient) // 2
         halves = [(self._normals[part], self.gradient[part]) for part in (slice(0, middle), slice(middle, None))]
-        everything = np.arange(len(self.normal))
+        all_columns = np.arange(len(self.normal))
         biases = np.flatnonzero(_BIASES[self._fitted])
         determined = all(_share(normals.sum(axis=0), self.normal) > MIN_SHARE for normals, _ in halves)
-        chosen = everything if determined else biases
+        columns = all_columns if determined else biases
         change, variance = np.full(COUNT, np.nan), np.full(COUNT, np.nan)
-        at = np.flatnonzero(self._fitted)[chosen]
-        if len(chosen) and middle > 1:
-            parts = [(normals[:, chosen][:, :, chosen], gradient[:, chosen]) for normals, gradient in halves]
+        indices = np.flatnonzero(self._fitted)[columns]
+        if len(columns) and middle > 1:
+            parts = [(normals[:, columns][:, :, columns], gradient[:, columns]) for normals, gradient in halves]
             first, second = (np.linalg.solve(n.sum(axis=0), g.sum(axis=0)) for n, g in parts)
-            change[at], variance[at] = second - first, sum(np.diag(jackknife(n, g)) for n, g in parts)
+            change[indices], variance[indices] = second - first, sum(np.diag(jackknife(n, g)) for n, g in parts)
         return change, variance
 
 
 def _share(part: FloatArray, whole: FloatArray) -> float:
-    """Return the smallest share of the whole recording's information that a part has about any direction."""
+    """Return the smallest ratio, over all directions, of the information of a part to that of the whole recording."""
     root = np.linalg.cholesky(whole)
     white = np.linalg.solve(root, np.linalg.solve(root, part).T)
     return float(np.linalg.eigvalsh(0.5 * (white + white.T))[0])
@@ -288,7 +287,7 @@ def _size(residual: FloatArray) -> float:
 def _weights(residual: FloatArray) -> FloatArray:
     """Return Huber weights from the magnitude of the residual relative to its scale, for three axes, shape (n, 3)."""
     length = np.linalg.norm(residual, axis=1) / np.sqrt(3.0)
-    return np.repeat(np.minimum(1.0, FAR / np.maximum(length, 1e-12))[:, None], 3, axis=1)
+    return np.repeat(np.minimum(1.0, HUBER_THRESHOLD / np.maximum(length, 1e-12))[:, None], 3, axis=1)
 
 
 def _white(imu: ImuModel) -> FloatArray:

@@ -27,10 +27,10 @@ from calstation.estimation.pairs.calibration import SENSORS, PairCalibration, Pa
 
 #: Time between evaluations while checking or calibrating, s.
 EVALUATION_INTERVAL = 1.0
-#: Duration of samples kept from before the motion, as a multiple of the shortest rest; they determine the biases.
-RESTS_KEPT = 10.0
+#: Duration of the samples before the motion that are kept for the biases, as a multiple of the shortest rest.
+MAX_REST_FACTOR = 10.0
 
-#: Time without output after which an IMU counts as silent, s.
+#: Time without output after which an IMU is reported as silent, s.
 SILENCE = 1.0
 
 #: State of a sensor of a secondary after a check: within tolerance, calibrated, or still out of tolerance.
@@ -65,14 +65,14 @@ def call_now(work: Callable[[], _Fits]) -> "Future[_Fits]":
 
 
 class PairWatch:
-    """Monitors a stream of blocks; `keep` stores the new values of a secondary, given its number.
+    """Monitors a stream of blocks; `store` is called with the number and the new values of a secondary.
 
-    A ConfigurationError of `keep` is reported by an event. The fits are executed by `submit`, by default immediately; a
-    live watch runs them in parallel with its stream. Rows without output of the primary are invalid and have NaN
-    counts. `stored` holds the calibration of each secondary by number, `checks` its last check, `verdicts` the state of
-    its sensors since then, and `primary_off` the sensors of the primary that the last check found out of tolerance.
-    `silent` contains the numbers of the IMUs that send no samples, 0 for the primary, and `unaligned` the secondaries
-    whose clock offset is not measured, so that their motion is not used.
+    A ConfigurationError of `store` is reported by an event. The fits are executed by `submit`, by default immediately;
+    a live watch runs them in parallel with its stream. Rows without output of the primary are invalid and have NaN
+    counts. `stored` contains the calibration of each secondary by number, `checks` its last check, `verdicts` the state
+    of its sensors since then, and `primary_off` the sensors of the primary that were out of tolerance in the last
+    check. `silent` contains the numbers of the IMUs that send no samples, 0 for the primary, and `unaligned` the
+    secondaries whose clock offset is not measured, so that their motion is not used.
     """
 
     def __init__(
@@ -80,11 +80,11 @@ class PairWatch:
         imu: ImuModel,
         secondaries: tuple[Secondary, ...],
         calibration: PairCalibration,
-        keep: Callable[[int, StoredPair], None] = lambda number, stored: None,
+        store: Callable[[int, StoredPair], None] = lambda number, stored: None,
         submit: Submit = call_now,
     ) -> None:
         self._imu, self._secondaries, self._calibration = imu, secondaries, calibration
-        self._schedule, self._keep, self._submit = calibration.schedule, keep, submit
+        self._schedule, self._store, self._submit = calibration.schedule, store, submit
         self.state = "waiting"
         self.stored = {s.number: s.stored for s in secondaries}
         self.checks: dict[int, StaticCheck] = {}
@@ -94,10 +94,10 @@ class PairWatch:
         self.silent: frozenset[int] = frozenset()
         self.unaligned: frozenset[int] = frozenset()
         self._last_output: dict[int, float] = {}
-        self._notes: list[WatchEvent] = []
+        self._pending_events: list[WatchEvent] = []
         self._fits: Future[_Fits] | None = None
         self._out_of_tolerance: dict[int, StaticCheck] = {}
-        self._waiting: list[SampleBlock] = []
+        self._pending: list[SampleBlock] = []
         self._blocks: list[SampleBlock] = []
         self._due = calibration.schedule.trigger != "command"
         self._checked: float | None = None
@@ -105,21 +105,21 @@ class PairWatch:
         self._motion, self._rest = 0.0, np.zeros(3)
 
     def command(self) -> None:
-        """Request a check at the next rest, independent of the period."""
+        """Request a check at the next rest, regardless of the period."""
         self._due = True
 
     def realigned(self, number: int, time: float, offset: float, sigma: float) -> None:
-        """Record a new clock offset of a secondary, s: motion in the samples so far was not aligned."""
-        self._notes.append(WatchEvent("aligned", time, number, {"offset": offset, "sigma": sigma}))
+        """Record a new clock offset of a secondary, s; discard the motion so far, which was not aligned."""
+        self._pending_events.append(WatchEvent("aligned", time, number, {"offset": offset, "sigma": sigma}))
         self.unaligned -= {number}
         if self.state == "calibrating":
             self._blocks = [block for block in self._blocks if not self._moving(block)]
-            self._waiting = [block for block in self._waiting if not self._moving(block)]
+            self._pending = [block for block in self._pending if not self._moving(block)]
             self._fits, self._motion = None, 0.0
 
     def lost_alignment(self, number: int, time: float) -> None:
         """Record that a secondary's clock offset is no longer known well enough for a calibration."""
-        self._notes.append(WatchEvent("alignment_lost", time, number))
+        self._pending_events.append(WatchEvent("alignment_lost", time, number))
         self.unaligned |= {number}
 
     def _moving(self, block: SampleBlock) -> float:
@@ -134,17 +134,17 @@ class PairWatch:
 
     def feed(self, block: SampleBlock) -> list[WatchEvent]:
         """Add samples, in blocks of any length, and return the resulting events."""
-        second, events = round(self._imu.sample_rate), [*self._notes, *self._listen(block)]
-        self._notes.clear()
-        self._waiting.append(block)
-        while sum(map(len, self._waiting)) >= second:
-            whole = join_blocks(self._waiting)
+        second, events = round(self._imu.sample_rate), [*self._pending_events, *self._update_silent(block)]
+        self._pending_events.clear()
+        self._pending.append(block)
+        while sum(map(len, self._pending)) >= second:
+            whole = join_blocks(self._pending)
             events += self._process(whole.part(0, second))
-            self._waiting = [whole.part(second, len(whole))]
+            self._pending = [whole.part(second, len(whole))]
         return events
 
-    def _listen(self, block: SampleBlock) -> list[WatchEvent]:
-        """Update which IMUs are silent."""
+    def _update_silent(self, block: SampleBlock) -> list[WatchEvent]:
+        """Update the set of silent IMUs; return the events of changes."""
         if not len(block):
             return []
         now, events = float(block.time[-1]), list[WatchEvent]()
@@ -175,18 +175,18 @@ class PairWatch:
         if now - self._evaluated < EVALUATION_INTERVAL:
             return events
         self._evaluated = now
-        return events + (self._check(now) if self.state == "checking" else self._collect(now, last=False))
+        return events + (self._check(now) if self.state == "checking" else self._calibrate(now, last=False))
 
     def finish(self) -> list[WatchEvent]:
-        """Check or calibrate at the end of the stream if the samples so far are sufficient."""
-        events = [*self._notes, *(e for block in self._waiting if len(block) for e in self._process(block))]
-        self._waiting = []
-        self._notes.clear()
+        """Complete a check or calibration at the end of the stream if the samples so far are sufficient."""
+        events = [*self._pending_events, *(e for block in self._pending if len(block) for e in self._process(block))]
+        self._pending = []
+        self._pending_events.clear()
         if not self._blocks:
             return events
         now = float(self._blocks[-1].time[-1])
         events += self._check(now) if self.state == "checking" else []
-        return events + (self._collect(now, last=True) if self.state == "calibrating" else [])
+        return events + (self._calibrate(now, last=True) if self.state == "calibrating" else [])
 
     def _wait(self, now: float) -> list[WatchEvent]:
         if self._checked is None:
@@ -202,11 +202,12 @@ class PairWatch:
         calibration = self._calibration
         data = stage_data(self._blocks, self._imu)
         rest = calibration.last_rest(data)
-        self._forget(now, RESTS_KEPT * self._schedule.static_s)
+        kept = MAX_REST_FACTOR * self._schedule.static_s
+        self._blocks = [block for block in self._blocks if now - float(block.time[-1]) <= kept]
         if rest is None:
             return []
         events, self._out_of_tolerance = list[WatchEvent](), {}
-        was_off = self.primary_off
+        was_invalid = self.primary_off
         for index, secondary in enumerate(self._secondaries):
             number = secondary.number
             check = calibration.check(data, rest, index, secondary, self.stored[number])
@@ -222,7 +223,7 @@ class PairWatch:
                 self._out_of_tolerance[number] = check
         if not events:
             return []
-        if was_off and not self.primary_off:
+        if was_invalid and not self.primary_off:
             events.append(WatchEvent("primary_valid", now))
         self.state = "calibrating" if self._out_of_tolerance else "waiting"
         if self._out_of_tolerance:
@@ -231,12 +232,8 @@ class PairWatch:
             events.append(WatchEvent("calibrating", now, 0, {"secondaries": list(self._out_of_tolerance)}))
         return events
 
-    def _forget(self, now: float, seconds: float) -> None:
-        """Drop blocks that ended more than `seconds` ago."""
-        self._blocks = [b for b in self._blocks if now - float(b.time[-1]) <= seconds]
-
-    def _collect(self, now: float, last: bool) -> list[WatchEvent]:
-        """Calibrate when there is enough motion; only the `last` evaluation reports failure."""
+    def _calibrate(self, now: float, last: bool) -> list[WatchEvent]:
+        """Calibrate once there is enough motion; only the `last` evaluation reports a failure."""
         if self._fits is None:
             late = last or sum(map(len, self._blocks)) >= self._schedule.longest_s * self._imu.sample_rate
             if self._motion < self._schedule.motion_s and not late:
@@ -255,11 +252,11 @@ class PairWatch:
                     self.verdicts[number][sensor] = "calibrated"
             events.append(WatchEvent("calibrated", now, number, {"sensors": list(result.static)}))
             try:
-                self._keep(number, result.stored)
+                self._store(number, result.stored)
             except ConfigurationError as error:
                 events.append(WatchEvent("not_stored", now, number, {"why": error.as_text}))
         if failed and not last_fits:
-            return events + (self._collect(now, last) if last else [])
+            return events + (self._calibrate(now, last) if last else [])
         if failed:
             events.append(WatchEvent("given_up", now, 0, {"why": failed.as_text}))
         self.state, self._blocks = "waiting", []
@@ -276,7 +273,7 @@ class PairWatch:
             number = secondary.number
             if failed or number not in self._out_of_tolerance:
                 continue
-            choice = self._calibration.chosen(self._out_of_tolerance[number])
+            choice = self._calibration.choose_terms(self._out_of_tolerance[number])
             try:
                 done[number] = self._calibration.calibrate(data, index, secondary, choice, self.stored[number])
             except InputError as error:

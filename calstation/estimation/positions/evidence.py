@@ -1,4 +1,4 @@
-"""Evidence from a stage for the product's checks: rests, and rotations measured by the gyros."""
+"""Rests of a stage and rotations measured by the gyros, which the product's checks evaluate."""
 
 from dataclasses import dataclass, field
 
@@ -59,12 +59,12 @@ class Evidence:
     stage: str
     rests: tuple[RestEvidence, ...]
     motions: tuple[MotionEvidence, ...]
-    #: Parameters with which the calibrated output is compared, SI, shape (30,); zero for the uncompensated output.
+    #: Parameters of the output with which the calibrated output is compared, SI, shape (30,); 0 for raw output.
     before: FloatArray = field(default_factory=lambda: np.zeros(COUNT))
 
 
 def gather(stage: str, data: StageData, context: SolveContext, before: FloatArray, parameters: FloatArray) -> Evidence:
-    """Collect the evidence of a stage, given the reference and the solved parameters, SI, shape (30,) each."""
+    """Collect the evidence of a stage; `before` and `parameters` are as in `Evidence`, SI, shape (30,) each."""
     still = find_stillness(data, context.imu)
     rests = tuple(
         RestEvidence(
@@ -96,7 +96,7 @@ def gather(stage: str, data: StageData, context: SolveContext, before: FloatArra
 
 @dataclass(frozen=True)
 class Turn:
-    """The rotation between two rests of an unbroken chain of motions, as measured by the gyros."""
+    """Rotation between two rests in an uninterrupted chain of motions, measured by the gyros."""
 
     before: int  #: Index of the first rest.
     after: int  #: Index of the second rest.
@@ -107,9 +107,9 @@ class Turn:
 
 
 def turn_between(evidence: Evidence, first: int, second: int, parameters: FloatArray) -> Turn | None:
-    """Return the rotation from one rest to a later one, None if no unbroken chain of motions connects them.
+    """Return the rotation from one rest to a later one; None if no uninterrupted chain of motions connects them.
 
-    `parameters` are near the stage solution, SI, shape (30,). During the rests in between, the rotation follows from
+    `parameters` are near the stage solution, SI, shape (30,). The rotation during the rests in between is computed from
     their mean rate, which includes earth rate.
     """
     motions = {motion.before: motion for motion in evidence.motions}
@@ -146,18 +146,18 @@ def angle_errors(
 
 
 def gravity_errors(evidence: Evidence, turn: Turn, parameters: FloatArray) -> tuple[float, float]:
-    """Return the angles, rad, between gravity at the second rest and its gyro prediction, before and after calibration.
+    """Return the angles between gravity at the second rest and its gyro prediction, before and after calibration, rad.
 
-    In both cases gravity is measured by the accelerometers with the parameters `parameters`.
+    In both cases gravity is measured by the accelerometers compensated with `parameters`.
     """
     earth, up = evidence.rests[turn.before].compensated(parameters)
-    seen = evidence.rests[turn.after].compensated(parameters)[1]
-    misses = []
+    measured = evidence.rests[turn.after].compensated(parameters)[1]
+    errors = []
     for rotation in (turn.uncalibrated, turn.calibrated):
-        carried = (rotation_matrix(-earth * turn.duration) @ rotation).T @ up
-        cosine = carried @ seen / np.linalg.norm(carried) / np.linalg.norm(seen)
-        misses.append(float(np.arccos(np.clip(cosine, -1.0, 1.0))))
-    return misses[0], misses[1]
+        predicted = (rotation_matrix(-earth * turn.duration) @ rotation).T @ up
+        cosine = predicted @ measured / np.linalg.norm(predicted) / np.linalg.norm(measured)
+        errors.append(float(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    return errors[0], errors[1]
 
 
 def _angle(rotation: FloatArray) -> float:

@@ -1,9 +1,9 @@
 """Joint solution of gravity at rests and rotation between them, weighted with the scatter of the recording.
 
-The magnitude of gravity alone determines the accelerometer scale, the change of its direction alone the gyro scale.
+Only the magnitude of gravity determines the accelerometer scale, and only the change of its direction the gyro scale.
 D. Tedaldi, A. Pretto, E. Menegatti, *A robust and easy to implement method for IMU calibration without external
-equipments*, ICRA 2014, fit the same two quantities sequentially and without covariance. The response of the solution to
-errors of the prior and to effects outside the model follows from the same rows.
+equipments*, ICRA 2014, fit the same two quantities sequentially and without covariance. The sensitivity of the solution
+to prior errors and to effects outside the model is computed from the same rows.
 """
 
 import itertools
@@ -43,7 +43,7 @@ MAX_ITERATIONS = 30
 MAX_REWEIGHTINGS = 12
 #: Largest change of an attitude in a Gauss-Newton step, rad.
 LARGEST_STEP = 0.3
-#: Smallest number of degrees of freedom that must remain after fitting drifts.
+#: Smallest number of degrees of freedom after fitting drifts.
 MIN_FREEDOM = 10
 #: Number of parts into which a motion is divided; the error of a gyro is constant within each part.
 _PARTS = 40
@@ -53,11 +53,11 @@ _PARTS = 40
 class PositionFit:
     """The joint solution."""
 
-    posterior: Posterior  #: Posterior of the 30 parameters, in which consider parameters are also updated.
+    posterior: Posterior  #: Posterior of the 30 parameters, including updates of the consider parameters.
     attitudes: FloatArray  #: C_bn of the rests, shape (n, 3, 3).
     chi2: float  #: Sum of the squared residuals in units of sigma.
     freedom: float  #: Degrees of freedom of the residuals.
-    scatter: Scatter  #: Noise of the recording in excess of the profile's.
+    scatter: Scatter  #: Noise of the recording in excess of the profile.
     force_residual: FloatArray  #: Force residuals of the rests, m/s², shape (n, 3).
     turn_residual: FloatArray  #: Rotation residuals of the motions, rad, shape (m, 3).
     converged: bool  #: Whether the last iteration made no significant change.
@@ -72,39 +72,39 @@ def fit_positions(
     prior: Posterior,
     estimated: BoolArray,
 ) -> PositionFit:
-    """Compute the joint MAP estimate; repeat it with increased noise until the noise explains the residuals.
+    """Compute the joint MAP estimate, and repeat it with more noise until the noise explains the residuals.
 
     Parameters that are not `estimated` are consider parameters.
     """
     scatter = Scatter()
-    problem = first = PositionRows(data, rests, links, context, prior, scatter)
+    problem = profile_rows = PositionRows(data, rests, links, context, prior, scatter)
     parameters = _first_point(problem, estimated)
     start = PositionPoint(parameters, _first_attitudes(problem, parameters), np.zeros((len(problem.chains), 2)))
     point, (posterior, best), converged = gauss_newton(partial(_step, problem, estimated), start, MAX_ITERATIONS)
     for _ in range(MAX_REWEIGHTINGS):
         before, scatter = scatter, _scatter(problem, best, point.attitudes)
-        if scatter.near(before):
+        if scatter.agrees_with(before):
             break
         problem = PositionRows(data, rests, links, context, prior, scatter)
         point, (posterior, best), converged = gauss_newton(partial(_step, problem, estimated), point, MAX_ITERATIONS)
-    seen, n, per_rest = slice(problem.observations), len(rests), problem.per_rest
+    observed, n, per_rest = slice(problem.observations), len(rests), problem.per_rest
     force = best.residual[: per_rest * n].reshape(n, per_rest)[:, :3]
     turn = best.residual[per_rest * n : problem.observations]
     return PositionFit(
         posterior=posterior,
         attitudes=point.attitudes,
-        chi2=float(best.residual[seen] @ best.residual[seen]),
-        freedom=best.spare(best.H[seen]),
+        chi2=float(best.residual[observed] @ best.residual[observed]),
+        freedom=best.redundancy(best.H[observed]),
         scatter=scatter,
         force_residual=force * np.sqrt(problem.force_variance)[:, None],
         turn_residual=turn.reshape(-1, 3) * np.sqrt(problem.turn_variance)[:, None],
         converged=converged,
-        sensitivity=position_sensitivity(problem, first, point, estimated) if context.diagnostics else None,
+        sensitivity=position_sensitivity(problem, profile_rows, point, estimated) if context.diagnostics else None,
     )
 
 
 def _first_point(problem: PositionRows, estimated: BoolArray) -> FloatArray:
-    """Return the prior mean, with the gyro bias from the rests where it is more accurate."""
+    """Return the prior mean, with the gyro bias from the rests if it is more accurate."""
     prior, bias = problem.prior, group_indices("gyro_bias")
     point = prior.mean.copy()
     if not problem.data.has_gyros:
@@ -118,12 +118,12 @@ def _first_point(problem: PositionRows, estimated: BoolArray) -> FloatArray:
 def _first_attitudes(problem: PositionRows, point: FloatArray) -> FloatArray:
     """Return the attitudes of the first linearisation: levelled by gravity, with headings propagated by the gyros."""
     c, data = compensation(point), problem.data
-    into = {link.second: link for link in problem.links}
+    links_by_end = {link.second: link for link in problem.links}
     attitudes = np.empty((len(problem.rests), 3, 3))
     for k, rest in enumerate(problem.rests):
         _, force = compensate(c, rest.rate[None], rest.force[None])
-        if k in into:
-            link = into[k]
+        if k in links_by_end:
+            link = links_by_end[k]
             B, _, _ = integrate_rotation(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, link.start, link.stop)
             attitudes[k] = align_vertical(attitudes[link.first] @ B, force[0])
         else:
@@ -134,7 +134,7 @@ def _first_attitudes(problem: PositionRows, point: FloatArray) -> FloatArray:
 def _step(
     problem: PositionRows, estimated: BoolArray, point: PositionPoint
 ) -> tuple[PositionPoint, tuple[Posterior, LinearSolution], float]:
-    """Return the next linearisation point, the solution and the change in sigmas; infinite for a shortened step."""
+    """Return the next linearisation point, the solution, and the change in sigmas, infinite for a limited step."""
     prior, root, solution = problem.prior, problem.root, problem.solve(point)
     x = solution.x
     mean, spread = prior.mean + root @ x[:COUNT], root @ solution.covariance[:COUNT, :COUNT] @ root.T
@@ -143,35 +143,35 @@ def _step(
     share = min(1.0, LARGEST_STEP / float(np.abs(turns).max()))
     change = float(np.max(np.abs(target - point.parameters) / np.where(sigma > 0.0, sigma, 1.0)))
     north = x[problem.north : problem.drift].reshape(-1, 2) * problem.north_rate
-    following = PositionPoint(
+    next_point = PositionPoint(
         point.parameters + share * (target - point.parameters),
         np.array([rotation_matrix(share * t) @ C for t, C in zip(turns, point.attitudes, strict=True)]),
         point.north + share * (north - point.north),
     )
-    return following, (Posterior(mean, 0.5 * (spread + spread.T)), solution), change if share == 1.0 else np.inf
+    return next_point, (Posterior(mean, 0.5 * (spread + spread.T)), solution), change if share == 1.0 else np.inf
 
 
 def _scatter(problem: PositionRows, at: LinearSolution, attitudes: FloatArray) -> Scatter:
-    """Return the noise of rests and motions in excess of the profile's, from their weighted residuals.
+    """Return the noise of rests and motions in excess of the profile, from their weighted residuals.
 
-    Only the force along gravity depends on the rest alone; the perpendicular force also contains errors of the motions.
+    Only the force along gravity is used, because the perpendicular force also depends on the errors of the motions.
     """
     n, rows, per_rest = len(problem.rests), problem.observations, problem.per_rest
     up = attitudes[:, 2, :]
     force = np.zeros((n, rows))
     for k in range(n):
         force[k, per_rest * k : per_rest * k + 3] = up[k]
-    pick = np.eye(rows)
+    identity = np.eye(rows)
     gyros = 3 if per_rest == 6 else 0
-    rate = pick[np.add.outer(per_rest * np.arange(n), np.arange(3, 3 + gyros)).ravel()]
+    rate = identity[np.add.outer(per_rest * np.arange(n), np.arange(3, 3 + gyros)).ravel()]
     scatter = []
-    for chosen, weighted, profile in (
+    for selection, weighted, profile in (
         (force, problem.force_variance, problem.force_noise),
         (rate, np.repeat(problem.rate_variance, gyros), np.repeat(problem.rate_noise, gyros)),
-        (pick[per_rest * n :], np.repeat(problem.turn_variance, 3), np.repeat(problem.turn_noise, 3)),
+        (identity[per_rest * n :], np.repeat(problem.turn_variance, 3), np.repeat(problem.turn_noise, 3)),
     ):
-        H = chosen @ at.H[:rows]
-        scatter.append(excess(chosen @ at.residual[:rows] * np.sqrt(weighted), profile, at.spare(H)))
+        H = selection @ at.H[:rows]
+        scatter.append(excess(selection @ at.residual[:rows] * np.sqrt(weighted), profile, at.redundancy(H)))
     return Scatter(*scatter)
 
 
@@ -180,30 +180,30 @@ def position_sensitivity(
 ) -> Sensitivity:
     """Return the sensitivity of a solution about a linearisation point.
 
-    `fitted` are the rows of the estimate, whose scatter may itself be caused by an effect. The tests therefore use rows
-    with the noise of the `profile`, and divide χ² by the variance that remains after fitting all constant effects and
-    drifts, or the constant ones alone if too few degrees of freedom would remain.
+    `fitted` are the rows of the estimate, whose scatter may be caused by an effect. The tests therefore use rows with
+    the noise of the `profile`, and divide χ² by the remaining variance after fitting all constant effects and drifts,
+    or only the constant ones if too few degrees of freedom would remain.
     """
-    time, seen = profile.data.time, slice(profile.observations)
+    time, observed = profile.data.time, slice(profile.observations)
     effects = StageEffects(float(time[0]), float(time[-1] - time[0]))
-    added = _added(profile, at, effects)
+    contributions = _contributions(profile, at, effects)
     with_profile, with_scatter = profile.solve(at), fitted.solve(at)
-    H, residual, covariance = with_profile.H[seen], with_profile.residual[seen], with_profile.covariance
+    H, residual, covariance = with_profile.H[observed], with_profile.residual[observed], with_profile.covariance
     jacobian = np.linalg.lstsq(profile.root.T, H[:, :COUNT].T, rcond=None)[0].T
-    response = np.hstack([jacobian, added / profile.sigma[:, None]])
+    response = np.hstack([jacobian, contributions / profile.sigma[:, None]])
     weighted = response - H @ (covariance @ (H.T @ response))
     score, information = response.T @ residual, response.T @ weighted
     total, freedom = float(residual @ residual), len(H) - float(np.sum((H @ covariance) * H))
-    owners = np.array([c.cause for c in effects.tested for _ in c.components])
+    owners = np.array([c.cause for c in effects.candidates for _ in c.components])
     constant = COUNT + np.arange(sum(len(c.components) for c in EFFECTS))
     drifts = np.concatenate([constant, COUNT + np.flatnonzero(owners == "drift")])
     fit = drifts if freedom - _rank(information, drifts) >= MIN_FREEDOM else constant
     explained = float(score[fit] @ np.linalg.pinv(information[np.ix_(fit, fit)], hermitian=True) @ score[fit])
-    spare = freedom - _rank(information, fit)
-    variance = max(1.0, (total - explained) / spare if spare >= 1.0 else total / freedom)
-    gain = fitted.root @ with_scatter.covariance[:COUNT] @ with_scatter.H[seen].T
+    redundancy = freedom - _rank(information, fit)
+    variance = max(1.0, (total - explained) / redundancy if redundancy >= 1.0 else total / freedom)
+    gain = fitted.root @ with_scatter.covariance[:COUNT] @ with_scatter.H[observed].T
     remaining = np.eye(COUNT, response.shape[1]) - gain @ ((profile.sigma / fitted.sigma)[:, None] * response)
-    ratio = float(with_scatter.residual[seen] @ with_scatter.residual[seen]) * variance / total
+    ratio = float(with_scatter.residual[observed] @ with_scatter.residual[observed]) * variance / total
     return effects.sensitivity(score / variance, information / variance, remaining, estimated, ratio)
 
 
@@ -211,32 +211,34 @@ def _rank(information: FloatArray, at: IntArray) -> int:
     return int(np.linalg.matrix_rank(information[np.ix_(at, at)], hermitian=True))
 
 
-def _added(rows: PositionRows, at: PositionPoint, effects: StageEffects) -> FloatArray:
+def _contributions(rows: PositionRows, at: PositionPoint, effects: StageEffects) -> FloatArray:
     """Return the contribution of each effect component to the observations, SI, shape (observations, components)."""
     c = compensation(at.parameters)
     rate, force, time = (np.array([getattr(r, name) for r in rows.rests]) for name in ("rate", "force", "time"))
     rests = _errors(c, rate, force, time - rows.data.time[0], 1, effects)
-    seen = np.concatenate([rests[:, 3:], rests[:, :3]], axis=1)[:, : rows.per_rest]
-    turns = [_turned(rows, k, c, at, effects) for k in range(len(rows.links))]
-    return np.concatenate([seen.reshape(-1, seen.shape[2]), *turns])
+    columns = np.concatenate([rests[:, 3:], rests[:, :3]], axis=1)[:, : rows.per_rest]
+    turns = [_rotation_error(rows, k, c, at, effects) for k in range(len(rows.links))]
+    return np.concatenate([columns.reshape(-1, columns.shape[2]), *turns])
 
 
-def _turned(rows: PositionRows, k: int, c: Compensation, at: PositionPoint, effects: StageEffects) -> FloatArray:
+def _rotation_error(
+    rows: PositionRows, k: int, c: Compensation, at: PositionPoint, effects: StageEffects
+) -> FloatArray:
     """Return the error of the rotation of motion `k` due to each component, rad, shape (3, components)."""
     link, data = rows.links[k], rows.data
     earth = np.append(at.north[rows.chain[link.first]], rows.up_rate)
     B = rotation_matrix(-earth * (link.stop - link.start) * data.dt) @ at.attitudes[link.first]
     edges = np.linspace(link.start, link.stop, _PARTS + 1).astype(int)
-    turned = np.zeros((3, sum(len(effect.components) for effect in effects.tested)))
+    error = np.zeros((3, sum(len(effect.components) for effect in effects.candidates)))
     for start, stop in itertools.pairwise(edges):
         if start == stop:
             continue
-        since = data.time[start:stop] - data.time[0]
-        (errors,) = _errors(c, data.gyro[start:stop], data.accel[start:stop], since, stop - start, effects)
+        times = data.time[start:stop] - data.time[0]
+        (errors,) = _errors(c, data.gyro[start:stop], data.accel[start:stop], times, stop - start, effects)
         part, time, _ = integrate_rotation(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, start, stop)
-        turned -= B @ time @ c.gyro_inverse @ errors[:3]
+        error -= B @ time @ c.gyro_inverse @ errors[:3]
         B = B @ part
-    return turned
+    return error
 
 
 def _errors(

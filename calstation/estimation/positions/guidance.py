@@ -1,7 +1,7 @@
-"""Guidance for an operator who moves a unit from position to position: at rest, moving, complete, or to be repeated.
+"""Guidance for an operator who moves a unit from position to position.
 
-A rest that is accepted here is also found by the solver. A rest counts as a new position only if the unit has rotated
-since the last one, so that a knock does not count.
+Every rest that is accepted here is also found by the solver. A rest is a new position only if the unit has rotated
+since the last one, so that a knock has no effect.
 """
 
 from collections import deque
@@ -15,22 +15,20 @@ from calstation.physics import FloatArray, rotation_matrix, rotation_vector
 
 #: Duration of a window, s.
 WINDOW = 0.25
-#: A window is in motion if its noise exceeds the quietest window's noise by this factor ...
-NOISE_RATIO = 3.0
-#: ... or exceeds this gyro noise, rad/s rms ...
-MAX_NOISE = np.deg2rad(1.0)
-#: ... or if its mean rate differs from the rate at rest by more than this, rad/s.
+#: Largest gyro noise of a window at rest, relative to the quietest windows, and rad/s rms.
+NOISE_RATIO, MAX_NOISE = 3.0, np.deg2rad(1.0)
+#: Largest difference of a window's mean rate from the rate at rest, rad/s.
 RATE = np.deg2rad(0.3)
 #: Number of windows before the first decision.
-LEARNING = 8
-#: Number of windows (20 minutes) that determine noise and rate at rest; limits the computing time of a long rest.
-REMEMBERED = 4800
-#: A unit that has rotated by less than this since its last rest is still in the same position, rad.
-SAME = np.deg2rad(10.0)
+MIN_WINDOWS = 8
+#: Number of windows (20 minutes) from which noise and rate at rest are determined, which limits the computing time.
+MAX_WINDOWS = 4800
+#: Largest rotation since the last rest for which the unit is still in the same position, rad.
+SAME_POSITION = np.deg2rad(10.0)
 #: Sufficient `spread` of the positions; directions distributed over the whole sphere have about 0.26.
-SPREAD = 0.1
+MIN_SPREAD = 0.1
 #: Sufficient rotation about every axis, root of the sum of squares over the motions, rad.
-TURNED = 2.0
+MIN_ROTATION = 2.0
 
 State = Literal["waiting", "moving", "still", "enough", "repeat"]
 
@@ -39,8 +37,7 @@ State = Literal["waiting", "moving", "still", "enough", "repeat"]
 class Guidance:
     """Instruction for the operator."""
 
-    #: ``waiting`` (for the first rest), ``moving``, ``still`` (not yet long enough), ``enough`` or ``repeat`` (moved
-    #: too soon).
+    #: ``waiting`` (for the first rest), ``moving``, ``still`` (too short), ``enough`` or ``repeat`` (moved too soon).
     state: State
     rest: float  #: Time at rest so far, s.
     required: float  #: Required time at rest, s.
@@ -57,12 +54,12 @@ class PositionGuide:
         self._width = max(round(WINDOW * imu.sample_rate), 4)
         self._window_duration = self._width / imu.sample_rate
         self.ask(required)
-        self._waiting: list[SampleBlock] = []
-        self._noise: deque[float] = deque(maxlen=REMEMBERED)
-        self._rates: deque[FloatArray] = deque(maxlen=REMEMBERED)
+        self._pending: list[SampleBlock] = []
+        self._noise: deque[float] = deque(maxlen=MAX_WINDOWS)
+        self._rates: deque[FloatArray] = deque(maxlen=MAX_WINDOWS)
         #: Number of windows of the current rest, and the sum of their mean forces.
         self._windows, self._force = 0, np.zeros(3)
-        self._done: list[FloatArray] = []
+        self._positions: list[FloatArray] = []
         self._state: State = "waiting"
         self._up = np.array([0.0, 0.0, 1.0])
         self._last_seq: int | None = None
@@ -71,8 +68,8 @@ class PositionGuide:
         self._suffices = False
 
     def ask(self, rest: float) -> None:
-        """Require a rest of `rest` s at all following positions."""
-        # the solver uses different windows and removes both ends of a rest
+        """Set the required rest at all following positions, s."""
+        # the solver uses different windows and omits both ends of a rest
         self._required = rest + 2.0 * REST_MARGIN + REST_WINDOW
 
     @property
@@ -83,31 +80,31 @@ class PositionGuide:
             self._windows * self._window_duration,
             self._required,
             self._up,
-            np.array(self._done).reshape(-1, 3),
+            np.array(self._positions).reshape(-1, 3),
             self._suffices,
         )
 
     def feed(self, block: SampleBlock) -> Guidance:
         """Add samples, in blocks of any length, and return the current instruction."""
-        self._waiting.append(block)
-        if sum(map(len, self._waiting)) >= self._width:
-            whole = join_blocks(self._waiting)
-            last = len(whole) // self._width * self._width
+        self._pending.append(block)
+        if sum(map(len, self._pending)) >= self._width:
+            joined = join_blocks(self._pending)
+            last = len(joined) // self._width * self._width
             for start in range(0, last, self._width):
-                part = whole.part(start, start + self._width)
-                whole_part = self._is_complete(part)
-                self._process_window(part.counts * self._scale, whole_part and bool(part.valid.all()))
-            self._waiting = [whole.part(last, len(whole))]
+                part = joined.part(start, start + self._width)
+                complete = self._is_complete(part)
+                self._process_window(part.counts * self._scale, complete and bool(part.valid.all()))
+            self._pending = [joined.part(last, len(joined))]
         return self.now
 
     def _is_complete(self, part: SampleBlock) -> bool:
         """Return whether no sample is missing before or within a window."""
         first = int(part.seq[0]) if self._last_seq is None else self._last_seq + 1
         self._last_seq = int(part.seq[-1])
-        whole = self._last_seq - first + 1 == len(part)
-        if not whole:
+        complete = self._last_seq - first + 1 == len(part)
+        if not complete:
             self._turn = None
-        return whole
+        return complete
 
     def _process_window(self, values: FloatArray, valid: bool) -> None:
         gyro, force = values[:, :3], values[:, 3:].mean(axis=0)
@@ -118,7 +115,7 @@ class PositionGuide:
         quiet = valid and noise < min(NOISE_RATIO * float(np.quantile(self._noise, 0.1)), MAX_NOISE)
         if quiet:
             self._rates.append(rate)
-        if len(self._noise) < LEARNING:
+        if len(self._noise) < MIN_WINDOWS:
             return
         at_rest = np.median(self._rates, axis=0) if self._rates else rate
         still = quiet and float(np.abs(rate - at_rest).max()) < RATE + 3.0 * noise / np.sqrt(self._width)
@@ -130,7 +127,7 @@ class PositionGuide:
                 self._turn = self._turn @ rotation_matrix((rate - at_rest) * self._window_duration)
 
     def _is_other_position(self, force: FloatArray) -> bool:
-        """Return whether this force belongs to a different position than the current rest."""
+        """Return whether a force differs from that of the current rest, as in another position."""
         mean = self._force / self._windows
         return bool(np.linalg.norm(force - mean) > 0.05 * np.linalg.norm(mean))
 
@@ -140,28 +137,28 @@ class PositionGuide:
         if self._state == "enough" or self._is_last_position():
             self._state = "enough"
         elif self._windows * self._window_duration >= self._required:
-            self._count_position()
+            self._add_position()
         else:
             self._state = "still"
 
     def _is_last_position(self) -> bool:
-        """Return whether the unit is still at the last position that was counted."""
-        if not self._done:
+        """Return whether the unit is still at the last completed position."""
+        if not self._positions:
             return False
-        tilt = np.arccos(np.clip(self._up @ self._done[-1], -1.0, 1.0))
+        tilt = np.arccos(np.clip(self._up @ self._positions[-1], -1.0, 1.0))
         turned = 0.0 if self._turn is None else np.linalg.norm(rotation_vector(self._turn))
-        return bool(max(tilt, turned) < SAME)
+        return bool(max(tilt, turned) < SAME_POSITION)
 
-    def _count_position(self) -> None:
+    def _add_position(self) -> None:
         """Add the current rest to the completed positions."""
         self._state = "enough"
-        if self._done and self._turn is not None:
+        if self._positions and self._turn is not None:
             turn = rotation_vector(self._turn)
             self._turns += np.outer(turn, turn)
         self._turn = np.eye(3)
-        self._done.append(self._force / np.linalg.norm(self._force))
+        self._positions.append(self._force / np.linalg.norm(self._force))
         self._suffices = bool(
-            np.linalg.eigvalsh(self._turns)[0] >= TURNED**2 and spread(np.array(self._done)) >= SPREAD
+            np.linalg.eigvalsh(self._turns)[0] >= MIN_ROTATION**2 and spread(np.array(self._positions)) >= MIN_SPREAD
         )
 
     def _add_moving_window(self) -> None:
@@ -174,7 +171,7 @@ class PositionGuide:
 
 
 def spread(up: FloatArray) -> float:
-    """Return a measure of how well gravity directions in b, shape (k, 3), separate nine accelerometer errors.
+    """Return the observability of nine accelerometer errors from gravity directions in b, shape (k, 3).
 
     It is the rms effect on the magnitude of gravity, in g, of the least observable combination of errors with norm 1 g.
     """

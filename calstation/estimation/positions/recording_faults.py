@@ -1,6 +1,6 @@
 """Checks of a recording of positions: frozen channels, no rest, no motion, wrong units, wrong axes.
 
-The magnitude of gravity reveals the accelerometers' unit; the change of its direction gives the expected gyro rotation.
+The magnitude of gravity verifies the unit of the accelerometers, the change of its direction the gyro rotation.
 """
 
 import itertools
@@ -15,33 +15,33 @@ from calstation.estimation.positions.rows import integrate_rotation
 from calstation.messages import Text
 from calstation.physics import AXES, CHANNELS, BoolArray, FloatArray, compensate, compensation, group_indices
 
-#: A channel is frozen if it repeats one value for this time, s, and far longer than its noise makes likely.
+#: Shortest time for which a frozen channel repeats one value, s.
 FREEZE_TIME = 1.0
-#: Fraction of repeated samples below which every channel of a recording is noisy.
+#: Largest fraction of repeated samples of a noisy channel.
 NOISY = 0.05
-#: Factor by which a repetition must exceed the longest one explained by chance.
+#: Smallest length of a frozen interval, relative to the longest repetition explained by chance.
 UNLIKELY = 5.0
-#: Ratios of the force at rest to gravity that bias and scale can explain; other ratios indicate a wrong unit.
-PLAUSIBLE_GRAVITY = (0.75, 1.33)
-#: Rests whose gravity directions differ by less than this are at the same position, rad.
+#: Lowest and highest ratio of the force at rest to gravity; other ratios indicate a wrong unit.
+PLAUSIBLE_RATIOS = (0.75, 1.33)
+#: Smallest angle between the gravity directions of different positions, rad.
 OTHER_POSITION = np.deg2rad(10.0)
-#: Mistaken units: assumed unit, actual unit, and the factor that corrects the values.
-ACCEL_SLIPS = (
+#: Confusions of units: assumed unit, actual unit, and the factor that corrects the values.
+ACCEL_UNITS = (
     ("g", "m/s²", 9.80665),
     ("mg", "m/s²", 9.80665e-3),
     ("m/s²", "g", 1.0 / 9.80665),
     ("mm/s²", "m/s²", 1e-3),
 )
-GYRO_SLIPS = (
+GYRO_UNITS = (
     ("°/s", "rad/s", np.pi / 180.0),
     ("rad/s", "°/s", 180.0 / np.pi),
     ("mrad/s", "rad/s", 1e-3),
     ("m°/s", "rad/s", np.pi / 180e3),
 )
-#: Factors tried if no mistaken unit explains the rotations; successive ones differ by 3 %.
+#: Factors tried if no confusion of units explains the rotations; successive ones differ by 3 %.
 FACTORS = np.exp(np.linspace(np.log(0.1), np.log(10.0), 154))
-#: Fraction of motions that may contradict gravity without a common cause; these motions are omitted.
-STRAY = 0.1
+#: Largest fraction of motions that contradict gravity and are omitted.
+MAX_CONTRADICTORY = 0.1
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,9 @@ class _Turn:
 def valid_links(
     data: StageData, still: Stillness, imu: ImuModel, gravity: float, prior: Posterior, shortest: float
 ) -> tuple[Link, ...]:
-    """Return the motions that agree with gravity; a small number of others is omitted.
+    """Return the motions that agree with gravity.
 
-    Raises InputError or InsufficientDataError if the recording is unusable.
+    Raises InputError or InsufficientDataError if the recording cannot be used.
     """
     require_changing(data, CHANNELS, np.column_stack([data.gyro, data.accel]))
     if not still.rests:
@@ -74,18 +74,18 @@ def valid_links(
     _require_gravity(data, still, gravity, prior)
     if _distinct(up) < 2:
         raise InsufficientDataError("recording.one_position", rests=len(up))
-    stray = _contradicting(data, turns, prior, gravity, compensation(prior.mean).gyro_inverse)
-    if stray.sum() > STRAY * len(turns):
+    contradictory = _contradicting(data, turns, prior, gravity, compensation(prior.mean).gyro_inverse)
+    if contradictory.sum() > MAX_CONTRADICTORY * len(turns):
         raise _contradiction_error(data, turns, prior, gravity)
-    return tuple(turn.link for turn, strays in zip(turns, stray, strict=True) if not strays)
+    return tuple(turn.link for turn, is_contradictory in zip(turns, contradictory, strict=True) if not is_contradictory)
 
 
 def _no_rest_error(data: StageData, imu: ImuModel, gravity: float, prior: Posterior, shortest: float) -> InputError:
-    """Return the error for a recording without rests; rates in a wrong unit can make noise look like motion."""
-    for given, right, factor in GYRO_SLIPS:
+    """Return the error for a recording without rests, which may be due to rates in a wrong unit."""
+    for given, right, factor in GYRO_UNITS:
         scaled = replace(data, gyro=data.gyro * factor)
         turns, _ = _turns(scaled, find_stillness(scaled, imu, shortest), prior)
-        if turns and _contradicting(scaled, turns, prior, gravity, np.eye(3)).sum() <= STRAY * len(turns):
+        if turns and _contradicting(scaled, turns, prior, gravity, np.eye(3)).sum() <= MAX_CONTRADICTORY * len(turns):
             slip = Text.of("recording.unit_slip", given=given, right=right)
             return InputError("recording.gyro_unit_no_rest", factor=factor, slip=slip)
     return InsufficientDataError("recording.no_rest", shortest=shortest, seconds=len(data) * data.dt)
@@ -99,9 +99,9 @@ def require_changing(data: StageData, names: Sequence[str], values: FloatArray) 
 
 
 def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Iterator[tuple[str, int, int]]:
-    """Yield name, first and last sample of columns, shape (n, k), that repeat a value far longer than noise explains.
+    """Yield name, first and last sample of each frozen column; `values` has the shape (n, k).
 
-    If all columns repeat at the same time and also repeat elsewhere, the recording has too little noise for this test.
+    If all columns repeat their values at the same time and also elsewhere, the noise is too small for this test.
     """
     for channel, name in enumerate(names):
         same = np.diff(values[:, channel]) == 0.0
@@ -109,13 +109,13 @@ def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Itera
             continue
         first, last = max(true_intervals(same), key=lambda run: run[1] - run[0])
         length = last - first
-        others = max(len(values) - 1 - length, 0)
-        again = (int(same.sum()) - length) / others if others else 0.0
-        chance = np.log(len(values)) / -np.log(np.clip(again, 1e-3, 1.0 - 1e-6))
+        other_samples = max(len(values) - 1 - length, 0)
+        repeated = (int(same.sum()) - length) / other_samples if other_samples else 0.0
+        chance = np.log(len(values)) / -np.log(np.clip(repeated, 1e-3, 1.0 - 1e-6))
         if length * dt <= FREEZE_TIME or length <= UNLIKELY * chance:
             continue
-        others_change = np.delete(np.diff(values[first:last], axis=0) != 0.0, channel, axis=1).mean(axis=0)
-        if others_change.max() > 0.5 or again < NOISY:
+        changing = np.delete(np.diff(values[first:last], axis=0) != 0.0, channel, axis=1).mean(axis=0)
+        if changing.max() > 0.5 or repeated < NOISY:
             yield name, first, last
 
 
@@ -123,13 +123,13 @@ def _require_gravity(data: StageData, still: Stillness, gravity: float, prior: P
     bias = prior.mean[group_indices("accel_bias")]
     force = float(np.median([np.linalg.norm(data.accel[a:b].mean(axis=0) - bias) for a, b in still.rests]))
     ratio = force / gravity
-    if not PLAUSIBLE_GRAVITY[0] < ratio < PLAUSIBLE_GRAVITY[1]:
-        slip = _unit_slip(ACCEL_SLIPS, 1.0 / max(ratio, 1e-12))
+    if not PLAUSIBLE_RATIOS[0] < ratio < PLAUSIBLE_RATIOS[1]:
+        slip = _unit_slip(ACCEL_UNITS, 1.0 / max(ratio, 1e-12))
         raise InputError("recording.accel_unit", force=force, gravity=gravity, ratio=ratio, slip=slip)
 
 
 def _unit_slip(slips: tuple[tuple[str, str, float], ...], factor: float) -> Text | str:
-    """Return the mistaken unit that `factor` corrects, as a part of a sentence; empty if there is none."""
+    """Return the confusion of units that `factor` corrects, as a part of a sentence; "" if there is none."""
     for given, right, correction in slips:
         if abs(np.log(factor / correction)) < 0.2:
             return Text.of("recording.unit_slip", given=given, right=right)
@@ -138,11 +138,11 @@ def _unit_slip(slips: tuple[tuple[str, str, float], ...], factor: float) -> Text
 
 def _distinct(up: FloatArray) -> int:
     """Return the number of positions that differ in the direction of gravity."""
-    kept: list[FloatArray] = []
+    directions: list[FloatArray] = []
     for direction in up:
-        if all(direction @ other < np.cos(OTHER_POSITION) for other in kept):
-            kept.append(direction)
-    return len(kept)
+        if all(direction @ other < np.cos(OTHER_POSITION) for other in directions):
+            directions.append(direction)
+    return len(directions)
 
 
 def _turns(data: StageData, still: Stillness, prior: Posterior) -> tuple[list[_Turn], FloatArray]:
@@ -164,16 +164,16 @@ def _contradicting(
 ) -> BoolArray:
     """Return whether each motion contradicts gravity by more than the prior allows, shape (n,)."""
     matrix = 3.0 * float(np.hypot(*(prior.sigma[group_indices(g)].max() for g in ("gyro_scale", "gyro_misalign"))))
-    lean = 3.0 * float(prior.sigma[group_indices("accel_bias")].max()) / gravity
-    allowed = np.array([np.deg2rad(3.0) + lean + min(matrix, 0.15) * max(t.path, t.tilt) for t in turns])
+    tilt = 3.0 * float(prior.sigma[group_indices("accel_bias")].max()) / gravity
+    allowed = np.array([np.deg2rad(3.0) + tilt + min(matrix, 0.15) * max(t.path, t.tilt) for t in turns])
     return np.asarray(_gravity_error(data, turns, gyro_inverse) > allowed)
 
 
 def _contradiction_error(data: StageData, turns: list[_Turn], prior: Posterior, gravity: float) -> InputError:
-    """Return the error that explains why motions contradict gravity."""
+    """Return the error for motions that contradict gravity, with its cause."""
 
     def explains(gyro_inverse: FloatArray) -> bool:
-        return bool(_contradicting(data, turns, prior, gravity, gyro_inverse).sum() <= STRAY * len(turns))
+        return bool(_contradicting(data, turns, prior, gravity, gyro_inverse).sum() <= MAX_CONTRADICTORY * len(turns))
 
     error = _gravity_error(data, turns, np.eye(3))
     worst = turns[int(np.argmax(error))]
@@ -184,10 +184,10 @@ def _contradiction_error(data: StageData, turns: list[_Turn], prior: Posterior, 
     axes = min(_signed_permutations(), key=lambda P: float(_gravity_error(data, turns, P).sum()))
     if explains(axes):
         return InputError("recording.axes_differ", swaps=_swaps(axes))
-    tried = [*(slip[2] for slip in GYRO_SLIPS), *FACTORS]
-    factor = min(tried, key=lambda k: float(_gravity_error(data, turns, k * np.eye(3)).sum()))
+    factors = [*(slip[2] for slip in GYRO_UNITS), *FACTORS]
+    factor = min(factors, key=lambda k: float(_gravity_error(data, turns, k * np.eye(3)).sum()))
     if explains(factor * np.eye(3)):
-        return InputError("recording.gyro_unit", factor=float(factor), slip=_unit_slip(GYRO_SLIPS, factor))
+        return InputError("recording.gyro_unit", factor=float(factor), slip=_unit_slip(GYRO_UNITS, factor))
     angle = float(np.rad2deg(error.max()))
     return InputError("recording.contradictory", motions=len(turns), angle_deg=angle, **span)
 
@@ -202,7 +202,7 @@ def _gravity_error(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray
 
 
 def _signed_permutations() -> Iterator[FloatArray]:
-    """Yield all 48 ways to swap and reverse three axes, shape (3, 3) each."""
+    """Yield the 48 signed permutations of three axes, shape (3, 3) each."""
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
             P = np.zeros((3, 3))
@@ -211,7 +211,7 @@ def _signed_permutations() -> Iterator[FloatArray]:
 
 
 def _swaps(P: FloatArray) -> list[Text]:
-    """Return, for each axis that a signed permutation changes, the column with its values."""
+    """Return the column that contains the values of each axis that a signed permutation changes."""
     parts = []
     for row, axis in enumerate(AXES):
         column = int(np.argmax(np.abs(P[row])))

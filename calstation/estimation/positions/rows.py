@@ -1,12 +1,13 @@
-"""The combined least-squares problem of rests and motions, as whitened rows.
+"""Whitened rows of the joint least-squares problem of rests and motions.
 
     rest       accel = (I + M_a) f + K2∘f² + b_a,  f = C_bnᵀ (0, 0, g);      gyro = (I + M_g) C_bnᵀ Ω + b_g
     motion     C_second = Exp(−Ω T) C_first B,  B the body rotation from the compensated gyros
     attitude   C_true = (I + [φ×]) C
 
-Headings are arbitrary: each chain of rests has its own level frame, in which the horizontal earth rate, two unknowns of
-magnitude Ω cos φ, indicates north. The problem is then nearly linear and needs no gyrocompassing, for which low-grade
-gyros are not accurate enough. The known magnitude of these two unknowns is not used; it adds hardly any information.
+Headings are arbitrary: each chain of rests has a separate level frame, in which the horizontal earth rate, two unknowns
+of magnitude Ω cos φ, indicates north. The problem is then nearly linear and requires no gyrocompassing, for which
+low-grade gyros are not accurate enough. The known magnitude of these unknowns is not used, because it adds hardly any
+information.
 
 The columns are the parameters in units of the square root of their prior (30), φ of each rest (3 n), the horizontal
 earth rate of each chain in units of Ω cos φ / √2 (2 m), and, if the profile specifies bias instability, the drift of
@@ -46,12 +47,12 @@ from calstation.physics import (
     skew,
 )
 
-#: Time omitted from the rates at the start of a rest, s, because a settling rig still rotates.
+#: Time at the start of a rest whose rates are omitted, s, because a rig still rotates while it settles.
 CREEP = 0.5
 #: Confidence level at which residuals exceed the known noise significantly.
-SIGNIFICANT = 0.9995
-#: Weight that fixes the first heading of a chain, 1/rad.
-FIXED = 1e3
+CONFIDENCE = 0.9995
+#: Weight of the row that fixes the first heading of a chain, 1/rad.
+HEADING_WEIGHT = 1e3
 _ACCEL = [p for p in PARAMETERS if p.group in ("accel_scale", "accel_misalign")]
 _GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]
 #: Indices of the gyro parameters: bias, scale and misalignment.
@@ -60,13 +61,13 @@ GYRO_COLUMNS = [*group_indices("gyro_bias"), *(INDEX[p.name] for p in _GYRO)]
 
 @dataclass(frozen=True)
 class Scatter:
-    """Standard deviations in excess of the profile's noise."""
+    """Standard deviations of the noise in excess of the profile."""
 
     force: float = 0.0  #: Scatter of the mean specific force of a rest, m/s².
     rate: float = 0.0  #: Scatter of the gyro bias from rest to rest, rad/s.
     turn: float = 0.0  #: Scatter of the rotation angle of a motion, rad.
 
-    def near(self, other: "Scatter") -> bool:
+    def agrees_with(self, other: "Scatter") -> bool:
         """Return whether this scatter and `other` agree within 5 %."""
         pairs = ((self.force, other.force), (self.rate, other.rate), (self.turn, other.turn))
         return all(abs(a - b) <= 0.05 * max(a, b) for a, b in pairs)
@@ -74,7 +75,7 @@ class Scatter:
 
 @dataclass(frozen=True)
 class Position:
-    """A rest."""
+    """A rest of a recording."""
 
     start: int  #: Index of the first sample.
     stop: int  #: Index after the last sample.
@@ -108,18 +109,18 @@ def positions(data: StageData, still: Stillness, context: SolveContext) -> list[
 
 
 def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> float:
-    """Return the additional standard deviation for which chi-square equals the degrees of freedom `redundancy`.
+    """Return the additional standard deviation for which χ² equals the degrees of freedom `redundancy`.
 
-    It is 0 if the known variances explain the residuals or if `redundancy` is below 1. `variance` contains the variance
-    of each element of `residual`, shape (m,).
+    It is 0 if `variance`, the variance of each element of `residual`, shape (m,), explains the residuals, or if
+    `redundancy` is below 1.
     """
     total = float(np.sum(residual**2 / variance))
-    if redundancy < 1.0 or total <= chi_square_quantile(SIGNIFICANT, redundancy):
+    if redundancy < 1.0 or total <= chi_square_quantile(CONFIDENCE, redundancy):
         return 0.0
     from scipy.optimize import brentq  # takes half a second to import and is rarely needed
 
-    most = float(np.sum(residual**2)) / redundancy
-    variance_excess = brentq(lambda x: float(np.sum(residual**2 / (variance + x))) - redundancy, 0.0, most)
+    upper = float(np.sum(residual**2)) / redundancy
+    variance_excess = brentq(lambda x: float(np.sum(residual**2 / (variance + x))) - redundancy, 0.0, upper)
     return float(np.sqrt(variance_excess))
 
 
@@ -139,7 +140,7 @@ class LinearSolution(NamedTuple):
     residual: FloatArray  #: Remaining residuals, shape (rows,).
     covariance: FloatArray  #: Covariance of the columns, shape (columns, columns).
 
-    def spare(self, H: FloatArray) -> float:
+    def redundancy(self, H: FloatArray) -> float:
         """Return the degrees of freedom of the rows `H`: the trace of I − H P Hᵀ."""
         return len(H) - float(np.einsum("ij,jk,ik->", H, self.covariance, H))
 
@@ -167,11 +168,11 @@ class PositionRows:
         #: Rows of a rest: specific force, and rate if there are gyros.
         self.per_rest = 6 if data.has_gyros else 3
         n = len(rests)
-        into = {link.second: link.first for link in links}
-        self.chains = [k for k in range(n) if k not in into]
+        first_of = {link.second: link.first for link in links}
+        self.chains = [k for k in range(n) if k not in first_of]
         self.chain = np.empty(n, np.int64)
         for k in range(n):
-            self.chain[k] = self.chain[into[k]] if k in into else self.chains.index(k)
+            self.chain[k] = self.chain[first_of[k]] if k in first_of else self.chains.index(k)
         self.phi, self.north = COUNT, COUNT + 3 * n
         self.drift = self.north + 2 * len(self.chains)
         self.columns = self.drift + (6 * n if self.has_drift else 0)
@@ -192,7 +193,7 @@ class PositionRows:
         """Solve the rows linearised about a point."""
         H, residual = self._rows(at)
         information = H.T @ H
-        scale = 1.0 / np.sqrt(np.diag(information))  # the columns are of very different sizes
+        scale = 1.0 / np.sqrt(np.diag(information))  # the columns have very different magnitudes
         covariance = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
         x = covariance @ (H.T @ residual)
         return LinearSolution(H, x, residual - H @ x, covariance)
@@ -210,8 +211,8 @@ class PositionRows:
         residual += H[:, self.north : self.drift] @ north.ravel()
         H[:, :COUNT] = H[:, :COUNT] @ self.root
         H[:, self.north : self.drift] *= self.north_rate
-        extra = self._prior_rows()
-        return np.vstack([H, extra]), np.concatenate([residual, np.zeros(len(extra))])
+        prior_rows = self._prior_rows()
+        return np.vstack([H, prior_rows]), np.concatenate([residual, np.zeros(len(prior_rows))])
 
     def _rest(self, k: int, point: FloatArray, C: FloatArray, earth: FloatArray) -> tuple[FloatArray, FloatArray]:
         rest = self.rests[k]
@@ -242,8 +243,8 @@ class PositionRows:
             ]
         )
         weight = 1.0 / np.sqrt(np.repeat([self.force_variance[k], self.rate_variance[k]], 3))
-        seen = slice(self.per_rest)
-        return (H * weight[:, None])[seen], (residual * weight)[seen]
+        rows = slice(self.per_rest)
+        return (H * weight[:, None])[rows], (residual * weight)[rows]
 
     def _north_columns(self, rest: int) -> slice:
         start = self.north + 2 * int(self.chain[rest])
@@ -273,16 +274,16 @@ class PositionRows:
         rows = [np.eye(COUNT, self.columns), np.eye(2 * len(self.chains), self.columns, self.north)]
         for k in self.chains:
             row = np.zeros((1, self.columns))
-            row[0, self.phi + 3 * k + 2] = FIXED
+            row[0, self.phi + 3 * k + 2] = HEADING_WEIGHT
             rows.append(row)
         if self.has_drift:
             for k, rest in enumerate(self.rests):
                 row = np.zeros((6, self.columns))
-                kept = 0.0 if k == 0 else np.exp(-(rest.time - self.rests[k - 1].time) / BIAS_DRIFT_TIME)
-                scale = 1.0 / np.sqrt(1.0 - kept**2)
+                correlation = 0.0 if k == 0 else np.exp(-(rest.time - self.rests[k - 1].time) / BIAS_DRIFT_TIME)
+                scale = 1.0 / np.sqrt(1.0 - correlation**2)
                 row[:, self.drift + 6 * k : self.drift + 6 * k + 6] = scale * np.eye(6)
                 if k:
-                    row[:, self.drift + 6 * (k - 1) : self.drift + 6 * k] = -scale * kept * np.eye(6)
+                    row[:, self.drift + 6 * (k - 1) : self.drift + 6 * k] = -scale * correlation * np.eye(6)
                 rows.append(row)
         return np.vstack(rows)
 
@@ -317,7 +318,7 @@ def integrate_rotation(
     rate : ∫ C ω_c dt for each axis c, rad, shape (3, 3, 3)
     """
     B, time, rate = np.eye(3), np.zeros((3, 3)), np.zeros((3, 3, 3))
-    omega, last, rotvec, following = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    omega, last, rotvec, next_attitude = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
     for k in range(max(start - 1, 0), stop):
         for i in range(3):
             last[i] = omega[i]
@@ -334,11 +335,11 @@ def integrate_rotation(
         turn = rotation_matrix(rotvec)
         for i in range(3):
             for j in range(3):
-                following[i, j] = B[i, 0] * turn[0, j] + B[i, 1] * turn[1, j] + B[i, 2] * turn[2, j]
+                next_attitude[i, j] = B[i, 0] * turn[0, j] + B[i, 1] * turn[1, j] + B[i, 2] * turn[2, j]
         for i in range(3):
             for j in range(3):
-                middle = 0.5 * (B[i, j] + following[i, j]) * dt
-                B[i, j] = following[i, j]
+                middle = 0.5 * (B[i, j] + next_attitude[i, j]) * dt
+                B[i, j] = next_attitude[i, j]
                 time[i, j] += middle
                 for c in range(3):
                     rate[c, i, j] += middle * omega[c]

@@ -34,13 +34,13 @@ from calstation.physics import (
     rotation_rate,
 )
 
-#: Names of the quantities in a result, in the order of the fitted values; the remaining fitted values are the mounting.
+#: Names of the quantities in a result, in the order of the fitted values, which are followed by the mounting.
 TABLE_QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
 
-#: Width of the window in which the unit is still, and shortest rest, s.
+#: Averaging window of the rest detection, and shortest rest, s.
 _WINDOW = 0.25
 _SHORTEST = 0.3
-#: Time removed from both ends of a rest, s: half a window, during which the table may still rotate.
+#: Time omitted at both ends of a rest, s: half a window, during which the table may still rotate.
 _MARGIN = 0.1
 #: Largest rate of a window at rest in excess of noise and earth rate, rad/s.
 _CREEP = np.deg2rad(0.03)
@@ -48,8 +48,8 @@ _CREEP = np.deg2rad(0.03)
 _WOBBLE = np.deg2rad(1.0 / 3600.0)
 #: Number of fitted values: three of the table, three of the mounting.
 _VALUES = 6
-#: Standard deviation of each value before the fit, rad, and the largest one with which a value counts as determined.
-_PRIOR, _DETERMINED = 0.1, 0.01
+#: Standard deviation of each value before the fit, and largest standard deviation of a determined value, rad.
+_PRIOR, _MAX_SIGMA = 0.1, 0.01
 _ACCELEROMETERS = [
     i for group in ("accel_bias", "accel_scale", "accel_misalign", "accel_quadratic") for i in group_indices(group)
 ]
@@ -57,7 +57,7 @@ _ACCELEROMETERS = [
 
 @dataclass(frozen=True)
 class TableRests:
-    """Rests of a stage, k in number, with readings of both encoders."""
+    """The k rests of a stage for which both encoders were read."""
 
     force: FloatArray  #: Raw specific force, averaged with `slope_weights`, m/s², shape (k, 3).
     angles: FloatArray  #: Mean angles of the outer and the inner encoder, rad, shape (k, 2).
@@ -73,7 +73,7 @@ class TableQuantity:
 
 
 def table_rests(data: StageData, context: SolveContext, posterior: Posterior) -> TableRests:
-    """Find the rests of a stage, including short ones, because the gyro biases are now known."""
+    """Find the rests of a stage, including short ones, which requires the gyro biases in `posterior`."""
     imu, (bias, bias_sigma) = context.imu, posterior.gyro_bias
     width = max(round(_WINDOW / data.dt), 2)
     noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.quantisation[0] * imu.rate_factor / width
@@ -90,10 +90,10 @@ def table_rests(data: StageData, context: SolveContext, posterior: Posterior) ->
             duration = (b - a) * data.dt
             encoder = mean_angles(data, a, b) if duration >= _SHORTEST else None
             if encoder is not None:
-                mean, its_variance = rest_force(data, context, a, b)
+                mean, mean_variance = rest_force(data, context, a, b)
                 force.append(mean)
                 angles.append(encoder)
-                variance.append(its_variance)
+                variance.append(mean_variance)
     return TableRests(np.reshape(force, (-1, 3)), np.reshape(angles, (-1, 2)), np.array(variance))
 
 
@@ -101,8 +101,8 @@ def table_axes(rests: Sequence[TableRests], context: SolveContext, posterior: Po
     """Fit the table's geometry to the rests of all stages with the solved parameters `posterior`.
 
     The weights include the noise of encoders and rests, the bearing wobble, and the uncertainty of the accelerometer
-    parameters, which is common to all rests. The sigmas are increased by the scatter of the residuals if it is larger
-    (Birge ratio), and include the wobble a second time, because rests at equal angles share it. Return the members of
+    parameters, which is common to all rests. The sigmas are increased if the scatter of the residuals is larger (Birge
+    ratio), and include the wobble a second time, because it is common to rests at equal angles. Return the members of
     `TABLE_QUANTITIES` that the rests determine.
     """
     from scipy.optimize import least_squares  # takes half a second to import
@@ -118,31 +118,31 @@ def table_axes(rests: Sequence[TableRests], context: SolveContext, posterior: Po
     frames = np.linalg.svd(up[:, None])[2][:, 1:]  # two unit vectors perpendicular to each direction and to each other
     start = np.zeros(_VALUES)
 
-    def flat(directions: FloatArray) -> FloatArray:
+    def components(directions: FloatArray) -> FloatArray:
         return np.asarray(np.einsum("kij,kj->ki", frames, directions).ravel())
 
     def derivative(of: FloatArray, angle_step: float, joint: int) -> FloatArray:
         step = np.zeros(2)
         step[joint] = angle_step
-        return flat((_up(context, of, angles + step) - _up(context, of, angles - step)) / (2.0 * angle_step))
+        return components((_up(context, of, angles + step) - _up(context, of, angles - step)) / (2.0 * angle_step))
 
     encoder = context.table.encoder_sigma
-    turned = np.stack([derivative(start, 1e-5, joint).reshape(count, 2) for joint in (0, 1)], axis=2)
+    joint_derivatives = np.stack([derivative(start, 1e-5, joint).reshape(count, 2) for joint in (0, 1)], axis=2)
     rest = variance / np.linalg.norm(force, axis=1) ** 2 + _WOBBLE**2
-    blocks = encoder**2 * turned @ turned.transpose(0, 2, 1) + rest[:, None, None] * np.eye(2)
-    known = [i for i in _ACCELEROMETERS if posterior.sigma[i] > 0.0]
+    blocks = encoder**2 * joint_derivatives @ joint_derivatives.transpose(0, 2, 1) + rest[:, None, None] * np.eye(2)
+    uncertain = [i for i in _ACCELEROMETERS if posterior.sigma[i] > 0.0]
     columns = []
-    for i in known:
+    for i in uncertain:
         step = np.zeros(len(posterior.mean))
         step[i] = posterior.sigma[i]
-        both = _directions(posterior.mean + step, force) - _directions(posterior.mean - step, force)
-        columns.append(flat(both) / (2.0 * posterior.sigma[i]))
+        change = _directions(posterior.mean + step, force) - _directions(posterior.mean - step, force)
+        columns.append(components(change) / (2.0 * posterior.sigma[i]))
     common = np.array(columns).T
-    covariance = block_diag(*blocks) + common @ posterior.covariance[np.ix_(known, known)] @ common.T
+    covariance = block_diag(*blocks) + common @ posterior.covariance[np.ix_(uncertain, uncertain)] @ common.T
     root = np.linalg.cholesky(covariance)
 
     def residuals(values: FloatArray) -> FloatArray:
-        measured = solve_triangular(root, flat(up - _up(context, values, angles)), lower=True)
+        measured = solve_triangular(root, components(up - _up(context, values, angles)), lower=True)
         return np.concatenate([measured, values / _PRIOR])
 
     fit = least_squares(residuals, start)
@@ -152,7 +152,7 @@ def table_axes(rests: Sequence[TableRests], context: SolveContext, posterior: Po
     return {
         name: TableQuantity(float(fit.x[i]), float(sigma[i]))
         for i, name in enumerate(TABLE_QUANTITIES)
-        if sigma[i] < _DETERMINED
+        if sigma[i] < _MAX_SIGMA
     }
 
 
@@ -163,8 +163,8 @@ def _up(context: SolveContext, values: FloatArray, angles: FloatArray) -> FloatA
     between = axis_rotation(hinge / np.linalg.norm(hinge), values[0]).T
     up = np.array([-values[2], values[1], 1.0]) / np.sqrt(1.0 + values[1] ** 2 + values[2] ** 2)
     mount = (rotation_matrix(values[3:]) @ np.array(context.table.orientation)).T
-    turned = axis_rotations(outer, -angles[:, 0]) @ up @ between.T
-    return np.asarray(np.einsum("kij,kj->ki", axis_rotations(inner, -angles[:, 1]), turned) @ mount.T)
+    rotated = axis_rotations(outer, -angles[:, 0]) @ up @ between.T
+    return np.asarray(np.einsum("kij,kj->ki", axis_rotations(inner, -angles[:, 1]), rotated) @ mount.T)
 
 
 def _directions(parameters: FloatArray, force: FloatArray) -> FloatArray:

@@ -99,7 +99,7 @@ class LogHead(QWidget):
         self._facts.setText("  ·  ".join(parts))
         for kind, count, code in (
             ("gap", log.gaps.count, "logs.gaps"),
-            ("spoilt", log.spoilt_samples, "logs.invalid_samples"),
+            ("spoilt", log.invalid_samples, "logs.invalid_samples"),
             ("damaged", log.facts.damaged, "logs.damaged_rows"),
         ):
             icon, text = self._signs[kind]

@@ -13,7 +13,16 @@ from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 
 from calstation.gui.widgets import theme
 from calstation.physics import FloatArray
-from calstation.results.plots import BINS, CHANNELS, Columns, LogIndex, MinMaxPyramid, Values, group_of, joined
+from calstation.results.plots import (
+    BINS,
+    CHANNELS,
+    Columns,
+    LogIndex,
+    MinMaxPyramid,
+    Values,
+    bins_per_column,
+    merge_columns,
+)
 
 #: Channels of each plot, and the unit and decimals of their values.
 PLOTS = (
@@ -43,7 +52,7 @@ class LogMarks:
             ]
             self.steps = (log_index.steps.ranges[:, 0] - first) / rate
             self.gaps = (log_index.gaps.ranges - first) / rate
-            self.spoilt = (log_index.spoilt.ranges - [first, first - 1]) / rate
+            self.spoilt = (log_index.invalid.ranges - [first, first - 1]) / rate
 
 
 class _Layer(pg.GraphicsObject):  # type: ignore[misc]
@@ -285,5 +294,5 @@ def _between(columns: Columns, first: int, last: int, count: int) -> Columns:
     start = max(0, int(columns.seq.searchsorted(first, side="right")) - 1)
     stop = int(columns.seq.searchsorted(last, side="right")) + 1
     k = slice(start, stop)
-    group = group_of(len(columns.seq[k]), count)
-    return joined(columns.seq[k], columns.low[k], columns.high[k], group, columns.samples)
+    group = bins_per_column(len(columns.seq[k]), count)
+    return merge_columns(columns.seq[k], columns.low[k], columns.high[k], group, columns.samples)

@@ -5,7 +5,7 @@ from calstation.results.plots.compensation import (
     Applied,
     ImuOutput,
     apply_to_recording,
-    before_and_found,
+    before_and_after,
     read_recording,
 )
 from calstation.results.plots.index import LogIndex, StageSpan, log_index, samples
@@ -17,5 +17,13 @@ from calstation.results.plots.method_answer import (
     gimbal_turns,
     solve_method,
 )
-from calstation.results.plots.min_max_pyramid import BINS, CHANNELS, Columns, MinMaxPyramid, Values, group_of, joined
+from calstation.results.plots.min_max_pyramid import (
+    BINS,
+    CHANNELS,
+    Columns,
+    MinMaxPyramid,
+    Values,
+    bins_per_column,
+    merge_columns,
+)
 from calstation.results.plots.pairs import PairPlotData, PairResiduals, SecondaryPlotData, StoredPairFile, stored_pairs

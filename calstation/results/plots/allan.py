@@ -22,11 +22,11 @@ from calstation.records import LogMeta, context_from_meta, open_log
 #: Number of averaging times per decade, and shortest duration, s.
 _PER_DECADE, SHORTEST = 12, 10.0
 #: Longest averaging time as a fraction of the duration: beyond it there are hardly any differences.
-_LONGEST = 0.2
+_MAX_FRACTION = 0.2
 #: Probability of the confidence band.
 _CONFIDENCE = 0.95
 #: Difference of a slope from −1/2 at which noise still counts as white, and number of slopes needed in a row.
-_WHITE_SLOPE, _FEWEST_WHITE = 0.1, 4
+_WHITE_SLOPE, _MIN_WHITE = 0.1, 4
 #: Allan deviation of a bias instability B at its flat minimum, in units of B.
 FLOOR = 0.664
 #: The table counts as moving if the mean output over `_WINDOW` s differs by more than this from its median, rad/s and
@@ -94,11 +94,11 @@ def allan_deviation(report: ProgressCallback, path: Path, first_seq: int, last_s
     if _moves(data):
         raise InsufficientDataError("solution.allan_moves", **values)
     output = np.hstack([data.gyro, data.accel])[start:stop]
-    present = [k for k in range(len(CHANNELS)) if np.isfinite(output[:, k]).all()]
+    measured_channels = [k for k in range(len(CHANNELS)) if np.isfinite(output[:, k]).all()]
     curves = {}
-    for number, k in enumerate(present):
+    for number, k in enumerate(measured_channels):
         curves[CHANNELS[k]] = allan_curve(output[:, k], imu.sample_rate)
-        report(0.3 + 0.7 * (number + 1) / len(present))
+        report(0.3 + 0.7 * (number + 1) / len(measured_channels))
     section, run = log.meta.imu, log.meta.run
     names = ("gyro_arw", "accel_vrw", "gyro_bias_instability", "accel_bias_instability")
     increments = imu.output == "increment"
@@ -118,7 +118,7 @@ def allan_curve(values: FloatArray, rate: float) -> AllanCurve:
     """Return the Allan deviation of rates or specific forces, shape (n,), sampled `rate` times per second."""
     import allantools  # importing takes a second, and only these jobs need it
 
-    longest = int(_LONGEST * len(values))
+    longest = int(_MAX_FRACTION * len(values))
     count = round(_PER_DECADE * np.log10(longest)) + 1
     factors = np.unique(np.rint(np.geomspace(1, longest, count))).astype(np.int64)
     tau, deviation, _, _ = allantools.oadev(values - values.mean(), rate=rate, data_type="freq", taus=factors / rate)
@@ -158,7 +158,7 @@ def _random_walk(tau: FloatArray, deviation: FloatArray, slope: FloatArray, free
     """Return the value at 1 s of a line with slope −1/2 fitted to the longest part of the curve with that slope."""
     white = np.abs(slope + 0.5) < _WHITE_SLOPE
     start, stop = max(true_intervals(white), key=lambda part: part[1] - part[0], default=(0, 0))
-    if stop - start < _FEWEST_WHITE:
+    if stop - start < _MIN_WHITE:
         return None
     part = slice(start, stop)
     return float(np.exp(np.average(np.log(deviation[part] * np.sqrt(tau[part])), weights=freedom[part])))

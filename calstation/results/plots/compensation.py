@@ -22,7 +22,7 @@ from calstation.results.result import Parameter
 
 _COLUMNS = 2000
 #: Minimum averaging time of the curves, s; single samples would show only noise.
-_MEAN_OVER = 0.25
+_AVERAGING_TIME = 0.25
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Applied:
     named: bool = True  #: Whether the unit reported its serial number.
 
 
-def before_and_found(before: Mapping[str, float], parameters: Mapping[str, Parameter]) -> tuple[FloatArray, FloatArray]:
+def before_and_after(before: Mapping[str, float], parameters: Mapping[str, Parameter]) -> tuple[FloatArray, FloatArray]:
     """Return all parameters before and after a solution, SI, shape (30,) each; unsolved ones keep their values."""
     solved = {name: row.value for name, row in parameters.items() if name in NAMES}
     vectors = (np.array([values.get(name, 0.0) for name in NAMES]) for values in (before, {**before, **solved}))
@@ -73,7 +73,7 @@ class ImuOutput:
             before = after = np.zeros(len(NAMES))
         context = context_from_meta(self.meta)
         data = stage_data(self.blocks, context.imu)
-        whole = join_blocks(self.blocks)
+        block = join_blocks(self.blocks)
         rests = find_stillness(data, context.imu).rests
         if not rests:
             error = InsufficientDataError("solution.never_at_rest", shortest=SHORTEST_REST, seconds=len(data) * data.dt)
@@ -81,24 +81,24 @@ class ImuOutput:
                 raise error
             raise InsufficientDataError("solution.in_log", file=self.path, what=error.as_text)
         gravity = context.site.local_gravity
-        stride = max(1, round(_MEAN_OVER * context.imu.sample_rate), len(whole) // _COLUMNS)
-        shown = before_after(whole, context.imu, before, after, gravity, stride)
+        stride = max(1, round(_AVERAGING_TIME * context.imu.sample_rate), len(block) // _COLUMNS)
+        curves = before_after(block, context.imu, before, after, gravity, stride)
         start = float(data.time[0])
         lengths, rates = [], []
         for a, b in rests:
-            first, last = int(whole.seq.searchsorted(data.seq[a])), int(whole.seq.searchsorted(data.seq[b - 1]))
-            rest = before_after(whole.part(first, last + 1), context.imu, before, after, gravity, last + 1 - first)
+            first, last = int(block.seq.searchsorted(data.seq[a])), int(block.seq.searchsorted(data.seq[b - 1]))
+            rest = before_after(block.part(first, last + 1), context.imu, before, after, gravity, last + 1 - first)
             lengths.append([float(rest.length_before[0]), float(rest.length_after[0])])
             rates.append([float(np.linalg.norm(r[0])) for r in (rest.rate_before, rest.rate_after)])
         length_rms, rate_rms = (np.sqrt(np.mean(np.square(v), axis=0)) for v in (lengths, rates))
         return Applied(
             path=self.path,
             serial=context.imu.serial,
-            time=shown.time - start,
-            length_before=shown.length_before,
-            length_after=shown.length_after,
-            rate_before=np.linalg.norm(shown.rate_before, axis=1),
-            rate_after=np.linalg.norm(shown.rate_after, axis=1),
+            time=curves.time - start,
+            length_before=curves.length_before,
+            length_after=curves.length_after,
+            rate_before=np.linalg.norm(curves.rate_before, axis=1),
+            rate_after=np.linalg.norm(curves.rate_after, axis=1),
             rests=np.array([[data.time[a] - start, data.time[b - 1] - start] for a, b in rests]),
             rest_length=np.array(lengths),
             rest_rate=np.array(rates),

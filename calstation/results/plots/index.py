@@ -18,13 +18,13 @@ from calstation.results.plots.min_max_pyramid import (
     MinMaxPyramid,
     PyramidWriter,
     Values,
-    group_of,
-    joined,
+    bins_per_column,
+    merge_columns,
 )
 from calstation.results.result import Result
 
 #: Maximum number of stored marks of a kind; further ones are only counted.
-MOST_MARKS = 20_000
+MAX_MARKS = 20_000
 #: Number of rows read before the requested ones to find the last polled angles.
 _LOOK_BACK = 4096
 #: File with the first row and the length of each range of damaged rows, shape (n, 2).
@@ -49,7 +49,7 @@ class StageSpan:
 
 @dataclass(frozen=True)
 class Marks:
-    """Marks of one kind: (first, last) sequence numbers, shape (n, 2), for at most `MOST_MARKS` of `count`."""
+    """Marks of one kind: (first, last) sequence numbers, shape (n, 2), for at most `MAX_MARKS` of `count`."""
 
     ranges: IntArray
     count: int
@@ -68,8 +68,8 @@ class LogIndex:
     spans: tuple[StageSpan, ...]  #: Stages in order.
     steps: Marks  #: First sequence number of each move, as both first and last.
     gaps: Marks  #: Samples before and after each gap.
-    spoilt: Marks  #: First and last sample of each invalid range.
-    spoilt_samples: int  #: Number of invalid samples.
+    invalid: Marks  #: First and last sample of each invalid range.
+    invalid_samples: int  #: Number of invalid samples.
     scale: FloatArray  #: Units of `CHANNELS` per count, shape (6,).
     channels: tuple[str, ...]  #: The members of `CHANNELS` that have values.
     step_numbers: IntArray  #: Numbers of the steps before and after each mark of `steps`, shape (n + 1,).
@@ -91,14 +91,14 @@ def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
     per_count = imu.sample_rate_hz if imu.output == "increment" else 1.0
     scale = np.repeat([np.rad2deg(imu.gyro_lsb) * per_count, imu.accel_lsb * per_count], 3)
     builder = _IndexBuilder()
-    held, last = np.full(3, np.nan), -1
+    last_polled, last = np.full(3, np.nan), -1
     try:
         folder.mkdir(parents=True)
         writer = PyramidWriter(folder, keep_samples=path.suffix != SUFFIX)
         done = 0
         for block in log.blocks():
-            polled = _held(_polled(block.angles, block.temperature), block.seq, held, last)
-            held, last = polled[-1], int(block.seq[-1])
+            polled = _hold(_polled(block.angles, block.temperature), block.seq, last_polled, last)
+            last_polled, last = polled[-1], int(block.seq[-1])
             values = np.hstack([block.counts * scale, polled]).astype(np.float32)
             writer.add(block.seq, values)
             builder.add(block, values)
@@ -115,19 +115,19 @@ def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
 def samples(
     report: ProgressCallback, path: Path, folder: Path, scale: FloatArray, start: int, stop: int, count: int
 ) -> Columns:
-    """Job: read rows `start` to `stop` of a log as at most `count` columns; see `_held`."""
+    """Job: read rows `start` to `stop` of a log as at most `count` columns; see `_hold`."""
     before = max(0, start - _LOOK_BACK)
     if path.suffix == SUFFIX:
         rows = raw_rows(path, before, stop, np.load(folder / _DAMAGED_ROWS))
         seq = rows["seq"]
-        polled = _held(_polled(rows["angles"], rows["temperature"]), seq, np.full(3, np.nan), -1)
+        polled = _hold(_polled(rows["angles"], rows["temperature"]), seq, np.full(3, np.nan), -1)
         values = np.hstack([rows["counts"] * scale, polled]).astype(np.float32)
     else:
-        kept = MinMaxPyramid(folder).samples(before, stop)
-        seq, values = kept["seq"], kept["values"]
+        stored = MinMaxPyramid(folder).samples(before, stop)
+        seq, values = stored["seq"], stored["values"]
     report(1.0)
     seq, values = seq[start - before :], values[start - before :]
-    return joined(seq, values, values, group_of(len(seq), count), 1)
+    return merge_columns(seq, values, values, bins_per_column(len(seq), count), 1)
 
 
 def _polled(angles: FloatArray, temperature: FloatArray) -> FloatArray:
@@ -135,16 +135,16 @@ def _polled(angles: FloatArray, temperature: FloatArray) -> FloatArray:
     return np.column_stack([np.rad2deg(angles), temperature])
 
 
-def _held(polled: FloatArray, seq: IntArray, before: FloatArray, last_seq: int) -> FloatArray:
+def _hold(polled: FloatArray, seq: IntArray, before: FloatArray, last_seq: int) -> FloatArray:
     """Hold values, shape (n, 3), from poll to poll, but not across missing samples.
 
     `before` and `last_seq` are the values and sequence number of the sample before the first.
     """
     filled = np.vstack([before, polled])
-    parted = np.diff(seq, prepend=last_seq) != 1
+    after_gap = np.diff(seq, prepend=last_seq) != 1
     for column in range(filled.shape[1]):
-        known = ~np.isnan(filled[:, column]) | np.concatenate([[False], parted])
-        last = np.maximum.accumulate(np.where(known, np.arange(len(filled)), 0))
+        keep = ~np.isnan(filled[:, column]) | np.concatenate([[False], after_gap])
+        last = np.maximum.accumulate(np.where(keep, np.arange(len(filled)), 0))
         filled[:, column] = filled[last, column]
     return filled[1:]
 
@@ -154,9 +154,9 @@ class _IndexBuilder:
         self._spans: list[StageSpan] = []
         self._step: int | None = None
         self._last: int | None = None
-        self._steps, self._gaps, self._spoilt = _Marker(), _Marker(), _Marker()
-        self._spoilt_samples = 0
-        self._parted = True
+        self._steps, self._gaps, self._invalid = _Marker(), _Marker(), _Marker()
+        self._invalid_samples = 0
+        self._after_gap = True
         self._present = np.zeros(len(CHANNELS), np.bool_)
         self._step_numbers: list[IntArray] = []
 
@@ -164,7 +164,7 @@ class _IndexBuilder:
         self._present |= np.isfinite(values).any(axis=0)
         if block.stage:
             self._add_span(block)
-        self._parted = not block.stage
+        self._after_gap = not block.stage
         seq, step = block.seq, block.step
         if self._step is None:
             self._step_numbers.append(step[:1])
@@ -173,16 +173,16 @@ class _IndexBuilder:
         self._step = int(step[-1])
         self._steps.add(seq[changes], seq[changes])
         before = np.concatenate([seq[:1] - 1 if self._last is None else [self._last], seq[:-1]])
-        lost = np.flatnonzero(seq - before != 1)
+        gaps = np.flatnonzero(seq - before != 1)
         self._last = int(seq[-1])
-        self._gaps.add(before[lost], seq[lost])
-        self._spoilt_samples += int(np.count_nonzero(~block.valid))
+        self._gaps.add(before[gaps], seq[gaps])
+        self._invalid_samples += int(np.count_nonzero(~block.valid))
         edges = np.diff(np.concatenate([[False], ~block.valid, [False]]).astype(np.int8))
-        self._spoilt.add(seq[np.flatnonzero(edges > 0)], seq[np.flatnonzero(edges < 0) - 1], join=True)
+        self._invalid.add(seq[np.flatnonzero(edges > 0)], seq[np.flatnonzero(edges < 0) - 1], join=True)
 
     def _add_span(self, block: SampleBlock) -> None:
         first, last, count = int(block.seq[0]), int(block.seq[-1]), len(block)
-        if self._spans and self._spans[-1].stage == block.stage and not self._parted:
+        if self._spans and self._spans[-1].stage == block.stage and not self._after_gap:
             before = self._spans.pop()
             first, count = before.first_seq, before.samples + count
         self._spans.append(StageSpan(block.stage, first, last, count))
@@ -198,8 +198,8 @@ class _IndexBuilder:
             spans=tuple(self._spans),
             steps=self._steps.marks(),
             gaps=self._gaps.marks(),
-            spoilt=self._spoilt.marks(),
-            spoilt_samples=self._spoilt_samples,
+            invalid=self._invalid.marks(),
+            invalid_samples=self._invalid_samples,
             scale=scale,
             channels=tuple(name for name, present in zip(CHANNELS, self._present, strict=True) if present),
             step_numbers=np.concatenate(self._step_numbers),
@@ -208,11 +208,11 @@ class _IndexBuilder:
 
 
 class _Marker:
-    """Collects marks of one kind up to `MOST_MARKS`; `join` merges adjacent ones."""
+    """Collects marks of one kind up to `MAX_MARKS`; `join` merges adjacent ones."""
 
     def __init__(self) -> None:
         self._ranges: list[IntArray] = []
-        self._kept = self._count = 0
+        self._stored = self._count = 0
 
     def add(self, first: IntArray, last: IntArray, join: bool = False) -> None:
         if len(first) == 0:
@@ -222,9 +222,9 @@ class _Marker:
             self._ranges[-1][-1, 1] = ranges[0, 1]
             ranges = ranges[1:]
         self._count += len(ranges)
-        ranges = ranges[: MOST_MARKS - self._kept]
+        ranges = ranges[: MAX_MARKS - self._stored]
         if len(ranges):
-            self._kept += len(ranges)
+            self._stored += len(ranges)
             self._ranges.append(ranges)
 
     def marks(self) -> Marks:

@@ -139,8 +139,8 @@ def _plot_data(
         return _gimbal_plot_data(details, schedule)
     context, prior = context_from_meta(log.meta), prior_from_meta(log.meta)
     blocks = list(log.blocks())
-    named = [block for block in blocks if block.stage == stage]
-    data = stage_data(named or blocks, context.imu)  # the samples that `resolve` uses
+    stage_blocks = [block for block in blocks if block.stage == stage]
+    data = stage_data(stage_blocks or blocks, context.imu)  # the samples that `resolve` uses
     if stage == "cross_calibration":
         return pair_plot_data(data, context, prior, details)
     after = prior.mean.copy()

@@ -37,21 +37,21 @@ class Columns:
         return len(self.seq)
 
 
-def joined(seq: IntArray, low: Values, high: Values, group: int, samples: int) -> Columns:
+def merge_columns(seq: IntArray, low: Values, high: Values, group: int, samples: int) -> Columns:
     """Merge groups of `group` bins into columns; `samples` is the bin width, `seq`, `low`, `high` are the bins."""
     if group == 1 or len(seq) == 0:
         return Columns(seq, low, high, samples)
-    whole = len(seq) // group * group
+    complete = len(seq) // group * group
     shape = (-1, group, low.shape[1])
-    lows = [np.fmin.reduce(low[:whole].reshape(shape), axis=1)]
-    highs = [np.fmax.reduce(high[:whole].reshape(shape), axis=1)]
-    if whole < len(seq):
-        lows.append(np.fmin.reduce(low[whole:], axis=0)[np.newaxis])
-        highs.append(np.fmax.reduce(high[whole:], axis=0)[np.newaxis])
+    lows = [np.fmin.reduce(low[:complete].reshape(shape), axis=1)]
+    highs = [np.fmax.reduce(high[:complete].reshape(shape), axis=1)]
+    if complete < len(seq):
+        lows.append(np.fmin.reduce(low[complete:], axis=0)[np.newaxis])
+        highs.append(np.fmax.reduce(high[complete:], axis=0)[np.newaxis])
     return Columns(seq[::group].copy(), np.concatenate(lows), np.concatenate(highs), group * samples)
 
 
-def group_of(bins: int, count: int) -> int:
+def bins_per_column(bins: int, count: int) -> int:
     """Return the number of bins per column, a power of two, for at most `count` and at least half as many columns."""
     return 1 << max(0, -(-bins // max(count, 1)) - 1).bit_length()
 
@@ -63,18 +63,18 @@ class _Level:
         self._values: BinaryIO = (folder / f"{samples}.values").open("wb")
         self._seq: BinaryIO = (folder / f"{samples}.seq").open("wb")
         self._samples = samples
-        self._rest: list[Columns] = []
-        self._held = 0
+        self._remainder: list[Columns] = []
+        self._count = 0
 
     def add(self, columns: Columns) -> Columns | None:
         """Add columns; return the bins completed by them."""
-        self._rest.append(columns)
-        self._held += len(columns)
-        return self._take(self._held // FACTOR * FACTOR)
+        self._remainder.append(columns)
+        self._count += len(columns)
+        return self._take(self._count // FACTOR * FACTOR)
 
     def close(self) -> Columns | None:
         """Close the files; return the last, incomplete bin."""
-        last = self._take(self._held)
+        last = self._take(self._count)
         self._values.close()
         self._seq.close()
         return last
@@ -82,13 +82,13 @@ class _Level:
     def _take(self, count: int) -> Columns | None:
         if count == 0:
             return None
-        seq = np.concatenate([c.seq for c in self._rest])
-        low = np.concatenate([c.low for c in self._rest])
-        high = np.concatenate([c.high for c in self._rest])
-        samples = self._rest[0].samples
-        bins = joined(seq[:count], low[:count], high[:count], FACTOR, samples)
-        self._rest = [Columns(seq[count:], low[count:], high[count:], samples)]
-        self._held -= count
+        seq = np.concatenate([c.seq for c in self._remainder])
+        low = np.concatenate([c.low for c in self._remainder])
+        high = np.concatenate([c.high for c in self._remainder])
+        samples = self._remainder[0].samples
+        bins = merge_columns(seq[:count], low[:count], high[:count], FACTOR, samples)
+        self._remainder = [Columns(seq[count:], low[count:], high[count:], samples)]
+        self._count -= count
         self._values.write(np.stack([bins.low, bins.high], axis=1).astype("<f4").tobytes())
         self._seq.write(bins.seq.astype("<i8").tobytes())
         return bins
@@ -142,11 +142,11 @@ class MinMaxPyramid:
         while level > 0 and stop - start < count:
             level -= 1
             start, stop = self._range(level, first_seq, last_seq)
-        group = group_of(stop - start, count)
+        group = bins_per_column(stop - start, count)
         start = max(0, (start - 1) // group * group)  # columns stay the same while a view is dragged
         stop = min(self._bins[BINS[level]], stop + group)
         seq, values = self._seq(BINS[level], start, stop), self._values(BINS[level], start, stop)
-        return joined(seq, values[:, 0], values[:, 1], group, BINS[level])
+        return merge_columns(seq, values[:, 0], values[:, 1], group, BINS[level])
 
     def rows(self, first_seq: int, last_seq: int) -> tuple[int, int]:
         """Return the range (start, stop) of the log's rows with these sequence numbers, extended to whole bins."""

@@ -83,13 +83,13 @@ def pair_plot_data(
 ) -> PairPlotData:
     """Compute the plot data from the stage's samples and the details of its result."""
     c = compensation(prior.mean)
-    shown = []
+    secondaries = []
     for i, (secondary, row) in enumerate(zip(context.secondaries, details["secondaries"], strict=True)):
         pair = pair_data(data, i, secondary.imu)
         fitted = StoredPair(row["stored"]["values"])
         residuals = _residuals(pair, c, pair_vector(secondary.stored), pair_vector(fitted)) if "fit" in row else {}
         static = {sensor: row["stored"][f"{sensor}_static"] for sensor in ("gyro", "accel")}
-        shown.append(SecondaryPlotData(secondary.number, secondary.imu.serial, residuals, row["check"], static))
+        secondaries.append(SecondaryPlotData(secondary.number, secondary.imu.serial, residuals, row["check"], static))
     begin = float(data.time[0])
     events = []
     for row in details["events"]:
@@ -97,7 +97,7 @@ def pair_plot_data(
         events.append(WatchEvent(row["kind"], row["time"] - begin, row["number"], values_from_json(values)))
     return PairPlotData(
         context.imu.serial,
-        tuple(shown),
+        tuple(secondaries),
         stored_pairs(context, pair_folder()),
         tuple(events),
         float(data.time[-1]) - begin,
@@ -115,24 +115,24 @@ def stored_values(context: SolveContext) -> dict[str, float]:
 
 def stored_pairs(context: SolveContext, folder: Path) -> tuple[StoredPairFile, ...]:
     """Return the calibrations of a recording's pairs in `folder`. Raises InputError for a damaged file."""
-    kept = []
+    files = []
     for s in context.secondaries:
         file = pair_path(folder, context.imu.serial, s.imu.serial)
         stored = load_pair(folder, context.imu.serial, s.imu.serial)
         utc = datetime.fromtimestamp(file.stat().st_mtime, UTC).isoformat(timespec="seconds") if stored.values else ""
-        kept.append(StoredPairFile(s.number, s.imu.serial, file, utc, len(stored.values), stored.static))
-    return tuple(kept)
+        files.append(StoredPairFile(s.number, s.imu.serial, file, utc, len(stored.values), stored.static))
+    return tuple(files)
 
 
 def _residuals(data: PairData, c: Compensation, before: FloatArray, after: FloatArray) -> dict[str, PairResiduals]:
     """Return the residuals in the frequency band of the fit, with the stored and the new values."""
     rows, parts = [], []
     for value in (before, after):
-        read = signals(data, float(value[OFFSET]), c)
-        gyro = read.gyro2 - read.gyro @ value[GYRO_MATRIX].reshape(3, 3).T - value[GYRO_BIAS]
-        force = read.accel + read.lever @ value[LEVER]
-        accel = read.accel2 - force @ value[ACCEL_MATRIX].reshape(3, 3).T - value[ACCEL_BIAS]
-        rows.append(read.row)
+        filtered = signals(data, float(value[OFFSET]), c)
+        gyro = filtered.gyro2 - filtered.gyro @ value[GYRO_MATRIX].reshape(3, 3).T - value[GYRO_BIAS]
+        force = filtered.accel + filtered.lever @ value[LEVER]
+        accel = filtered.accel2 - force @ value[ACCEL_MATRIX].reshape(3, 3).T - value[ACCEL_BIAS]
+        rows.append(filtered.row)
         parts.append({"gyro": np.sum(gyro**2, axis=1), "accel": np.sum(accel**2, axis=1)})
     begin, end = float(data.time[0]), float(data.time[-1])
     edges = np.linspace(begin, end + data.dt, _COLUMNS + 1)

@@ -27,7 +27,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray
-from calstation.results.plots import Applied, MethodAnswer, apply_to_recording, before_and_found
+from calstation.results.plots import Applied, MethodAnswer, apply_to_recording, before_and_after
 
 
 class AppliedView(QWidget):
@@ -99,7 +99,7 @@ class AppliedView(QWidget):
     @staticmethod
     def _vectors(answer: MethodAnswer) -> tuple[FloatArray, FloatArray]:
         """Return all parameters before and after; parameters that the method does not estimate keep their values."""
-        return before_and_found({name: value for name, (value, _) in answer.before.items()}, answer.parameters)
+        return before_and_after({name: value for name, (value, _) in answer.before.items()}, answer.parameters)
 
     def _choose(self) -> None:
         if self._answer is not None:
