@@ -190,7 +190,7 @@ def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
 
 
 def missing_files(product: ProductConfig, path: Path | None = None) -> Iterator[EntryError]:
-    """Yield errors for files parameter_indices by a product at `path` that do not exist."""
+    """Yield errors for files named by a product at `path` that do not exist."""
     for entry in ("picture", "label"):
         name = getattr(product, entry)
         if name is not None and library.find_beside(path, name) is None:
@@ -208,7 +208,9 @@ def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, An
 
 def unknown_targets(targets: Iterable[str], *keys: str) -> Iterator[EntryError]:
     """Yield errors for targets at `keys` that are neither parameters nor groups, because they would be ignored."""
-    return (EntryError("product.target_unknown", *keys, name, name=name) for name in targets if not parameter_indices(name))
+    return (
+        EntryError("product.target_unknown", *keys, name, name=name) for name in targets if not parameter_indices(name)
+    )
 
 
 def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[EntryError]:
