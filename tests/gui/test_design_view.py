@@ -92,7 +92,7 @@ def test_design_is_shown_with_path_parameters_and_robustness(designer: Designer)
     np.testing.assert_allclose(y, [20.0, 2.0, 0.9, 0.78])
 
     designer.show_answer(1)
-    path = designer.view.answer._path
+    path = designer.view.result_view._path
     assert [label for label, _, _ in path.bands(path.data)] == ["planned", "reserve"]
     assert path.data.duration == pytest.approx(sum(move[2] for move in design_jobs.MOVES) + 30.0, abs=20.0)
 
@@ -308,7 +308,7 @@ def test_designer_is_operated_by_keyboard(designer: Designer) -> None:
     assert seen[:4] == ["design_goal_combo", "design_margin_spin", "design_search_spin", "design_more_button"]
     assert seen[4:6] == ["design_button", "design_views"]
     assert seen[6:] == ["copy_schedule_button", "export_design_button", "save_as_button", "design_turn_slider"]
-    assert isinstance(designer.view.answer, DesignResult)
+    assert isinstance(designer.view.result_view, DesignResult)
 
 
 def test_real_search_finds_a_shorter_schedule(window: Any, qtbot: Any, site_folder: SiteFolder) -> None:

@@ -149,6 +149,7 @@ def test_each_part_can_be_previewed_and_run(engineer: Engineer) -> None:
         ("part_check_biases", ("azimuth_flip",)),
     ):
         engineer.tick(part)
+        engineer.type("engineer_serial_edit", SERIAL)
         ticked = [s for s in STAGES if engineer.widget(f"stage_check_{s}", QCheckBox).isChecked()]
         assert tuple(ticked) == stages
         engineer.preview()

@@ -1,6 +1,3 @@
-"""The engineer page: choice of stages, preview, and analysis of a result.
-
-The computations are in `results`.
-"""
+"""The engineer page: selection of stages, preview, and analysis of results; `calstation.results` computes them."""
 
 from calstation.gui.engineer.page import EngineerPage

@@ -1,4 +1,4 @@
-"""The engineer page: stages and schedules on the left; preview, results, registers and design in tabs on the right."""
+"""The engineer page: stages and schedules on the left; preview, results, registers and design on the right."""
 
 import re
 from collections.abc import Mapping
@@ -40,14 +40,14 @@ _LEFT = 46 * theme.GRID
 
 
 class EngineerPage(Page):
-    """Page with stage choice, schedules, preview and START, and with views of results and registers."""
+    """Page that selects stages and schedules, previews and starts runs, and shows results and registers."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app, "engineer")
         self._options: ScheduleOptions | None = None
-        #: Serial number last suggested by the virtual bench.
+        #: Serial number that the virtual bench suggested last.
         self._suggested = ""
-        #: Error that prevents the use of station and product, or None.
+        #: Error in the files of station or product that prevents a run.
         self._problem: CalstationError | None = None
         self._faulty = False
         self.header = self._header = EngineerHeader(app.run)
@@ -62,7 +62,7 @@ class EngineerPage(Page):
         self._saving = app.job(self, save_schedule, self._saved, failed=self._save_failed, cancellable=False)
         self._lay_out()
         self._connect()
-        on_language_change(self, self._show_texts)
+        on_language_change(self, self._update)
         self._read_options()
 
     def _lay_out(self) -> None:
@@ -92,14 +92,13 @@ class EngineerPage(Page):
         app.slots.changed.connect(self._update)
         self._header.edited.connect(self._update)
         self.preview.watch.done.connect(self.analysis.show_preview)
-        self.analysis.changed.connect(lambda: self._source.setText(self.analysis.source()))
+        self.analysis.changed.connect(self._update)
         self.analysis.loaded.connect(self._loaded)
-        self.analysis.failed.connect(self._load_failed)
+        self.analysis.failed.connect(lambda error: self.notice.ask("bad", "engineer.file_not_opened", error.as_text))
         self.notice.report_failures(self.analysis.adding, "engineer.log_not_solved", self.analysis.result.setFocus)
         self.registers.changed.connect(self._update)
         self._tabs.currentChanged.connect(self._show_view)
         app.engine_link.event.connect(self._follow)
-        app.engine_link.running_changed.connect(self._drop_question)
         app.engine_link.running_changed.connect(self._running_changed)
         app.run.changed.connect(self._run_changed)
         app.role.changed.connect(self._role_changed)
@@ -109,16 +108,12 @@ class EngineerPage(Page):
         app.product_changed.connect(self._read_options)
         app.open_run.connect(self.analysis.open)
 
-    def _show_texts(self) -> None:
-        self._source.setText(self.analysis.source())
-        self._update()
-
-    # ---- choice of stages and schedule
+    # ---- selection of stages and schedule
 
     def _read_options(self) -> None:
-        """Read station and product again; an error disables the controls, whose tooltips then show the reason."""
+        """Read station and product again; an error disables the controls, whose tooltips show it."""
         app = self.app
-        self._drop_question()
+        self._start_dialog.drop()  # an open question refers to the previous station and product
         self._options = self._problem = None
         try:
             self._options = schedule_options(app.station_path, app.product_path)
@@ -136,7 +131,7 @@ class EngineerPage(Page):
         self._update()
 
     def _suggest(self) -> None:
-        """Fill in the unit of the virtual bench, unless its verdict is shown; on hardware, clear the field."""
+        """Suggest the unit of the virtual bench unless the verdict on it is displayed; clear the field on hardware."""
         run = self.app.run
         judged = run.unit.serial if run.ended or run.fault is not None else ""
         serial = "" if self._options is None else self._options.serial
@@ -152,7 +147,7 @@ class EngineerPage(Page):
         self._update()
 
     def _choice_undone(self) -> None:
-        """Reset the selection after another page has selected the product's complete calibration."""
+        """Reset the selection after another page has selected the complete calibration."""
         if self.app.stages is None and self.choice.selector.stages:
             self._restore_product()
 
@@ -165,17 +160,15 @@ class EngineerPage(Page):
 
     def _role_changed(self, role: str) -> None:
         """Restore the product's stages and schedule when the role changes to operator."""
-        self._drop_question()
+        self._start_dialog.drop()
         if role == "operator":
             self.app.choose(None, None)
             self._restore_product()
         self._update()
 
     def _running_changed(self, running: bool) -> None:
-        """Clear the serial number after a run, and restore the product's stages, so that no later run is partial.
-
-        Show whether its certificate awaits two confirmations or could not be made, and whether the table has changed.
-        """
+        """After a run, clear the serial number, restore the product's stages, and show remarks for the engineer."""
+        self._start_dialog.drop()
         if not running and self.app.engine_link.operation is None:
             self._header.serial_edit.clear()
             options = self._options
@@ -185,10 +178,6 @@ class EngineerPage(Page):
                 if name in ("certificate_waits", "certificate_not_made", "table_moved"):
                     self.notice.ask("caution", event_text(name, values), "")
         self._update()
-
-    def _drop_question(self) -> None:
-        """Remove an open question, which referred to the previous station, product, role or run."""
-        self._start_dialog.drop()
 
     def _request(self) -> RunRequest:
         app, header = self.app, self._header
@@ -203,7 +192,7 @@ class EngineerPage(Page):
         )
 
     def _register_request(self) -> RunRequest:
-        """Return the request for registers; on a virtual bench, the unit of the last run is still in the fixture."""
+        """Return the request of a register operation, by default for the unit of the last run on the virtual bench."""
         request, serial = self._request(), self.app.run.unit.serial
         entered = self._header.serial not in ("", self._suggested)
         if not entered and serial and self._options is not None and self._options.virtual:
@@ -218,11 +207,12 @@ class EngineerPage(Page):
         save = partial(self._save, self._options.product, {stage: self.choice.form.deviations})
         confirm = Choice("confirm_save_button", "engineer.save_to_product", save, primary=True)
         choices = Choice("cancel_save_button", "common.cancel", lambda: None), confirm
-
-        def title() -> str:
-            return say("engineer.ask_save", stage=stage, product=product_text(product))
-
-        self.notice.ask("caution", title, Text.of("engineer.about_save", engineer=self._header.engineer), choices)
+        self.notice.ask(
+            "caution",
+            lambda: say("engineer.ask_save", stage=stage, product=product_text(product)),
+            Text.of("engineer.about_save", engineer=self._header.engineer),
+            choices,
+        )
 
     def _save(self, product: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
         self._saving.start(product, changes, self._header.engineer)
@@ -231,11 +221,8 @@ class EngineerPage(Page):
     def _saved(self, saved: tuple[Path, Version]) -> None:
         path, version = saved
         name = self._options.name if self._options is not None else path.stem
-
-        def title() -> str:
-            return say("engineer.saved", product=product_text(name), number=version.number)
-
-        self.notice.ask("good", title, lambda: str(path))
+        title = partial(say, "engineer.saved", number=version.number)
+        self.notice.ask("good", lambda: title(product=product_text(name)), lambda: str(path))
         if path == self.app.product_path:
             self.app.product_changed.emit()
         else:
@@ -248,7 +235,7 @@ class EngineerPage(Page):
     # ---- START
 
     def _scan(self) -> None:
-        """Put the entered unit into the next slot at a station with several."""
+        """Assign the entered serial number to the next slot, at a station with several slots."""
         slots, serial = self.app.slots, self._header.serial
         if not slots or self.app.engine_link.running:
             return
@@ -270,7 +257,7 @@ class EngineerPage(Page):
         self._start_dialog.begin(replace(request, serials=serials) if serials else request)
 
     def _run_changed(self) -> None:
-        """Update only when a fault occurs or is cleared, because this slot is called many times per second."""
+        """Update the actions only after a change of the fault, because this slot is called many times per second."""
         self._show_next()
         faulty = self.app.run.fault is not None
         if faulty != self._faulty:
@@ -278,7 +265,7 @@ class EngineerPage(Page):
             self._update()
 
     def _follow(self, event: Event) -> None:
-        """Follow a run; with several units, only the first."""
+        """Show the observability and the result of a run; with several units, those of the first one."""
         if event.slot not in ("", self.app.run.units[0].slot):
             return
         self.analysis.follow(event)
@@ -301,9 +288,6 @@ class EngineerPage(Page):
         self.analysis.prepare(self._views.currentWidget())
         self._update()
 
-    def _load_failed(self, error: CalstationError) -> None:
-        self.notice.ask("bad", "engineer.file_not_opened", error.as_text)
-
     def _show_view(self, index: int) -> None:
         self._views.setCurrentIndex(index)
         self.analysis.prepare(self._views.currentWidget())
@@ -311,7 +295,8 @@ class EngineerPage(Page):
     # ---- available actions
 
     def _update(self) -> None:
-        """Enable the actions that are currently possible; the tooltips of the others show the reason."""
+        """Enable the actions that are possible; the tooltips of the others show why they are not."""
+        self._source.setText(self.analysis.source())
         self._show_next()
         options, role = self._options, self._why_not_role()
         busy = ""
@@ -358,18 +343,17 @@ class EngineerPage(Page):
 
     def _why_no_unit(self) -> str:
         slots, serial = self.app.slots, self._header.serial
-        missing = not slots.units if slots else not serial
-        if missing:
+        if not (slots.units if slots else serial):
             return say("operator.no_unit" if slots else "engineer.no_serial")
         refusal = None if slots else self._why_no_serial()
         return say(refusal or ("engineer.fault_unread" if self.app.run.fault is not None else ""))
 
     def _why_no_serial(self) -> Text | None:
-        """Return why the entered serial number does not belong to a unit of the product, or None."""
-        found = self._options
-        if found is None or re.fullmatch(found.serial_pattern, self._header.serial):
+        """Return why the entered serial number is not valid for the product, or None."""
+        options = self._options
+        if options is None or re.fullmatch(options.serial_pattern, self._header.serial):
             return None
-        return Text.of("engineer.wrong_serial", example=found.serial_example)
+        return Text.of("engineer.wrong_serial", example=options.serial_example)
 
     def _why_not_save(self) -> str:
         if self._options is None or not self._options.offered or self._saving.busy:

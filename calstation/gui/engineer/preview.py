@@ -121,7 +121,7 @@ class PreviewView(QWidget):
 
 
 class MotionPlot(StackedPlots[Preview]):
-    """Plots of the angles of both joints against time, with the stages and the travel limits."""
+    """Plots of the angles of both joints over time, with the stages and the travel limits."""
 
     def __init__(self) -> None:
         super().__init__(2, 9 * theme.GRID)

@@ -10,12 +10,11 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.config import DEFAULT_PRODUCT, ManualRigError, RunRequest, compatible_products
 from calstation.errors import CalstationError
-from calstation.gui.operator.claims import ClaimNotice
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live import LiveView
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.production import ShiftCounter
-from calstation.gui.operator.questions import ask
+from calstation.gui.operator.questions import ClaimNotice, ask
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.units import SlotsPanel, VerdictGrid
@@ -204,7 +203,7 @@ class OperatorPage(Page):
         self._stages.plan(planned)
         self._loading.plan(planned)
         self._slots.plan(virtual=planned is not None and planned.virtual)
-        self._shift.plan(planned)
+        self._shift.set_next_run(planned)
         if planned is not None:
             self.header.badge_field.set_section(planned.sign_in)
         if self._problem is not None:

@@ -1,18 +1,19 @@
-"""Questions in a notice bar, and those before the start of a run, which the pages ask in the same way."""
+"""Questions and notices in notice bars, and the dialog before the start of a run."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 from calstation.config import Person, RunRequest, computer_user
+from calstation.database import Claim
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, PeoplePanel
-from calstation.gui.text import rendered
+from calstation.gui.text import rendered, say
 from calstation.gui.widgets import Choice, NoticeBar
-from calstation.messages import Text
+from calstation.messages import Text, event_text
 from calstation.runs import Question, Role, RunStart
 
-#: Shapes of the questions before a start (`widgets.badge.KINDS`) by subject; the others ask for caution.
+#: Badge shapes (`widgets.badge.KINDS`) of the questions before a start, by subject; the default is ``caution``.
 _KINDS = {"resume": "paused", "attempts": "bad"}
 
 
@@ -25,10 +26,20 @@ def ask(
     primary: str = "",
     others: Sequence[Choice] = (),
 ) -> None:
-    """Ask a question in a notice bar, or show a notice if there are no answers; `kind` is a state of `badge.KINDS`.
+    """Ask a question in a notice bar, or show a notice if there are no answers.
 
-    `answers` maps names of the catalogue family ``answer`` to their actions, and `primary` names the one that receives
-    the focus. `others` are additional choices with their own texts, which are shown first.
+    Parameters
+    ----------
+    bar, kind
+        The notice bar and its badge shape (`widgets.badge.KINDS`).
+    question
+        Title and explanation.
+    answers
+        Actions by terms of the catalogue family ``answer``.
+    primary
+        Answer that receives the focus; "" for none.
+    others
+        Additional choices with their own texts, which are shown first.
     """
     choices = [
         Choice(f"{name}_choice", Text(f"answer.{name}", question.values), act, name == primary)
@@ -40,8 +51,8 @@ def ask(
 class StartDialog:
     """Asks the questions of a `RunStart` in a notice bar, then starts the engine.
 
-    `panel` is the name of the panel `people`, which asks for the engineers who permit a run; `cancelled` is called
-    when a question is cancelled.
+    `panel` is the name of the panel `people`, in which engineers permit a run; `cancelled` is called when a question
+    is cancelled.
     """
 
     def __init__(self, app: AppContext, notice: NoticeBar, panel: str, cancelled: Callable[[], None]) -> None:
@@ -49,13 +60,13 @@ class StartDialog:
         self.people = PeoplePanel(panel)
 
     def begin(self, request: RunRequest) -> None:
-        """Ask what must be asked about a requested run, and start it; show why it is refused."""
+        """Ask the questions about a requested run, then start it; show the reason if it cannot start."""
         role: Role = "engineer" if self._app.role.engineer else "operator"
         request = replace(request, operator=self._app.badge or request.operator)
         self._attempt(lambda: self._continue(RunStart(request, role)), resume=request.resume is not None)
 
     def drop(self) -> None:
-        """Remove an open question, or the panel that asks for engineers; nothing is started."""
+        """Remove an open question or panel without starting a run."""
         self.people.hide()
         if self._notice.asking:
             self._notice.dismiss()
@@ -86,7 +97,7 @@ class StartDialog:
             self._continue(start)
 
     def _ask_engineer(self, start: RunStart) -> None:
-        """Ask for the reason of an override, and for the badges and PINs of those who permit it."""
+        """Ask for the reason of an override, and for the badges and PINs of the engineers who permit it."""
 
         def confirmed(reason: str, first: Person, second: Person | None) -> None:
             try:
@@ -105,7 +116,7 @@ class StartDialog:
         self.people.ask(Text.of("operator.ask_calibrate", serial=units), required, confirmed, by=by)
 
     def _launch(self, request: RunRequest) -> None:
-        """Start the engine for the current operator, unless a badge is missing or a job uses a device."""
+        """Start the engine unless a badge is missing; while a job uses a device, ask first."""
         app = self._app
         if app.badge_required:
             ask(self._notice, "caution", Text("station.badge_missing"), {})
@@ -116,6 +127,42 @@ class StartDialog:
             app.engine_link.start(replace(request, operator=app.badge or request.operator))
 
     def _ask(self, question: Text, answers: Mapping[str, Callable[[], None]], kind: str = "caution") -> None:
-        """Ask a question that can also be cancelled."""
+        """Ask a question with an additional answer that cancels it."""
         primary = "resume" if "resume" in answers else "cancel"
         ask(self._notice, kind, question, {**answers, "cancel": self._cancelled}, primary=primary)
+
+
+class ClaimNotice(NoticeBar):
+    """Warns that another station works on a unit of this station, which does not prevent a run."""
+
+    def __init__(self, app: AppContext) -> None:
+        super().__init__("claim_notice")
+        self._app = app
+        self._claims: Sequence[Claim] = ()
+        app.exchange_changed.connect(self._refresh)
+        app.claim_changed.connect(self._refresh)
+        app.engine_link.running_changed.connect(self._running_changed)
+
+    def _running_changed(self, running: bool) -> None:
+        request = self._app.engine_link.request
+        if request is None or self._app.run.register_operation:
+            return
+        if running:
+            self._app.claim(*filter(None, request.serials or (request.serial,)))
+        elif request.serial in self._app.claimed:  # not for the next unit
+            self._app.claim()
+
+    def _refresh(self) -> None:
+        state, claimed = self._app.exchange_state, self._app.claimed
+        claims = [] if state is None else [claim for claim in state.claims if claim.serial in claimed]
+        if claims == list(self._claims):
+            return
+        self._claims = claims
+        if claims:
+            self.ask("caution", self._claim_text, "operator.agree_station")
+        else:
+            self.dismiss()
+
+    def _claim_text(self) -> str:
+        messages = [claim.message for claim in self._claims]
+        return "\n".join(say(event_text(message.id, message.values)) for message in messages)

@@ -5,7 +5,7 @@ from typing import cast
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListWidget, QListWidgetItem, QWidget
 
-from calstation.gui.state import EndStageButton, RunStatus, StageState, planned
+from calstation.gui.state import EndStageButton, RunStatus, StageState, stage_rows
 from calstation.gui.text import duration_text, on_language_change, say, term
 from calstation.gui.widgets import PANEL, STEPS, StateIcon, column, label, progress_bar, row, show_text, theme
 from calstation.runs import RunSummary
@@ -57,7 +57,7 @@ class StageList(QFrame):
         super().__init__(parent)
         self.setProperty("kind", "panel")
         self._run = run
-        self._planned: RunSummary | None = None
+        self._next_run: RunSummary | None = None
         title = label("common.stages", "section")
         title.setContentsMargins(*PANEL)
         self.list = QListWidget()
@@ -94,7 +94,7 @@ class StageList(QFrame):
 
     def plan(self, run_summary: RunSummary | None) -> None:
         """Set the next run, which is shown while no run is in progress."""
-        self._planned = run_summary
+        self._next_run = run_summary
         self.refresh()
 
     def refresh(self) -> None:
@@ -102,7 +102,7 @@ class StageList(QFrame):
         planning = self._run.state == "idle"
         stages = self._run.stages
         if planning:
-            stages = [] if self._planned is None else planned(self._planned)
+            stages = [] if self._next_run is None else stage_rows(self._next_run)
         while self.list.count() > len(stages):
             self.list.takeItem(self.list.count() - 1)
         while self.list.count() < len(stages):
@@ -139,11 +139,11 @@ class StageList(QFrame):
         if planning and stages:
             total = duration_text(sum(stage.duration for stage in stages))
             left = say("operator.time_in_all", time=total)
-            if self._planned is not None and self._planned.virtual:
+            if self._next_run is not None and self._next_run.virtual:
                 note = say("operator.table_times")
         elif (remaining := self._run.remaining) is not None:
             left = say("common.time_left", time=duration_text(remaining))
-        summary = self._planned if planning else self._run.run_summary
+        summary = self._next_run if planning else self._run.run_summary
         omitted = () if summary is None else summary.omitted
         partial = say("operator.partial_without", stages=omitted) if omitted else ""
         for shown, text in ((self._left, left), (self._partial, partial), (self._note, note)):

@@ -57,7 +57,7 @@ class RunStarter(QObject):
         """Set the next run."""
         self.run_summary = self.interrupted.run_summary = run_summary
         if run_summary is not None:
-            self.slots.plan(run_summary.slots)
+            self.slots.set_names(run_summary.slots)
         self.suggest()
 
     def suggest(self) -> None:

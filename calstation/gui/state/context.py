@@ -1,4 +1,4 @@
-"""The shared state of all pages of a window."""
+"""The state shared by all pages of a window."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -25,7 +25,7 @@ def _warm_up() -> None:
 
 
 class AppContext(QObject):
-    """Shared state of a window."""
+    """The state shared by all pages of a window."""
 
     station_changed = Signal()
     product_changed = Signal()
@@ -34,8 +34,8 @@ class AppContext(QObject):
     open_log = Signal(object)
     open_run = Signal(object)
     resume_run = Signal(object)
-    released = Signal(object)  #: The unit of the run with this result file was released although it failed.
-    page_requested = Signal(str)  #: Object name of the page to show.
+    released = Signal(object)  #: Result file of a failed unit that has been released.
+    page_requested = Signal(str)  #: Object name of the page to be shown.
     runs_folder_changed = Signal()
     exchange_changed = Signal()  #: `exchange_state` has changed.
     claim_changed = Signal()
@@ -43,7 +43,7 @@ class AppContext(QObject):
 
     def __init__(self, station: Path | None = None, runs_folder: Path | None = None) -> None:
         super().__init__()
-        #: Language, theme, recent files; no setting that affects results.
+        #: Language, theme and recent files; nothing that affects results.
         self.settings = QSettings(str(library.site_folder() / "window.ini"), QSettings.Format.IniFormat, self)
         self.job_queue = JobQueue(_warm_up)
         self.engine_link = EngineLink(self)
@@ -51,19 +51,19 @@ class AppContext(QObject):
         self.role = RoleLock(self)
         #: Units of the next run at a station with several slots.
         self.slots = Slots(self)
-        #: Station file; None selects the default, the virtual bench.
+        #: Station file; None for the virtual bench.
         self.station_path = station or self._last_station()
         self.product_path: Path | None = None
-        #: Name and badge of the signed-in operator; None if nobody is signed in.
+        #: Name and badge of the operator; None if nobody is signed in.
         self.operator: str | None = None
         self.badge: str | None = None
-        self.badge_required = False  #: Whether a run needs a badge and nobody is signed in.
-        #: Stages and schedule selected by an engineer instead of the product's; None selects the product's.
+        self.badge_required = False  #: Whether an operator must sign in before a run.
+        #: Stages and schedule selected by an engineer; None for those of the product.
         self.stages: tuple[str, ...] | None = None
         self.schedule: Mapping[str, Mapping[str, Any]] | None = None
-        #: State of the exchange with the shared database; None for a station without shared records.
+        #: State of the exchange with the shared database; None for a station without one.
         self.exchange_state: ExchangeState | None = None
-        #: Operators by serial number of the units claimed by the exchange.
+        #: Units claimed in the shared database, each serial number with its operator.
         self.claimed: Mapping[str, str | None] = {}
         self.runs_folder = runs_folder or Path(str(self.settings.value("runs_folder", "runs")))
 
@@ -77,10 +77,10 @@ class AppContext(QObject):
         cancelled: Slot = None,
         cancellable: bool = True,
     ) -> JobWatch:
-        """Return a watch whose `start` calls `work` with its arguments in the background, see `JobQueue.submit`.
+        """Return a watch whose `start` calls `work` with its arguments in the background; see `JobQueue.submit`.
 
-        The slots are called on the window's thread until `owner` is destroyed. Without `work`, it is the first
-        argument of `start`.
+        The slots are called in the window's thread until `owner` is destroyed. If `work` is None, the function is the
+        first argument of `start`.
         """
         submit = partial(self.job_queue.submit, cancellable=cancellable)
         if work is not None:
@@ -99,7 +99,7 @@ class AppContext(QObject):
             self.product_changed.emit()
 
     def choose(self, stages: tuple[str, ...] | None, schedule: Mapping[str, Mapping[str, Any]] | None) -> None:
-        """Use these stages and these changes to the product's schedule in the next runs; None selects the product's."""
+        """Select the stages of the next runs and the changes to their schedules; None selects those of the product."""
         if (stages, schedule) != (self.stages, self.schedule):
             self.stages, self.schedule = stages, schedule
             self.choice_changed.emit()
@@ -111,14 +111,14 @@ class AppContext(QObject):
         self.runs_folder_changed.emit()
 
     def claim(self, *serials: str) -> None:
-        """Claim these units in the shared database, replacing the previous ones."""
+        """Claim these units in the shared database in place of the previous ones."""
         claimed = dict.fromkeys(serials, self.operator)
         if claimed != self.claimed:
             self.claimed = claimed
             self.claim_changed.emit()
 
     def set_theme(self, name: str) -> None:
-        """Switch between light and dark."""
+        """Switch to the theme ``light`` or ``dark``."""
         theme.apply(name)
         self.settings.setValue("theme", theme.current())
 
@@ -128,12 +128,12 @@ class AppContext(QObject):
         self.settings.setValue("language", language.current())
 
     def close(self) -> None:
-        """End the engine, the job process and the live monitoring; a run in progress stops safely."""
+        """Stop a run in progress safely, and end the engine, the job process and the live monitoring."""
         self.closing.emit()
         self.engine_link.close()
         self.job_queue.close()
 
     def _last_station(self) -> Path | None:
-        """Return the station file last chosen on the station page, or None if it no longer exists."""
+        """Return the station file selected last on the station page, or None if it no longer exists."""
         name = str(self.settings.value("station", ""))
         return library.find("stations", name) if name in library.names("stations") else None

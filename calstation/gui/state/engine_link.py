@@ -8,11 +8,11 @@ from calstation.sequencer import Command
 
 
 class EngineLink(QObject):
-    """Starts runs and register operations and emits their events.
+    """Starts runs and register operations, and emits the events of their engine process.
 
-    `event(object)` : an event from the engine; if the engine process dies, a `Fault`. `running_changed(bool)` : the
-    engine process has started or ended. `request` describes the last run or register operation. `operation` is the
-    last register operation, or None after a run.
+    Signals: `event(event)`, a `Fault` if the engine process dies; `running_changed(running)` when the process has
+    started or ended. `request` is the request of the last run or register operation, and `operation` is the last
+    register operation, or None after a run.
     """
 
     event = Signal(object)  # type: ignore[assignment] # hides QObject.event, which is not used
@@ -31,13 +31,13 @@ class EngineLink(QObject):
         """Whether the engine process is alive."""
         return self._engine is not None
 
-    def start(self, order: RunRequest | RegisterOperation) -> None:
-        """Start a run or a register operation; only one can be in progress."""
+    def start(self, work: RunRequest | RegisterOperation) -> None:
+        """Start a run or a register operation. Raises RuntimeError if the engine is running."""
         if self._engine is not None:
             raise RuntimeError("a run is in progress")
-        self.operation = order if isinstance(order, RegisterOperation) else None
-        self.request = order if isinstance(order, RunRequest) else order.request
-        self._engine = Engine.start(order)
+        self.operation = work if isinstance(work, RegisterOperation) else None
+        self.request = work if isinstance(work, RunRequest) else work.request
+        self._engine = Engine.start(work)
         self.running_changed.emit(True)
         self._timer.start()
 
@@ -47,13 +47,13 @@ class EngineLink(QObject):
             self._engine.send(command)
 
     def hang_up(self) -> None:
-        """Disconnect; a run in progress stops safely, and an engine that does not respond is killed."""
+        """Disconnect from the engine, which stops a run safely; kill it if it does not respond."""
         if self._engine is not None:
             self._engine.stop_listening()
             self._end()
 
     def close(self) -> None:
-        """Disconnect and wait for the safe stop and the result of the run."""
+        """Disconnect from the engine, and wait until it has stopped the run and stored its result."""
         engine = self._engine
         if engine is not None:
             self._end()

@@ -1,4 +1,4 @@
-"""Base classes of pages and of other views with background jobs."""
+"""Base classes of the pages and of other views with background jobs."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,9 +14,10 @@ from calstation.results import drop_partial
 
 
 class JobView(QWidget):
-    """A view with background jobs, whose failures its notice bar reports; `busy_changed()` when one begins or ends.
+    """Base class of views with background jobs, whose errors the notice bar reports.
 
-    The focus proxy of the view receives the keyboard focus when a notice is closed.
+    The signal `busy_changed` is emitted when a job starts and after it has ended. The focus proxy of the view receives
+    the keyboard focus when a notice is closed.
     """
 
     busy_changed = Signal()
@@ -50,13 +51,13 @@ class JobView(QWidget):
         work
             Function at the top level of a module; None if it is the first argument of `start`.
         done, failed, cancelled
-            Called with the result, with the error, and without arguments.
+            Slots that are called with the result, with the error, and without arguments.
         failure
-            Title under which the notice bar reports an error; "" to leave the report to `failed`.
+            Title of the notice that reports an error; "" if only `failed` handles it.
         then
-            Called after the report has been closed; by default the view receives the focus.
+            Slot that is called after the notice has been closed; by default the view receives the focus.
         cancellable
-            False for a job that uses a device.
+            Whether the job may be cancelled; False for a job that uses a device.
         """
         watch = self.app.job(self, work, done, failed=failed, cancelled=cancelled, cancellable=cancellable)
         if failure:
@@ -67,10 +68,10 @@ class JobView(QWidget):
 
 
 class Page(JobView):
-    """A page of the window.
+    """Base class of the pages of the window.
 
-    The main window draws a strip at the top of every page, with STOP at its right end. `header` is shown on the left
-    of the strip; if it is None, the strip shows the progress of the run.
+    The main window draws a strip with STOP at its right end at the top of every page. The rest of the strip shows the
+    `header` of the page or, if it is None, the progress of the run.
     """
 
     header: QWidget | None = None
@@ -81,12 +82,12 @@ class Page(JobView):
             self.setObjectName(f"{name}_page")
 
     def may_leave(self, go: Callable[[], object]) -> bool:
-        """Return whether the page may be left; a page may return False and call `go` after a confirmation."""
+        """Return whether the page may be left; a page that returns False calls `go` after the user has confirmed."""
         return True
 
 
 class FileExport:
-    """Exports to a file selected by the user as a job of `view`; `then` is called after its notice is closed."""
+    """Writes files selected by the user in jobs of `view`; `then` is called after the notice has been closed."""
 
     def __init__(self, view: JobView, then: Callable[[], None] | None = None) -> None:
         self._view, self._then = view, then or view.setFocus
@@ -97,7 +98,7 @@ class FileExport:
         self._cleanup = view.app.job(view, drop_partial)
 
     def ask(self, title: str, proposed: Path, kinds: list[str], work: Callable[[Path], tuple[Any, ...]]) -> None:
-        """Ask for a file, then start the job that `work` returns for it, a function and its arguments."""
+        """Ask for a file, and start a job with the function and arguments that `work` returns for the file."""
 
         def begin(target: Path) -> None:
             self._target = target
@@ -108,5 +109,6 @@ class FileExport:
     def _show_written(self, target: Path) -> None:
         self._view.notice.inform("good", "common.written", lambda: str(target), self._then)
 
-    def _drop_partial(self) -> None:  # a cancelled job worker leaves a partial file
+    def _drop_partial(self) -> None:
+        """Delete the partial file of a cancelled job."""
         self._cleanup.start(self._target)

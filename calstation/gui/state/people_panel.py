@@ -1,4 +1,4 @@
-"""Panel that asks one or two engineers for badge, PIN and reason, and the release of a failed unit with it."""
+"""Panel in which one or two people confirm an action, and the bar that releases a failed unit."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,21 +15,21 @@ from calstation.gui.widgets import button, column, enable, grid, label, row, sho
 from calstation.messages import Text
 from calstation.results import Result, override_required, override_result
 
-# Function called with the reason, the acting person, and the confirming person, None if none is required.
+#: Function that receives the reason, the acting person, and the confirming person if one is required.
 ConfirmedCallback = Callable[[str, Person, Person | None], None]
 
 
 class PeoplePanel(QFrame):
-    """Hidden until `ask`; the caller hides it after the action, or leaves it open for another attempt."""
+    """Panel that is shown by `ask`; the caller hides it after the action, or calls `retry` for another attempt."""
 
-    open_changed = Signal(bool)  #: Emitted when the panel opens and closes.
+    open_changed = Signal(bool)  #: Emitted with True when the panel opens, and with False when it closes.
 
     def __init__(self, name: str) -> None:
         super().__init__()
         self.setObjectName(f"{name}_panel")
         self.setProperty("kind", "panel")
         self._words: Words = ""
-        self._then: ConfirmedCallback = lambda reason, first, second: None
+        self._confirmed: ConfirmedCallback = lambda reason, first, second: None
         self._badges = False
         self._title = label(kind="section", wrap=True)
         self._fields = grid(across=2 * theme.GRID, down=theme.GRID // 2, stretch=1)
@@ -69,10 +69,13 @@ class PeoplePanel(QFrame):
         by: str = "",
         reason: bool = True,
     ) -> None:
-        """Ask for the badges, PINs and reason of an action titled `words`; `by` is the expected acting person."""
-        self._words, self._then, self._badges = words, then, required.badge
-        shown = (reason, True, required.pin, required.second, required.second)
-        for caption, edit, visible in zip(self._captions, self._edits, shown, strict=True):
+        """Ask for the badges, PINs and, if `reason`, the reason of an action titled `words`; then call `then`.
+
+        `by` is the proposed acting person.
+        """
+        self._words, self._confirmed, self._badges = words, then, required.badge
+        visible_fields = (reason, True, required.pin, required.second, required.second)
+        for caption, edit, visible in zip(self._captions, self._edits, visible_fields, strict=True):
             edit.clear()
             caption.setVisible(visible)
             edit.setVisible(visible)
@@ -99,13 +102,14 @@ class PeoplePanel(QFrame):
         self.open_changed.emit(False)
 
     def _missing(self) -> bool:
+        """Return whether a visible field is empty."""
         return any(not edit.isHidden() and not edit.text().strip() for edit in self._edits)
 
     def _confirm(self) -> None:
         if not self._missing():
             reason, badge, pin, second_badge, second_pin = (edit.text() for edit in self._edits)
             second = None if self._edits[3].isHidden() else Person(second_badge.strip(), second_pin)
-            self._then(reason.strip(), Person(badge.strip(), pin), second)
+            self._confirmed(reason.strip(), Person(badge.strip(), pin), second)
 
     def _refresh(self) -> None:
         enable(self._confirm_button, say("window.fill_in") if self._missing() else "")
@@ -120,7 +124,7 @@ class PeoplePanel(QFrame):
 
 
 class ReleaseBar(QWidget):
-    """Visible for a failed run whose unit was not released; `AppContext.released` reports a release."""
+    """Bar that releases the unit of a failed run; it emits `AppContext.released` after the release."""
 
     def __init__(self, app: AppContext, name: str) -> None:
         super().__init__()
@@ -138,15 +142,14 @@ class ReleaseBar(QWidget):
         self.hide()
 
     def offer(self, result: Result | None, path: Path | None) -> None:
-        """Offer the release of the unit of a result file, if it failed."""
+        """Show the bar if the unit of a result file has failed and has not been released."""
         if path != self._path:
             self._opening.cancel()
             self._panel.hide()
             show_text(self._error, "")
         self._path = path
         self._serial = "" if result is None else result.serial
-        open_ = result is not None and path is not None and result.outcome == "failed" and not result.released
-        self.setVisible(open_)
+        self.setVisible(result is not None and path is not None and result.outcome == "failed" and not result.released)
 
     def _ask(self) -> None:
         show_text(self._error, "")
@@ -154,8 +157,7 @@ class ReleaseBar(QWidget):
 
     def _open(self, required: ConfirmationRequired) -> None:
         by = (self._app.badge if required.badge else self._app.operator or computer_user()) or ""
-        serial = self._serial
-        self._panel.ask(Text.of("window.ask_release", serial=serial), required, self._release, by=by)
+        self._panel.ask(Text.of("window.ask_release", serial=self._serial), required, self._release, by=by)
 
     def _release(self, reason: str, first: Person, second: Person | None) -> None:
         show_text(self._error, "")

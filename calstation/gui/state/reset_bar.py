@@ -1,4 +1,4 @@
-"""Button that resets the table's latched fault, with a display of the result."""
+"""Button that resets a latched fault of the table and shows the result."""
 
 from collections.abc import Callable
 
@@ -13,32 +13,26 @@ from calstation.gui.widgets import StateIcon, button, column, enable, label, row
 
 
 class ResetBar(QWidget):
-    """The reset button and the result of the last reset.
+    """Resets a latched fault of the table when its button is pressed, and shows the result.
 
-    `changed()` : a reset has started or ended; `ended(result)` : a reset has returned a `TableReset`. `order` is called
-    when the button is pressed and returns the request for the table, or None. `name` is the button's object name.
+    `request` returns the link of the table, or None if there is none, and `name` is the object name of the button.
+    Signals: `changed()` when a reset starts and after it has ended; `ended(result)` with a `TableReset`.
     """
 
     changed = Signal()
     ended = Signal(object)
 
-    def __init__(self, app: AppContext, order: Callable[[], LinkTestRequest | None], name: str) -> None:
+    def __init__(self, app: AppContext, request: Callable[[], LinkTestRequest | None], name: str) -> None:
         super().__init__()
-        self._app, self._order = app, order
+        self._app, self._request = app, request
         self._offered = False
         self.result: TableReset | None = None
         self._error: CalstationError | None = None
         self.button = button(name, "window.reset_fault", self._start)
         self.button.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
         self._icon, self.result_label = StateIcon(18), label(name=f"{name}_result", wrap=True)
-        self.watch = app.job(
-            self,
-            reset_table,
-            self._finish,
-            failed=lambda error: self._finish(error=error),
-            cancelled=self._finish,
-            cancellable=False,
-        )
+        done, failed = self._finish, lambda error: self._finish(error=error)
+        self.watch = app.job(self, reset_table, done, failed=failed, cancelled=done, cancellable=False)
         column(self.button, row(self._icon, (self.result_label, 1)), on=self)
         app.engine_link.running_changed.connect(self._running_changed)
         on_language_change(self, self._show)
@@ -56,13 +50,13 @@ class ResetBar(QWidget):
     def _start(self) -> None:
         self.clear()
         try:
-            order = self._order()
+            request = self._request()
         except CalstationError as error:
             self._finish(error=error)
             return
-        if order is None or self._app.engine_link.running or self.watch.busy:
+        if request is None or self._app.engine_link.running or self.watch.busy:
             return
-        self.watch.start(order)
+        self.watch.start(request)
         self._show()
         self.changed.emit()
 
@@ -84,8 +78,7 @@ class ResetBar(QWidget):
     def _show(self) -> None:
         running = self._app.engine_link.running
         self.button.setVisible(self._offered)
-        tip = say("window.reset_tip")
-        enable(self.button, say("window.reset_after_run") if running else "", tip)
+        enable(self.button, say("window.reset_after_run") if running else "", say("window.reset_tip"))
         self.button.setEnabled(not (running or self.watch.busy))
         kind, text = self._result_text()
         self._icon.setVisible(bool(kind))
@@ -94,13 +87,12 @@ class ResetBar(QWidget):
         self.setVisible(self._offered or bool(text))
 
     def _result_text(self) -> tuple[str, str]:
-        """Return the badge state and the text of the last reset, or of the one in progress."""
+        """Return the badge shape and the text of the reset in progress or, if there is none, of the last one."""
         if self.watch.busy:
             return "", say("window.asking_table")
         if self._error is not None:
             return "bad", say(self._error.as_text)
-        result = self.result
-        if result is None:
+        if (result := self.result) is None:
             return "", ""
         return "good" if result.clear else "bad", say(
             f"reset.{result.outcome}",

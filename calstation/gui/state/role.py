@@ -1,4 +1,4 @@
-"""The role of the user, and the panel in which the engineer's PIN is set for the first time or entered."""
+"""The role of the user, and the panel in which the engineer's PIN is set or entered."""
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QPushButton, QWidget
@@ -13,7 +13,7 @@ class RoleLock(QObject):
     """The current role, initially operator."""
 
     changed = Signal(str)
-    pin_requested = Signal()  #: Request to ask the user for the engineer's PIN.
+    pin_requested = Signal()  #: Emitted by `ask`.
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -21,27 +21,33 @@ class RoleLock(QObject):
 
     @property
     def engineer(self) -> bool:
-        """Whether settings that change results may be edited."""
+        """Whether the user may edit settings that affect results."""
         return self.role == "engineer"
 
     @property
     def new(self) -> bool:
-        """Whether no PIN has been set yet; the first user sets it."""
+        """Whether no PIN has been set; the first user sets it."""
         return not access.has_pin()
 
     def ask(self) -> None:
-        """Request the PIN from the user."""
+        """Ask the user for the PIN."""
         self.pin_requested.emit()
 
     def unlock(self, pin: str) -> bool:
-        """Switch to the engineer role if `pin` is correct. Raises ConfigurationError if it cannot be checked."""
+        """Switch to the engineer role and return True if `pin` is correct.
+
+        Raises ConfigurationError if the PIN file cannot be read.
+        """
         if not access.check(pin):
             return False
         self._set("engineer")
         return True
 
     def set_first_pin(self, pin: str) -> None:
-        """Set the first PIN and switch to the engineer role. Raises ConfigurationError if the PIN cannot be set."""
+        """Set the first PIN and switch to the engineer role.
+
+        Raises ConfigurationError if the PIN is not allowed or cannot be stored.
+        """
         access.set_pin("", pin)
         self._set("engineer")
 
@@ -56,14 +62,14 @@ class RoleLock(QObject):
 
 
 class RolePanel(QFrame):
-    """Panel below the padlock with a touch keypad; opens on request and closes when the engineer role is unlocked."""
+    """Panel with a touch keypad that asks for the PIN and closes when the engineer role is unlocked."""
 
     def __init__(self, role: RoleLock, parent: QWidget) -> None:
         super().__init__(parent)
         self.setProperty("kind", "panel")
         self.setAutoFillBackground(True)
         self._role = role
-        self._wrong = ""
+        self._error_text = ""
         self._title, self._text = label(kind="section"), label(wrap=True)
         self._error = label(kind="error", wrap=True)
         self.pin_edit, self._again_edit = QLineEdit(), QLineEdit()
@@ -94,7 +100,7 @@ class RolePanel(QFrame):
         """Open the panel and ask for the PIN."""
         self.pin_edit.clear()
         self._again_edit.clear()
-        self._wrong = ""
+        self._error_text = ""
         self._refresh()
         self.show()
         self.raise_()
@@ -121,7 +127,7 @@ class RolePanel(QFrame):
         return keys
 
     def _type(self, text: str) -> None:
-        """Enter a key into the field that has the focus, by default the first field."""
+        """Enter a key of the keypad into the field that has the focus, by default the first field."""
         field = self._again_edit if self._again_edit.hasFocus() else self.pin_edit
         if text == "⌫":
             field.backspace()
@@ -146,18 +152,18 @@ class RolePanel(QFrame):
             self._show_error(say(error.as_text))
 
     def _show_error(self, text: str) -> None:
-        self._wrong = text
+        self._error_text = text
         self._show_wait()
 
     def _show_wait(self) -> None:
-        """Show the error; disable Unlock during the waiting time that follows wrong PINs."""
+        """Show the error, and disable Unlock during the waiting time after wrong PINs."""
         wait = 0.0
         try:
             wait = access.wait()
         except ConfigurationError as error:
-            self._wrong = say(error.as_text)
+            self._error_text = say(error.as_text)
         waiting = say("window.wait", seconds=max(1.0, wait)) if wait > 0.0 else ""
-        text = f"{self._wrong} {waiting}".strip()
+        text = f"{self._error_text} {waiting}".strip()
         self._unlock.setEnabled(not waiting)
         show_text(self._error, text)
         self.adjustSize()

@@ -1,4 +1,4 @@
-"""Status of the run, accumulated from the events of the engine."""
+"""Status of the run, derived from the events of the engine."""
 
 import time
 from typing import Any
@@ -32,24 +32,24 @@ _IN_PROGRESS = ("starting", "preparing", "running", "pausing", "paused", "stoppi
 #: States of the sequencer after a run or a register operation.
 _ENDED = ("stopped", "fault", "done")
 
-#: Verdicts of a run without a fault; for several units, the first one in this order applies.
+#: Verdicts of a run without a fault; the verdict on several units is the first of theirs in this order.
 _VERDICTS = (Verdict.STOPPED, Verdict.INCOMPLETE, Verdict.FAILED, Verdict.PARTIAL, Verdict.PASSED)
 
-#: Events that change the display of the run.
-_SHOWN = (
+#: Events that change the status of the run.
+_STATUS_EVENTS = (
     *(StateChanged, StageStarted, StageProgress, StepStarted, StageEnded, StageSolved),
     *(Message, Settled, Fault, Finalized),
 )
 
-#: Message of a unit that affects the other units, too.
-_LEFT = "unit_left"
+#: Message about one unit that is displayed for all.
+_UNIT_LEFT = "unit_left"
 
-#: Host time after which the pace is accurate enough, s.
-_PACE_FROM = 2.0
+#: Minimum host time for an estimate of the pace, s.
+_MIN_ELAPSED = 2.0
 
 
 class RunStatus(QObject):
-    """Status of the run and of its units after the events received so far."""
+    """Status of the run and of its units."""
 
     changed = Signal()  #: Emitted shortly after a change, once for several events.
     stop_pressed = Signal()  #: Emitted whenever STOP is pressed, in any state.
@@ -58,25 +58,26 @@ class RunStatus(QObject):
     def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._link = link
-        #: State of the sequencer, ``starting`` before its first event, or the verdict after the run.
+        #: State of the sequencer, ``starting`` before its first event, and the verdict after the run.
         self.state = "idle"
         self.run_summary: RunSummary | None = None
         self.register_operation = False
         #: Whether station and product are usable for the next run.
         self.runnable = True
-        #: Whether the sequencer has begun to command the table; False while devices are opened and identified.
+        #: Whether the sequencer may have moved the table; False while devices are opened and identified.
         self.commanded = False
-        #: The units on the table, one or several, in the order of their slots.
+        #: Units of the run in the order of their slots.
         self.units: tuple[UnitStatus, ...] = (UnitStatus(""),)
-        #: The unit shown in detail.
+        #: Unit that is displayed in detail.
         self.unit = self.units[0]
         #: Latest message ("message", id, values) or step ("step", kind, label); a dwell has the label of its move.
         self.latest: tuple[str, str, Any] | None = None
-        #: Name of the stage ended by the operator, until the next run.
+        #: Name of the stage that the operator has ended early, until the next run.
         self.stage_ending = ""
         #: Fault of the last run until `acknowledge` is called.
         self.fault: Fault | None = None
-        self._begun = self._done_before = 0.0
+        #: Host time at the start of the first stage, s, and completed device time at that time, s.
+        self._started_at = self._done_before = 0.0
         self._changed_timer = QTimer(self, singleShot=True, interval=0)
         self._changed_timer.timeout.connect(self.changed)
         link.running_changed.connect(self._running_changed)
@@ -109,18 +110,18 @@ class RunStatus(QObject):
 
     @property
     def display_state(self) -> str:
-        """State to display: `state`; ``writing`` during a register operation, ``not_ready`` if no run can start."""
+        """`state`, but ``writing`` during a register operation, and ``not_ready`` if no run can start."""
         if self.state == "idle" and not self.runnable:
             return "not_ready"
         return "writing" if self.register_operation and self.state == "running" else self.state
 
     def display_state_of(self, unit: UnitStatus) -> str:
-        """Return the state to display for a unit: its verdict, or the run's state while the unit takes part in it."""
+        """Return the verdict on a unit or, while it takes part in the run, the state of the run."""
         return unit.verdict if unit.verdict and unit.slot else self.display_state
 
     @property
     def partial(self) -> bool:
-        """Whether the run omits stages of its product."""
+        """Whether the run omits stages of the product."""
         summary = self.run_summary
         return summary is not None and bool(summary.omitted) and not self.register_operation
 
@@ -131,13 +132,12 @@ class RunStatus(QObject):
 
     @property
     def stages(self) -> list[StageState]:
-        """Stages of the first unit that still takes part; after the run, those of the displayed unit.
+        """Stages of the first unit in progress; after the run, those of the displayed unit.
 
-        A unit that keeps its registers skips the remaining stages, so other units take precedence.
+        Units that keep their registers come last, because they skip the remaining stages.
         """
-        going = [unit for unit in self.units if unit.verdict is None]
-        writing = [unit for unit in going if not unit.keeps_registers]
-        return next(iter(writing or going), self.unit).stages
+        units = [unit for unit in self.units if unit.verdict is None]
+        return min(units, key=lambda unit: unit.keeps_registers, default=self.unit).stages
 
     @property
     def stage(self) -> StageState | None:
@@ -147,8 +147,8 @@ class RunStatus(QObject):
     @property
     def done(self) -> float:
         """Completed part of the planned device time, s."""
-        shown = [self.stages] if self.in_progress else [unit.stages for unit in self.units]
-        return max(sum(s.duration - self.stage_remaining(s) for s in stages) for stages in shown)
+        by_unit = [self.stages] if self.in_progress else [unit.stages for unit in self.units]
+        return max(sum(s.duration - self.stage_remaining(s) for s in stages) for stages in by_unit)
 
     @property
     def fraction(self) -> float:
@@ -158,15 +158,15 @@ class RunStatus(QObject):
 
     @property
     def pace(self) -> float | None:
-        """Ratio of device time to host time: 1 on hardware, measured on a virtual bench; None until known."""
+        """Ratio of device time to host time: 1 on hardware, measured on a virtual bench; None while unknown."""
         if self.run_summary is not None and not self.run_summary.virtual:
             return 1.0
-        elapsed, done = time.monotonic() - self._begun, self.done - self._done_before
-        return done / elapsed if self._begun and elapsed > _PACE_FROM and done > 0.0 else None
+        elapsed, done = time.monotonic() - self._started_at, self.done - self._done_before
+        return done / elapsed if self._started_at and elapsed > _MIN_ELAPSED and done > 0.0 else None
 
     @property
     def remaining(self) -> float | None:
-        """Remaining host time, s; None until it can be estimated."""
+        """Remaining host time, s; None while it cannot be estimated."""
         pace = self.pace
         if pace is None or not self.in_progress:
             return None
@@ -179,13 +179,13 @@ class RunStatus(QObject):
         return stage.remaining if stage.state in ("active", "stopped", "fault") else 0.0
 
     def sigma_ratio(self, unit: UnitStatus) -> float | None:
-        """Return the largest ratio of a sigma of a unit to its target; None until known."""
+        """Return the largest ratio of a unit's sigmas to their targets; None while unknown."""
         targets = {} if self.run_summary is None else self.run_summary.targets
         ratios = [value / targets[group] for group, value in unit.sigma.items() if group in targets]
         return max(ratios, default=None)
 
     def choose(self, unit: UnitStatus) -> None:
-        """Show another unit in detail."""
+        """Display another unit in detail."""
         if unit is not self.unit:
             self.unit = unit
             self.unit_chosen.emit()
@@ -197,7 +197,7 @@ class RunStatus(QObject):
         self.changed.emit()
 
     def stop(self) -> None:
-        """Stop a run in progress safely; the state changes to ``stopping`` before the engine confirms it."""
+        """Stop a run in progress safely; the state becomes ``stopping`` before the engine confirms the stop."""
         self._link.send(Command.STOP)
         self.stop_pressed.emit()
         if self.in_progress and self.state != "stopping":
@@ -205,7 +205,7 @@ class RunStatus(QObject):
             self.changed.emit()
 
     def end_stage(self) -> None:
-        """End the current stage after the current move; the run solves it and continues."""
+        """End the current stage after its current move; the run then solves it and continues."""
         if self.stage is not None:
             self.stage_ending = self.stage.name
             self._link.send(Command.END_STAGE)
@@ -213,7 +213,7 @@ class RunStatus(QObject):
 
     @property
     def why_not_end_stage(self) -> str:
-        """Return why the current stage cannot be ended early, a term of the family ``end_stage``; "" if it can."""
+        """Reason why the current stage cannot be ended early, a term of the family ``end_stage``; "" if it can."""
         stage = self.stage
         if stage is None or self.state != "running":
             return "no_stage"
@@ -222,9 +222,9 @@ class RunStatus(QObject):
         return "ending" if stage.name == self.stage_ending else ""
 
     def acknowledge(self) -> None:
-        """Clear the fault so that a run can start; disconnect from the engine if it has not ended.
+        """Clear the fault and disconnect from the engine, so that a run can start.
 
-        If units had passed, failed or left before a fault of the table, the verdicts of all units are then shown.
+        If units had a verdict or a fault of their own before a fault of the table, the verdict of the run is set.
         """
         state = "idle"
         if self.fault is not None:
@@ -237,7 +237,7 @@ class RunStatus(QObject):
 
     @property
     def _verdict(self) -> Verdict:
-        """Return the verdict of the whole run, when all units have one; a fault of a unit counts as failed."""
+        """Verdict of the run after all units have one; a unit with a fault has failed."""
         verdicts = {Verdict.FAILED if unit.verdict is Verdict.FAULT else unit.verdict for unit in self.units}
         return next(verdict for verdict in _VERDICTS if verdict in verdicts)
 
@@ -248,43 +248,45 @@ class RunStatus(QObject):
             self.register_operation = self._link.operation is not None
             self.fault = self.latest = None
             self.stage_ending = ""
-            self._begun = self._done_before = 0.0
+            self._started_at = self._done_before = 0.0
             try:
                 self.run_summary = run_summary(request)
-            except CalstationError:  # the engine encounters the same error and reports it as a fault
+            except CalstationError:  # the engine reports the same error as a fault
                 self.run_summary = None
-            self.units = self._requested(request)
+            self.units = self._units_of(request)
             self.choose(self.units[0])
         elif self.in_progress:
             self.state = "idle" if self.register_operation else "incomplete"
         self.changed.emit()
 
-    def _requested(self, request: RunRequest) -> tuple[UnitStatus, ...]:
-        """Return the units of a request."""
+    def _units_of(self, request: RunRequest) -> tuple[UnitStatus, ...]:
+        """Return the units of a request; a register operation has no stages."""
         summary = self.run_summary
         if summary is None:
             return (UnitStatus(request.serial),)
         slots = zip(summary.slots, request.serials, strict=False) if request.serials else (("", request.serial),)
-        return tuple(UnitStatus(serial, slot, self._rows(summary)) for slot, serial in slots if serial not in ("", "-"))
-
-    def _rows(self, summary: RunSummary) -> list[StageState]:
-        return [row for row in planned(summary) if row.name == TRANSFER or not self.register_operation]
+        occupied = [(serial, slot) for slot, serial in slots if serial not in ("", "-")]
+        units = tuple(UnitStatus(serial, slot, stage_rows(summary)) for serial, slot in occupied)
+        if self.register_operation:
+            for unit in units:
+                unit.stages = [row for row in unit.stages if row.name == TRANSFER]
+        return units
 
     def _handle_event(self, event: Event) -> None:
-        if not isinstance(event, _SHOWN):
+        if not isinstance(event, _STATUS_EVENTS):
             return
-        if isinstance(event, StageStarted) and not self._begun:
-            # stages completed before a resume are excluded from the pace
-            self._begun, self._done_before = time.monotonic(), self.done
+        if isinstance(event, StageStarted) and not self._started_at:
+            # the pace does not include stages completed before a resume
+            self._started_at, self._done_before = time.monotonic(), self.done
         if not isinstance(event, StateChanged) or self._change_state(event.state):
             for unit in self.units:
                 if unit.slot == event.slot if event.slot else unit.verdict is None:
-                    unit.take(event)
+                    unit.handle_event(event)
         match event:
             case StepStarted():
                 after_move = event.kind == "dwell" and self.latest is not None and self.latest[0] == "step"
                 self.latest = ("step", event.kind, self.latest[2] if after_move and self.latest else event.label)
-            case Message() if not event.slot or event.id == _LEFT:
+            case Message() if not event.slot or event.id == _UNIT_LEFT:
                 self.latest = ("message", event.id, event.values)
             case Settled():
                 self.state = "idle"
@@ -295,10 +297,10 @@ class RunStatus(QObject):
         self._changed_timer.start()
 
     def _change_state(self, state: str) -> bool:
-        """Follow the state of the sequencer; return whether the units follow it, too."""
+        """Adopt a state of the sequencer, and return True if the units must adopt it, too."""
         self.commanded = self.commanded or state not in _ENDED
         if self.state == "stopping" and state not in _ENDED:
-            return False  # the event was sent before the stop
+            return False  # sent before STOP was pressed
         if state in _ENDED and self.register_operation:
             return False  # the result of the operation follows
         if state == "done" or (state == "stopped" and self.in_slots):
@@ -307,8 +309,8 @@ class RunStatus(QObject):
         return True
 
 
-def planned(run_summary: RunSummary) -> list[StageState]:
-    """Return the rows of a run before it starts."""
+def stage_rows(run_summary: RunSummary) -> list[StageState]:
+    """Return the initial states of the stages of a run and, if the unit has registers, of the transfer."""
     rows = [StageState(s.name, s.duration) for s in run_summary.stages]
     if run_summary.transfer is not None:
         rows.append(StageState(TRANSFER, run_summary.transfer))

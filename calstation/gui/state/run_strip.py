@@ -1,4 +1,4 @@
-"""Widgets with the status of the run and of the exchange with the shared database."""
+"""Widgets that show the status of the run and of the exchange with the shared database."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from calstation.gui.text import KINDS, bind, duration_text, on_language_change, 
 from calstation.gui.widgets import STEPS, StateBadge, column, enable, label, progress_bar, row, show_text, theme
 from calstation.messages import local_time
 
-#: Outcomes of units, in the order in which they are counted.
+#: Outcomes of units in the order of their counts.
 _COUNTED = ("passed", "partial", "failed", "fault", "stopped", "incomplete")
 
 
@@ -46,9 +46,9 @@ class RunStrip(QWidget):
 
 
 def run_badge(run: RunStatus) -> tuple[str, str]:
-    """Return the badge of a run, its shape and its text, which states if a run in progress is partial.
+    """Return the shape and the text of a run's badge.
 
-    The badge of several units counts their outcomes.
+    The text states whether a run in progress is partial and, after a run of several units, counts their outcomes.
     """
     if run.in_slots and run.ended:
         counts = Counter(run.display_state_of(unit) for unit in run.units)
@@ -61,7 +61,7 @@ def run_badge(run: RunStatus) -> tuple[str, str]:
 
 
 class EndStageButton(QPushButton):
-    """Ends the current stage of the run after its current move; shown during a run, on some pages only if `allowed`."""
+    """Button that ends the current stage after its move; it is visible during a run if `allowed` returns True."""
 
     def __init__(self, run: RunStatus, name: str, allowed: Callable[[], bool] = lambda: True) -> None:
         super().__init__()
@@ -74,14 +74,13 @@ class EndStageButton(QPushButton):
         on_language_change(self, self._refresh)
 
     def _refresh(self) -> None:
-        why_not = self._run.why_not_end_stage
-        run = self._run
+        run, why_not = self._run, self._run.why_not_end_stage
         self.setVisible(run.in_progress and not run.register_operation and not run.by_hand and self._allowed())
         enable(self, term("end_stage", why_not) if why_not else "", say("window.end_stage_tip"))
 
 
 class ExchangeLabel(QLabel):
-    """A line that is hidden unless runs or logs are pending because of an error, which the tooltip shows."""
+    """Line that counts the runs and logs that an error prevents from being sent; the tooltip shows the error."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The slots of a station with several units, and the serial numbers scanned into them for the next run."""
+"""The slots of a station with several units, and the serial numbers of the units in them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,19 +13,19 @@ class Slot:
     """A mounting position of a unit on the table."""
 
     name: str
-    serial: str = ""  #: Serial number of its unit; "" if there is none.
-    suggested: bool = False  #: Whether the virtual bench suggested the serial number.
-    skipped: bool = False  #: Whether scans skip it.
+    serial: str = ""  #: Serial number of the unit; "" if the slot is empty.
+    suggested: bool = False  #: Whether the virtual bench has suggested the serial number.
+    skipped: bool = False  #: Whether scans skip the slot.
     attempts: int = 0  #: Number of earlier runs of the unit.
 
     @property
     def open(self) -> bool:
-        """Whether a scan may fill it."""
+        """Whether the next scan may fill the slot."""
         return not self.serial and not self.skipped
 
 
 class Slots(QObject):
-    """The slots in order; emits `changed`. A station with a single unit has none."""
+    """The slots of the next run in order; none at a station for a single unit. Emits `changed`."""
 
     changed = Signal()
 
@@ -42,7 +42,7 @@ class Slots(QObject):
 
     @property
     def serials(self) -> tuple[str, ...]:
-        """Serial numbers by slot, "" for an empty one."""
+        """Serial numbers in the order of the slots, "" for an empty slot."""
         return tuple(slot.serial for slot in self._slots)
 
     @property
@@ -57,7 +57,7 @@ class Slots(QObject):
 
     @property
     def next(self) -> Slot | None:
-        """The slot for the next scan: the marked one, or the first with a suggestion, which the scan replaces."""
+        """The slot for the next scan: `marked`, or the first slot whose suggested unit the scan replaces."""
         return self.marked or next((slot for slot in self._slots if slot.suggested), None)
 
     @property
@@ -65,27 +65,27 @@ class Slots(QObject):
         """Whether no slot is open."""
         return not any(slot.open for slot in self._slots)
 
-    def plan(self, names: tuple[str, ...]) -> None:
-        """Use the slots of a station; slots with the current names keep their units."""
+    def set_names(self, names: tuple[str, ...]) -> None:
+        """Set the names of the slots; the units are removed if the names differ from the current ones."""
         if names != tuple(slot.name for slot in self._slots):
             self._slots = [Slot(name) for name in names]
             self._chosen = None
             self.changed.emit()
 
     def refusal(self, serial: str) -> Text | None:
-        """Return why no slot takes a scanned unit, or None."""
+        """Return why a scanned unit cannot be put into a slot, or None."""
         slot = next((slot for slot in self._slots if slot.serial == serial and not slot.suggested), None)
         if slot is not None:
             return Text.of("question.serial_twice", serial=serial, slot=slot.name)
         return Text.of("question.no_slot_left", serial=serial) if self.next is None else None
 
     def suggest(self, slot: Slot, serial: str) -> None:
-        """Fill an open slot with the serial number of a simulated unit; "" for none."""
+        """Suggest the serial number of a simulated unit for an open slot; "" for none."""
         slot.serial, slot.suggested = serial, bool(serial)
         self.changed.emit()
 
     def fill(self, slot: Slot, serial: str, attempts: int) -> None:
-        """Put a unit into a slot; a suggestion of the same serial number elsewhere is removed."""
+        """Put a unit into a slot, and remove a suggestion of the same serial number."""
         for other in self._slots:
             if other.serial == serial:
                 other.serial, other.suggested = "", False
@@ -99,7 +99,7 @@ class Slots(QObject):
         self.changed.emit()
 
     def clear(self, slot: Slot) -> None:
-        """Remove the unit from a slot; the next scan fills the first open one."""
+        """Remove the unit from a slot, and unselect the slot."""
         slot.serial, slot.suggested = "", False
         self._chosen = None
         self.changed.emit()
@@ -111,7 +111,7 @@ class Slots(QObject):
         self.changed.emit()
 
     def remove_units(self, *, only_suggested: bool = False) -> None:
-        """Remove all units, or only suggested ones; slots left empty remain so."""
+        """Remove all units, or only suggested ones."""
         for slot in self._slots:
             if slot.suggested or not only_suggested:
                 slot.serial, slot.suggested = "", False

@@ -1,4 +1,4 @@
-"""Translated texts of the window: catalogue sentences, check texts and language bindings; no widget classes."""
+"""Texts of the window in the current language, and their binding to widgets."""
 
 from calstation.gui.text import language
 from calstation.gui.text.checks import check_name, check_text, of_parameter, of_product, parameter_text
@@ -8,7 +8,9 @@ from calstation.gui.text.messages import (
     bind,
     duration_text,
     fault_text,
+    offered_products,
     on_language_change,
+    product_text,
     rendered,
     say,
     step_sentence,
@@ -16,4 +18,3 @@ from calstation.gui.text.messages import (
     with_minus,
     without_minus,
 )
-from calstation.gui.text.products import offered_products, product_text

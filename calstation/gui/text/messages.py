@@ -1,19 +1,23 @@
-"""Sentences and terms of the message catalogue in the language of the window, and their binding to widgets."""
+"""Sentences, terms and names in the language of the window, and their binding to widgets."""
 
+import re
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QAbstractButton, QGroupBox, QLabel
 
+from calstation.config import library, load_product
+from calstation.errors import CalstationError
 from calstation.gui.text import language
 from calstation.gui.text.language import languages
-from calstation.messages import Rendered, Text, rendering, step_text
+from calstation.messages import Rendered, Text, known, rendering, step_text
 from calstation.messages import with_minus as with_minus
 from calstation.sequencer import Fault
 
-#: A text of the window: a code of the catalogue ("" for no text), a message, or a function that returns a text.
+#: A text of the window: a code of the message catalogue, a message, or a function that returns a text; "" is no text.
 Words = str | Text | Callable[[], str]
 
 #: Badge shape (`widgets.badge.KINDS`) of each state and outcome of a run.
@@ -38,38 +42,41 @@ KINDS = {
 
 
 def say(words: Words, /, **values: Any) -> str:
-    """Return a text in the current language; `values` are those of a code. Raises KeyError for an unknown code."""
+    """Return a text in the current language; `values` are the values of a code.
+
+    Raises KeyError if the catalogue does not contain the code.
+    """
     if isinstance(words, str):
         return say(Text(words, values)) if words else ""
     return rendered(words).sentences if isinstance(words, Text) else words()
 
 
 def rendered(message: Text) -> Rendered:
-    """Render a message in the current language; a question has its title as `text`, its explanation as `remedy`."""
+    """Render a message in the current language; `text` and `remedy` of a question are its title and its explanation."""
     return rendering.render(message.code, message.values, language.current(), window=True)
 
 
 def term(family: str, name: str, **values: Any) -> str:
-    """Return a term of a catalogue family, such as the stage ``rate``."""
+    """Return a term of a catalogue family, such as ``rate`` of the family ``stage``, in the current language."""
     return rendering.term(family, name, language.current(), **values)
 
 
 def step_sentence(kind: str, label: tuple[str | float, ...]) -> str:
-    """Return the description of a step; for a dwell after a labelled move, the position is included."""
+    """Return a description of a step; that of a dwell includes the position if its move has a label."""
     if kind == "dwell" and label:
         return f"{say(step_text('move', label))}  ·  {say(step_text(kind, ()))}"
     return say(step_text(kind, label))
 
 
 def fault_text(fault: Fault) -> Rendered:
-    """Render a run's fault; one without a code, such as a programming error, is shown unchanged."""
+    """Render the fault of a run; the text of a fault without a code, such as a programming error, is unchanged."""
     if fault.code:
         return rendered(Text(fault.code, fault.values))
     return Rendered("", fault.text, "", language.current())
 
 
 def without_minus(text: str) -> str:
-    """Return a typed or copied number with a hyphen instead of a minus sign, as files and `float` require."""
+    """Return a number with hyphens instead of minus signs, as files and `float` require."""
     return text.replace("−", "-")
 
 
@@ -80,8 +87,32 @@ def duration_text(seconds: float) -> str:
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
 
 
+def product_text(name: str) -> str:
+    """Return the display name of a product, which is translated for shipped products, from the name in its file."""
+    code = f"product_name.{re.sub(r'[^a-z0-9]+', '_', name.lower())}"
+    return say(code) if known(code) else name
+
+
+def offered_products() -> list[tuple[str, Path]]:
+    """Return the display name and file of each product in the library; equal names include the file name."""
+    files = [library.find("products", stem) for stem in library.names("products")]
+    names = [_product_name(file) for file in files]
+    return [
+        (product_text(name) if names.count(name) == 1 else f"{product_text(name)} ({file.stem})", file)
+        for name, file in zip(names, files, strict=True)
+    ]
+
+
+def _product_name(file: Path) -> str:
+    """Return the name in a product file, or the name of the file if it cannot be read."""
+    try:
+        return load_product(file)[1].name
+    except CalstationError:
+        return file.stem
+
+
 class _Binding(QObject):
-    """Calls `show` when created and after each language change until its owner is destroyed."""
+    """Calls `show` when it is created and after each change of language, until its owner is destroyed."""
 
     def __init__(self, owner: QObject, show: Callable[[], Any]) -> None:
         super().__init__(owner)
@@ -95,7 +126,7 @@ class _Binding(QObject):
 
 
 def bind(target: QLabel | QAbstractButton | QGroupBox | Callable[[str], Any], words: Words) -> None:
-    """Show a text, such as ``"operator.load_unit"``, in the current language and after each change of it.
+    """Show a text in the current language, and again after each change of language.
 
     `target` is a label, button or group box, or a bound setter of any Qt object, such as ``button.setToolTip`` or
     ``partial(combo.setItemText, 0)``.
@@ -112,5 +143,5 @@ def bind(target: QLabel | QAbstractButton | QGroupBox | Callable[[str], Any], wo
 
 
 def on_language_change(owner: QObject, show: Callable[[], Any]) -> None:
-    """Call `show` now and after each language change until `owner` is destroyed; meant for views built from data."""
+    """Call `show` now and after each change of language, until `owner` is destroyed."""
     _Binding(owner, show)

@@ -1,6 +1,3 @@
-"""The schedule designer on the engineer page: goal of the search, result with plots, and saving.
-
-The search is in `calstation.design`.
-"""
+"""The view of the schedule designer on the engineer page; the search is in `calstation.design`."""
 
 from calstation.gui.engineer.designer.view import DesignView

@@ -1,4 +1,4 @@
-"""The form of a search for a schedule, and the bar to save its result as a product."""
+"""Form for the goal and limits of a search for a schedule, and a bar that saves the design as a product."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -38,7 +38,7 @@ _GOALS = {
 
 
 class DesignForm(QFrame):
-    """Goal, margin or duration, time for the search, and speeds; its button calls `begin`."""
+    """Inputs for the goal, margin or duration, search time, speeds and seed; the button calls `begin`."""
 
     def __init__(self, begin: Callable[[], None]) -> None:
         super().__init__()
@@ -86,17 +86,17 @@ class DesignForm(QFrame):
         return str(self._goal.currentData())
 
     def offer(self, options: ScheduleOptions) -> None:
-        """Limit the speeds to the table's limits."""
+        """Limit the speeds to those of the table."""
         self._speeds["rate"].spin.setMaximum(options.rate)
         self._speeds["acceleration"].spin.setMaximum(options.acceleration)
 
     def lock(self, why: str, *, shown: bool) -> None:
-        """Disable the button for the given reason, which is also `shown` below the form; "" enables it."""
+        """Disable the button for the given reason, and show the reason below the form if `shown`; "" enables it."""
         enable(self.button, why, say("engineer.design_tip"))
         show_text(self._reason, why if shown else "")
 
     def request(self, station: Path | None, product: Path, stop: Path) -> "DesignRequest":
-        """Return the request for a product on a station; a file `stop` ends the search."""
+        """Return the request of a search; it ends when the file `stop` is created."""
         from calstation.design import DesignRequest  # delays the first paint
 
         goal, values = self.goal, self._source.values
@@ -119,7 +119,7 @@ class DesignForm(QFrame):
 
 
 class _SpinField(FormField):
-    """A number between two limits, with its label above it; `zero` is the text for 0."""
+    """Input of a limited number below its label; the text `zero` is shown for 0."""
 
     def __init__(
         self, source: FormValues, name: str, spin: SpinEdit, words: Words, tip: Words = "", zero: Words = ""
@@ -136,7 +136,7 @@ class _SpinField(FormField):
 
 
 class SaveBar(NameBar):
-    """Asks for the name of the product in which a design is saved; its button calls `save` with the name."""
+    """Asks for the name of a new product; its button calls `save` with the name."""
 
     def __init__(self, save: Callable[[str], None]) -> None:
         self._save, self._source = save, ""
@@ -144,18 +144,18 @@ class SaveBar(NameBar):
         super().__init__(names, label("engineer.product_name"), "common.save")
 
     def ask(self, source: str) -> None:
-        """Ask for the name of the product made from the product `source`, both without suffix."""
+        """Ask for the name of a product derived from the product `source`; both names are without suffix."""
         self._source = source
         self.ask_name(f"{source}_fast")
 
     def problem(self, name: str) -> str:
-        """Return what is wrong with a name."""
+        """Return why a name is not allowed; "" if it is."""
         if not editing.is_name(name):
             return say("engineer.name_rule")
         return say("engineer.other_name") if name == self._source else ""
 
     def remark(self, name: str) -> str:
-        """Return whether the product exists."""
+        """Return a remark if a product with this name exists, otherwise ""."""
         return say("engineer.design_name_taken", name=name) if name in library.names("products") else ""
 
     def accept(self, name: str) -> None:

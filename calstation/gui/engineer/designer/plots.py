@@ -1,4 +1,4 @@
-"""Plots of a design: duration against worst sigma, joint angles over time, and the directions of gravity visited."""
+"""Plots of a design: worst sigma ratio over duration, joint angles over time, and directions of gravity."""
 
 import csv
 from dataclasses import dataclass
@@ -30,16 +30,16 @@ from calstation.gui.widgets import (
 from calstation.physics import BoolArray, FloatArray, TableGeometry, axis_rotation
 from calstation.results import Preview
 
-#: Largest rotation of a joint between two points of the drawn path, rad.
+#: Maximum rotation of a joint between two points of the drawn path, rad.
 _STEP = np.deg2rad(4.0)
-#: Upper limit of the ratios shown; the ratios after the first moves are far above it.
-_HIGHEST = 30.0
+#: Maximum displayed ratio relative to the smallest one; the ratios after the first moves are far larger.
+_MAX_RATIO = 30.0
 #: Rotation of the sphere per press of an arrow key, degrees.
-_TURN = 10
+_ROTATION_STEP = 10
 
 
 class FrontPlot(ThemedPlot):
-    """Smallest worst ratio of a sigma to its limit for each duration, with the selected schedule."""
+    """Smallest achievable value of the worst sigma-to-limit ratio over duration, with the selected design."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -59,7 +59,7 @@ class FrontPlot(ThemedPlot):
         theme.on_appearance_change(self, self._draw)
 
     def show_design(self, design: Design) -> None:
-        """Show the front of a design."""
+        """Show a design and the other candidates of its search."""
         self._design = design
         self._draw()
 
@@ -80,7 +80,7 @@ class FrontPlot(ThemedPlot):
         diamond = {"symbol": "d", "symbolSize": 16, "symbolBrush": c.good, "symbolPen": c.panel}
         mark = pg.PlotDataItem([design.duration / size], [design.worst], pen=None, name="chosen", **diamond)
         low, high = float(front[:, 1].min()), float(front[:, 1].max())
-        self.setYRange(np.log10(0.8 * low), np.log10(min(high, _HIGHEST * low)), padding=0.0)
+        self.setYRange(np.log10(0.8 * low), np.log10(min(high, _MAX_RATIO * low)), padding=0.0)
         self.addItem(line)
         self.addItem(pg.InfiniteLine(np.log10(design.margin), 0, pen=dashed(c.bad)))
         self.addItem(mark)
@@ -95,15 +95,15 @@ class FrontPlot(ThemedPlot):
 
 @dataclass(frozen=True)
 class Path3D:
-    """The motion of a design in the form needed by the plots."""
+    """Motion of a design in the form required by the plots."""
 
     design: Design
     preview: Preview
     geometry: TableGeometry
 
     @property
-    def visited(self) -> tuple[FloatArray, FloatArray]:
-        """Times, s, shape (n,), and densely sampled directions of gravity in the body frame, shape (n, 3)."""
+    def path(self) -> tuple[FloatArray, FloatArray]:
+        """Times, s, shape (n,), and directions of gravity in the body frame along the path, shape (n, 3)."""
         p = self.preview
         turns = np.maximum(np.abs(np.diff(p.outer)), np.abs(np.diff(p.inner)))
         knots = np.arange(len(p.time), dtype=np.float64)
@@ -119,12 +119,12 @@ class Path3D:
         return self.down(angles[:, 0], angles[:, 1])
 
     def down(self, outer: FloatArray, inner: FloatArray) -> FloatArray:
-        """Return directions of gravity in the body frame, shape (n, 3), at joint angles, rad, shape (n,)."""
+        """Return the directions of gravity in the body frame, shape (n, 3), at joint angles, rad, shape (n,)."""
         return np.array([-self.geometry.body_to_home(a, b)[2] for a, b in zip(outer, inner, strict=True)])
 
 
 class PathPlot(MotionPlot):
-    """The angles of both joints against time, with the planned part and the reserve."""
+    """The angles of both joints over time, with the planned part and the reserve."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -136,7 +136,7 @@ class PathPlot(MotionPlot):
         self.show_data(path.preview)
 
     def bands(self, preview: Preview) -> list[Band]:
-        """Return the planned part and the reserve, if there is one."""
+        """Return the start and end of the planned part and of the reserve, if there is one."""
         size = time_unit(preview.duration)
         planned, end = self._planned / size, preview.duration / size
         bands = [(say("engineer.planned"), 0.0, planned)]
@@ -150,7 +150,7 @@ class Sphere(ThemedPlot):
         super().__init__()
         self._path: Path3D | None = None
         self._points: list[tuple[FloatArray, FloatArray]] = []
-        self._turn = 0.0
+        self._angle = 0.0
         for side in ("left", "bottom"):
             self.hideAxis(side)
         self.setAspectLocked(True)
@@ -161,18 +161,18 @@ class Sphere(ThemedPlot):
     def show_path(self, path: Path3D) -> None:
         """Show the motion of a design."""
         self._path = path
-        time, down = path.visited
+        time, down = path.path
         planned = time <= path.design.duration + 1e-6
         self._points = [(time[planned], down[planned]), (time[~planned], down[~planned])]
         self._draw()
 
-    def turn(self, degrees: int) -> None:
-        """Turn the sphere about its vertical axis."""
-        self._turn = float(np.deg2rad(degrees))
+    def rotate_to(self, degrees: int) -> None:
+        """Rotate the sphere about its vertical axis to an angle, degrees."""
+        self._angle = float(np.deg2rad(degrees))
         self._draw()
 
     def write_csv(self, target: Path) -> None:
-        """Write times and directions of gravity in the body frame."""
+        """Write the times and directions of gravity in the body frame to a CSV file."""
         with target.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(["time_s", "down_x", "down_y", "down_z", "part"])
@@ -205,7 +205,7 @@ class Sphere(ThemedPlot):
         self.setRange(xRange=(-1.2, 1.2), yRange=(-1.2, 1.2), padding=0.0)
 
     def _draw_rests(self, path: Path3D) -> None:
-        """Draw a dot for every attitude of a planned rest, with the numbers of its rests."""
+        """Draw a dot for each attitude of the planned rests, labelled with the numbers of the rests."""
         c = theme.colours()
         rests: dict[tuple[float, ...], list[int]] = {}
         for number, down in enumerate(path.rests[: path.design.planned], start=1):
@@ -217,8 +217,8 @@ class Sphere(ThemedPlot):
             dot = pg.ScatterPlotItem([at[0]], [at[1]], size=9 if front else 6, pen=pg.mkPen(c.panel))
             dot.setBrush(theme.faint(c.text, 255 if front else 110))
             self.addItem(dot)
-            shown = ", ".join(map(str, numbers[:3])) + (" …" if len(numbers) > 3 else "")
-            text = pg.TextItem(shown, color=c.text if front else c.muted, anchor=(-0.1, 1.0))
+            caption = ", ".join(map(str, numbers[:3])) + (" …" if len(numbers) > 3 else "")
+            text = pg.TextItem(caption, color=c.text if front else c.muted, anchor=(-0.1, 1.0))
             text.setFont(theme.font(12))
             text.setPos(*at)
             self.addItem(text, ignoreBounds=True)
@@ -232,7 +232,7 @@ class Sphere(ThemedPlot):
         style: Qt.PenStyle = Qt.PenStyle.SolidLine,
         faint: bool = True,
     ) -> None:
-        """Draw a line, shape (n, 3) in the body frame; if `faint`, its part behind the sphere is faint."""
+        """Draw a line through points in the body frame, shape (n, 3); if `faint`, its part at the back is faint."""
         if len(points) < 2:
             return
         at, front = self._on_screen(points), self._in_front(points)
@@ -245,10 +245,10 @@ class Sphere(ThemedPlot):
     @property
     def _view(self) -> FloatArray:
         """Rotation of the body frame to the drawing, shape (3, 3)."""
-        return np.asarray(axis_rotation((0.0, 0.0, 1.0), self._turn))
+        return np.asarray(axis_rotation((0.0, 0.0, 1.0), self._angle))
 
     def _in_front(self, points: FloatArray) -> BoolArray:
-        """Return for each point whether it is on the viewer's side, shape (n,)."""
+        """Return whether each point is on the side of the viewer, shape (n,)."""
         return np.asarray(points @ self._view.T @ VIEWER >= 0.0)
 
     def _on_screen(self, points: FloatArray) -> FloatArray:
@@ -257,7 +257,7 @@ class Sphere(ThemedPlot):
 
 
 class SphereBox(QWidget):
-    """The sphere and a slider that turns it."""
+    """The sphere and a slider that rotates it."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -265,10 +265,10 @@ class SphereBox(QWidget):
         self.slider = QSlider(Qt.Orientation.Horizontal)
         self.slider.setObjectName("design_turn_slider")
         self.slider.setRange(-180, 180)
-        self.slider.setSingleStep(_TURN)
-        self.slider.setPageStep(3 * _TURN)
-        self.slider.valueChanged.connect(self.sphere.turn)
+        self.slider.setSingleStep(_ROTATION_STEP)
+        self.slider.setPageStep(3 * _ROTATION_STEP)
+        self.slider.valueChanged.connect(self.sphere.rotate_to)
         bind(self.slider.setAccessibleName, "engineer.turn_sphere")
         title = label("engineer.gravity_direction", "muted", wrap=True)
-        turn = label("engineer.turn", buddy=self.slider)
-        column(title, (self.sphere, 1), row(turn, (self.slider, 1)), on=self, spacing=theme.GRID // 2)
+        caption = label("engineer.turn", buddy=self.slider)
+        column(title, (self.sphere, 1), row(caption, (self.slider, 1)), on=self, spacing=theme.GRID // 2)

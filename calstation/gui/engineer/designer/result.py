@@ -1,7 +1,6 @@
-"""The result of a search for a schedule: duration and limiting parameter, plots, parameters and robustness."""
+"""View of a design: its duration and limiting parameter, plots, parameters, robustness and hidden effects."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from PySide6.QtCore import QModelIndex, QPersistentModelIndex
@@ -11,11 +10,11 @@ from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 from calstation.config import ScheduleOptions
 from calstation.design import Design
 from calstation.gui.engineer.designer.plots import FrontPlot, Path3D, PathPlot, SphereBox
-from calstation.gui.text import bind, duration_text, on_language_change, parameter_text, product_text, say, term
+from calstation.gui.text import duration_text, on_language_change, parameter_text, product_text, say, term
 from calstation.gui.widgets import (
     ROW,
+    Cell,
     CellTable,
-    Column,
     EmptyState,
     JobRow,
     JobWatch,
@@ -37,12 +36,31 @@ from calstation.physics import DEGREE, INDEX, NAMES, display, display_by_unit
 from calstation.results import Preview
 
 _NONE = "–"
+_PARAMETER_COLUMNS = (
+    Cell("common.unit", "unit", number=False),
+    Cell("engineer.sigma_planned", "sigma"),
+    Cell("engineer.sigma_limit", "limit"),
+    Cell("engineer.sigma_over_limit", "ratio", state="state"),
+    Cell("", "bar", number=False),
+)
+_VARIATION_COLUMNS = (
+    Cell("engineer.condition", "condition", number=False, state="state"),
+    Cell("engineer.reached_after", "reached"),
+    Cell("engineer.largest_sigma_then", "worst"),
+)
+_HIDDEN_COLUMNS = (
+    Cell("engineer.effect", "effect", number=False),
+    Cell("engineer.hidden_up_to", "size"),
+    Cell("common.unit", "unit", number=False),
+    Cell("engineer.effect_moves_most", "parameter", number=False),
+    Cell("engineer.effect_by", "shift"),
+)
 
 Index = QModelIndex | QPersistentModelIndex
 
 
 class RatioBar(QStyledItemDelegate):
-    """Draws the ratio of a row of a table as a bar; the full width is 1, or the largest ratio if above 1."""
+    """Draws the ratio of each row of a table as a bar, whose full width is the largest ratio but at least 1."""
 
     def __init__(self, table: CellTable) -> None:
         super().__init__(table)
@@ -58,48 +76,21 @@ class RatioBar(QStyledItemDelegate):
 
 
 class DesignResult(QWidget):
-    """Shows a design; `path_job` polls the job that computes its path, and buttons call `save`, `copy`, `export`."""
+    """Shows a design; `path_job` computes its path, and the buttons call `save`, `copy` and `export`."""
 
     def __init__(
         self, path_job: JobWatch, save: Callable[[], None], copy: Callable[[], None], export: Callable[[], None]
     ) -> None:
         super().__init__()
-        self._shown: tuple[Design, ScheduleOptions] | None = None
+        self._design: tuple[Design, ScheduleOptions] | None = None
         self._badge = StateBadge()
         self._headline = label(kind="section", name="design_headline", wrap=True)
-        self._about = label(kind="muted", name="design_about", wrap=True)
+        self._summary = label(kind="muted", name="design_about", wrap=True)
         self._front, self._path, self._sphere = FrontPlot(), PathPlot(), SphereBox()
-        self._parameters = table = CellTable("design_parameters")
-        table.parameters.set_columns(
-            (
-                table.column("common.unit", "unit", number=False),
-                table.column("engineer.sigma_planned", "sigma"),
-                table.column("engineer.sigma_limit", "limit"),
-                _with_state(table, table.column("engineer.sigma_over_limit", "ratio")),
-                Column(str, lambda _: "", number=False),
-            )
-        )
-        table.setItemDelegateForColumn(table.model().columnCount() - 1, RatioBar(table))
-        self._variations = table = CellTable("design_variations")
-        table.verticalHeader().hide()
-        table.parameters.set_columns(
-            (
-                _with_state(table, table.column("engineer.condition", "condition", number=False)),
-                table.column("engineer.reached_after", "reached"),
-                table.column("engineer.largest_sigma_then", "worst"),
-            )
-        )
-        self._hidden = table = CellTable("design_hidden")
-        table.verticalHeader().hide()
-        table.parameters.set_columns(
-            (
-                table.column("engineer.effect", "effect", number=False),
-                table.column("engineer.hidden_up_to", "size"),
-                table.column("common.unit", "unit", number=False),
-                table.column("engineer.effect_moves_most", "moved", number=False),
-                table.column("engineer.effect_by", "move"),
-            )
-        )
+        self._parameters = CellTable("design_parameters", "common.parameters", _PARAMETER_COLUMNS)
+        self._parameters.setItemDelegateForColumn(len(_PARAMETER_COLUMNS) - 1, RatioBar(self._parameters))
+        self._variations = CellTable("design_variations", "engineer.robustness", _VARIATION_COLUMNS, named=False)
+        self._hidden = CellTable("design_hidden", "engineer.hidden_effects", _HIDDEN_COLUMNS, named=False)
         self._notes = label(name="design_sees", wrap=True)
         self._tabs = ViewTabs(
             "design_views",
@@ -116,16 +107,14 @@ class DesignResult(QWidget):
         self._save_button = button("save_as_button", "engineer.save_as_product", save)
         copy_button = button("copy_schedule_button", "engineer.copy_schedule", copy)
         export_button = button("export_design_button", "engineer.export", export)
+        buttons = copy_button, export_button, self._save_button
         tables = self._parameters, self._variations, self._hidden
-        titles = "common.parameters", "engineer.robustness", "engineer.hidden_effects"
-        for table, title in zip(tables, titles, strict=True):
-            bind(table.setAccessibleName, title)
         #: The widgets in Tab order.
-        self.tab_order = (self._tabs, copy_button, export_button, self._save_button, self._sphere.slider, *tables)
+        self.tab_order = (self._tabs, *buttons, self._sphere.slider, *tables)
         column(
             row(self._badge, (self._headline, 1), spacing=2 * theme.GRID),
-            self._about,
-            row(self._tabs, None, copy_button, export_button, self._save_button),
+            self._summary,
+            row(self._tabs, None, *buttons),
             (self._views, 1),
             on=self,
             spacing=theme.GRID // 2,
@@ -133,17 +122,17 @@ class DesignResult(QWidget):
         on_language_change(self, self._show_texts)
 
     def show_design(self, design: Design, options: ScheduleOptions) -> None:
-        """Show a design for the product and table of these options."""
-        self._shown = design, options
+        """Show a design and the options for which it was searched."""
+        self._design = design, options
         self._front.show_design(design)
         self._drawn.setCurrentIndex(0)
         self._show_texts()
 
     def show_path(self, preview: Preview) -> None:
         """Show the motion of the design."""
-        if self._shown is None:
+        if self._design is None:
             return
-        path = Path3D(self._shown[0], preview, self._shown[1].geometry)
+        path = Path3D(self._design[0], preview, self._design[1].geometry)
         self._path.show_path(path)
         self._sphere.sphere.show_path(path)
         self._drawn.setCurrentIndex(1)
@@ -153,23 +142,18 @@ class DesignResult(QWidget):
         enable(self._save_button, why, say("engineer.save_as_product_tip"))
 
     def _show_texts(self) -> None:
-        if self._shown is None:
+        if self._design is None:
             return
-        design, options = self._shown
+        design, options = self._design
         self._badge.show_state(*_verdict(design))
         self._headline.setText(_headline(design))
-        self._about.setText(_about(design, options))
+        self._summary.setText(_summary(design, options))
         self._notes.setText("\n".join(_notes(design)))
         self._parameters.show_cells(_parameter_cells(design), ("sigma", "limit", "ratio"))
         self._variations.show_cells(_variation_cells(design))
         header = self._variations.horizontalHeader().sizeHint().height()
         self._variations.setFixedHeight(header + ROW * len(self._variations.cells) + theme.GRID // 2)
-        self._hidden.show_cells(_hidden_cells(design), ("size", "move"))
-
-
-def _with_state(table: CellTable, column: Column) -> Column:
-    """Return a column that also shows the symbol of each row's state."""
-    return replace(column, state=lambda name: table.cells[name]["state"])
+        self._hidden.show_cells(_hidden_cells(design), ("size", "shift"))
 
 
 def _verdict(design: Design) -> tuple[str, str]:
@@ -184,6 +168,7 @@ def _verdict(design: Design) -> tuple[str, str]:
 
 
 def _headline(design: Design) -> str:
+    """Return the duration, compared with the present schedule, and the limiting parameter."""
     values = {"duration": duration_text(design.duration), "longest": duration_text(design.longest)}
     reserve = design.longest > design.duration
     first = say(f"engineer.design_{'with' if reserve else 'without'}_reserve", **values)
@@ -194,7 +179,8 @@ def _headline(design: Design) -> str:
     return f"{first}\n{limiting}"
 
 
-def _about(design: Design, options: ScheduleOptions) -> str:
+def _summary(design: Design, options: ScheduleOptions) -> str:
+    """Return the conditions of the search and its size."""
     return say(
         "engineer.design_made",
         product=product_text(options.name),
@@ -208,7 +194,7 @@ def _about(design: Design, options: ScheduleOptions) -> str:
 
 
 def _parameter_cells(design: Design) -> dict[str, dict[str, str]]:
-    """Return the rows of all parameters with a limit, starting with the limiting one."""
+    """Return the rows of the parameters with a limit, in descending order of the ratio of sigma to limit."""
     cells = {}
     for i in np.argsort(-design.ratios):
         name, ratio = NAMES[i], float(design.ratios[i])
@@ -221,12 +207,13 @@ def _parameter_cells(design: Design) -> dict[str, dict[str, str]]:
             "limit": f"{display(name, float(design.limits[i]))[0]:.3g}",
             "ratio": f"{ratio:.3f}",
             "state": "good" if ratio <= 1.0 else "bad",
+            "bar": "",
         }
     return cells
 
 
 def _variation_cells(design: Design) -> dict[str, dict[str, str]]:
-    """Return the rows of the conditions; for several with the same name, only the worst one."""
+    """Return the rows of the conditions; of several conditions with the same text, only the worst one."""
     cells = {}
     for variation in sorted(design.variations, key=lambda v: (v.duration is None, v.duration or 0.0, v.worst)):
         angle = variation.value if variation.name == "noise" else float(np.rad2deg(variation.value))
@@ -242,7 +229,7 @@ def _variation_cells(design: Design) -> dict[str, dict[str, str]]:
 
 
 def _hidden_cells(design: Design) -> dict[str, dict[str, str]]:
-    """Return the rows of the effects, starting with those that leave the largest error."""
+    """Return the rows of the effects, in descending order of the parameter shift that they cause."""
     cells = {}
     for number, limit in enumerate(sorted(design.hidden, key=lambda limit: -limit.move)):
         if limit.parameter:
@@ -256,14 +243,14 @@ def _hidden_cells(design: Design) -> dict[str, dict[str, str]]:
             "effect": effect,
             "size": f"{size:.3g}" if seen else "∞",
             "unit": unit,
-            "moved": parameter_text(limit.moved) if limit.moved in INDEX else _NONE,
-            "move": f"{limit.move:.1f}" if seen else _NONE,
+            "parameter": parameter_text(limit.moved) if limit.moved in INDEX else _NONE,
+            "shift": f"{limit.move:.1f}" if seen else _NONE,
         }
     return cells
 
 
 def _notes(design: Design) -> list[str]:
-    """Return the sentences about rests, latitude and noise."""
+    """Return sentences about the rests, the latitude and the noise."""
     longest = max(design.rests)
     if design.gravity_rest is None:
         sentences = [say("engineer.design_rests", count=len(design.rests), longest=longest)]

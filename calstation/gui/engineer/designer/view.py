@@ -1,4 +1,4 @@
-"""The schedule designer: starts and ends a search, shows its progress and result, and saves the result."""
+"""The schedule designer, which starts and stops a search, shows its progress, and shows and saves its result."""
 
 import json
 import tempfile
@@ -43,25 +43,26 @@ if TYPE_CHECKING:
 
 
 class DesignView(QWidget):
-    """Designs a schedule for the product on the station; `author` returns the engineer's name."""
+    """Designs a schedule for the product on the station; `author` returns the name of the engineer."""
 
     def __init__(self, app: AppContext, notice: NoticeBar, author: Callable[[], str]) -> None:
         super().__init__()
         self._app, self._notice, self._author = app, notice, author
         self._options: ScheduleOptions | None = None
-        #: Product, table and station file of the current search; and the result with its product and table.
+        #: Options and station file of the current search.
         self._searched: tuple[ScheduleOptions, Path | None] | None = None
+        #: The latest design with its options.
         self._result: tuple[Design, ScheduleOptions] | None = None
-        self._answer: DesignResult | None = None
+        self._result_view: DesignResult | None = None
         self._why_not = self._why_not_save = ""
         self._goal = ""
         self._error: CalstationError | None = None
         self._folder: tempfile.TemporaryDirectory[str] | None = None
-        #: A file that ends the search.
+        #: File whose creation ends the search.
         self._stop_file = Path()
         self._stopping = False
-        self.watch = app.job(self, None, self._designed, failed=self._failed, cancelled=self._refresh)
-        self.path_job = app.job(self, compute_preview, lambda preview: self.answer.show_path(preview))
+        self.watch = app.job(self, None, self._designed, failed=self._search_failed, cancelled=self._refresh)
+        self.path_job = app.job(self, compute_preview, lambda preview: self.result_view.show_path(preview))
         self._saving = app.job(self, None, self._saved, cancellable=False)
         self.form = DesignForm(self._begin)
         self._job = JobRow(self.watch, "cancel_design_button", self._progress_text)
@@ -81,25 +82,25 @@ class DesignView(QWidget):
         on_language_change(self, self._refresh)
 
     @property
-    def answer(self) -> "DesignResult":
-        """The view of the result, created on first use."""
-        if self._answer is None:
+    def result_view(self) -> "DesignResult":
+        """The view of the result, which is created on first use."""
+        if self._result_view is None:
             from calstation.gui.engineer.designer.result import DesignResult
 
-            self._answer = DesignResult(self.path_job, self._ask_name, self._copy, self._ask_file)
-            self._stack.addWidget(self._answer)
-            for before, after in pairwise((self.save_bar.last, *self._answer.tab_order)):
+            self._result_view = DesignResult(self.path_job, self._ask_name, self._copy, self._ask_file)
+            self._stack.addWidget(self._result_view)
+            for before, after in pairwise((self.save_bar.last, *self._result_view.tab_order)):
                 QWidget.setTabOrder(before, after)
-        return self._answer
+        return self._result_view
 
     def offer(self, options: ScheduleOptions | None) -> None:
-        """Use this product and station for further designs; None if they are unusable."""
+        """Set the options of the product and station for the next search; None if they are unusable."""
         self._options = options
         if options is not None:
             self.form.offer(options)
 
     def lock(self, why: str, why_not_save: str) -> None:
-        """Disable the search and saving for the given reasons; "" enables them."""
+        """Disable the search and saving for the given reasons; an empty reason enables the action."""
         options = self._options
         if not why and options is not None and (options.by_hand or options.geometry.gimbal is not None):
             why = say("engineer.design_needs_table")
@@ -128,6 +129,7 @@ class DesignView(QWidget):
         self._refresh()
 
     def _end(self) -> None:
+        """Remove the temporary folder after a search."""
         if not self.watch.busy and self._folder is not None:
             self._folder.cleanup()
             self._folder = None
@@ -145,27 +147,27 @@ class DesignView(QWidget):
             return say("engineer.design_best_ratio", ratio=float(note))
         return say("engineer.design_best_duration", duration=duration_text(float(note)))
 
-    def _designed(self, answer: "Design") -> None:
+    def _designed(self, result: "Design") -> None:
+        """Show a design, and start the job that computes its path."""
         from calstation import design
 
         if self._searched is None:
             return
         options, station = self._searched
-        self._result = answer, options
-        self.answer.show_design(answer, options)
-        self._stack.setCurrentWidget(self.answer)
+        self._result = result, options
+        self.result_view.show_design(result, options)
+        self._stack.setCurrentWidget(self.result_view)
         schedule = {
-            "moves": [list(move) for move in answer.moves],
-            "rate_dps": answer.rate_dps,
-            "acceleration_dps2": answer.acceleration_dps2,
+            "moves": [list(move) for move in result.moves],
+            "rate_dps": result.rate_dps,
+            "acceleration_dps2": result.acceleration_dps2,
             "stop_at_limits": False,
         }
         stage, folder = design.STAGE, self._app.runs_folder
-        request = RunRequest("-", station, options.product, (stage,), folder, schedule={stage: schedule})
-        self.path_job.start(request)
+        self.path_job.start(RunRequest("-", station, options.product, (stage,), folder, schedule={stage: schedule}))
         self._refresh()
 
-    def _failed(self, error: CalstationError) -> None:
+    def _search_failed(self, error: CalstationError) -> None:
         self._error = error
         self._refresh()
 
@@ -204,8 +206,8 @@ class DesignView(QWidget):
 
     def _ask_file(self) -> None:
         if self._result is not None:
-            answer, options = self._result
-            text = json.dumps(answer.to_json(), indent=1, ensure_ascii=False) + "\n"
+            result, options = self._result
+            text = json.dumps(result.to_json(), indent=1, ensure_ascii=False) + "\n"
             name = Path(f"{options.product.stem}_design.json")
             write = partial(Path.write_text, data=text, encoding="utf-8")
             ask_file(self, say("engineer.save_design"), name, ["JSON (*.json)"], write)
@@ -220,15 +222,15 @@ class DesignView(QWidget):
         show_text(self._problem, "" if busy or self._error is None else say(self._error.as_text))
         why_not_save = say("engineer.saving") if self._saving.busy else self._why_not_save
         self.save_bar.lock(why_not_save)
-        if self._answer is not None:
-            self._answer.lock(why_not_save)
+        if self._result_view is not None:
+            self._result_view.lock(why_not_save)
 
 
-def _schedule_text(answer: "Design") -> str:
-    """Return the schedule in the format of a product file, with a line for every move."""
+def _schedule_text(result: "Design") -> str:
+    """Return the schedule in the format of a product file, with a line for each move."""
     from calstation import design
 
-    values = answer.schedule()
+    values = result.schedule()
     moves = values.pop("moves")
     targets = values.pop("targets", None)
     lines = [f"[schedule.{design.STAGE}]"]

@@ -1,4 +1,4 @@
-"""Field for the operator: an optional name or, if the station requires it, a badge to sign in with."""
+"""Field for the operator: an optional name or, if the station requires it, the badge to sign in."""
 
 from typing import cast
 
@@ -10,18 +10,18 @@ from calstation.errors import ConfigurationError
 from calstation.gui.text import bind, say
 from calstation.gui.widgets import button, column, enable, label, row, theme
 
-#: Events that count as activity of the operator.
+#: Events that restart the idle timeout.
 _ACTIVITY = (QEvent.Type.KeyPress, QEvent.Type.MouseButtonPress, QEvent.Type.TouchBegin)
 
-#: Width for a name next to the sign-out button, px.
-_WIDTH = 28 * theme.GRID
+#: Minimum width of the field with the sign-out button, px.
+_MIN_WIDTH = 28 * theme.GRID
 
 
 class BadgeField(QWidget):
-    """Shows the operator; with a `SignInSection`, a badge is required to sign in, until sign-out or an idle timeout.
+    """Shows the operator and, with a `SignInSection`, requires a badge to sign in.
 
-    `entered()` : Enter in the field of a station without sign-in; `signed_in()`, `signed_out()` : the operator has
-    changed; `refused(error)` : a badge was not accepted.
+    An operator is signed out by the button or after an idle timeout. Signals: `entered()` on Enter in the field while
+    no badge is required; `signed_in()` and `signed_out()`; `refused(error)` if a badge is not accepted.
     """
 
     entered = Signal()
@@ -51,37 +51,37 @@ class BadgeField(QWidget):
 
     @property
     def section(self) -> SignInSection | None:
-        """How operators of the station sign in; None if badges are not required."""
+        """Settings of the sign-in at the station; None if no badges are required."""
         return self._section
 
     @property
     def required(self) -> bool:
-        """Whether an operator has to sign in before a run."""
+        """Whether an operator must sign in before a run."""
         return self._section is not None and not self._badge
 
     @property
     def operator(self) -> str | None:
-        """The operator for a request: the badge, or the entered name, or by default the user of the computer."""
+        """The operator for a request: the badge or, without sign-in, the entered name or the user of the computer."""
         if self._section is not None:
             return self._badge or None
         return self.edit.text().strip() or computer_user()
 
     @property
     def name(self) -> str | None:
-        """The operator for a record: the name of the signed-in operator, otherwise as `operator`."""
+        """The operator for a record: the name of the signed-in operator or, without sign-in, `operator`."""
         return self.operator if self._section is None else self.edit.text() if self._badge else None
 
     def set_section(self, section: SignInSection | None) -> None:
-        """Use the sign-in of a station; if it differs from the current one, the operator is signed out."""
+        """Set the sign-in settings; the operator is signed out if they differ from the current ones."""
         if section != self._section:
             self._section = section
-            self.setMinimumWidth(0 if section is None else _WIDTH)
+            self.setMinimumWidth(0 if section is None else _MIN_WIDTH)
             self.edit.clear()
             self.sign_out()
             self.edit.setPlaceholderText(self._placeholder())
 
     def sign_in(self, badge: str) -> None:
-        """Sign in the operator with a badge, replacing the previous one."""
+        """Sign in the operator with a badge in place of the previous operator."""
         if self._section is None:
             return
         try:
@@ -109,13 +109,13 @@ class BadgeField(QWidget):
         self.signed_out.emit()
 
     def lock(self, why: str) -> None:
-        """Lock the field for the given reason; "" unlocks it. A locked field does not sign out an idle operator."""
+        """Lock the field for the given reason; "" unlocks it. An idle operator is not signed out while it is locked."""
         for widget in (self.edit, self.sign_out_button):
             enable(widget, why)
         self._locked = bool(why)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Measure idleness from the latest key, click or touch."""
+        """Restart the idle timeout on a key press, click or touch."""
         if event.type() in _ACTIVITY:
             self._idle.start()
         return super().eventFilter(watched, event)

@@ -1,4 +1,4 @@
-"""One line with the counts of the shift: completed, passed and failed units, yield, and mean time per unit."""
+"""Line with the counts of the shift: completed, passed and failed units, yield, and mean time per unit."""
 
 from datetime import datetime
 
@@ -11,12 +11,12 @@ from calstation.gui.widgets import show_text
 from calstation.results import ShiftCount, count_shift, shift_start
 from calstation.runs import RunSummary
 
-#: Time between two checks for a new shift, ms.
+#: Interval at which the start of a new shift is checked, ms.
 _CHECK_MS = 60_000
 
 
 class ShiftCounter(QLabel):
-    """Counts in a background job; hidden while the station is unusable."""
+    """Shows the counts of the shift, which a background job computes; hidden while the station is unusable."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
@@ -25,20 +25,20 @@ class ShiftCounter(QLabel):
         self._app = app
         self._summary: RunSummary | None = None
         self._since: datetime | None = None
-        self._count: ShiftCount | None = None  # not known yet
-        self._watch = app.job(self, count_shift, self._take)
+        self._count: ShiftCount | None = None  #: None until a job has counted.
+        self._watch = app.job(self, count_shift, self._counted)
         self._timer = QTimer(self, interval=_CHECK_MS)
         self._timer.timeout.connect(self._check_shift)
         on_language_change(self, self._show_count)
 
-    def plan(self, run_summary: RunSummary | None) -> None:
-        """Count for the station of the next run from now on."""
+    def set_next_run(self, run_summary: RunSummary | None) -> None:
+        """Count the units of the station of the next run."""
         self._summary = run_summary
         if self._timer.isActive():
             self.count()
 
     def count(self) -> None:
-        """Count again, now and whenever a shift begins."""
+        """Count now and, from then on, whenever a shift starts."""
         self._timer.start()
         summary, folder = self._summary, self._app.runs_folder
         since = None if summary is None else shift_start(summary.shift_starts)
@@ -54,7 +54,7 @@ class ShiftCounter(QLabel):
         if self._summary is not None and shift_start(self._summary.shift_starts) != self._since:
             self.count()
 
-    def _take(self, count: ShiftCount) -> None:
+    def _counted(self, count: ShiftCount) -> None:
         self._count = count
         self._show_count()
 

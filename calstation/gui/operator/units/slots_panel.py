@@ -3,7 +3,7 @@
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QLabel
 
-from calstation.gui.operator.units.tile import Tile, arrange, pass_clicks
+from calstation.gui.operator.units.tiles import Tile, arrange, pass_clicks
 from calstation.gui.state import Slot, Slots
 from calstation.gui.text import on_language_change, rendered, say
 from calstation.gui.widgets import PANEL, ElidedLabel, StateIcon, button, column, grid, label, row, show_text, theme
@@ -51,8 +51,7 @@ class _SlotTile(Tile):
         self.action.setVisible(bool(slot.serial) or following or slot.skipped)
         action = "operator.use" if slot.skipped else "operator.skip"
         self.action.setText(say("operator.clear" if slot.serial else action))
-        self.setAccessibleName(", ".join((slot.name, slot.serial, note) if slot.serial else (slot.name, note)))
-        self.setToolTip(self.accessibleName())
+        self.describe(slot.name, slot.serial, note)
 
     def _act(self) -> None:
         if self.slot.serial:

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QFrame
 
 from calstation.gui.operator import advice
 from calstation.gui.operator.units.banner import Banner
-from calstation.gui.operator.units.tile import COLUMNS, Tile, arrange, pass_clicks
+from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange, pass_clicks
 from calstation.gui.state import RunStatus, UnitStatus, run_badge
 from calstation.gui.text import fault_text, say
 from calstation.gui.widgets import PANEL, ElidedLabel, StateBadge, column, grid, label, row, theme

@@ -1,7 +1,8 @@
-"""Button that issues the calibration certificate of a result, or opens an existing one."""
+"""Buttons that print the label of a unit, and that issue or open its calibration certificate."""
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QUrl
@@ -9,28 +10,67 @@ from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QPushButton
 
 from calstation.config import Person, computer_user
+from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, PeoplePanel
 from calstation.gui.text import Words, bind, language, say
 from calstation.gui.widgets import Choice, NoticeBar
 from calstation.messages import Text
 from calstation.records import IssuedReport
-from calstation.reports import IssueState, issue_certificate, issue_state
+from calstation.reports import IssueState, issue_certificate, issue_state, label_template, print_label
 from calstation.results import Result
 
 
-class CertificateButton(QPushButton):
-    """Visible for a result with parameters; the notice bar shows the certificate or why there is none.
-
-    An issued certificate is opened; the notice then offers a revision. The owner lays out `panel`, which asks for the
-    reason of a revision, and for two people if the product requires them. `then` is called after the notice has been
-    closed.
-    """
+class _DocumentButton(QPushButton):
+    """Button that creates a document of a result; `then` is called after the notice about it has been closed."""
 
     def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__()
         self.setObjectName(name)
         self._app, self._notice, self._then = app, notice, then
         self._result_file: Path | None = None
+        self.hide()
+
+    def _open(self, pdf: Path) -> None:
+        QDesktopServices.openUrl(QUrl.fromLocalFile(str(pdf)))
+
+
+class LabelButton(_DocumentButton):
+    """Prints the label of a unit; visible if the unit has passed and its product has a label."""
+
+    def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
+        super().__init__(app, name, notice, then)
+        self._watch = app.job(self, print_label, self._printed)
+        notice.report_failures(self._watch, "operator.label_not_printed", then)
+        self._watch.busy_changed.connect(lambda: self.setEnabled(not self._watch.busy))
+        self.clicked.connect(lambda: self._watch.start(self._result_file, self._app.station_path))
+        bind(self, "operator.print_label")
+
+    def offer(self, result: Result | None, result_file: Path | None) -> None:
+        """Show the button if there is a label for the result."""
+        self._result_file = result_file
+        try:
+            template = None if result is None or result_file is None else label_template(result)
+        except CalstationError:  # the operator page reports an unreadable product
+            template = None
+        self.setVisible(template is not None)
+
+    def _printed(self, pdf: Path | None) -> None:
+        if pdf is None:
+            self._notice.ask("good", "operator.label_printed", "")
+        else:
+            self._open(pdf)
+            self._notice.inform("good", "operator.label_saved", lambda: str(pdf), self._then)
+        self._then()
+
+
+class CertificateButton(_DocumentButton):
+    """Issues the calibration certificate of a result with parameters, or opens it and offers a revision.
+
+    The caller lays out `panel`, which asks for the reason of a revision, and for two people if the product requires it.
+    """
+
+    def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
+        super().__init__(app, name, notice, then)
         self.panel = PeoplePanel(name)
         self._state_watch = app.job(self, issue_state, self._begin)
         self.watch = app.job(self, issue_certificate, self._issued)
@@ -40,10 +80,9 @@ class CertificateButton(QPushButton):
         self.watch.progress.connect(lambda *_: self._show_busy())
         self.clicked.connect(self._ask)
         bind(self, self._text)
-        self.hide()
 
     def offer(self, result: Result | None, result_file: Path | None) -> None:
-        """Offer the certificate of a result."""
+        """Show the button if the result has parameters."""
         if result_file != self._result_file:
             self.panel.hide()
         self._result_file = result_file
@@ -64,6 +103,7 @@ class CertificateButton(QPushButton):
         self._state_watch.start(self._result_file, self._app.station_path, language.current())
 
     def _begin(self, state: IssueState) -> None:
+        """Issue the certificate, or show the one that has been issued."""
         if state.last is None and state.required.second:
             self._ask_people("operator.ask_certificate", state)
         elif state.last is None or (state.pdf is None and not state.changed):
@@ -75,18 +115,13 @@ class CertificateButton(QPushButton):
         if state.pdf is not None:
             self._open(state.pdf)
         why = Text.of("operator.why_revised", number=last.identification)
+        ask = partial(self._ask_people, why, state, reason=True)
+        revise = Choice("certificate_revise_button", "operator.issue_revision", ask)
         self._notice.ask(
             "none" if state.pdf is not None and not state.changed else "caution",
             Text.of("operator.certificate_issued_on", number=last.identification, date=last.issued),
             "operator.certificate_outdated" if state.changed else "",
-            (
-                Choice("certificate_close_button", "common.close", self._then),
-                Choice(
-                    "certificate_revise_button",
-                    "operator.issue_revision",
-                    lambda: self._ask_people(why, state, reason=True),
-                ),
-            ),
+            (Choice("certificate_close_button", "common.close", self._then), revise),
         )
 
     def _ask_people(self, title: Words, state: IssueState, *, reason: bool = False) -> None:
@@ -112,6 +147,3 @@ class CertificateButton(QPushButton):
                 Choice("certificate_open_button", "common.open", lambda: self._open(pdf), primary=True),
             ),
         )
-
-    def _open(self, pdf: Path) -> None:
-        QDesktopServices.openUrl(QUrl.fromLocalFile(str(pdf)))

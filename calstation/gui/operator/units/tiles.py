@@ -1,17 +1,73 @@
-"""The units of a run in progress: a tile for each with its state; a click selects the unit of the live plots."""
+"""Tiles for units, which have the same arrangement before, during and after a run, and those of a run in progress."""
 
+from collections.abc import Sequence
 from functools import partial
 
-from PySide6.QtWidgets import QWidget
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QPaintEvent
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QGridLayout,
+    QSizePolicy,
+    QStyle,
+    QStyleOption,
+    QStylePainter,
+    QWidget,
+)
 
-from calstation.gui.operator.units.tile import Tile, arrange, pass_clicks
 from calstation.gui.state import TRANSFER, RunStatus, UnitStatus
 from calstation.gui.text import KINDS, fault_text, on_language_change, say, term
-from calstation.gui.widgets import ElidedLabel, StateIcon, column, grid, label, row, theme
+from calstation.gui.widgets import ElidedLabel, StateIcon, clear, column, grid, label, row, theme
+
+#: Maximum number of tiles in a row.
+COLUMNS = 4
+
+
+class Tile(QAbstractButton):
+    """Button that contains widgets and fills its cell of the grid."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.setObjectName(name)
+        self.setProperty("kind", "tile")
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw the background and border of the style sheet."""
+        option = QStyleOption()
+        option.initFrom(self)
+        QStylePainter(self).drawPrimitive(QStyle.PrimitiveElement.PE_Widget, option)
+
+    def show_chosen(self, chosen: bool) -> None:
+        """Show whether the tile is the one of the next scan or of the displayed unit."""
+        kind = "tile_chosen" if chosen else "tile"
+        if self.property("kind") != kind:
+            theme.set_kind(self, kind)
+
+    def describe(self, *texts: str) -> None:
+        """Set the accessible name and the tooltip from texts, of which empty ones are omitted."""
+        self.setAccessibleName(", ".join(filter(None, texts)))
+        self.setToolTip(self.accessibleName())
+
+
+def pass_clicks(*widgets: QWidget) -> None:
+    """Make clicks on widgets reach the tile that contains them."""
+    for widget in widgets:
+        widget.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+
+
+def arrange(layout: QGridLayout, tiles: Sequence[QWidget]) -> None:
+    """Put tiles into a grid in order, in place of the current ones."""
+    clear(layout)
+    for index in range(COLUMNS):
+        layout.setColumnStretch(index, index < len(tiles))
+    for index, tile in enumerate(tiles):
+        layout.addWidget(tile, index // COLUMNS, index % COLUMNS)
 
 
 class _UnitTile(Tile):
-    """A unit: its slot and serial number above its state."""
+    """Tile with the slot and serial number of a unit above its state."""
 
     def __init__(self, unit: UnitStatus) -> None:
         super().__init__(f"unit_{unit.slot}_tile")
@@ -32,12 +88,11 @@ class _UnitTile(Tile):
         self._icon.set_kind(kind)
         self._text.setText(text)
         self.show_chosen(chosen)
-        self.setAccessibleName(", ".join((self.unit.slot, self.unit.serial, text)))
-        self.setToolTip(self.accessibleName())
+        self.describe(self.unit.slot, self.unit.serial, text)
 
 
 class UnitTiles(QWidget):
-    """The tiles of all units in the order of their slots."""
+    """Tiles with the states of the units of a run in progress; a click selects the unit that is displayed in detail."""
 
     def __init__(self, run: RunStatus) -> None:
         super().__init__()
@@ -61,19 +116,19 @@ class UnitTiles(QWidget):
             tile.show_state(*self._state(tile.unit), chosen=tile.unit is self._run.unit)
 
     def _state(self, unit: UnitStatus) -> tuple[str, str]:
-        """Return the kind of a unit's state, and a few words that describe it."""
+        """Return the badge shape and a short text of the state of a unit."""
         run = self._run
         if unit.fault is not None:
             return "caution", f"{term('badge', 'fault')}: {fault_text(unit.fault).text}"
         if unit.verdict is not None:
-            shown = run.display_state_of(unit)
-            return KINDS.get(shown, "none"), term("badge", shown)
+            state = run.display_state_of(unit)
+            return KINDS.get(state, "none"), term("badge", state)
         if run.state == "stopping":
             return KINDS[run.state], term("badge", run.state)
         if unit.keeps_registers:
             return "bad", say("operator.outside_limits")
         bad = next((stage for stage in unit.stages if stage.state == "bad"), None)
-        stage, share = unit.stage, run.sigma_ratio(unit)
+        stage, ratio = unit.stage, run.sigma_ratio(unit)
         text = ""
         if bad is not None:
             text = f"{term('stage', bad.name)}: {term('stage_state', 'bad')}"
@@ -81,9 +136,9 @@ class UnitTiles(QWidget):
             text = f"{term('stage', stage.name)}: {term('stage_state', 'solving')}"
         elif stage is not None and stage.name == TRANSFER:
             text = term("stage", stage.name)
-        elif share is not None:
-            text = say("operator.sigma_share", share=f"{share:.2g}" if share < 10.0 else f"{share:.0f}")
-            if share <= 1.0:
+        elif ratio is not None:
+            text = say("operator.sigma_share", share=f"{ratio:.2g}" if ratio < 10.0 else f"{ratio:.0f}")
+            if ratio <= 1.0:
                 text = say("operator.sigma_reached", sigma=text)
         elif stage is not None:
             text = term("stage", stage.name)
