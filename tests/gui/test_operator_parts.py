@@ -106,7 +106,7 @@ def test_traces_keep_the_latest_rows_in_order(qtbot: QtBot) -> None:
     qtbot.addWidget(traces)
     for start in range(0, 20_000, 500):
         times = tuple(float(time) for time in range(start, start + 500))
-        traces.take(Trace(times, (0.0,) * (6 * len(times))))
+        traces.add(Trace(times, (0.0,) * (6 * len(times))))
         newest = np.arange(start + 500 - len(traces.rows), start + 500)
         assert np.array_equal(traces.rows[:, 0], newest)
     assert len(traces.rows) == 16_384
@@ -131,7 +131,7 @@ def test_zoomed_trace_stays_while_data_arrive_until_a_double_click(qtbot: QtBot)
     traces.show()
     qtbot.waitExposed(traces)
     traces.start()
-    traces.take(Trace((0.0, 30.0), (0.0,) * 12))
+    traces.add(Trace((0.0, 30.0), (0.0,) * 12))
     traces.stop()
     plot = traces._gyro.plot
     box, whole = plot.getViewBox(), np.array(plot.getViewBox().viewRange())
@@ -140,7 +140,7 @@ def test_zoomed_trace_stays_while_data_arrive_until_a_double_click(qtbot: QtBot)
         zoomed = np.array(box.viewRange())
         assert np.ptp(zoomed[0]) < 0.9 * np.ptp(whole[0])
         assert traces.hold_button.isChecked()
-        traces.take(Trace((traces.rows[-1, 0] + 1.0,), (0.0,) * 6))
+        traces.add(Trace((traces.rows[-1, 0] + 1.0,), (0.0,) * 6))
         traces.stop()
         np.testing.assert_array_equal(box.viewRange(), zoomed)
         undo()
@@ -172,7 +172,7 @@ def test_convergence_plot_marks_reached_targets_and_thins_its_lines(qtbot: QtBot
     qtbot.addWidget(plot)
     plot.start({"gyro_bias": 1e-7})
     for k in range(20_000):
-        plot.take(float(k), {"gyro_bias": 1e-4 / (k + 1), "accel_bias": 1.0})
+        plot.add(float(k), {"gyro_bias": 1e-4 / (k + 1), "accel_bias": 1.0})
         if k == 900:
             assert not plot.lines["gyro_bias"].reached
     assert plot.lines["gyro_bias"].reached
@@ -182,5 +182,5 @@ def test_convergence_plot_marks_reached_targets_and_thins_its_lines(qtbot: QtBot
 
 def test_alarm_of_a_control_chart_is_a_remark_of_the_unit() -> None:
     unit, values = UnitStatus("SN-000042"), {"quantities": ["orthogonality"]}
-    unit.take(Message("table_moved", values))
+    unit.handle_event(Message("table_moved", values))
     assert unit.remarks == [("table_moved", values)]

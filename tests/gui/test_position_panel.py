@@ -35,7 +35,7 @@ def panel(qtbot: QtBot, planned: RunSummary) -> Iterator[PositionPanel]:
     made = PositionPanel()
     qtbot.addWidget(made)
     made.resize(1000, 520)
-    made.plan(planned)
+    made.set_run(planned)
     made.show()
     yield made
     language.use("en")
@@ -87,7 +87,7 @@ def painted(image: QImage, colour: str) -> int:
 def test_every_state_has_a_text_in_both_languages(
     panel: PositionPanel, qtbot: QtBot, state: str, word: str, chinese: str
 ) -> None:
-    panel.take(guided(state))
+    panel.show_position(guided(state))
     assert panel.badge.text() == word
     assert panel.count_label.text() == "position 4 of 38"
     language.use("zh_CN")
@@ -98,17 +98,17 @@ def test_every_state_has_a_text_in_both_languages(
 def test_every_state_has_a_distinct_shape(panel: PositionPanel) -> None:
     shapes = set()
     for state in ("waiting", "moving", "still", "enough", "repeat"):
-        panel.take(guided(state))
+        panel.show_position(guided(state))
         shapes.add(panel.badge._icon._kind)
     assert len(shapes) == 5
 
 
 def test_instruction_states_the_rail_to_rotate_and_the_waiting_time(panel: PositionPanel) -> None:
-    panel.take(guided("enough"))
+    panel.show_position(guided("enough"))
     assert panel.task_label.text() == "Turn the inner rail to about 180°."
-    panel.take(guided("still", rest=4.2))
+    panel.show_position(guided("still", rest=4.2))
     assert panel.task_label.text() == "Hands off. 3 s left."
-    panel.take(guided("repeat"))
+    panel.show_position(guided("repeat"))
     assert panel.task_label.text() == "Hands off for 7 s."
 
 
@@ -116,7 +116,7 @@ def test_rails_are_rotated_one_at_a_time(panel: PositionPanel) -> None:
     def take(outer: float) -> str:
         event = guided("moving", 2)
         up = tuple(map(float, axis_rotation(X, outer)[2]))
-        panel.take(PositionGuided(**{**event.__dict__, "outer": SIXTY, "up": up}))
+        panel.show_position(PositionGuided(**{**event.__dict__, "outer": SIXTY, "up": up}))
         return panel.task_label.text()
 
     assert take(0.0) == "Turn the outer rail to about 60°."
@@ -127,52 +127,52 @@ def test_progress_ring_fills_during_a_rest(panel: PositionPanel) -> None:
     accent, good = theme.colours().accent, theme.colours().good
     ring = []
     for rest in (0.0, 3.5, 7.0):
-        panel.take(guided("still", rest=rest))
+        panel.show_position(guided("still", rest=rest))
         ring.append(painted(picture(panel), accent))
     assert ring[0] < ring[1] < ring[2]
     assert ring[2] - ring[1] == pytest.approx(ring[1] - ring[0], rel=0.1)
     assert painted(picture(panel), good) == 0
-    panel.take(guided("enough"))
+    panel.show_position(guided("enough"))
     assert painted(picture(panel), good) > ring[2] - ring[0] - 500
 
 
 def test_drawn_attitude_follows_gravity(panel: PositionPanel) -> None:
-    panel.take(guided("enough", 2))
+    panel.show_position(guided("enough", 2))
     for share in np.linspace(0.0, 1.0, 7):
         event = guided("moving", 2)
         up = axis_rotation(Y, share * SIXTY)[2]
-        panel.take(PositionGuided(**{**event.__dict__, "up": tuple(map(float, up))}))
+        panel.show_position(PositionGuided(**{**event.__dict__, "up": tuple(map(float, up))}))
     attitude = panel.picture._attitude
     assert attitude @ up == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
     assert attitude == pytest.approx(axis_rotation(Y, SIXTY), abs=1e-9)
 
 
 def test_no_instruction_is_shown_between_last_position_and_verification(panel: PositionPanel) -> None:
-    panel.take(guided("enough", suffices=True))
+    panel.show_position(guided("enough", suffices=True))
     panel.finish_stage()
     assert panel.badge.text() == "All positions done"
     assert "Leave the unit alone" in panel.task_label.text()
     assert not panel.finish_button.isVisible()
-    panel.take(guided("enough", 2, stage=""))
+    panel.show_position(guided("enough", 2, stage=""))
     assert panel.task_label.text() == "Turn the inner rail to about 60°."
 
 
 def test_upside_down_unit_is_drawn(panel: PositionPanel) -> None:
     event = guided("moving", 2)
-    panel.take(PositionGuided(**{**event.__dict__, "up": (0.0, 0.0, -1.0)}))
+    panel.show_position(PositionGuided(**{**event.__dict__, "up": (0.0, 0.0, -1.0)}))
     assert panel.picture._attitude[2] == pytest.approx([0.0, 0.0, -1.0])
     assert not picture(panel).isNull()
 
 
 def test_stage_can_be_finished_after_enough_positions(panel: PositionPanel, qtbot: QtBot) -> None:
-    panel.take(guided("moving"))
+    panel.show_position(guided("moving"))
     assert not panel.finish_button.isEnabled()
     assert "not sufficient" in panel.finish_button.toolTip()
-    panel.take(guided("moving", suffices=True))
+    panel.show_position(guided("moving", suffices=True))
     with qtbot.waitSignal(panel.finish_requested):
         panel.finish_button.click()
     assert not panel.finish_button.isEnabled()
-    panel.take(guided("moving", 2, stage=""))
+    panel.show_position(guided("moving", 2, stage=""))
     assert not panel.finish_button.isVisible()
     assert panel.count_label.text() == "check 2 of 38"
 
@@ -182,7 +182,7 @@ def test_operator_page_shows_the_guide_on_a_manual_rig(
 ) -> None:
     page = window.findChild(OperatorPage)
     assert page is not None
-    page._loading.plan(planned)
+    page._loading.set_next_run(planned)
     assert page._loading.rails.isVisibleTo(page._loading)
     assert "operator are simulated" in operator.says()
     run, link = window.app.run, window.app.engine_link
@@ -190,7 +190,7 @@ def test_operator_page_shows_the_guide_on_a_manual_rig(
     sent: list[Command] = []
     monkeypatch.setattr(link, "send", sent.append)
     run.run_summary = planned
-    page._live.position.plan(planned)
+    page._live.position.set_run(planned)
     link.event.emit(StateChanged("preparing", "idle"))
     operator.until(lambda: any(shown.isVisible() for shown in window.findChildren(Preparation)))
     assert "Homing" not in operator.says()

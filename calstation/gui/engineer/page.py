@@ -120,7 +120,7 @@ class EngineerPage(Page):
         except CalstationError as error:
             self._problem = error
         options = self._options
-        self._slots.plan(virtual=options is not None and options.virtual)
+        self._slots.set_virtual(options is not None and options.virtual)
         self._tabs.setTabVisible(self._views.indexOf(self._slots), options is not None and bool(options.slots))
         self.design.offer(options)
         self.choice.setEnabled(options is not None and bool(options.offered))

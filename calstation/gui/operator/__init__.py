@@ -1,4 +1,4 @@
-"""The operator page: loading, scan, START, live view and verdict; the run status is in `gui.shell`."""
+"""The operator page: loading, scan, START, live view and verdict; the run status is in `calstation.gui.state`."""
 
 from calstation.gui.operator import advice
 from calstation.gui.operator.page import OperatorPage

@@ -1,4 +1,4 @@
-"""Interpretation of a result for an operator: reason, next action, and the values beyond or nearest to their limits."""
+"""Explanation of a result for operators: the reason, the next action, and the values beyond or near their limits."""
 
 import math
 from collections.abc import Sequence
@@ -20,13 +20,13 @@ from calstation.messages import local_time
 from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
 from calstation.results import Parameter, Result
 
-#: Maximum number of figures that fit below the verdict on a small screen, without and with a long reason above them.
+#: Maximum number of figures below the verdict on a small screen, without and with a long reason above them.
 _MAX_FIGURES, _MAX_BELOW_REASON = 9, 7
 
 
 @dataclass(frozen=True)
 class Figure:
-    """The value of a parameter, or of a check of the product, with its limit."""
+    """Value of a parameter or of a product check, with its limit."""
 
     name: str
     value: str
@@ -35,31 +35,28 @@ class Figure:
     unit: str
     passed: bool
     near: bool = False
-    by_sigma: bool = False  #: The sigma is nearest to its limit, and `limit` is the sigma limit.
+    by_sigma: bool = False  #: Whether the sigma decides, and `limit` is its limit.
 
 
 def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str:
-    """Return the reason for the outcome of a run, or for ``partial``.
-
-    `stopped` is the catalogue entry for a stopped run.
-    """
+    """Return the reason for an outcome or verdict; `stopped` is the term of ``advice`` for a stopped run."""
     checks = [] if result is None else result.checks
     if outcome in ("passed", "partial"):
-        inside = say(f"advice.{outcome}", stages=[] if result is None else result.stages)
-        return " ".join(filter(None, (inside, _near(checks))))
+        passed = say(f"advice.{outcome}", stages=[] if result is None else result.stages)
+        return " ".join(filter(None, (passed, _near(checks))))
     if outcome != "failed":
         return say(f"advice.{stopped}" if outcome == "stopped" else "advice.incomplete")
     failed = [check for check in checks if not check.passed]
     if not failed or result is None:
         return say("advice.no_stage")
     tests = [check for check in failed if check.diagnosis is not None]
-    first = failed_check_text(tests[0] if tests else max(failed, key=_share), result)
+    first = failed_check_text(tests[0] if tests else max(failed, key=_ratio), result)
     first = first[0].upper() + first[1:]
     return first if len(failed) == 1 else f"{first} {say('advice.more_failed', count=len(failed) - 1)}"
 
 
 def override_notes(result: Result | None) -> list[str]:
-    """Return who released a failed unit, and why a run was allowed despite a failed or overdue check standard."""
+    """Return notes on an overridden check standard and on the release of a failed unit."""
     notes = []
     if result is not None and result.standard_override is not None:
         notes.append(say("advice.standard_override", why=result.standard_override))
@@ -71,12 +68,12 @@ def override_notes(result: Result | None) -> list[str]:
 
 
 def next_action(outcome: str, result: Result | None) -> str:
-    """Return the next action for the unit."""
+    """Return the next action for the unit, as a sentence."""
     return say(f"advice.{_action(outcome, result)}")
 
 
 def brief_reason(outcome: str, result: Result | None) -> str:
-    """Return `reason` in a few words: the worst failing check, or the value that is nearest to its limit."""
+    """Return the worst failed check of a failed unit, or the value of a passed unit that is nearest to its limit."""
     if outcome in ("passed", "partial"):
         return "" if result is None else _near(result.checks)
     if outcome != "failed" or result is None:
@@ -90,12 +87,12 @@ def brief_reason(outcome: str, result: Result | None) -> str:
 
 
 def brief_action(outcome: str, result: Result | None) -> str:
-    """Return `next_action` in a few words."""
+    """Return the next action for the unit, in a few words."""
     return term("advice_brief", _action(outcome, result))
 
 
 def _action(outcome: str, result: Result | None) -> str:
-    """Return the catalogue entry of the next action for the unit."""
+    """Return the catalogue term of the next action for the unit."""
     if outcome == "failed" and result is not None and result.missing_state is not None:
         return "ask_engineer"
     advised = None if result is None else result.advice
@@ -111,41 +108,41 @@ def _action(outcome: str, result: Result | None) -> str:
 
 
 def figures(result: Result) -> list[Figure]:
-    """Return every failing parameter and other check, the furthest beyond its limit first; then the passing ones.
+    """Return the failing parameters and checks, in descending order of value over limit, then the passing ones.
 
-    A run that was not completed is not judged. Among passing parameters, only the one nearest to its limit is returned
-    per group; near misses come first if there are too many.
+    Of the passing parameters of a group, only the one nearest to its limit is returned; near misses take precedence if
+    there are too many figures. An incomplete run has no failing figures.
     """
     judged = result.verdict.judged
     failing: list[tuple[float, Figure]] = []
-    found: dict[str, tuple[float, Figure]] = {}
+    passing: dict[str, tuple[float, Figure]] = {}
     checks = {(check.kind, check.subject): check for check in result.checks}
     for name, row in result.parameters.items():
         if name not in INDEX:
             continue
         within, below = checks.get(("within", name)), checks.get(("sigma_below", name))
-        share = max(_share(within), _share(below))
+        ratio = max(_ratio(within), _ratio(below))
         group = PARAMETERS[INDEX[name]].group
         if any(check is not None and not check.passed for check in (within, below)):
             if judged:
-                failing.append((share, _figure(name, row, within, below)))
-        elif (within or below) and share >= found.get(group, (-1.0, None))[0]:
-            found[group] = (share, _figure(name, row, within, below))
-    parameters = [found[group][1] for group in GROUPS if group in found]
+                failing.append((ratio, _figure(name, row, within, below)))
+        elif (within or below) and ratio >= passing.get(group, (-1.0, None))[0]:
+            passing[group] = (ratio, _figure(name, row, within, below))
+    parameters = [passing[group][1] for group in GROUPS if group in passing]
     rows = list(parameters)
     for check in result.checks:
         if of_parameter(check) or not (of_product(check) if check.passed else judged):
             continue
-        shown = check_text(check)
-        figure = Figure(check_name(check), shown.value, "", shown.limit, shown.unit, check.passed, check.near_miss)
+        text = check_text(check)
+        figure = Figure(check_name(check), text.value, "", text.limit, text.unit, check.passed, check.near_miss)
         if check.passed:
             rows.append(figure)
         else:
-            failing.append((_share(check), figure))
-    most = _MAX_BELOW_REASON if failing else _MAX_FIGURES
-    failed = [figure for _, figure in sorted(failing, key=lambda each: -each[0])][:most]
+            failing.append((_ratio(check), figure))
+    maximum = _MAX_BELOW_REASON if failing else _MAX_FIGURES
+    failed = [figure for _, figure in sorted(failing, key=lambda each: -each[0])][:maximum]
     order = sorted(range(len(rows)), key=lambda k: (not rows[k].near, k >= len(parameters)))
-    return failed + [rows[k] for k in sorted(order[: most - len(failed)])]
+    return failed + [rows[k] for k in sorted(order[: maximum - len(failed)])]
 
 
 def failed_check_text(check: Check, result: Result) -> str:
@@ -169,17 +166,17 @@ def failed_check_text(check: Check, result: Result) -> str:
 
 
 def _near(checks: Sequence[Check]) -> str:
-    """Return the near miss that is nearest to its limit, and the number of other ones; "" if there is none."""
+    """Return the near miss that is nearest to its limit, and the number of others; "" if there is none."""
     near = [check for check in checks if check.near_miss]
     if not near:
         return ""
-    nearest = max(near, key=_share)
+    nearest = max(near, key=_ratio)
     name = parameter_text(nearest.subject) if of_parameter(nearest) else check_name(nearest)
     return say("advice.near", names=name if len(near) == 1 else f"{name}, +{len(near) - 1}")
 
 
-def _share(check: Check | None) -> float:
-    """Return the checked value as a fraction of its limit, 1 at the limit."""
+def _ratio(check: Check | None) -> float:
+    """Return the ratio of the value of a check to its limit; 0 without a value."""
     if check is None or math.isnan(check.value):
         return 0.0
     limit = check.compared_with
@@ -190,8 +187,9 @@ def _share(check: Check | None) -> float:
 
 
 def _figure(name: str, row: Parameter, within: Check | None, below: Check | None) -> Figure:
+    """Return the figure of a parameter from the checks of its value and its sigma."""
     (value, unit), (sigma, _) = display(name, row.value), display(name, row.sigma)
-    by_sigma = _share(below) > _share(within)
+    by_sigma = _ratio(below) > _ratio(within)
     limit = "" if within is None else check_text(within).limit
     if by_sigma and below is not None:
         limit = f"σ {check_text(below).limit}"

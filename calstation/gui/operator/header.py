@@ -1,4 +1,4 @@
-"""Header of the operator page, in the strip next to STOP: operator, serial number, product, START and Pause."""
+"""Header of the operator page, in the strip next to STOP, with operator, serial number, product, START and Pause."""
 
 from pathlib import Path
 
@@ -17,10 +17,10 @@ _COMMAND = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier
 
 
 class RunHeader(QWidget):
-    """The fields and buttons, whose actions are implemented by the page.
+    """Fields and buttons for a run.
 
-    `serial_entered()` : Enter in the serial field, also sent by scanners; `serial_edited()` : the serial number has
-    been edited; `enter_refused()` : Enter on START was ignored; `product_chosen(path)` : the user has chosen a product.
+    Signals: `serial_entered()` on Enter in the serial field, which scanners send, too; `serial_edited()`;
+    `start_pressed()` and `pause_pressed()`; `enter_refused()` when Enter on START is ignored; `product_chosen(path)`.
     """
 
     serial_entered = Signal()
@@ -30,20 +30,20 @@ class RunHeader(QWidget):
     pause_pressed = Signal()
     product_chosen = Signal(object)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.badge_field, self.serial_edit, self.product_combo = BadgeField(), QLineEdit(), QComboBox()
         self.operator_edit = self.badge_field.edit
         self.start_button = button("start_button", pressed=self.start_pressed, kind="primary")
         self.pause_button = button("pause_button", pressed=self.pause_pressed)
-        self.pause_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the keys of a scan must not pause a run
+        self.pause_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # keeps the keys of a scan away from the button
         self._serial_caption = label()
         self._serial_note = ""
         self._symbol = StateIcon(_SYMBOL)
         self._symbol.setObjectName("serial_symbol")
         self._symbol.hide()
         self._partial = False
-        self._fields = row(
+        row(
             (self.badge_field, 2),
             (_field(self.serial_edit, "serial_edit", self._serial_caption), 4),
             (_field(self.product_combo, "product_combo", label("common.product")), 3),
@@ -71,35 +71,35 @@ class RunHeader(QWidget):
 
     @property
     def serial(self) -> str:
-        """The entered serial number, without surrounding spaces."""
+        """The entered serial number without surrounding spaces."""
         return self.serial_edit.text().strip()
 
     @property
     def product(self) -> Path | None:
-        """The file of the selected product, or None."""
+        """The file of the selected product; None without one."""
         name = self.product_combo.currentData()
         return None if name is None else Path(name)
 
     def set_products(self, products: list[tuple[str, Path]], chosen: Path | None) -> None:
-        """Offer products by name and file, and select one."""
+        """List products, each with its name and file, and select `chosen`."""
         self.product_combo.clear()
         for name, path in products:
             self.product_combo.addItem(name, str(path))
         self.show_product(chosen)
 
     def show_product(self, path: Path | None) -> None:
-        """Select a product in the list if it is offered."""
+        """Select a product if it is in the list."""
         index = self.product_combo.findData(str(path))
         if index >= 0:
             self.product_combo.setCurrentIndex(index)
 
     def set_serial(self, text: str) -> None:
-        """Fill in a serial number."""
+        """Replace the serial number."""
         self.serial_edit.setText(text)
         self.note_serial("")
 
     def focus_scan(self) -> None:
-        """Focus the field for the next scan and select its text: the serial number, unless a badge is required."""
+        """Focus the field for the next scan, the badge field if a badge is required, and select its text."""
         field = self._scan_field
         field.setFocus()
         field.selectAll()
@@ -109,7 +109,7 @@ class RunHeader(QWidget):
         return self.operator_edit if self.badge_field.required else self.serial_edit
 
     def note_serial(self, note: str, *, accepted: bool | None = None) -> None:
-        """Show a note next to the caption of the serial number, and a tick or a cross after a scan."""
+        """Show a note in the caption of the serial number and, after a scan, a tick or a cross."""
         self._serial_note = note
         theme.set_kind(self._serial_caption, "error" if accepted is False else "")
         self._symbol.set_kind("good" if accepted else "bad")
@@ -127,7 +127,7 @@ class RunHeader(QWidget):
         enable(self.start_button, why_not, say("operator.start_tip"))
 
     def show_partial(self, *, partial: bool) -> None:
-        """Mark on START whether the next run is partial."""
+        """Show on START whether the next run is partial."""
         if partial != self._partial:
             self._partial = partial
             theme.set_kind(self.start_button, "partial" if partial else "primary")
@@ -144,9 +144,9 @@ class RunHeader(QWidget):
         combo.view().installEventFilter(self)
 
     def take_key(self, event: QKeyEvent) -> bool:
-        """Enter a character that no field has handled into the field for the next scan, as the scan's first character.
+        """Enter the character of a key, the first one of a scan, into the field for the next scan, and return True.
 
-        Return False for other keys, while the page is hidden, and while a run is in progress.
+        Return False for other keys, while the page is hidden, and during a run.
         """
         text = event.text()
         if not text.strip() or not text.isprintable() or event.modifiers() & _COMMAND:
@@ -165,7 +165,7 @@ class RunHeader(QWidget):
         return True
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Pass characters from lists and START to the serial field, and ignore Enter on START."""
+        """Pass characters from lists and START to the field for the next scan, and ignore Enter on START."""
         if isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress:
             if watched is self.start_button and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
                 self.enter_refused.emit()

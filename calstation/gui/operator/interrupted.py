@@ -1,4 +1,4 @@
-"""Offers to resume or close interrupted runs."""
+"""Offers to resume interrupted runs or to close them."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -24,7 +24,7 @@ from calstation.runs import (
 
 
 class InterruptedRuns(QObject):
-    """Finds interrupted runs and asks what to do with them; `resume` starts the continuation of one."""
+    """Finds interrupted runs and asks whether to resume or close them; `resume` is called to resume a run."""
 
     def __init__(
         self, app: AppContext, header: RunHeader, notice: NoticeBar, resume: Callable[[Resumable], None]
@@ -33,9 +33,10 @@ class InterruptedRuns(QObject):
         self._app, self._header, self._notice, self._resume = app, header, notice, resume
         #: Summary of the next run; None if station and product are unusable.
         self.run_summary: RunSummary | None = None
-        self._wanted: Path | None = None
+        #: Unit and log of the run that is offered; None for any.
         self._serial: str | None = None
-        self._search = app.job(self, find_resumable, self._found, failed=self._search_failed)
+        self._log: Path | None = None
+        self._search = app.job(self, find_resumable, self._search_done, failed=self._search_failed)
         self._closing = app.job(self, close_incomplete_job)
         self._recovery = app.job(
             self, recover_startup, lambda done: self._show_delivery(done.delivery), failed=self._recovery_failed
@@ -44,41 +45,41 @@ class InterruptedRuns(QObject):
         app.resume_run.connect(lambda log: self.offer(log=log))
 
     def recover(self) -> None:
-        """Close aborted runs, hand over pending results, then offer runs to resume; called when the window opens."""
+        """Close aborted runs, deliver pending results, and offer to resume interrupted runs."""
         if self._app.runs_folder.is_dir():
             self._recovery.start(self._app.runs_folder, self._app.station_path)
         self.offer()
 
     def _recovery_failed(self, error: CalstationError) -> None:
-        if self.run_summary is not None:  # otherwise the page shows the problem with station and product
+        if self.run_summary is not None:  # otherwise the page shows the error in station or product
             self._notice.report("operator.earlier_not_closed", error, self.offer)
 
     def _show_delivery(self, delivery: Delivery) -> None:
-        """Show why results could not be handed over."""
+        """Show why results could not be delivered."""
         if delivery.waiting and not self._notice.asking:
             values = {"count": delivery.waiting, "folder": str(delivery.folder), "reason": delivery.reason}
             self._notice.ask("caution", Text("event.handover_waiting", values), "")
 
     def offer(self, serial: str | None = None, log: Path | None = None) -> None:
-        """Offer runs that can be resumed, or only runs of the unit `serial` or the run of `log` if given."""
-        self._serial, self._wanted = serial, log
+        """Offer to resume interrupted runs, only those of the unit `serial` or the one of `log` if given."""
+        self._serial, self._log = serial, log
         if self._app.runs_folder.is_dir():
             self._search.start(self._app.runs_folder)
 
-    def _found(self, found: list[Resumable]) -> None:
+    def _search_done(self, runs: list[Resumable]) -> None:
         if self._app.engine_link.running or self.run_summary is None:
             return
         if self.run_summary.slots:
-            if self._wanted is not None:
+            if self._log is not None:
                 ask(self._notice, "caution", Text.of("question.not_resumed_in_slots"), {})
             return
-        if self._wanted is None:
-            self._offer([run for run in found if self._serial in (None, run.serial)])
+        if self._log is None:
+            self._offer([run for run in runs if self._serial in (None, run.serial)])
             return
-        chosen = [run for run in found if run.log.name == self._wanted.name]
+        chosen = [run for run in runs if run.log.name == self._log.name]
         if chosen:
             self._notice.dismiss()
-            self._offer(chosen)  # it was selected on another page, so someone may be at the fixture
+            self._offer(chosen)  # a question about the run selected on another page replaces any other
         else:
             ask(self._notice, "caution", Text.of("question.nothing_to_resume"), {})
 
@@ -86,6 +87,7 @@ class InterruptedRuns(QObject):
         ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
 
     def _offer(self, runs: list[Resumable]) -> None:
+        """Ask whether to resume or close the first run, and after it about the others."""
         if not runs or self._notice.asking:
             return
         run, others = runs[0], runs[1:]
@@ -100,6 +102,5 @@ class InterruptedRuns(QObject):
         if self._app.badge_required:
             ask(self._notice, "caution", Text("station.badge_missing"), {})
             return
-        operator = self._app.operator or computer_user()
-        self._closing.start(run.log, operator)
+        self._closing.start(run.log, self._app.operator or computer_user())
         self._offer(others)

@@ -1,4 +1,4 @@
-"""Instructions for loading a unit, in four steps next to a picture of product or table; shown before a run."""
+"""Instructions for loading a unit in four steps, next to a picture of the product or the table."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from calstation.runs import RunSummary
 
 
 class FixturePicture(QWidget):
-    """Shows an SVG, PNG or JPEG file as large as possible, on a white background in both themes."""
+    """Picture from an SVG, PNG or JPEG file, as large as possible, on a white background in both themes."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -24,7 +24,7 @@ class FixturePicture(QWidget):
         self._drawing, self._photo = QSvgRenderer(), QPixmap()
 
     def show_file(self, path: Path | None) -> None:
-        """Show a file, or hide the picture if there is none."""
+        """Show a file; None hides the picture."""
         self._path = path
         if path is not None and path.suffix == ".svg":
             self._drawing.load(str(path))
@@ -54,10 +54,10 @@ class FixturePicture(QWidget):
 
 
 class Loading(QFrame):
-    """Loading instructions, shown while no run is in progress and there is no verdict."""
+    """Loading instructions, displayed before a run."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.setProperty("kind", "panel")
         self._situation = "driven"
         self.picture, self.rails, self.fixture = TablePicture(), PositionPicture(), FixturePicture()
@@ -84,7 +84,7 @@ class Loading(QFrame):
         )
         on_language_change(self, self._refresh)
 
-    def plan(self, run_summary: RunSummary | None) -> None:
+    def set_next_run(self, run_summary: RunSummary | None) -> None:
         """Show how to load a unit for the next run."""
         self._situation = "driven"
         by_hand = run_summary is not None and run_summary.by_hand

@@ -48,7 +48,7 @@ from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import Command
 
-#: What is wrong with a station whose rig does not suit the product, by the code of the error.
+#: Description of a station that is incompatible with the product, by the code of the error.
 _WRONG_RIGS = {
     "product.needs_manual_table": "window.driven_station",
     "plan.needs_gimbal": "window.not_gimbal_station",
@@ -57,13 +57,13 @@ _WRONG_RIGS = {
 
 
 class OperatorPage(Page):
-    """Page with everything an operator needs and without settings that an operator must not change."""
+    """Page with which an operator calibrates units; it contains no settings that an operator must not change."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("operator_page")
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)  # during a run the keys of a scan must not reach a button
-        #: Whether the field is for the next unit, although the engine of the last run may still be ending.
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)  # keeps the keys of a scan during a run away from buttons
+        #: Whether the serial field is for the next unit; the engine of the last run may still be running.
         self._next_awaited = True
         self._problem: Text | None = None
         self._opened = False
@@ -76,7 +76,7 @@ class OperatorPage(Page):
         self._claimed = ClaimNotice(app)
         self._starting = RunStarter(app, self.header, self.notice)
         self._slots, self._verdicts = SlotsPanel(self._starting.slots), VerdictGrid(app.run)
-        #: Whether the verdict of one of several units is shown.
+        #: Whether the verdict on one of several units is displayed.
         self._unit_opened = False
         self._views = stack(self._loading, self._slots, self._live, self._verdicts, self._verdict)
         self._progress = progress_bar(theme.GRID, "run_progress")
@@ -92,12 +92,11 @@ class OperatorPage(Page):
         column((PageArea(content), 1), self._progress, foot, on=self, margins=page_margins)
         self._connect()
         self._read_products()
-        on_language_change(self, self._show_names)
-        on_language_change(self, self._refresh)
-        on_language_change(self, self._show_serial)
+        for show in (self._show_names, self._refresh, self._show_serial):
+            on_language_change(self, show)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Prepare for a scan; when first shown, offer to resume interrupted runs."""
+        """Prepare for a scan and, at the first time, offer to resume interrupted runs."""
         super().showEvent(event)
         self._update_products()
         if not self._opened:
@@ -115,7 +114,8 @@ class OperatorPage(Page):
     def _connect(self) -> None:
         header, app = self.header, self.app
         header.pause_pressed.connect(self._pause)
-        header.product_chosen.connect(self._choose_product)
+        header.product_chosen.connect(app.set_product)
+        header.product_chosen.connect(header.focus_scan)
         header.enter_refused.connect(lambda: self._message.setText(say("operator.enter_refused")))
         for changed in (header.badge_field.signed_in, header.badge_field.signed_out):
             changed.connect(self._operator_changed)
@@ -127,7 +127,7 @@ class OperatorPage(Page):
         self._slots.clicked.connect(self._starting.edited)
         self._slots.clicked.connect(header.focus_scan)
         self._starting.slots.changed.connect(self._refresh)
-        app.engine_link.event.connect(self._live.take)
+        app.engine_link.event.connect(self._live.show_event)
         app.engine_link.running_changed.connect(self._running_changed)
         app.run.changed.connect(self._refresh)
         app.run.stop_pressed.connect(self._stop_pressed)
@@ -145,16 +145,12 @@ class OperatorPage(Page):
         self.app.operator_changed.emit()
         self._refresh()
 
-    def _choose_product(self, path: Path) -> None:
-        self.app.set_product(path)
-        self.header.focus_scan()
-
     def _change_station(self) -> None:
         self._clear_verdict()
         self._read_products()
 
     def _clear_verdict(self) -> None:
-        """Remove a verdict that does not apply to the next unit."""
+        """Remove the verdict before a change of the station or product."""
         if self.app.run.ended and not self.app.engine_link.running:
             self.app.run.acknowledge()
 
@@ -165,7 +161,7 @@ class OperatorPage(Page):
         self._plan()
 
     def _update_products(self) -> None:
-        """Read the products again if files were added or removed."""
+        """Read the products again if files have been added or removed."""
         if self.app.engine_link.running or self._products == offered_products():
             return
         before = self.app.product_path
@@ -179,7 +175,7 @@ class OperatorPage(Page):
         chosen = self.app.product_path
         if chosen not in paths:
             last = str(self.app.settings.value("product", DEFAULT_PRODUCT)) if chosen is None else chosen.stem
-            chosen = next((path for _, path in self._products if path.stem == last), paths[0] if paths else None)
+            chosen = next((path for path in paths if path.stem == last), paths[0] if paths else None)
         self.header.set_products(self._products, chosen)
         self.app.product_path = self.header.product
         self._plan()
@@ -194,46 +190,48 @@ class OperatorPage(Page):
     def _plan(self) -> None:
         """Read station and product again; if they are unusable, show the reason and disable START."""
         app = self.app
-        self._starting.dialog.drop()  # it referred to the previous station and product
+        self._starting.dialog.drop()  # an open question refers to the previous station and product
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
-        planned, choices = self._summarise()
+        summary, choices = self._summarise()
         app.run.set_runnable(self._problem is None)
-        self._starting.plan(planned)
-        self._stages.plan(planned)
-        self._loading.plan(planned)
-        self._slots.plan(virtual=planned is not None and planned.virtual)
-        self._shift.set_next_run(planned)
-        if planned is not None:
-            self.header.badge_field.set_section(planned.sign_in)
+        self._starting.set_next_run(summary)
+        self._stages.set_next_run(summary)
+        self._loading.set_next_run(summary)
+        self._slots.set_virtual(summary is not None and summary.virtual)
+        self._shift.set_next_run(summary)
+        if summary is not None:
+            self.header.badge_field.set_section(summary.sign_in)
         if self._problem is not None:
             open_station = partial(app.page_requested.emit, "station_page")
             ask(self.notice, "caution", self._problem, {"station": open_station}, others=choices)
         else:
             self.notice.dismiss()
-            if app.stages is not None and planned is not None:
-                selected = "selected_stages" if planned.omitted else "selected_schedule"
+            if app.stages is not None and summary is not None:
+                selected = "selected_stages" if summary.omitted else "selected_schedule"
                 question = Text.of(f"question.{selected}", stages=app.stages)
                 ask(self.notice, "caution", question, {"whole": lambda: app.choose(None, None)})
         self._refresh()
 
     def _summarise(self) -> tuple[RunSummary | None, list[Choice]]:
-        """Return the next run, or None and a selection of compatible products; set `_problem` accordingly."""
+        """Return the summary of the next run, or None and choices of compatible products; set `_problem`."""
         app = self.app
         self._problem = None
         try:
             request = RunRequest("-", app.station_path, app.product_path, app.stages, schedule=app.schedule)
             return run_summary(request), []
         except ManualRigError as error:
-            found = compatible_products(app.station_path, app.product_path)
-            shown = {path: name for name, path in self._products}
-            names = ", ".join(f"“{shown[path]}”" for _, path in found)
+            compatible = compatible_products(app.station_path, app.product_path)
+            display_names = {path: name for name, path in self._products}
+            names = ", ".join(f"“{display_names[path]}”" for _, path in compatible)
             why = Text(_WRONG_RIGS.get(error.code, "window.manual_station"))
-            products = Text.of("window.compatible_products" if found else "window.no_compatible_product", names=names)
+            products = Text.of(
+                "window.compatible_products" if compatible else "window.no_compatible_product", names=names
+            )
             self._problem = Text.of("question.wrong_table", why=why, products=products)
             choices = []
-            for name, path in found[:2]:  # the notice lists all of them
-                words = Text.of("window.choose_product", name=shown[path])
+            for name, path in compatible[:2]:  # the notice lists all of them
+                words = Text.of("window.choose_product", name=display_names[path])
                 choices.append(Choice(f"product_choice_{name}", words, partial(app.set_product, path)))
             return None, choices
         except CalstationError as error:
@@ -272,26 +270,26 @@ class OperatorPage(Page):
             self.setFocus()
             self._live.start()
             self._refresh()
-        else:
-            self.closing.dismiss()
-            self._live.stop()
-            self._refresh()
-            self._shift.count()
-            if not self._next_awaited:
-                self._await_next()
-            elif self.app.run.state == "idle":
-                self._starting.check()  # the next unit was scanned while the engine was ending
-            self._ask_transfer()
+            return
+        self.closing.dismiss()
+        self._live.stop()
+        self._refresh()
+        self._shift.count()
+        if not self._next_awaited:
+            self._await_next()
+        elif self.app.run.state == "idle":
+            self._starting.check()  # the next unit was scanned before the engine ended
+        self._ask_transfer()
 
     def _show_serial(self) -> None:
-        """Show the serial number of the unit, or the number of units, during a run."""
+        """Show the serial number of the unit, or the number of units, of the run in progress."""
         run, request = self.app.run, self.app.engine_link.request
         if run.in_progress and request is not None and not run.register_operation:
             count = say("operator.unit_count", count=len(run.units))
             self.header.set_serial(count if request.serials else request.serial)
 
     def _await_next(self) -> None:
-        """Clear the serial number of the unit that was calibrated; the field is for the next unit."""
+        """Clear the serial number of the calibrated unit for that of the next unit."""
         run = self.app.run
         self._next_awaited = True
         if not run.register_operation:
@@ -304,7 +302,7 @@ class OperatorPage(Page):
             self._starting.offer_same_units() if run.in_slots else self._starting.interrupted.offer(run.unit.serial)
 
     def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
-        """Ask before closing during a run; offer to close immediately only after a safe stop has been requested."""
+        """Ask whether to stop the run and close; after the stop has been requested, offer to close immediately."""
 
         def stop() -> None:
             stop_and_close()
@@ -325,8 +323,8 @@ class OperatorPage(Page):
         if judged and busy and not self._next_awaited:
             self._await_next()
         header.set_running("" if busy and self._next_awaited else why_busy)
-        planned = self._starting.run_summary
-        header.show_partial(partial=planned is not None and bool(planned.omitted))
+        summary = self._starting.run_summary
+        header.show_partial(partial=summary is not None and bool(summary.omitted))
         if self._problem is not None:
             header.set_start(rendered(self._problem).remedy)
         else:
@@ -334,11 +332,9 @@ class OperatorPage(Page):
             missing = say("operator.no_unit") if slots and not slots.units and not header.serial else ""
             missing = say("operator.sign_in") if header.badge_field.required else missing
             header.set_start(say("operator.fault_open") if run.fault is not None else why_busy or missing)
+        why_no_pause = f"no_pause.{run.display_state if run.in_progress else 'idle'}"
         pausable = run.display_state in ("running", "paused")
-        header.set_pause(
-            run.state in ("pausing", "paused"),
-            "" if pausable else say(f"no_pause.{run.display_state if run.in_progress else 'idle'}"),
-        )
+        header.set_pause(run.state in ("pausing", "paused"), "" if pausable else say(why_no_pause))
         self._badge.show_state(*run_badge(run))
         self._progress.setValue(round(STEPS * run.fraction) if run.state != "idle" else 0)
         self._live.refresh()
@@ -348,7 +344,7 @@ class OperatorPage(Page):
         self._message.setText(self._message_text())
 
     def _choose_view(self) -> None:
-        """Show the loading view or slots, the live view, or the verdicts; verdicts of several units hide the stages."""
+        """Show the view for the state of the run; the verdicts on several units hide the list of stages."""
         run = self.app.run
         if run.state == "idle":
             self._views.setCurrentWidget(self._slots if self._starting.slots else self._loading)
@@ -360,13 +356,13 @@ class OperatorPage(Page):
         else:
             self._verdict.show_end()
             self._views.setCurrentWidget(self._verdict)
-        shown, size = self._views.currentWidget(), QSizePolicy.Policy
-        self._stages.setVisible(shown is not self._verdicts)
-        # the slots, with a notice above them, need less height than the live view
-        self._live.setSizePolicy(size.Preferred, size.Ignored if shown is self._slots else size.Preferred)
+        view, size = self._views.currentWidget(), QSizePolicy.Policy
+        self._stages.setVisible(view is not self._verdicts)
+        # leaves room for a notice above the slots, which need less height than the live view
+        self._live.setSizePolicy(size.Preferred, size.Ignored if view is self._slots else size.Preferred)
 
     def _open_unit(self, *, opened: bool) -> None:
-        """Show the verdict of the selected unit, or the verdicts of all units."""
+        """Show the verdict on the selected unit, or those on all units."""
         self._unit_opened = opened
         self._choose_view()
         if opened:
@@ -375,10 +371,10 @@ class OperatorPage(Page):
         else:
             if self.app.run.unit.transfer is not None:
                 self.notice.dismiss()
-            self._verdicts.focus_shown()
+            self._verdicts.focus_unit()
 
     def _ask_transfer(self) -> None:
-        """Ask about the interrupted transfer of the displayed unit, once the engine has ended."""
+        """Ask about the interrupted transfer of the displayed unit after the engine has ended."""
         unit, request = self.app.run.unit, self.app.engine_link.request
         open_and_ended = self._unit_opened and self.app.run.ended and not self.app.engine_link.running
         if open_and_ended and unit.transfer is not None and request is not None:
@@ -401,7 +397,7 @@ class OperatorPage(Page):
             return self._verdicts.next_action() if run.in_slots else self._verdict.next_action()
         if run.latest is None:
             return ""
-        what, key, values = run.latest
-        if key == "carry" and run.stage is not None:  # only the guide gives instructions
+        kind, key, values = run.latest
+        if key == "carry" and run.stage is not None:  # the position panel gives the instruction
             return term("stage", run.stage.name)
-        return say(event_text(key, values)) if what == "message" else step_sentence(key, values)
+        return say(event_text(key, values)) if kind == "message" else step_sentence(key, values)

@@ -1,9 +1,9 @@
-"""The stages of a run as a list: number, name, state, progress and time left."""
+"""List of the stages of a run with their states, progress and times."""
 
 from typing import cast
 
 from PySide6.QtCore import QSize, Qt
-from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListWidget, QListWidgetItem, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListWidget, QListWidgetItem
 
 from calstation.gui.state import EndStageButton, RunStatus, StageState, stage_rows
 from calstation.gui.text import duration_text, on_language_change, say, term
@@ -24,7 +24,7 @@ _KINDS = {
 
 
 class _Row(QFrame):
-    """Row of a stage: icon and name on the left, state and time on the right, a progress bar below while it runs."""
+    """Row of a stage: icon and name on the left, state and time on the right, and a progress bar while it runs."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -37,7 +37,7 @@ class _Row(QFrame):
         column((line, 1), self._bar, on=self, spacing=0)
 
     def show_stage(self, kind: str, name: str, state: str, time: str, fraction: float) -> None:
-        """Show the kind of a stage's state, its name, the texts of its state and time, and the fraction done."""
+        """Show the badge shape of a stage, its name, its state and time, and its completed fraction."""
         active = kind == "active"
         if self.property("kind") != ("current" if active else ""):
             theme.set_kind(self, "current" if active else "")
@@ -51,10 +51,10 @@ class _Row(QFrame):
 
 
 class StageList(QFrame):
-    """The list of stages, with the total time left below it."""
+    """The list of stages, with the remaining time below it."""
 
-    def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, run: RunStatus) -> None:
+        super().__init__()
         self.setProperty("kind", "panel")
         self._run = run
         self._next_run: RunSummary | None = None
@@ -66,21 +66,22 @@ class StageList(QFrame):
         self.list.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.list.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
         self.list.setVerticalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
-        self._left = QLabel()
-        self._left.setFont(theme.font(theme.SECTION))
-        self._left.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 0)
+        self._remaining, self._note = QLabel(), label(kind="muted", wrap=True)
+        self._remaining.setFont(theme.font(theme.SECTION))
+        self._remaining.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 0)
         self._partial = label(kind="partial", name="partial_label", wrap=True)
-        self._partial.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
-        self._note = label(kind="muted", wrap=True)
-        self._note.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
-        end_stage = EndStageButton(run, "end_stage_button", self._operator_ends_stages)
+        for each in (self._partial, self._note):
+            each.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
+        end_stage = EndStageButton(
+            run,
+            "end_stage_button",
+            lambda: run.run_summary is not None and run.run_summary.operator_ends_stages,
+        )
         column(
             title,
             (self.list, 1),
             row(None, end_stage, None),
-            self._left,
-            self._partial,
-            self._note,
+            *(self._remaining, self._partial, self._note),
             on=self,
             spacing=0,
             margins=(1, 1, 1, theme.GRID),
@@ -88,17 +89,13 @@ class StageList(QFrame):
         run.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
 
-    def _operator_ends_stages(self) -> bool:
-        summary = self._run.run_summary
-        return summary is not None and summary.operator_ends_stages
-
-    def plan(self, run_summary: RunSummary | None) -> None:
-        """Set the next run, which is shown while no run is in progress."""
+    def set_next_run(self, run_summary: RunSummary | None) -> None:
+        """Set the next run, whose stages are displayed while no run is in progress."""
         self._next_run = run_summary
         self.refresh()
 
     def refresh(self) -> None:
-        """Show the current run, or the next one if no run is in progress."""
+        """Show the stages of the current run or, if there is none, of the next run."""
         planning = self._run.state == "idle"
         stages = self._run.stages
         if planning:
@@ -112,19 +109,20 @@ class StageList(QFrame):
             self.list.setItemWidget(item, _Row())
         for number, stage in enumerate(stages):
             self._fill(self.list.item(number), f"{number + 1}  {term('stage', stage.name)}", stage, planning)
-        self._show_left(stages, planning)
+        self._show_totals(stages, planning)
 
     def _fill(self, item: QListWidgetItem, name: str, stage: StageState, planning: bool) -> None:
         kind = _KINDS[stage.state]
         if kind == "active" and self._run.state in ("pausing", "paused"):
             kind = "paused"
-        state, left = _state_text(stage), self._time_text(stage, planning)
-        cast("_Row", self.list.itemWidget(item)).show_stage(kind, name, state, left, stage.fraction)
-        spoken = ", ".join(part for part in (name, state, left) if part)
-        item.setData(Qt.ItemDataRole.AccessibleTextRole, spoken)
-        item.setToolTip(spoken)
+        state, time = _state_text(stage), self._time_text(stage, planning)
+        cast("_Row", self.list.itemWidget(item)).show_stage(kind, name, state, time, stage.fraction)
+        text = ", ".join(filter(None, (name, state, time)))
+        item.setData(Qt.ItemDataRole.AccessibleTextRole, text)
+        item.setToolTip(text)
 
     def _time_text(self, stage: StageState, planning: bool) -> str:
+        """Return the time from the start of a stage to its solution, or its remaining time."""
         if stage.elapsed is not None:
             return duration_text(stage.elapsed)
         if stage.state not in ("waiting", "active"):
@@ -134,20 +132,21 @@ class StageList(QFrame):
         pace = 1.0 if planning else self._run.pace
         return "" if pace is None else duration_text(self._run.stage_remaining(stage) / pace)
 
-    def _show_left(self, stages: list[StageState], planning: bool) -> None:
-        left = note = ""
+    def _show_totals(self, stages: list[StageState], planning: bool) -> None:
+        """Show the total or remaining time, and the stages that a partial run omits."""
+        time = note = ""
         if planning and stages:
             total = duration_text(sum(stage.duration for stage in stages))
-            left = say("operator.time_in_all", time=total)
+            time = say("operator.time_in_all", time=total)
             if self._next_run is not None and self._next_run.virtual:
                 note = say("operator.table_times")
         elif (remaining := self._run.remaining) is not None:
-            left = say("common.time_left", time=duration_text(remaining))
+            time = say("common.time_left", time=duration_text(remaining))
         summary = self._next_run if planning else self._run.run_summary
         omitted = () if summary is None else summary.omitted
         partial = say("operator.partial_without", stages=omitted) if omitted else ""
-        for shown, text in ((self._left, left), (self._partial, partial), (self._note, note)):
-            show_text(shown, text)
+        for widget, text in ((self._remaining, time), (self._partial, partial), (self._note, note)):
+            show_text(widget, text)
 
 
 def _state_text(stage: StageState) -> str:

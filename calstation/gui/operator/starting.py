@@ -1,4 +1,4 @@
-"""Start of runs on the operator page: serial numbers, slots and interrupted runs."""
+"""Start of runs on the operator page, from a scan or an interrupted run to the start of the engine."""
 
 import re
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from calstation.results import History
 from calstation.runs import Resumable, RunSummary, product_of, resumable_run
 from calstation.sound import play
 
-#: Notes next to the field, by the reason why a scan was refused.
+#: Notes next to the serial field, by the reason why a scan is refused.
 _NOTES = {
     "question.invalid_serial": "operator.not_valid",
     "question.missing_serial": "operator.not_valid",
@@ -31,18 +31,18 @@ _NOTES = {
 
 
 class RunStarter(QObject):
-    """Performs all steps from a scan, or from the offer of an interrupted run, to the questions before a start."""
+    """Checks scanned serial numbers, fills the slots, and asks the questions before a start."""
 
     def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar) -> None:
         super().__init__(header)
         self._app, self._header, self._notice = app, header, notice
-        #: Asks the questions before a start.
+        #: Dialog with the questions before a start.
         self.dialog = StartDialog(app, notice, "override", header.focus_scan)
         #: Summary of the next run; None if station and product are unusable.
         self.run_summary: RunSummary | None = None
         #: Units of the next run at a station with several slots.
         self.slots = app.slots
-        #: Serial number last suggested by the virtual bench.
+        #: Serial number that the virtual bench suggested last.
         self._suggested = ""
         self.interrupted = InterruptedRuns(app, header, notice, self._resume)
         header.serial_entered.connect(self.scan)
@@ -53,18 +53,17 @@ class RunStarter(QObject):
         self.slots.changed.connect(self._note_next)
         on_language_change(header, self._note_next)
 
-    def plan(self, run_summary: RunSummary | None) -> None:
-        """Set the next run."""
+    def set_next_run(self, run_summary: RunSummary | None) -> None:
+        """Set the summary of the next run."""
         self.run_summary = self.interrupted.run_summary = run_summary
         if run_summary is not None:
             self.slots.set_names(run_summary.slots)
         self.suggest()
 
     def suggest(self) -> None:
-        """Fill an empty field or empty slots with serial numbers that have not passed yet; only on the virtual bench.
+        """On the virtual bench, fill the empty field or slots with serial numbers of units that have not passed yet.
 
-        Earlier suggestions are replaced, or removed on hardware. While a verdict is shown, the next run has other
-        units.
+        Earlier suggestions are removed. While verdicts are displayed, other units are suggested.
         """
         header, run, slots = self._header, self._app.run, self.slots
         if self._suggested and header.serial == self._suggested:
@@ -85,13 +84,13 @@ class RunStarter(QObject):
         self._note_next()
 
     def clear_units(self) -> None:
-        """Remove the units of the last run and suggest the next ones."""
+        """Remove the units of the last run, and suggest units for the next one."""
         self._header.set_serial("")
         self.slots.remove_units()
         self.suggest()
 
     def offer_same_units(self) -> None:
-        """Offer to calibrate the unfinished units after a run of several units that was not completed."""
+        """Offer to calibrate the unfinished units after an incomplete run of several units."""
         serials = {unit.slot: unit.serial for unit in self._app.run.units if unit.unfinished}
         if not serials:
             return
@@ -109,10 +108,10 @@ class RunStarter(QObject):
         ask(self._notice, "paused", question, {"same_units": fill, "cancel": self._header.focus_scan})
 
     def scan(self) -> None:
-        """Check the entered serial number; if its run was interrupted, offer to resume it.
+        """Check the entered serial number; if the run of its unit was interrupted, offer to resume it.
 
-        A badge scanned into the field signs in the operator: a badge in the station's list, or any text that has the
-        form of a badge but not of a serial number.
+        A badge signs in the operator instead: a badge in the list of the station, or a text that has the form of a
+        badge but not of a serial number.
         """
         header, badge = self._header, self._header.serial
         sign_in = header.badge_field.section
@@ -128,7 +127,7 @@ class RunStarter(QObject):
             self.start()
 
     def _signed_in(self) -> None:
-        """Continue with the serial number, or with runs that can be resumed."""
+        """Continue with the serial number or with interrupted runs."""
         self._signal(accepted=True)
         if not self._notice.asking:
             self._notice.dismiss()
@@ -141,7 +140,7 @@ class RunStarter(QObject):
         self._header.focus_scan()
 
     def _signal(self, *, accepted: bool) -> None:
-        """Play the sound of an accepted or a refused scan, unless this computer is muted."""
+        """Play the sound of an accepted or a refused scan, unless sounds are switched off."""
         if self._app.settings.value("sounds", True, type=bool):
             play("accepted" if accepted else "refused")
 
@@ -149,16 +148,16 @@ class RunStarter(QObject):
         return self.run_summary is not None and re.fullmatch(self.run_summary.serial_pattern, serial) is not None
 
     def edited(self) -> None:
-        """Remove a notice or a question about units that were edited in the field or in the slots."""
+        """Remove a notice or question about units after the field or the slots have been edited."""
         self._note_next()
         if self.run_summary is not None and not self._app.run.in_progress:
             self._notice.dismiss()
 
     def check(self) -> bool:
-        """Check the serial number; if it is valid, move the focus to START, which must be pressed separately.
+        """Return whether the serial number is valid; if so, move the focus to START, which must be pressed separately.
 
-        At a station with several slots, put the unit into its slot; the focus moves on when all slots have one, or
-        when Enter has been pressed without a serial number.
+        At a station with several slots, put the unit into the next slot; the focus moves to START when all slots are
+        full, or on Enter without a serial number.
         """
         header, slots = self._header, self.slots
         if self.run_summary is None:
@@ -193,14 +192,14 @@ class RunStarter(QObject):
         return True
 
     def _await_start(self) -> None:
-        """Move the focus to START, or to a missing badge."""
+        """Move the focus to START or, if a badge is required, to the badge field."""
         if self._header.badge_field.required:
             self._header.focus_scan()
         else:
             self._header.start_button.setFocus()
 
     def start(self) -> None:
-        """Check the serial number, ask the necessary questions, then start the run."""
+        """Check the serial number, ask the questions before a start, then start the run."""
         if self._app.engine_link.running or not self.check():
             return
         app, units = self._app, self.slots.units or (self._header.serial,)
@@ -209,7 +208,7 @@ class RunStarter(QObject):
         )
 
     def ask_transfer(self, request: RunRequest, serial: str) -> None:
-        """Ask whether to restore old registers or to finish an interrupted transfer, then calibrate the unit alone."""
+        """Ask whether to undo or finish an interrupted transfer, then start a run of only this unit."""
         slots = tuple(each if each == serial else "" for each in request.serials)
         request = replace(request, serial=serial, serials=slots, batch=None)
         manual = self.run_summary is None or self.run_summary.by_hand
@@ -236,7 +235,7 @@ class RunStarter(QObject):
         return History(self._app.runs_folder).attempts(serial)
 
     def _note_next(self, *, accepted: bool | None = None) -> None:
-        """Show the slot of the next scan and, while a verdict is shown, that the field is for the next unit."""
+        """Show next to the serial field for which unit or slot the next scan is."""
         judged = self._app.run.ended or self._app.run.fault is not None
         note, following = (say("operator.next_unit") if judged else ""), self.slots.marked
         if self.slots and not judged and not self._app.run.in_progress:
@@ -248,12 +247,12 @@ class RunStarter(QObject):
 
 
 def suggested_serial(run_summary: RunSummary, unsuitable: Callable[[str], bool]) -> str:
-    """Return the next serial number of the virtual bench for which `unsuitable` is False; "" for hardware.
+    """Return the next serial number of the virtual bench for which `unsuitable` returns False; "" for hardware.
 
-    "" also if that number does not have the product's form, unless the station file gives it.
+    A number that does not match the product's pattern is suggested only if it is in the station file.
     """
     if run_summary.bench is None:
         return ""
     serial = virtual_serials(run_summary.bench, run_summary.slots, unsuitable)[0]
-    stated = "serial" in run_summary.bench and not run_summary.slots
-    return serial if stated or re.fullmatch(run_summary.serial_pattern, serial) else ""
+    in_file = "serial" in run_summary.bench and not run_summary.slots
+    return serial if in_file or re.fullmatch(run_summary.serial_pattern, serial) else ""

@@ -1,7 +1,8 @@
-"""The verdict of a run: a large banner, the reason, the next action, and the decisive values."""
+"""The verdict on a unit: a large banner, the reason, the next action, and the decisive values."""
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
@@ -23,9 +24,9 @@ from calstation.sequencer import Fault, Finalized
 
 
 class FiguresTable(QWidget):
-    """Table with one row per parameter group and per check of the product, with the decisive number in bold.
+    """Table of the values of a result that are nearest to or beyond their limits, with the decisive number in bold.
 
-    With `wrap`, long names take several lines, for a narrow space.
+    `size` is the font size, px; long names are wrapped if `wrap` is True.
     """
 
     def __init__(self, size: int = theme.BODY, *, wrap: bool = False) -> None:
@@ -34,7 +35,7 @@ class FiguresTable(QWidget):
         self._grid = grid(self, across=2 * theme.GRID, down=theme.GRID // 4, stretch=1 if wrap else None)
 
     def show_result(self, result: Result | None) -> None:
-        """Show the figures of a result; None clears the table."""
+        """Show the values of a result; None clears the table."""
         clear(self._grid)
         figures = [] if result is None else advice.figures(result)
         if not figures:
@@ -48,31 +49,30 @@ class FiguresTable(QWidget):
                 for at, text in enumerate((title, *(columns if passing is None else ())), start=1):
                     heading = label(kind="muted")
                     heading.setText(text)
-                    self._place(heading, number, at)
+                    self._add_cell(heading, number, at)
                 number, passing = number + 1, figure.passed
             icon = StateIcon(self._size)
             icon.set_kind("bad" if not figure.passed else "caution" if figure.near else "good")
             self._grid.addWidget(icon, number, 0)
-            deciding = 3 if figure.by_sigma else 2
+            decisive = 3 if figure.by_sigma else 2
             for at, text in enumerate((figure.name, value, sigma, figure.limit, figure.unit), start=1):
                 cell = QLabel(text)
-                cell.setFont(theme.font(self._size, bold=at == deciding))
+                cell.setFont(theme.font(self._size, bold=at == decisive))
                 cell.setWordWrap(self._wrap and at == 1)
-                self._place(cell, number, at)
+                self._add_cell(cell, number, at)
             number += 1
 
-    def _place(self, cell: QLabel, row: int, column: int) -> None:
+    def _add_cell(self, cell: QLabel, row: int, column: int) -> None:
         side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
         cell.setAlignment(side | Qt.AlignmentFlag.AlignVCenter)
         self._grid.addWidget(cell, row, column)
 
 
 class VerdictPanel(QFrame):
-    """Replaces the plots when a run has ended, for the unit that is shown in detail.
+    """Shows the verdict on the displayed unit after a run.
 
-    `acknowledged()` : the operator has acknowledged the fault; `closed()` : return to the verdicts of all units.
-
-    `notice` shows whether a label was printed, and `then` is called afterwards.
+    `notice` reports on labels and certificates, and `then` is called after it has been closed. Signals:
+    `acknowledged()` when the operator acknowledges a fault; `closed()` to return to the verdicts on all units.
     """
 
     acknowledged = Signal()
@@ -90,32 +90,22 @@ class VerdictPanel(QFrame):
         self.reason_label, self.action_label, self._notes = label(wrap=True), label(wrap=True), label(wrap=True)
         self.reason_label.setFont(theme.font(theme.SECTION))
         self.action_label.setFont(theme.font(theme.SECTION, bold=True))
-        self.reset = ResetBar(app, self._table, "verdict_reset_button")
+        self.reset = ResetBar(app, self._table_request, "verdict_reset_button")
         self.details_button = button("details_button", "operator.details", self._show_details)
         self.acknowledge_button = button("acknowledge_button", "operator.understood", self.acknowledged, kind="primary")
         self.label_button = LabelButton(app, "label_button", notice, then)
         self.certificate_button = CertificateButton(app, "certificate_button", notice, then)
         self.close_button = button("all_units_button", "operator.all_units", self.closed, kind="primary")
-        self._station_button = button(
-            "verdict_station_button",
-            "operator.open_station_page",
-            lambda: app.page_requested.emit("station_page"),
+        open_station = partial(app.page_requested.emit, "station_page")
+        self._station_button = button("verdict_station_button", "operator.open_station_page", open_station)
+        buttons = row(
+            *(self.close_button, self.acknowledge_button, self.label_button, self.certificate_button),
+            *(self.details_button, self._station_button, None),
         )
-        beside = column(
-            *(self._facts, self._notes),
-            None,
-            row(
-                *(self.close_button, self.acknowledge_button),
-                self.label_button,
-                self.certificate_button,
-                self.details_button,
-                self._station_button,
-                None,
-            ),
-        )
+        beside = column(self._facts, self._notes, None, buttons)
         people, values = self.certificate_button.panel, QWidget()
         row(column(self._figures, None), (beside, 1), on=values, spacing=3 * theme.GRID)
-        # there is no room for both on a small screen
+        # a small screen does not have room for both
         people.open_changed.connect(lambda asking: values.setVisible(not asking))
         column(
             (self._banner, 2),
@@ -131,7 +121,7 @@ class VerdictPanel(QFrame):
 
     def show_end(self) -> None:
         """Show the outcome of the run."""
-        unit, fault = self._run.unit, self._present_fault
+        unit, fault = self._run.unit, self._current_fault
         if fault is not self._fault:
             self._fault = fault
             self.reset.clear()
@@ -145,35 +135,35 @@ class VerdictPanel(QFrame):
 
     def next_action(self) -> str:
         """Return the next action for the operator, in the current language."""
-        fault, result = self._present_fault, self._run.unit.result
+        fault, result = self._current_fault, self._run.unit.result
         if result is not None and result.released:
             return say("advice.released")
-        return advice.next_action(self._shown, result) if fault is None else fault_text(fault).remedy
+        return advice.next_action(self._display_state, result) if fault is None else fault_text(fault).remedy
 
     @property
-    def _present_fault(self) -> Fault | None:
+    def _current_fault(self) -> Fault | None:
         """Fault of the run or of the unit."""
         return self._run.fault or self._run.unit.fault
 
     @property
-    def _shown(self) -> str:
+    def _display_state(self) -> str:
         return self._run.display_state if self._run.fault is not None else self._run.display_state_of(self._run.unit)
 
     def _refresh(self) -> None:
-        run, unit, fault, shown = self._run, self._run.unit, self._present_fault, self._shown
+        run, unit, fault, state = self._run, self._run.unit, self._current_fault, self._display_state
         text = None if fault is None else fault_text(fault)
         result = unit.result
-        released = shown == "failed" and result is not None and result.released
+        released = state == "failed" and result is not None and result.released
         name = f"{unit.slot} · {unit.serial}" if unit.slot else unit.serial
         if run.in_slots and run.fault is not None:
             name = say("operator.unit_count", count=len(run.units))
-        self._banner.show_state("released" if released else shown, name)
+        self._banner.show_state("released" if released else state, name)
         self.acknowledge_button.setVisible(run.fault is not None)
         self.close_button.setVisible(run.in_slots and run.fault is None)
         self.details_button.setVisible(self._finalized is not None)
         misconfigured = fault is not None and known(fault.code) and entry(fault.code).source == "configuration"
         self._station_button.setVisible(misconfigured)
-        reason = advice.reason(shown, result, self._stopped_entry()) if text is None else text.text
+        reason = advice.reason(state, result, self._stopped_code()) if text is None else text.text
         self.reason_label.setText(reason)
         notes = dict.fromkeys(say(event_text(*remark)) for remark in unit.remarks)
         for each, content in (
@@ -186,19 +176,22 @@ class VerdictPanel(QFrame):
         self._figures.show_result(result if text is None else None)
 
     def _released(self, path: Path) -> None:
-        """Show that the unit was released, if it belongs to this run."""
+        """Show that the displayed unit has been released."""
         if self._finalized is not None and path.absolute() == Path(self._finalized.result_file).absolute():
             with suppress(InputError):
                 self._run.unit.result = load_result(path)
             self._refresh()
 
-    def _table(self) -> LinkTestRequest | None:
-        """Return the request for the table of the last run. Raises ConfigurationError if its file cannot be read."""
+    def _table_request(self) -> LinkTestRequest | None:
+        """Return the request for the table of the last run.
+
+        Raises ConfigurationError if the station file cannot be read.
+        """
         request = self._app.engine_link.request
         return None if request is None else LinkTestRequest(load_station(request.station)[1], request.product)
 
-    def _stopped_entry(self) -> str:
-        """Return the catalogue entry that describes the state left by a stopped run."""
+    def _stopped_code(self) -> str:
+        """Return the term of the family ``advice`` for the state of the table after a stopped run."""
         if not self._run.commanded:
             return "stopped_connecting"
         return "stopped_manual" if self._run.by_hand else "stopped"

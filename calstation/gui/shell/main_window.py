@@ -1,4 +1,4 @@
-"""The main window: top bar, pages, and STOP at the same position on every page."""
+"""The main window with its top bar, its pages, and STOP at the same position on every page."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 _STRIP_HEIGHT = theme.BIG_BUTTON + 2 * theme.GRID
 _ICON = QSize(24, 24)
 
-#: Usual and smallest size of the window, and the largest frame that any system adds, logical px.
-_USUAL, _SMALLEST, _FRAME = QSize(1366, 768), QSize(900, 400), QSize(16, 48)
+#: Default and minimum size of the window, and maximum size of its frame, logical px.
+_DEFAULT, _MINIMUM, _FRAME = QSize(1366, 768), QSize(900, 400), QSize(16, 48)
 
 
 def _lazy_page(package: str, page: str) -> Callable[[AppContext], Page]:
-    """Return a constructor that imports the package of a page when first used, which saves 0.2 s of the first paint."""
+    """Return a constructor that imports the package of a page when it is called, which saves 0.2 s at the start."""
     return lambda app: cast("Page", getattr(import_module(f"calstation.gui.{package}"), page)(app))
 
 
@@ -44,12 +44,12 @@ _PAGES: dict[str, Callable[[AppContext], Page]] = {
     "quality_page": _lazy_page("quality", "QualityPage"),
     "station_page": _lazy_page("settings", "StationPage"),
 }
-#: Time after which the Engineer page is created, ms; the window has been painted by then.
+#: Time from showing the window to the creation of the engineer page, ms; the window is painted before.
 _CREATION_DELAY_MS = 50
 
 
 class _Tab(QWidget):
-    """Container of a page and its header; creates the page below the strip when it is first needed."""
+    """Tab that creates its page below the strip when it is first used."""
 
     def __init__(self, app: AppContext, create: Callable[[AppContext], Page]) -> None:
         super().__init__()
@@ -68,7 +68,7 @@ class _Tab(QWidget):
         return page
 
     def may_leave(self, go: Callable[[], object]) -> bool:
-        """Return whether the page may be left, see `Page.may_leave`."""
+        """Return whether the page may be left; see `Page.may_leave`."""
         return self._page is None or self._page.may_leave(go)
 
     def setVisible(self, visible: bool) -> None:
@@ -79,13 +79,14 @@ class _Tab(QWidget):
 
 
 class MainWindow(QMainWindow):
-    """The main window with all pages, STOP, and the controls for language, theme and role."""
+    """The main window with its pages, STOP, and controls for language, theme and role."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
         self.app = app
         self._closing = False
-        self._shown = 0
+        #: Index of the current page.
+        self._current = 0
         self.setWindowTitle("calstation")
         self.setFont(theme.font())
         self.page_tabs = QTabWidget(self)
@@ -101,7 +102,7 @@ class MainWindow(QMainWindow):
         self.page_tabs.setCornerWidget(self._corner(), Qt.Corner.TopRightCorner)
         self._strip, self._headers = QWidget(self.page_tabs), QStackedWidget()
         self.stop_button = button("stop_button", "window.stop", app.run.stop, tip="window.stop_tip")
-        self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Esc stops, but the keys of a scan must not
+        self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Esc stops a run, and the keys of a scan must not
         self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
         row((self._headers, 1), self.stop_button, on=self._strip, spacing=2 * theme.GRID, margins=PANEL)
         self._tabs = {name: _Tab(app, make) for name, make in _PAGES.items()}
@@ -115,15 +116,15 @@ class MainWindow(QMainWindow):
         self._connect()
         for show in (self._show_language, self._show_role, self._show_station):
             on_language_change(self, show)
-        self.setMinimumSize(_SMALLEST)
-        self.resize(_USUAL)
+        self.setMinimumSize(_MINIMUM)
+        self.resize(_DEFAULT)
         geometry = app.settings.value("geometry")
         if isinstance(geometry, QByteArray):
             self.restoreGeometry(geometry)
         self._fit_screen()
 
     def _fit_screen(self) -> None:
-        """Maximise a window that is too large for its screen."""
+        """Maximise the window if it is larger than its screen."""
         room = self.screen().availableGeometry().size() - _FRAME
         if self.size() != self.size().boundedTo(room):
             self.resize(self.size().boundedTo(room))
@@ -145,12 +146,12 @@ class MainWindow(QMainWindow):
         app.open_log.connect(self._open_log)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Create the Engineer page after the first paint."""
+        """Create the engineer page after the first paint."""
         super().showEvent(event)
         QTimer.singleShot(_CREATION_DELAY_MS, self, self.create_engineer_page)
 
     def create_engineer_page(self) -> None:
-        """Create the page that monitors a run from its start; the other pages are created when they are first shown."""
+        """Create the engineer page, which monitors runs from the start; other pages are created when they are shown."""
         _ = self._tabs["engineer_page"].page
 
     @property
@@ -160,11 +161,11 @@ class MainWindow(QMainWindow):
 
     @property
     def offline_page(self) -> "OfflinePage":
-        """The offline page, which is created when first used."""
+        """The offline page."""
         return cast("OfflinePage", self._tabs["offline_page"].page)
 
     def show_page(self, name: str) -> None:
-        """Show the page with the given object name."""
+        """Show the page with an object name."""
         self.page_tabs.setCurrentWidget(self._tabs[name])
 
     def _open_log(self, log: Path) -> None:
@@ -173,7 +174,7 @@ class MainWindow(QMainWindow):
 
     def _may_leave(self, go: Callable[[], object]) -> bool:
         """Return whether the current page may be left; see `Page.may_leave`."""
-        return list(self._tabs.values())[self._shown].may_leave(go)
+        return list(self._tabs.values())[self._current].may_leave(go)
 
     def _show_language(self) -> None:
         with QSignalBlocker(self.language_combo):
@@ -186,18 +187,18 @@ class MainWindow(QMainWindow):
         self._set_icons()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Keep the strip at the top of the current page."""
+        """Move the strip with the current page."""
         if event.type() in (QEvent.Type.Resize, QEvent.Type.Move, QEvent.Type.Show):
             self._move_strip()
         return super().eventFilter(watched, event)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Treat a key that no widget has handled as the start of a barcode scan."""
+        """Treat a key that no widget has handled as the start of a scan."""
         if self._role_panel.isVisible() or not self.operator_page.header.take_key(event):
             super().keyPressEvent(event)
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """Ask for confirmation during a run; otherwise end the engine and the job process."""
+        """Ask for confirmation during a run; otherwise close the window and its processes."""
         if self.app.engine_link.running and not self._closing:
             event.ignore()
             self.show_page("operator_page")
@@ -211,7 +212,7 @@ class MainWindow(QMainWindow):
         super().closeEvent(event)
 
     def stop_and_close(self) -> None:
-        """Stop a run in progress and close the window when it has ended."""
+        """Stop a run in progress, and close the window after it has ended."""
         self._closing = True
         self.app.run.stop()
         self._running_changed(self.app.engine_link.running)
@@ -253,11 +254,11 @@ class MainWindow(QMainWindow):
             QWidget.setTabOrder(before, after)
 
     def _page_changed(self, index: int) -> None:
-        if index != self._shown and not self._may_leave(partial(self.page_tabs.setCurrentIndex, index)):
-            self.page_tabs.setCurrentIndex(self._shown)
+        if index != self._current and not self._may_leave(partial(self.page_tabs.setCurrentIndex, index)):
+            self.page_tabs.setCurrentIndex(self._current)
             return
         self.create_engineer_page()
-        self._shown = index
+        self._current = index
         self._headers.setCurrentIndex(index)
         self._move_strip()
 
@@ -269,7 +270,7 @@ class MainWindow(QMainWindow):
             self._strip.raise_()
 
     def _move_role_panel(self) -> None:
-        """Move the role panel below the padlock and next to STOP, which must never be covered."""
+        """Move the role panel to the left of STOP, which must never be covered."""
         stop = self.stop_button.mapTo(self, QPoint(0, 0))
         self._role_panel.move(stop.x() - self._role_panel.width() - theme.GRID, stop.y() - theme.GRID // 2)
 
@@ -295,7 +296,7 @@ class MainWindow(QMainWindow):
 
     def _show_station(self) -> None:
         virtual, name = False, say("window.no_station")
-        with suppress(CalstationError):  # the operator and station pages show the error
+        with suppress(CalstationError):  # the operator page and the station page show the error
             _, station = load_station(self.app.station_path)
             virtual, name = station.bench is not None, station.name
         self._station.setText(say("window.virtual_bench") if virtual else name)

@@ -1,6 +1,6 @@
-"""What the pages of the window share: context, engine link, status of the run, role, and panels that act on a run.
+"""State and widgets shared by the pages: the context, the status of the run, the role, and panels for a run.
 
-Widgets that know nothing of runs belong in `calstation.gui.widgets`.
+Widgets that do not depend on runs belong in `calstation.gui.widgets`.
 """
 
 from calstation.gui.state.context import AppContext

@@ -1,4 +1,4 @@
-"""Texts of a result's checks in the current language."""
+"""Texts about the checks of a result in the current language."""
 
 import math
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from calstation.messages import parameter_name
 from calstation.physics import ARCSECOND, DEGREE, INDEX, MICRO_G, PARAMETERS, display, further_parameter
 from calstation.records import CheckId
 
-#: Kinds of the checks that a product's ``[checks]`` section can request.
+#: Kinds of checks in the ``[checks]`` section of a product.
 _PRODUCT_KINDS = (
     "gravity_at_rest",
     "improvement_at_rest",
@@ -25,16 +25,13 @@ _PRODUCT_KINDS = (
     "previous",
 )
 
-#: Display unit and its size in the check's own unit, by that unit; for checks that do not compare a parameter.
+#: Display unit and its size, by the unit of a check that does not compare a parameter.
 _DISPLAY_UNITS = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma": ("σ", 1.0), "1": ("", 1.0)}
 
 
 @dataclass(frozen=True)
 class CheckText:
-    """Texts of a check for a table row.
-
-    `limit` is the limit of the value, `state` the badge shape of its verdict (`widgets.badge.KINDS`).
-    """
+    """Texts of a check for a table; `state` is the badge shape of its verdict (`widgets.badge.KINDS`)."""
 
     sentence: str
     value: str
@@ -63,26 +60,27 @@ def check_text(check: Check) -> CheckText:
 
 
 def check_name(check: Check | CheckId) -> str:
-    """Return a short text that states the quantity compared by a check of a product's ``[checks]``."""
+    """Return a short name of the quantity that a product check compares."""
     return say(f"check_short.{check.kind}", parameter=parameter_text(check.subject), stage=check.subject)
 
 
 def of_product(check: Check) -> bool:
-    """Return whether a check belongs to a product's ``[checks]``."""
+    """Return whether a check is requested by the ``[checks]`` section of a product."""
     return check.kind in _PRODUCT_KINDS
 
 
 def of_parameter(check: Check) -> bool:
-    """Return whether a check compares one parameter with its limit; the parameter table shows these checks."""
+    """Return whether a check compares a parameter or its sigma with a limit, as shown in the parameter table."""
     return check.kind in ("within", "sigma_below")
 
 
 def parameter_text(name: str) -> str:
-    """Return the display name of a parameter (group and axis, for several secondaries also the IMU) or of a group."""
+    """Return the display name of a parameter or of a group; see `calstation.messages.parameter_name`."""
     return parameter_name(name, language.current())
 
 
 def _sentence(check: Check) -> str:
+    """Return a sentence that states the quantity compared by a check."""
     sentence = say(
         f"check.{check.kind}",
         parameter=parameter_text(check.subject),
@@ -93,7 +91,7 @@ def _sentence(check: Check) -> str:
 
 
 def _unit(check: Check) -> tuple[str, float]:
-    """Return the unit in which a check is shown and the size of that unit in the check's own unit."""
+    """Return the display unit of a check, and its size in the unit of the check."""
     if check.kind == "latitude":
         return "°", DEGREE
     name = check.subject
@@ -106,11 +104,11 @@ def _unit(check: Check) -> tuple[str, float]:
 
 
 def _number(value: float, size: float) -> str:
+    """Format a value in a unit of the given size."""
     if not math.isfinite(value):
         return "–"
-    shown = value / size
-    text = f"{shown:.0f}" if 1000.0 <= abs(shown) < 1e9 else f"{shown:.4g}"
-    return with_minus(text)
+    value /= size
+    return with_minus(f"{value:.0f}" if 1000.0 <= abs(value) < 1e9 else f"{value:.4g}")
 
 
 def _limit(limit: float | tuple[float, float], size: float) -> str:
@@ -121,6 +119,7 @@ def _limit(limit: float | tuple[float, float], size: float) -> str:
 
 
 def _where(where: Where) -> str:
+    """Return the rests or the parameter to which a check refers."""
     if where.rest is not None and where.to is not None:
         return say("check.rests", number=where.rest + 1, to=where.to + 1)
     if where.rest is not None:

@@ -10,7 +10,7 @@ LANGUAGES: tuple[tuple[Language, str], ...] = (("en", "English"), ("zh_CN", "中
 
 _current: Language = "en"
 
-#: Translator of Qt's own texts, such as those of file dialogs, for a language other than English.
+#: Translator of the texts of Qt itself, such as those of file dialogs.
 _qt_texts = QTranslator()
 
 
@@ -18,7 +18,7 @@ class _Languages(QObject):
     changed = Signal()
 
 
-#: Emits `changed` after another language has been chosen (`use`).
+#: Emits `changed` after `use` has switched the language.
 languages = _Languages()
 
 
@@ -28,12 +28,12 @@ def current() -> Language:
 
 
 def system_language() -> Language:
-    """Return the code of the operating system's language if the window supports it, otherwise the code of English."""
+    """Return the code of the language of the operating system if it is supported, otherwise that of English."""
     return "zh_CN" if QLocale.system().language() == QLocale.Language.Chinese else "en"
 
 
 def use(code: str) -> None:
-    """Switch to a language and show all bound texts again; an unknown code selects English."""
+    """Switch to a language, and update all bound texts; an unknown code selects English."""
     global _current
     chosen: Language = "zh_CN" if code == "zh_CN" else "en"
     if chosen == _current:
@@ -48,7 +48,7 @@ def use(code: str) -> None:
 
 
 def language_combo() -> QComboBox:
-    """Create a combo box that lists the languages by native name; the data of each item is the code."""
+    """Create a combo box that lists the native names of the languages, with their codes as data."""
     combo = QComboBox()
     combo.setObjectName("language_combo")
     for code, name in LANGUAGES:

@@ -1,4 +1,4 @@
-"""A run in progress: the table or the manual rig, traces, convergence, and the tiles of several units."""
+"""Views of a run in progress: the table or the manual rig, traces, and convergence."""
 
 from calstation.gui.operator.live.live_view import LiveView
 from calstation.gui.operator.live.position_picture import PositionPicture

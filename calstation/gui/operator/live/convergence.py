@@ -1,4 +1,4 @@
-"""Convergence plot: the sigma of each parameter group as a multiple of its target, with the target as a dashed line."""
+"""Plot of the ratio of the sigma of each parameter group to its target over device time."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -8,23 +8,23 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QFrame, QWidget
+from PySide6.QtWidgets import QFrame
 
 from calstation.gui.text import say, term
 from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, column, label, row, theme
 from calstation.physics import DISPLAY
 
-#: Maximum number of stored points per line; beyond it, every second point is dropped.
+#: Maximum number of points per line; when it is exceeded, every second point is removed.
 _MAX_POINTS = 2000
-#: Minimum host time between two drawings, s.
+#: Minimum host time between two updates of the plot, s.
 _DRAW_INTERVAL = 0.25
-#: Ratios that the vertical axis always includes, and its margin, decades.
+#: Ratios that the vertical axis always includes, and margin, decades.
 _RATIOS, _MARGIN = (0.3, 30.0), 0.1
 
 
 @dataclass
 class Line:
-    """Sigma of a group as a multiple of its target (SI) over device time, s."""
+    """Ratio of the sigma of a group to its `target`, SI units, over device time, s."""
 
     target: float
     curve: pg.PlotCurveItem = field(default_factory=lambda: pg.PlotCurveItem(skipFiniteCheck=True))
@@ -32,7 +32,7 @@ class Line:
     ratios: list[float] = field(default_factory=list)
 
     def add(self, at: float, ratio: float) -> None:
-        """Add a point; while the ratio is constant, only its first and last points are stored."""
+        """Add a point; of points with the same ratio, only the first and the last one are stored."""
         if len(self.ratios) > 1 and self.ratios[-1] == self.ratios[-2] == ratio:
             self.times[-1] = at
             return
@@ -48,15 +48,17 @@ class Line:
 
 
 class Convergence(QFrame):
-    """Plots the sigma of each group over device time as a multiple of its target."""
+    """Plot of the ratio of the sigma of each group to its target, a dashed line, over device time."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.setProperty("kind", "panel")
         #: Lines of the displayed unit, by group.
         self.lines: dict[str, Line] = {}
-        self._lines_of: dict[str, dict[str, Line]] = {}
-        self._now = self._drawn = 0.0
+        #: Lines by slot and group.
+        self._all_lines: dict[str, dict[str, Line]] = {}
+        #: Device time of the latest point, s, and host time of the latest update, s.
+        self._now = self._updated_at = 0.0
         self._plot = ThemedPlot()
         self._plot.getAxis("left").setWidth(7 * theme.GRID)
         box = self._plot.getViewBox()
@@ -75,38 +77,38 @@ class Convergence(QFrame):
         theme.on_appearance_change(self, self._refresh)
 
     def start(self, targets: Mapping[str, float], slots: Sequence[str] = ("",)) -> None:
-        """Start a new run of the units in these slots with these targets per group, SI; show the first unit."""
-        self._lines_of = {slot: {group: Line(target) for group, target in targets.items()} for slot in slots}
+        """Start a run of the units in `slots` with the targets of the groups, SI units, and show the first unit."""
+        self._all_lines = {slot: {group: Line(target) for group, target in targets.items()} for slot in slots}
         self._now = 0.0
         self.show_unit(slots[0])
 
     def show_unit(self, slot: str) -> None:
-        """Show the unit in a slot."""
+        """Show the lines of the unit in a slot."""
         for line in self.lines.values():
             self._plot.removeItem(line.curve)
-        self.lines = self._lines_of.get(slot, {})
+        self.lines = self._all_lines.get(slot, {})
         for group, line in self.lines.items():
             line.curve.opts["name"] = f"log10 {group}"  # for the CSV export
             self._plot.addItem(line.curve)
         self._refresh()
         self.draw()
 
-    def take(self, at: float, sigma: Mapping[str, float], slot: str = "") -> None:
-        """Add sigmas of a unit per group, SI, at device time `at`, s since the start of the first stage."""
+    def add(self, at: float, sigma: Mapping[str, float], slot: str = "") -> None:
+        """Add the sigmas of a unit by group, SI units, at device time `at`, s since the start of the first stage."""
         self._now = max(self._now, at)
-        lines = self._lines_of.get(slot, {})
+        lines = self._all_lines.get(slot, {})
         for group, value in sigma.items():
             line = lines.get(group)
             if line is not None and value > 0.0:
                 line.add(self._now, value / line.target)
-        if lines is self.lines and time.monotonic() - self._drawn >= _DRAW_INTERVAL:
+        if lines is self.lines and time.monotonic() - self._updated_at >= _DRAW_INTERVAL:
             self.draw()
 
     def draw(self) -> None:
         """Update the plot."""
-        self._drawn = time.monotonic()
-        shown = [*_RATIOS, *(ratio for line in self.lines.values() for ratio in line.ratios)]
-        low, high = np.log10(min(shown)) - _MARGIN, np.log10(max(shown)) + _MARGIN
+        self._updated_at = time.monotonic()
+        ratios = [*_RATIOS, *(ratio for line in self.lines.values() for ratio in line.ratios)]
+        low, high = np.log10(min(ratios)) - _MARGIN, np.log10(max(ratios)) + _MARGIN
         for line in self.lines.values():
             if line.times:  # extends the last value to the current time
                 times, ratios = [*line.times, self._now], [*line.ratios, line.ratios[-1]]

@@ -1,4 +1,4 @@
-"""View of a run in progress: preparation steps, table, traces and convergence, or guidance for a manual rig."""
+"""View of a run in progress: preparation, table, traces and convergence, or the positions of a manual rig."""
 
 from math import ceil
 
@@ -29,20 +29,20 @@ from calstation.sequencer import (
     Trace,
 )
 
-#: Height of a window with enough room for the convergence plot, and additional height per row of tiles, px.
-_ROOM, _TILES = 704, 54
+#: Minimum window height for the convergence plot below tiles, and additional height per row of tiles, px.
+_MIN_HEIGHT, _TILE_HEIGHT = 704, 54
 
-#: Preparation steps, each identified by the message that starts it; the first step starts with START.
+#: Preparation steps, named by the messages that start them; the first one starts with START.
 _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")
 _GIMBAL_STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_gravity")
 _MANUAL_STEPS = ("starting_manual", "waiting_ready", "warming_up", "checking_gravity")
 
 
 class Preparation(QFrame):
-    """Checklist of the steps from START to the first stage; a skipped step is ticked off with the next one."""
+    """Checklist of the steps from START to the first stage; a skipped step is ticked when the next one starts."""
 
-    def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, run: RunStatus) -> None:
+        super().__init__()
         self.setProperty("kind", "panel")
         self._run = run
         self._current = 0
@@ -62,21 +62,21 @@ class Preparation(QFrame):
             self._current = 0
         elif message in steps:
             self._current = steps.index(message)
-        elif message == "registers_writing":  # ends preparation in a register operation; in a run, the first stage does
+        elif message == "registers_writing":  # ends the preparation of a register operation
             self._current = len(steps)
         for number, widgets in enumerate(self._rows):
             for widget in widgets:
                 widget.setVisible(number < len(steps))
         for number, (step, (icon, name, text)) in enumerate(zip(steps, self._rows, strict=False)):
-            shown = rendered(Text(f"preparation.{step}"))
+            texts = rendered(Text(f"preparation.{step}"))
             icon.set_kind("good" if number < self._current else "active" if number == self._current else "none")
             name.setFont(theme.font(theme.SECTION, bold=number == self._current))
-            name.setText(shown.text)
-            text.setText(shown.remedy)
+            name.setText(texts.text)
+            text.setText(texts.remedy)
 
 
 class LiveView(QWidget):
-    """Shows the events of a run; `finish_requested()` : the operator ends the stage early."""
+    """Shows the events of a run; emits `finish_requested` when the operator ends a stage early."""
 
     finish_requested = Signal()
 
@@ -90,7 +90,7 @@ class LiveView(QWidget):
         self._lower = stack(Preparation(run), self._convergence, self.gimbal)
         self.position.finish_requested.connect(self.finish_requested)
         self.table.setMinimumWidth(37 * theme.GRID)
-        #: Next to the table: the traces or, while several units are prepared, with tiles below, the preparation steps.
+        #: Traces next to the table; during the preparation of several units, the preparation steps.
         self._beside = stack(self._traces, Preparation(run))
         self._units = UnitTiles(run)
         row((self.table, 1), (self._beside, 3), on=self._upper)
@@ -110,57 +110,57 @@ class LiveView(QWidget):
         if run_summary is not None:
             self.table.picture.set_axes(run_summary.outer_axis, run_summary.inner_axis)
             self._orient()
-            self.position.plan(run_summary)
+            self.position.set_run(run_summary)
 
     def stop(self) -> None:
-        """Stop updating at the end of the run."""
+        """Stop the updates at the end of a run."""
         self._traces.stop()
 
-    def take(self, event: Event) -> None:
+    def show_event(self, event: Event) -> None:
         """Show an event."""
         match event:
             case TableMoved() | JointsMoved():
-                self.table.take(event)
+                self.table.show_motion(event)
             case GimbalTurned():
                 self._turns.append(event)
                 order = "" if self._run.run_summary is None else self._run.run_summary.joint_order
                 self.gimbal.show_data(gimbal_turns(self._turns, order))
                 self.refresh()
             case PositionGuided():
-                self.position.take(event)
+                self.position.show_position(event)
             case StageEnded():
                 self.position.finish_stage()
             case Trace():
                 if event.slot in ("", self._run.unit.slot):
-                    self._traces.take(event)
+                    self._traces.add(event)
             case StageProgress():
-                self._convergence.take(self._run.done, event.sigma, event.slot)
+                self._convergence.add(self._run.done, event.sigma, event.slot)
             case StageSolved():
-                self._convergence.take(self._run.done, largest_sigmas(event), event.slot)
+                self._convergence.add(self._run.done, largest_sigmas(event), event.slot)
 
     def _show_unit(self) -> None:
-        """Show the axes, the further traces and the convergence of another unit."""
+        """Show the axes, traces and convergence of the selected unit."""
         self._orient()
         self._traces.clear()
         self._convergence.show_unit(self._run.unit.slot)
 
     def _orient(self) -> None:
-        """Draw the axes of the unit as mounted in its slot."""
+        """Draw the axes of the unit in the orientation of its slot."""
         summary = self._run.run_summary
         by_slot = {} if summary is None else dict(zip(summary.slots, summary.orientations, strict=False))
         self.table.picture.set_orientation(by_slot.get(self._run.unit.slot, ALIGNED))
 
     def refresh(self) -> None:
-        """Show the widgets for the current state of the run."""
+        """Show the widgets that are relevant in the state of the run."""
         run = self._run
-        begun = any(stage.state != "waiting" for stage in run.stages) and not run.register_operation
-        guiding = run.by_hand and begun
-        self._lower.setCurrentIndex((2 if self._turns else 1) if begun else 0)
+        started = any(stage.state != "waiting" for stage in run.stages) and not run.register_operation
+        guiding = run.by_hand and started
+        self._lower.setCurrentIndex((2 if self._turns else 1) if started else 0)
         self.table.setVisible(not run.by_hand)
         self.position.setVisible(guiding)
         self._upper.setVisible(not guiding)
         several = run.in_slots and not run.register_operation
-        self._beside.setCurrentIndex(several and not begun)
+        self._beside.setCurrentIndex(several and not started)
         self._units.setVisible(several)
-        room = self.window().height() >= _ROOM + _TILES * ceil(len(run.units) / COLUMNS)
-        self._lower.setVisible(not guiding and (not several or (begun and room)))
+        room = self.window().height() >= _MIN_HEIGHT + _TILE_HEIGHT * ceil(len(run.units) / COLUMNS)
+        self._lower.setVisible(not guiding and (not several or (started and room)))

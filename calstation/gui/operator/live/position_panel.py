@@ -1,4 +1,4 @@
-"""Panel that guides the operator through the positions of a manual rig: drawing, state, task, position count."""
+"""Panel that guides the operator through the positions of a manual rig."""
 
 import numpy as np
 from PySide6.QtCore import Qt, Signal
@@ -12,18 +12,20 @@ from calstation.messages import Text
 from calstation.runs import RunSummary
 from calstation.sequencer import PositionGuided
 
-#: Text sizes, px, legible from two metres; a third larger on a wide panel.
+#: Font sizes of the state and the task, px, legible from two metres; they are a third larger on a wide panel.
 _STATE_SIZE, _TASK_SIZE = theme.VERDICT // 2, theme.VERDICT // 3
+#: Minimum rotation of a rail for which an instruction is shown, rad.
+_MIN_ROTATION = np.deg2rad(1.0)
 _KINDS = {"waiting": "waiting", "moving": "active", "still": "paused", "enough": "good", "repeat": "caution"}
 
 
 class PositionPanel(QFrame):
-    """Shows `PositionGuided` events; `finish_requested()` : the operator ends the stage early."""
+    """Shows `PositionGuided` events; emits `finish_requested` when the operator ends a stage early."""
 
     finish_requested = Signal()
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.setProperty("kind", "panel")
         self._guided: PositionGuided | None = None
         self._finishing = self._finished = False
@@ -47,47 +49,47 @@ class PositionPanel(QFrame):
         self._enlarge(1.0)
         on_language_change(self, self._refresh)
 
-    def plan(self, run_summary: RunSummary) -> None:
-        """Prepare for the rig and the positions of a run."""
+    def set_run(self, run_summary: RunSummary) -> None:
+        """Show the rig and the positions of a run."""
         self._guided, self._finishing, self._finished = None, False, False
         self.picture.set_plan(run_summary)
         self._refresh()
 
-    def take(self, guided: PositionGuided) -> None:
+    def show_position(self, guided: PositionGuided) -> None:
         """Show the progress of a position."""
         self._guided, self._finished = guided, False
-        self.picture.take(guided)
+        self.picture.show_position(guided)
         self._refresh()
 
     def finish_stage(self) -> None:
-        """Show that all positions of the stage are complete."""
+        """Show that the positions of the stage are complete."""
         self._finished = True
         self._refresh()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Use larger text on a wide panel."""
+        """Enlarge the texts on a wide panel."""
         self._enlarge(4.0 / 3.0 if event.size().width() >= 170 * theme.GRID else 1.0)
         super().resizeEvent(event)
 
-    def _enlarge(self, times: float) -> None:
-        self.badge.set_size(round(times * _STATE_SIZE))
-        self.task_label.setFont(theme.font(round(times * _TASK_SIZE), bold=True))
-        self.count_label.setFont(theme.font(round(times * _TASK_SIZE)))
+    def _enlarge(self, factor: float) -> None:
+        self.badge.set_size(round(factor * _STATE_SIZE))
+        self.task_label.setFont(theme.font(round(factor * _TASK_SIZE), bold=True))
+        self.count_label.setFont(theme.font(round(factor * _TASK_SIZE)))
 
     def _refresh(self) -> None:
         now = self._guided
         if self._finished or now is None:
-            shown = rendered(Text.of("position.finished" if self._finished else "position.before"))
-            self.badge.show_state("good" if self._finished else "none", shown.text)
-            self.task_label.setText(shown.remedy)
+            texts = rendered(Text.of("position.finished" if self._finished else "position.before"))
+            self.badge.show_state("good" if self._finished else "none", texts.text)
+            self.task_label.setText(texts.remedy)
             self.count_label.clear()
             self._note.clear()
             self.finish_button.setVisible(False)
             return
-        left = max(np.ceil(now.wanted - now.rest), 0.0)
-        shown = rendered(Text.of(f"position.{now.state}", seconds=left, wanted=now.wanted))
-        self.badge.show_state(_KINDS[now.state], shown.text)
-        self.task_label.setText(shown.remedy or self._turn_text(now))
+        remaining = max(np.ceil(now.wanted - now.rest), 0.0)
+        texts = rendered(Text.of(f"position.{now.state}", seconds=remaining, wanted=now.wanted))
+        self.badge.show_state(_KINDS[now.state], texts.text)
+        self.task_label.setText(texts.remedy or self._rotation_text(now))
         code = "position.count" if now.stage else "position.count_verification"
         self.count_label.setText(say(code, index=now.index, count=now.count))
         if not now.stage:
@@ -99,20 +101,18 @@ class PositionPanel(QFrame):
         self._note.setText(say(f"position.note_{note}"))
         self.finish_button.setVisible(bool(now.stage))
         enable(self.finish_button, "" if now.suffices else say("position.not_sufficient"))
-        if self._finishing:
-            self.finish_button.setEnabled(False)
+        self.finish_button.setEnabled(now.suffices and not self._finishing)
 
-    def _turn_text(self, now: PositionGuided) -> str:
-        """Return the instruction with the rail to turn and its angle; of two rails, the outer comes first."""
-        least = np.deg2rad(1.0)
-        outer = abs(now.outer - now.outer_before) > least
-        inner = abs(now.inner - now.inner_before) > least
+    def _rotation_text(self, now: PositionGuided) -> str:
+        """Return the instruction to rotate a rail to its angle; of two rails, the outer one is rotated first."""
+        outer = abs(now.outer - now.outer_before) > _MIN_ROTATION
+        inner = abs(now.inner - now.inner_before) > _MIN_ROTATION
         if outer and inner:
             before, after = (self.picture.up_at(angle, now.inner_before) for angle in (now.outer_before, now.outer))
             outer = bool(before @ now.up > after @ now.up)
-        turn = "outer" if outer else "inner" if inner else "none"
+        rail = "outer" if outer else "inner" if inner else "none"
         angles = {name: f"{np.rad2deg(angle):.0f}°" for name, angle in (("outer", now.outer), ("inner", now.inner))}
-        return with_minus(say(f"position.turn_{turn}", **angles))
+        return with_minus(say(f"position.turn_{rail}", **angles))
 
     def _finish(self) -> None:
         self._finishing = True

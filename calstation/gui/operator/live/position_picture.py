@@ -1,10 +1,9 @@
-"""Drawing of the unit on a manual rig: attitude relative to gravity, completed and remaining positions, rest."""
+"""Drawing of the unit on a manual rig, with its attitude, its positions and the progress of a rest."""
 
 import itertools
 
 import numpy as np
 from PySide6.QtCore import QPointF
-from PySide6.QtWidgets import QWidget
 
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import Drawing, basis, circle, depth, screen, theme
@@ -13,27 +12,26 @@ from calstation.runs import RunSummary
 from calstation.sequencer import PositionGuided
 
 _UP = np.array([0.0, 0.0, 1.0])
-#: Half size of the unit's box along x, y, z; the globe's radius is 1.
+#: Half size of the box of the unit along x, y and z; the radius of the sphere is 1.
 _HALF_SIZE = np.array([0.34, 0.46, 0.16])
 _CORNERS = _HALF_SIZE * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-#: Radius and width of the ring that fills while the unit is at rest.
+#: Radius and width of the ring that fills while the unit is at rest, and radius of the dot of a position.
 _RING, _WIDTH = 1.3, 0.1
 _DOT = 0.055
-#: Opacity of elements behind the unit, and of the next position if it is behind the unit.
+#: Opacity of elements behind the unit, and of the next position behind the unit.
 _PALE, _PALE_NEXT = 0.35, 0.6
-#: Cosine of the angle below which two positions are drawn as one dot.
+#: Cosine of the angle within which two positions are drawn as one dot.
 _COS_SAME = np.cos(np.deg2rad(20.0))
 
 
 class PositionPicture(Drawing):
     """Draws `PositionGuided` events.
 
-    Only the direction of gravity is measured. The heading is taken from the requested angles at each completed position
-    and kept until the next, so that the drawing turns with the unit.
+    Only the direction of gravity is measured; the heading is that of the angles requested for the latest position.
     """
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(360, parent)
+    def __init__(self) -> None:
+        super().__init__(360)
         self._outer, self._inner = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
         self._planned = np.empty((0, 3))
         self._attitude = np.eye(3)
@@ -41,34 +39,34 @@ class PositionPicture(Drawing):
         on_language_change(self, self.update)
 
     def set_plan(self, run_summary: RunSummary) -> None:
-        """Show the unit level on this rig until the first measurement."""
+        """Show the unit level on the rig of a run until the first measurement."""
         self._outer, self._inner = run_summary.outer_axis, run_summary.inner_axis
         self._planned = _distinct(np.array(run_summary.positions).reshape(-1, 3))
         self._guided, self._attitude = None, np.eye(3)
         self.update()
 
-    def take(self, guided: PositionGuided) -> None:
+    def show_position(self, guided: PositionGuided) -> None:
         """Show the attitude and the progress of a position."""
         arrived = len(guided.done) // 3 >= guided.index
         if guided.state == "enough":
-            known = (guided.outer, guided.inner) if arrived else (guided.outer_before, guided.inner_before)
-            self._attitude = self._attitude_at(*known)
+            angles = (guided.outer, guided.inner) if arrived else (guided.outer_before, guided.inner_before)
+            self._attitude = self._attitude_at(*angles)
         self._attitude = _upright(self._attitude, np.array(guided.up))
         self._guided = guided
         self.update()
 
     def up_at(self, outer: float, inner: float) -> FloatArray:
-        """Return the unit vector that points up in b, shape (3,), at the given rail angles, rad."""
+        """Return the up direction in frame b, shape (3,), at rail angles, rad."""
         return np.asarray(self._attitude_at(outer, inner)[2])
 
     def _attitude_at(self, outer: float, inner: float) -> FloatArray:
-        """Return the attitude matrix from b to the level frame, shape (3, 3), at the given rail angles, rad."""
+        """Return the attitude matrix from b to the level frame, shape (3, 3), at rail angles, rad."""
         return np.asarray(axis_rotation(self._outer, outer) @ axis_rotation(self._inner, inner))
 
     def draw(self) -> None:
-        """Draw from back to front."""
+        """Draw the elements from back to front."""
         self._draw_ring()
-        self._draw_globe()
+        self._draw_sphere()
         self._draw_positions(behind=True)
         self.box(_CORNERS @ self._attitude.T)
         hidden = [depth(axis) > 0.3 for axis in self._attitude.T]
@@ -77,7 +75,7 @@ class PositionPicture(Drawing):
         self._draw_gravity()
 
     def _draw_ring(self) -> None:
-        """Draw the ring, which fills clockwise from the top while the unit is at rest."""
+        """Draw the ring, which fills clockwise while the unit is at rest."""
         c, now = theme.colours(), self._guided
         self.disc(QPointF(), _RING, c.track, _WIDTH)
         if now is not None and now.state == "enough":
@@ -85,8 +83,8 @@ class PositionPicture(Drawing):
         elif now is not None and now.state == "still":
             self.arc(_RING, min(now.rest / now.wanted, 1.0), c.accent, _WIDTH)
 
-    def _draw_globe(self) -> None:
-        """Draw a sphere that turns with the unit: three circles normal to its axes, pale at the back."""
+    def _draw_sphere(self) -> None:
+        """Draw a sphere that rotates with the unit, as three circles normal to its axes that are pale at the back."""
         colour = theme.colours().line
         self.disc(QPointF(), 1.0, colour, 0.012)
         for normal in self._attitude.T:
@@ -96,17 +94,17 @@ class PositionPicture(Drawing):
         self.set_opacity(1.0)
 
     def _draw_positions(self, *, behind: bool) -> None:
-        """Draw positions behind or in front of the unit: done as dots, remaining as rings, the next as a large ring."""
+        """Draw the positions behind or in front of the unit: dots if completed, rings if not, the next one larger."""
         c, now = theme.colours(), self._guided
         done = np.array(now.done if now is not None else ()).reshape(-1, 3)
         following = np.empty((0, 3))
         if now is not None and len(done) < now.index:
             following = self._attitude_at(now.outer, now.inner)[2:]
-        known = np.vstack([done, following])
-        waiting = [up for up in self._planned if not (len(known) and (known @ up).max() > _COS_SAME)]
+        others = np.vstack([done, following])
+        remaining = [up for up in self._planned if not (len(others) and (others @ up).max() > _COS_SAME)]
         for positions, radius, colour, width, fill, pale in (
             (_distinct(done), _DOT, c.panel, 0.02, c.text, _PALE),
-            (waiting, _DOT, c.muted, 0.025, "", _PALE),
+            (remaining, _DOT, c.muted, 0.025, "", _PALE),
             (following, 2.0 * _DOT, c.accent, 0.06, "", _PALE_NEXT),
         ):
             self.set_opacity(pale if behind else 1.0)
@@ -117,7 +115,7 @@ class PositionPicture(Drawing):
         self.set_opacity(1.0)
 
     def _draw_gravity(self) -> None:
-        """Draw the pointer at the top, which the next position must reach, and an arrow pointing down."""
+        """Draw the mark at the top, which the next position must reach, and an arrow that points down."""
         c = theme.colours()
         top, foot, tip = screen(1.02 * _UP), screen(-1.0 * _UP), screen(-1.26 * _UP)
         self.area([top, top + QPointF(-0.09, -0.16), top + QPointF(0.09, -0.16)], c.accent)
@@ -127,20 +125,20 @@ class PositionPicture(Drawing):
 
 
 def _upright(attitude: FloatArray, up: FloatArray) -> FloatArray:
-    """Return the attitude, shape (3, 3), rotated by the smallest angle so that `up`, shape (3,) in b, points up."""
-    seen = attitude @ up
-    axis = np.cross(seen, _UP)
+    """Return the attitude, shape (3, 3), after the smallest rotation that makes `up`, shape (3,) in b, point up."""
+    present = attitude @ up
+    axis = np.cross(present, _UP)
     size = float(np.linalg.norm(axis))
-    angle = float(np.arctan2(size, seen @ _UP))
+    angle = float(np.arctan2(size, present @ _UP))
     if size < 1e-9:
         axis, size = basis(_UP)[0], 1.0
     return np.asarray(rotation_matrix(axis / size * angle) @ attitude)
 
 
 def _distinct(directions: FloatArray) -> FloatArray:
-    """Return the first unit vector of each cluster, shape (k, 3), from `directions`, shape (n, 3), in their order."""
-    found: list[FloatArray] = []
+    """Return the first direction of each cluster, shape (k, 3), from unit vectors `directions`, shape (n, 3)."""
+    distinct: list[FloatArray] = []
     for direction in directions:
-        if all(float(direction @ other) < _COS_SAME for other in found):
-            found.append(direction)
-    return np.array(found).reshape(-1, 3)
+        if all(float(direction @ other) < _COS_SAME for other in distinct):
+            distinct.append(direction)
+    return np.array(distinct).reshape(-1, 3)

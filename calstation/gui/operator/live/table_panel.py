@@ -1,8 +1,8 @@
-"""Panel with a drawing of the table or gimbal at its joint angles, the angles and rates, and the state of motion."""
+"""Panel with a drawing of the table or gimbal, its joint angles and rates, and its state of motion."""
 
 import numpy as np
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QGraphicsOpacityEffect, QLabel, QWidget
+from PySide6.QtWidgets import QFrame, QGraphicsOpacityEffect, QLabel
 
 from calstation.gui.text import on_language_change, say, with_minus
 from calstation.gui.widgets import (
@@ -21,11 +21,12 @@ from calstation.gui.widgets import (
 from calstation.physics import ALIGNED, Orientation, axis_rotation
 from calstation.sequencer import JointsMoved, TableMoved
 
+#: Radii of the ring, its hole and the disc of a table.
 _RING, _HOLE, _DISC = 1.0, 0.86, 0.8
-#: Corners of the unit's box on the disc, shape (8, 3), along two directions in the disc's plane and its normal.
+#: Corners of the box of the unit, shape (8, 3), along two directions in the plane of the disc and its normal.
 _CORNERS = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0.0, 0.26)])
 
-#: Radius of a gimbal's middle ring, width of its rings, and corners of the unit's box within them, shape (8, 3).
+#: Radius of the middle ring of a gimbal, width of its rings, and corners of the box of the unit, shape (8, 3).
 _MIDDLE, _WIDTH = 0.82, 0.14
 _UNIT = np.array([[x, y, z] for x in (-0.22, 0.22) for y in (-0.22, 0.22) for z in (-0.14, 0.14)])
 
@@ -33,10 +34,10 @@ Axis = tuple[float, float, float]
 
 
 class TablePicture(Drawing):
-    """Draws the table at its joint angles: outer ring, inner disc and the axes of the unit; a gimbal as two rings."""
+    """Draws a table as a ring and a disc, or a gimbal as two rings, at its joint angles, with the axes of the unit."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(220, parent)
+    def __init__(self) -> None:
+        super().__init__(220)
         self._outer_axis: Axis = (1.0, 0.0, 0.0)
         self._inner_axis: Axis = (0.0, 0.0, 1.0)
         self._orientation: Orientation = ALIGNED
@@ -47,24 +48,24 @@ class TablePicture(Drawing):
         self.setGraphicsEffect(self._pale)
 
     def set_axes(self, outer: Axis, inner: Axis) -> None:
-        """Set the table axes as unit vectors at home, in frame b of a unit aligned with the table."""
+        """Set the table axes, unit vectors at home in frame b of a unit aligned with the table."""
         self._outer_axis, self._inner_axis = outer, inner
         self.update()
 
     def set_orientation(self, orientation: Orientation) -> None:
-        """Set the rotation from the unit's axes, which are drawn, to the table's axes."""
+        """Set the rotation from the axes of the unit, which are drawn, to those of the table."""
         self._orientation = orientation
         self.update()
 
     def set_angles(self, outer: float, inner: float, *, known: bool = True) -> None:
-        """Set the joint angles, rad; the drawing is pale while they are unknown."""
+        """Set the joint angles, rad; the drawing is pale if they are not `known`."""
         self._pale.setEnabled(not known)
         if (outer, inner) != self._angles:
             self._angles = (outer, inner)
             self.update()
 
     def set_joints(self, order: str, joints: tuple[float, ...] = (0.0, 0.0, 0.0), *, known: bool = False) -> None:
-        """Set a gimbal's order of joints, letters from base to body, and its angles x, y, z, rad; "" for a table."""
+        """Set the order of gimbal joints, letters from base to body, and their angles x, y, z, rad; "" for a table."""
         self._order = order
         if order:
             self._pale.setEnabled(not known)
@@ -72,14 +73,11 @@ class TablePicture(Drawing):
             self.update()
 
     def draw(self) -> None:
-        """Draw the table from back to front."""
-        if self._order:
-            self._draw_gimbal()
-        else:
-            self._draw_table()
+        """Draw the table or the gimbal."""
+        self._draw_gimbal() if self._order else self._draw_table()
 
     def _draw_gimbal(self) -> None:
-        """Draw the outer and the middle ring, and the unit."""
+        """Draw the outer ring, the middle ring and the unit."""
         c = theme.colours()
         outer, middle, inner = ("xyz".index(name) for name in self._order)
         first, second, third = (axis_rotation(np.eye(3)[k], self._angles[k]) for k in (outer, middle, inner))
@@ -91,6 +89,7 @@ class TablePicture(Drawing):
         self.axes(unit, (0.0, 0.0, 0.0), 0.62, [False] * 3)
 
     def _draw_table(self) -> None:
+        """Draw the table from back to front."""
         c = theme.colours()
         ring = axis_rotation(self._outer_axis, self._angles[0])
         disc = ring @ axis_rotation(self._inner_axis, self._angles[1])
@@ -112,7 +111,7 @@ class TablePicture(Drawing):
         self.axes(unit, (0.0, 0.0, 0.0), 0.92, [bool(part < -0.3) for part in across])
 
     def _draw_posts(self, *, behind: bool) -> None:
-        """Draw the stand, with a post at each end of the outer axis."""
+        """Draw the posts at the ends of the outer axis, behind or in front of the table."""
         c = theme.colours()
         for axis in (np.array(self._outer_axis), -np.array(self._outer_axis)):
             if (depth(axis) > 0.0) is behind:
@@ -123,10 +122,10 @@ class TablePicture(Drawing):
 
 
 class TablePanel(QFrame):
-    """Shows `TableMoved` events, or `JointsMoved` events of a gimbal."""
+    """Shows `TableMoved` events of a table, or `JointsMoved` events of a gimbal."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.setProperty("kind", "panel")
         self.picture, self.badge = TablePicture(), StateBadge()
         self._moved: TableMoved | JointsMoved | None = None
@@ -140,20 +139,20 @@ class TablePanel(QFrame):
             angle.setFont(theme.font(theme.SECTION, bold=True))
             for at, part in enumerate((name, angle, rate)):
                 figures.addWidget(part, row, at)
-            for number in (angle, rate):  # fills its cell, so that a longer number is never cut off
+            for number in (angle, rate):  # fills its cell, so that no number is cut off
                 number.setAlignment(right)
         figures.setColumnMinimumWidth(2, 9 * theme.GRID)
         column(self.badge, (self.picture, 1), figures, on=self, spacing=theme.GRID // 2, margins=PANEL)
         on_language_change(self, self._show_state)
 
     def set_order(self, order: str) -> None:
-        """Show a table, or a gimbal with this order of joints, letters from base to body."""
+        """Show a gimbal with an order of joints, letters from base to body; "" for a table."""
         self._order = order
         self.picture.set_joints(order)
         self._show_state()
 
-    def take(self, moved: TableMoved | JointsMoved) -> None:
-        """Show angles and rates."""
+    def show_motion(self, moved: TableMoved | JointsMoved) -> None:
+        """Show the joint angles and rates of an event."""
         self._moved = moved
         if isinstance(moved, JointsMoved):
             self.picture.set_joints(self._order, moved.joints, known=True)
@@ -161,21 +160,21 @@ class TablePanel(QFrame):
         else:
             self.picture.set_angles(moved.outer, moved.inner)
             angles, rates = (moved.outer, moved.inner), (moved.outer_rate, moved.inner_rate)
-        for shown, angle in zip(self.angle_labels, angles, strict=False):
-            shown.setText(with_minus(f"{np.rad2deg(angle):z.3f}°"))
-        for shown, rate in zip(self._rates, rates, strict=False):
-            shown.setText(with_minus(f"{np.rad2deg(rate):z.1f} °/s"))
+        for widget, angle in zip(self.angle_labels, angles, strict=False):
+            widget.setText(with_minus(f"{np.rad2deg(angle):z.3f}°"))
+        for widget, rate in zip(self._rates, rates, strict=False):
+            widget.setText(with_minus(f"{np.rad2deg(rate):z.1f} °/s"))
         self._show_state()
 
     def clear(self) -> None:
-        """Clear the readings and show that the angles are unknown."""
+        """Clear the readings, and show that the angles are unknown."""
         self._moved = None
         if self._order:
             self.picture.set_joints(self._order)
         else:
             self.picture.set_angles(0.0, 0.0, known=False)
-        for shown in (*self.angle_labels, *self._rates):
-            shown.setText("–")
+        for widget in (*self.angle_labels, *self._rates):
+            widget.setText("–")
         self._show_state()
 
     def _show_state(self) -> None:

@@ -1,4 +1,4 @@
-"""Live plots of gyro and accelerometer output, three lines each, which can be held and zoomed during a run."""
+"""Live plots of the gyro and accelerometer output, which can be held and zoomed during a run."""
 
 from functools import partial
 
@@ -13,14 +13,14 @@ from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, button, co
 from calstation.physics import DEGREE, FloatArray
 from calstation.sequencer import Trace
 
-#: Selectable time spans, s; the second one is the default.
+#: Selectable time spans, s.
 _SPANS = (10.0, 60.0, 600.0)
-#: Approximate number of points drawn per line, and number of stored rows, about a quarter of an hour.
+#: Approximate number of points per line, and maximum number of stored rows, about a quarter of an hour.
 _POINTS, _MAX_ROWS = 2000, 16_384
 
 
 class _Plot(QWidget):
-    """Plot of the three axes of a sensor, with the axis names at the ends of the lines."""
+    """Plot of the three axes of a sensor, with their names at the ends of the lines."""
 
     def __init__(self, first: int, factor: float) -> None:
         super().__init__()
@@ -39,7 +39,7 @@ class _Plot(QWidget):
         row((self.plot, 1), self._labels, on=self, spacing=0)
 
     def show_rows(self, rows: FloatArray, span: float) -> None:
-        """Draw rows, shape (n, 7): time, s, and six outputs; the plot shows the newest `span` s."""
+        """Draw rows with time, s, and six outputs, shape (n, 7); the axis covers the latest `span` seconds."""
         self.plot.setXRange(-span, 0.0, padding=0.0)
         values = rows[:, 1:][:, self._columns] * self._factor
         times = rows[:, 0] - rows[-1:, 0]
@@ -59,12 +59,12 @@ class _Plot(QWidget):
 
 
 class Traces(QFrame):
-    """Both plots, with buttons that choose the time span and hold the display."""
+    """Both plots, with buttons that select the time span and hold the display."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.setProperty("kind", "panel")
-        #: Newest rows: time, s, and the six outputs, shape (n, 7).
+        #: Latest rows with time, s, and six outputs, shape (n, 7).
         self.rows: FloatArray = np.empty((0, 7))
         self._new_rows = False
         self._gyro, self._accel = _Plot(0, 1.0 / DEGREE), _Plot(3, 1.0)
@@ -83,7 +83,7 @@ class Traces(QFrame):
             span_button.setCheckable(True)
             span_button.setChecked(number == 1)
             self._spans.addButton(span_button, number)
-        self._spans.idClicked.connect(lambda _: self._choose_span())
+        self._spans.idClicked.connect(self._choose_span)
         plots = column(
             label("common.gyro_dps", "muted"),
             (self._gyro, 1),
@@ -98,8 +98,8 @@ class Traces(QFrame):
         bind(partial(self._accel.plot.setLabel, "bottom"), "operator.axis_before_now")
         self._show_rows()
 
-    def take(self, trace: Trace) -> None:
-        """Store a trace; the timer draws it."""
+    def add(self, trace: Trace) -> None:
+        """Store a trace, which the timer draws."""
         times = np.array(trace.time)
         rows = np.column_stack((times, np.array(trace.output).reshape(len(times), 6)))
         self.rows = np.concatenate((self.rows, rows))[-_MAX_ROWS:]
@@ -117,7 +117,7 @@ class Traces(QFrame):
         self._new_rows = True
 
     def stop(self) -> None:
-        """Stop drawing at the end of the run; the lines remain visible."""
+        """Stop drawing at the end of a run; the lines remain visible."""
         self._draw()
         self._timer.stop()
 
@@ -132,7 +132,7 @@ class Traces(QFrame):
         self._draw()
 
     def _draw(self) -> None:
-        """Draw new rows, unless the plot is held."""
+        """Draw new rows, unless the display is held."""
         if self._new_rows and not self.hold_button.isChecked() and self.isVisible():
             self._new_rows = False
             self._show_rows()

@@ -1,4 +1,4 @@
-"""Banner with the text of a verdict, its shape and the unit, fitted to its size."""
+"""Banner with a verdict, its shape and the unit, whose texts are fitted to its size."""
 
 from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPaintEvent, QResizeEvent
@@ -7,21 +7,21 @@ from PySide6.QtWidgets import QBoxLayout, QWidget
 from calstation.gui.text import KINDS, term
 from calstation.gui.widgets import draw_state, label, state_colour, theme
 
-#: Margin at the right end of the banner, px, and smallest gap between its texts, in units of their size.
-_BANNER_MARGIN, _GAP = 3 * theme.GRID, 0.4
-#: The unit is placed below the verdict if this enlarges the verdict by at least this factor.
-_LARGER = 1.3
+#: Margin at the right end, px, and minimum gap between the texts, in units of the font size.
+_RIGHT_MARGIN, _MIN_GAP = 3 * theme.GRID, 0.4
+#: Minimum enlargement of the verdict for which the unit is placed below it.
+_MIN_ENLARGEMENT = 1.3
 
 
 def _width(text: str) -> float:
-    """Return the width of a bold text, in units of its size."""
+    """Return the width of a bold text, in units of the font size."""
     return QFontMetricsF(theme.font(theme.VERDICT, bold=True)).horizontalAdvance(text) / theme.VERDICT
 
 
 class Banner(QWidget):
-    """Banner with the verdict, its shape, and the unit, on a background in the colour of the state.
+    """Banner with a verdict, its shape and the unit, on a background in the colour of the verdict.
 
-    Its labels are named `name` followed by ``_label`` and ``_serial_label``. `height` is its smallest height, px.
+    `height` is the minimum height, px. The object names of the labels are `name` with ``_label`` and ``_serial_label``.
     """
 
     def __init__(self, name: str, height: int) -> None:
@@ -30,18 +30,17 @@ class Banner(QWidget):
         self.word, self.serial = label(name=f"{name}_label"), label(name=f"{name}_serial_label")
         self._texts = QBoxLayout(QBoxLayout.Direction.LeftToRight, self)
         self._texts.setSpacing(0)
-        for stretch, shown in ((1, self.word), (0, self.serial)):
-            self._texts.addWidget(shown, stretch)
-        for shown in (self.word, self.serial):
-            shown.setMinimumWidth(1)  # the text is fitted to the banner, not the banner to the text
+        for stretch, widget in ((1, self.word), (0, self.serial)):
+            self._texts.addWidget(widget, stretch)
+            widget.setMinimumWidth(1)  # the text is fitted to the banner, not the banner to the text
         self.setMinimumHeight(height)
 
     def show_state(self, state: str, serial: str) -> None:
-        """Show the text of a state and the unit to which it applies, in the colours of the theme."""
+        """Show the text of a state and the unit, in the colours of the theme."""
         self._kind = KINDS.get(state, "none")
-        for shown, text in ((self.word, term("badge", state)), (self.serial, serial)):
-            shown.setText(text)
-            shown.setStyleSheet(f"color: {theme.colours().on_state};")
+        for widget, text in ((self.word, term("badge", state)), (self.serial, serial)):
+            widget.setText(text)
+            widget.setStyleSheet(f"color: {theme.colours().on_state};")
         self._fit()
         self.update()
 
@@ -51,16 +50,19 @@ class Banner(QWidget):
         self._fit()
 
     def _fit(self) -> None:
-        """Show both texts in one size, or the unit below the verdict if the verdict then becomes much larger."""
-        room = self.width() - self.height() - _BANNER_MARGIN
-        word, serial = (_width(shown.text()) for shown in (self.word, self.serial))
-        size, alone = min(0.55 * self.height(), room / (word + serial + _GAP)), min(0.4 * self.height(), room / word)
-        below = alone > _LARGER * size
+        """Show both texts in one line or, if this makes the verdict much larger, the unit below the verdict."""
+        room = self.width() - self.height() - _RIGHT_MARGIN
+        word, serial = (_width(widget.text()) for widget in (self.word, self.serial))
+        size, alone = (
+            min(0.55 * self.height(), room / (word + serial + _MIN_GAP)),
+            min(0.4 * self.height(), room / word),
+        )
+        below = alone > _MIN_ENLARGEMENT * size
         if below:
             size = alone
         self._texts.setDirection(QBoxLayout.Direction.TopToBottom if below else QBoxLayout.Direction.LeftToRight)
-        self._texts.setStretch(1, int(below))  # each then has half of the height
-        self._texts.setContentsMargins(self.height(), 0, _BANNER_MARGIN, 0)
+        self._texts.setStretch(1, int(below))  # both have half of the height
+        self._texts.setContentsMargins(self.height(), 0, _RIGHT_MARGIN, 0)
         self.word.setFont(theme.font(int(size), bold=True))
         self.serial.setFont(theme.font(int(min(size, room / max(serial, 1.0))), bold=True))
 

@@ -1,4 +1,4 @@
-"""The slots of the table before a run: a tile for each, with the scanned serial number."""
+"""Panel with a tile for each slot of the table, for scanning the units of the next run."""
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QLabel
@@ -11,7 +11,7 @@ from calstation.messages import Text
 
 
 class _SlotTile(Tile):
-    """A slot: its name above its unit with a note, and a button to clear or to skip it."""
+    """Tile with the name of a slot above the serial number of its unit, and a button that clears or skips the slot."""
 
     def __init__(self, slot: Slot, slots: Slots, prefix: str) -> None:
         super().__init__(f"{prefix}slot_{slot.name}_tile")
@@ -20,11 +20,11 @@ class _SlotTile(Tile):
         self._serial, self._note = ElidedLabel(), ElidedLabel("muted")
         self._serial.setFont(theme.font(theme.SECTION, bold=True))
         self.action = button(f"{prefix}slot_{slot.name}_button", pressed=self._act)
-        # the keys of a scan after a click must not trigger it again
+        # keeps the keys of a scan away from the button after it has been clicked
         self.action.setFocusPolicy(Qt.FocusPolicy.TabFocus)
-        shown_or_not = self.action.sizePolicy()
-        shown_or_not.setRetainSizeWhenHidden(True)  # so that the names of all tiles are at the same height
-        self.action.setSizePolicy(shown_or_not)
+        policy = self.action.sizePolicy()
+        policy.setRetainSizeWhenHidden(True)  # keeps the names of all tiles at the same height
+        self.action.setSizePolicy(policy)
         head = row(self._icon, (self._name, 1), spacing=theme.GRID)
         unit = row((column(None, self._serial, self._note, None, spacing=0), 1), self.action, spacing=theme.GRID)
         margins = (theme.GRID, theme.GRID // 4, theme.GRID, theme.GRID // 4)
@@ -61,9 +61,9 @@ class _SlotTile(Tile):
 
 
 class SlotsPanel(QFrame):
-    """All slots in order with a line of instructions; emits `clicked` when an operator has clicked in it.
+    """Tiles of all slots below instructions; emits `clicked` when a tile or its button is clicked.
 
-    The names of its widgets begin with `prefix`.
+    `prefix` is the beginning of the object names.
     """
 
     clicked = Signal()
@@ -78,17 +78,11 @@ class SlotsPanel(QFrame):
         self._count = QLabel()
         self._count.setObjectName(f"{prefix}slots_count_label")
         self._grid = grid()
-        column(
-            row((self._title, 1), self._count),
-            self._text,
-            (self._grid, 1),
-            on=self,
-            margins=PANEL,
-        )
+        column(row((self._title, 1), self._count), self._text, (self._grid, 1), on=self, margins=PANEL)
         slots.changed.connect(self._refresh)
         on_language_change(self, self._refresh)
 
-    def plan(self, *, virtual: bool) -> None:
+    def set_virtual(self, virtual: bool) -> None:
         """Show the instructions for a virtual bench or for hardware."""
         self._situation = "virtual" if virtual else "driven"
         self._refresh()
@@ -103,7 +97,7 @@ class SlotsPanel(QFrame):
         words = rendered(Text(f"loading.slots_{self._situation}"))
         self._title.setText(words.text)
         self._text.setText(words.remedy)
-        count, free = len(self._slots.units), len(self._slots.serials)
-        self._count.setText(say("operator.slots_used", count=count, slots=free))
+        used, count = len(self._slots.units), len(self._slots.serials)
+        self._count.setText(say("operator.slots_used", count=used, slots=count))
         for tile in self._tiles:
             tile.refresh()

@@ -1,4 +1,4 @@
-"""The verdicts of several units: a tile for each with the verdict in large text, the reason and the next action."""
+"""Panel with the verdicts on several units: a tile for each with the verdict, the reason and the next action."""
 
 from functools import partial
 from math import ceil
@@ -13,22 +13,22 @@ from calstation.gui.state import RunStatus, UnitStatus, run_badge
 from calstation.gui.text import fault_text, say
 from calstation.gui.widgets import PANEL, ElidedLabel, StateBadge, column, grid, label, row, theme
 
-#: Smallest height of a tile's banner, largest heights in one and in several rows, and size of the line above, px.
-_BANNER, _HIGH, _LOW, _SUMMARY = 4 * theme.GRID, 13 * theme.GRID, 10 * theme.GRID, 28
-#: Number of rows for which tiles have room for whole sentences.
-_ROOMY_ROWS = 2
+#: Minimum height of the banner of a tile, maximum heights in one row and in several, and font size of the summary, px.
+_MIN_BANNER, _MAX_ONE_ROW, _MAX_SEVERAL_ROWS, _SUMMARY = 4 * theme.GRID, 13 * theme.GRID, 10 * theme.GRID, 28
+#: Maximum number of rows with room for whole sentences in the tiles.
+_MAX_ROOMY_ROWS = 2
 
 
 class _VerdictTile(Tile):
-    """The verdict of a unit, abbreviated if there are many `rows` of tiles, which are then not `roomy`."""
+    """Tile with the verdict on a unit; the texts are abbreviated if the number of `rows` leaves no room."""
 
     def __init__(self, unit: UnitStatus, rows: int) -> None:
         name = f"unit_{unit.slot}_verdict"
         super().__init__(name)
         self.unit = unit
-        self.roomy = rows <= _ROOMY_ROWS
-        self._banner, self._serial = Banner(name, _BANNER), ElidedLabel()
-        self._banner.setMaximumHeight(_HIGH if rows == 1 else _LOW)
+        self.roomy = rows <= _MAX_ROOMY_ROWS
+        self._banner, self._serial = Banner(name, _MIN_BANNER), ElidedLabel()
+        self._banner.setMaximumHeight(_MAX_ONE_ROW if rows == 1 else _MAX_SEVERAL_ROWS)
         self._serial.setText(unit.serial)
         self.reason, self._action = (label(wrap=True) if self.roomy else ElidedLabel() for _ in range(2))
         size = theme.SECTION if rows == 1 else theme.BODY
@@ -44,26 +44,26 @@ class _VerdictTile(Tile):
         column((self._banner, 4), texts, None, on=self, spacing=0, margins=(2, 2, 2, 2))
         pass_clicks(self._banner, self._serial, self.reason, self._action)
 
-    def show_verdict(self, shown: str) -> None:
+    def show_verdict(self, state: str) -> None:
         """Show the final state of the unit, the reason, and the next action."""
         unit = self.unit
-        released = shown == "failed" and unit.result is not None and unit.result.released
-        brief = advice.brief_reason(shown, unit.result), advice.brief_action(shown, unit.result)
-        whole = advice.reason(shown, unit.result), advice.next_action(shown, unit.result)
+        released = state == "failed" and unit.result is not None and unit.result.released
+        brief = advice.brief_reason(state, unit.result), advice.brief_action(state, unit.result)
+        whole = advice.reason(state, unit.result), advice.next_action(state, unit.result)
         if released:
             brief, whole = (brief[0], say("advice.released")), (whole[0], say("advice.released"))
         if unit.fault is not None:
             fault = fault_text(unit.fault)
             brief = whole = (fault.text, fault.remedy)
-        self._banner.show_state("released" if released else shown, unit.slot)
-        for sentence, text in zip((self.reason, self._action), whole if self.roomy else brief, strict=True):
-            sentence.setText(text)
+        self._banner.show_state("released" if released else state, unit.slot)
+        for widget, text in zip((self.reason, self._action), whole if self.roomy else brief, strict=True):
+            widget.setText(text)
         self.setToolTip("\n".join(whole))
         self.setAccessibleName(", ".join((unit.slot, unit.serial, self._banner.word.text(), *whole)))
 
 
 class VerdictGrid(QFrame):
-    """The verdicts of all units of a run below a line that counts them; `opened()` : a unit was clicked."""
+    """Tiles with the verdicts on all units of a run below a summary; emits `opened` when a tile is clicked."""
 
     opened = Signal()
 
@@ -88,8 +88,8 @@ class VerdictGrid(QFrame):
             arrange(self._grid, self._tiles)
         self._refresh()
 
-    def focus_shown(self) -> None:
-        """Focus the tile of the unit that was shown in detail."""
+    def focus_unit(self) -> None:
+        """Focus the tile of the unit that is displayed in detail."""
         for tile in self._tiles:
             if tile.unit is self._run.unit:
                 tile.setFocus()
@@ -111,5 +111,5 @@ class VerdictGrid(QFrame):
                 tile.show_verdict(self._run.display_state_of(tile.unit))
             brief = [tile.reason for tile in self._tiles if not tile.roomy]
             height = max((reason.sizeHint().height() for reason in brief), default=0)
-            for reason in brief:  # all banners are equally high, with or without a reason
+            for reason in brief:  # makes all banners equally high
                 reason.setMinimumHeight(height)
