@@ -1,11 +1,9 @@
 """The engineer page: stages and schedules on the left; preview, results, registers and design on the right."""
 
 import re
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog
@@ -95,9 +93,11 @@ class EngineerPage(Page):
         self.analysis.changed.connect(self._update)
         self.analysis.loaded.connect(self._loaded)
         self.analysis.failed.connect(lambda error: self.notice.ask("bad", "engineer.file_not_opened", error.as_text))
+        self._saving.busy_changed.connect(self._update)
         self.notice.report_failures(self.analysis.adding, "engineer.log_not_solved", self.analysis.result.setFocus)
         self.registers.changed.connect(self._update)
-        self._tabs.currentChanged.connect(self._show_view)
+        self._tabs.currentChanged.connect(self._views.setCurrentIndex)
+        self._views.currentChanged.connect(lambda _: self.analysis.prepare(self._views.currentWidget()))
         app.engine_link.event.connect(self._follow)
         app.engine_link.running_changed.connect(self._running_changed)
         app.run.changed.connect(self._run_changed)
@@ -204,7 +204,11 @@ class EngineerPage(Page):
         if self._options is None:
             return
         product, stage = self._options.name, self.choice.form.stage
-        save = partial(self._save, self._options.product, {stage: self.choice.form.deviations})
+        file, changes = self._options.product, {stage: self.choice.form.deviations}
+
+        def save() -> None:
+            self._saving.start(file, changes, self._header.engineer)
+
         confirm = Choice("confirm_save_button", "engineer.save_to_product", save, primary=True)
         choices = Choice("cancel_save_button", "common.cancel", lambda: None), confirm
         self.notice.ask(
@@ -213,10 +217,6 @@ class EngineerPage(Page):
             Text.of("engineer.about_save", engineer=self._header.engineer),
             choices,
         )
-
-    def _save(self, product: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
-        self._saving.start(product, changes, self._header.engineer)
-        self._update()
 
     def _saved(self, saved: tuple[Path, Version]) -> None:
         path, version = saved
@@ -230,7 +230,6 @@ class EngineerPage(Page):
 
     def _save_failed(self, error: CalstationError) -> None:
         self.notice.ask("bad", "engineer.product_not_saved", error.as_text)
-        self._update()
 
     # ---- START
 
@@ -288,17 +287,15 @@ class EngineerPage(Page):
         self.analysis.prepare(self._views.currentWidget())
         self._update()
 
-    def _show_view(self, index: int) -> None:
-        self._views.setCurrentIndex(index)
-        self.analysis.prepare(self._views.currentWidget())
-
     # ---- available actions
 
     def _update(self) -> None:
         """Enable the actions that are possible; the tooltips of the others show why they are not."""
         self._source.setText(self.analysis.source())
         self._show_next()
-        options, role = self._options, self._why_not_role()
+        options, role = self._options, ""
+        if not self.app.role.engineer:
+            role = say("engineer.new_pin_needed" if self.app.role.new else "engineer.pin_needed")
         busy = ""
         if self.app.engine_link.running:
             busy = say("window.busy_registers" if self.app.run.register_operation else "window.busy_run")
@@ -324,11 +321,6 @@ class EngineerPage(Page):
         if self._options is not None and not self._options.offered:
             return say("engineer.no_stage_offered")
         return ""
-
-    def _why_not_role(self) -> str:
-        if self.app.role.engineer:
-            return ""
-        return say("engineer.new_pin_needed" if self.app.role.new else "engineer.pin_needed")
 
     def _why_no_choice(self) -> str:
         if not self.choice.selector.stages:

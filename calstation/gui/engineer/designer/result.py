@@ -1,14 +1,17 @@
 """View of a design: its duration and limiting parameter, plots, parameters, robustness and hidden effects."""
 
+import json
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 from PySide6.QtCore import QModelIndex, QPersistentModelIndex
-from PySide6.QtGui import QColor, QPainter
+from PySide6.QtGui import QColor, QGuiApplication, QPainter
 from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
 from calstation.config import ScheduleOptions
-from calstation.design import Design
+from calstation.design import STAGE, Design
 from calstation.gui.engineer.designer.plots import FrontPlot, Path3D, PathPlot, SphereBox
 from calstation.gui.text import duration_text, on_language_change, parameter_text, product_text, say, term
 from calstation.gui.widgets import (
@@ -20,6 +23,7 @@ from calstation.gui.widgets import (
     JobWatch,
     StateBadge,
     ViewTabs,
+    ask_file,
     box,
     button,
     column,
@@ -76,11 +80,9 @@ class RatioBar(QStyledItemDelegate):
 
 
 class DesignResult(QWidget):
-    """Shows a design; `path_job` computes its path, and the buttons call `save`, `copy` and `export`."""
+    """Shows, copies and exports a design; `path_job` computes its path, and a button calls `save`."""
 
-    def __init__(
-        self, path_job: JobWatch, save: Callable[[], None], copy: Callable[[], None], export: Callable[[], None]
-    ) -> None:
+    def __init__(self, path_job: JobWatch, save: Callable[[], None]) -> None:
         super().__init__()
         self._design: tuple[Design, ScheduleOptions] | None = None
         self._badge = StateBadge()
@@ -105,8 +107,8 @@ class DesignResult(QWidget):
         )
         self._tabs.currentChanged.connect(self._views.setCurrentIndex)
         self._save_button = button("save_as_button", "engineer.save_as_product", save)
-        copy_button = button("copy_schedule_button", "engineer.copy_schedule", copy)
-        export_button = button("export_design_button", "engineer.export", export)
+        copy_button = button("copy_schedule_button", "engineer.copy_schedule", self._copy)
+        export_button = button("export_design_button", "engineer.export", self._export)
         buttons = copy_button, export_button, self._save_button
         tables = self._parameters, self._variations, self._hidden
         #: The widgets in Tab order.
@@ -140,6 +142,18 @@ class DesignResult(QWidget):
     def lock(self, why: str) -> None:
         """Disable saving for the given reason; "" enables it."""
         enable(self._save_button, why, say("engineer.save_as_product_tip"))
+
+    def _copy(self) -> None:
+        if self._design is not None:
+            QGuiApplication.clipboard().setText(_schedule_text(self._design[0]))
+
+    def _export(self) -> None:
+        if self._design is not None:
+            design, options = self._design
+            text = json.dumps(design.to_json(), indent=1, ensure_ascii=False) + "\n"
+            write = partial(Path.write_text, data=text, encoding="utf-8")
+            name = Path(f"{options.product.stem}_design.json")
+            ask_file(self, say("engineer.save_design"), name, ["JSON (*.json)"], write)
 
     def _show_texts(self) -> None:
         if self._design is None:
@@ -262,3 +276,16 @@ def _notes(design: Design) -> list[str]:
     else:
         sentences.append(say("engineer.design_latitude", sigma=design.latitude_sigma / DEGREE))
     return [*sentences, say("engineer.design_noise_seen", percent=100.0 * design.noise_seen)]
+
+
+def _schedule_text(design: Design) -> str:
+    """Return the schedule in the format of a product file, with a line for each move."""
+    values = design.schedule()
+    moves = values.pop("moves")
+    targets = values.pop("targets", None)
+    lines = [f"[schedule.{STAGE}]"]
+    lines += [f"{key} = {json.dumps(value)}" for key, value in values.items()]
+    lines += ["moves = [", *(f"    {json.dumps(move)}," for move in moves), "]"]
+    if targets is not None:
+        lines += [f"[schedule.{STAGE}.targets]", *(f"{key} = {value!r}" for key, value in targets.items())]
+    return "\n".join(lines) + "\n"

@@ -1,6 +1,5 @@
 """The schedule designer, which starts and stops a search, shows its progress, and shows and saves its result."""
 
-import json
 import tempfile
 from collections.abc import Callable
 from functools import partial
@@ -8,7 +7,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import RunRequest, ScheduleOptions, Version
@@ -21,7 +19,6 @@ from calstation.gui.widgets import (
     EmptyState,
     JobRow,
     NoticeBar,
-    ask_file,
     box,
     button,
     column,
@@ -74,9 +71,8 @@ class DesignView(QWidget):
         self._stack = stack(self._empty)
         above = self.form, self._progress, self._problem, self.save_bar
         column(*above, (self._stack, 1), on=self, margins=(0, theme.GRID, 0, 0))
-        self.watch.busy_changed.connect(self._end)
-        for watch in (self.watch, self._saving):
-            watch.busy_changed.connect(self._refresh)
+        self.watch.busy_changed.connect(self._busy_changed)
+        self._saving.busy_changed.connect(self._refresh)
         notice.report_failures(self._saving, "engineer.product_not_saved", self.setFocus)
         notice.report_failures(self.path_job, "engineer.path_not_drawn", self.setFocus)
         on_language_change(self, self._refresh)
@@ -87,7 +83,7 @@ class DesignView(QWidget):
         if self._result_view is None:
             from calstation.gui.engineer.designer.result import DesignResult
 
-            self._result_view = DesignResult(self.path_job, self._ask_name, self._copy, self._ask_file)
+            self._result_view = DesignResult(self.path_job, self._ask_name)
             self._stack.addWidget(self._result_view)
             for before, after in pairwise((self.save_bar.last, *self._result_view.tab_order)):
                 QWidget.setTabOrder(before, after)
@@ -128,11 +124,11 @@ class DesignView(QWidget):
         self._stopping = True
         self._refresh()
 
-    def _end(self) -> None:
-        """Remove the temporary folder after a search."""
+    def _busy_changed(self) -> None:
         if not self.watch.busy and self._folder is not None:
             self._folder.cleanup()
             self._folder = None
+        self._refresh()
 
     def _progress_text(self) -> str:
         job = self.watch.job
@@ -185,32 +181,13 @@ class DesignView(QWidget):
 
     def _saved(self, saved: tuple[Path, Version]) -> None:
         path, version = saved
-        self._notice.ask(
-            "good",
-            Text.of("engineer.saved", product=version.name, number=version.number),
-            "engineer.design_saved",
-            (
-                Choice("keep_product_button", "engineer.keep_product", self.setFocus),
-                Choice(
-                    "select_product_button",
-                    Text.of("engineer.select", product=version.name),
-                    partial(self._app.set_product, path),
-                    primary=True,
-                ),
-            ),
+        words, select = Text.of("engineer.select", product=version.name), partial(self._app.set_product, path)
+        choices = (
+            Choice("keep_product_button", "engineer.keep_product", self.setFocus),
+            Choice("select_product_button", words, select, primary=True),
         )
-
-    def _copy(self) -> None:
-        if self._result is not None:
-            QGuiApplication.clipboard().setText(_schedule_text(self._result[0]))
-
-    def _ask_file(self) -> None:
-        if self._result is not None:
-            result, options = self._result
-            text = json.dumps(result.to_json(), indent=1, ensure_ascii=False) + "\n"
-            name = Path(f"{options.product.stem}_design.json")
-            write = partial(Path.write_text, data=text, encoding="utf-8")
-            ask_file(self, say("engineer.save_design"), name, ["JSON (*.json)"], write)
+        title = Text.of("engineer.saved", product=version.name, number=version.number)
+        self._notice.ask("good", title, "engineer.design_saved", choices)
 
     # ---- state
 
@@ -224,18 +201,3 @@ class DesignView(QWidget):
         self.save_bar.lock(why_not_save)
         if self._result_view is not None:
             self._result_view.lock(why_not_save)
-
-
-def _schedule_text(result: "Design") -> str:
-    """Return the schedule in the format of a product file, with a line for each move."""
-    from calstation import design
-
-    values = result.schedule()
-    moves = values.pop("moves")
-    targets = values.pop("targets", None)
-    lines = [f"[schedule.{design.STAGE}]"]
-    lines += [f"{key} = {json.dumps(value)}" for key, value in values.items()]
-    lines += ["moves = [", *(f"    {json.dumps(move)}," for move in moves), "]"]
-    if targets is not None:
-        lines += [f"[schedule.{design.STAGE}.targets]", *(f"{key} = {value!r}" for key, value in targets.items())]
-    return "\n".join(lines) + "\n"
