@@ -58,13 +58,13 @@ class ChoicePanel(QFrame):
             margins=(2 * theme.GRID, theme.GRID, theme.GRID, theme.GRID),
         )
         self.selector.changed.connect(self.changed)
-        self.selector.selected.connect(self._show_form)
+        self.selector.current_changed.connect(self._show_form)
         on_language_change(self, self._show_texts)
 
     @property
     def schedule(self) -> dict[str, Mapping[str, Any]]:
         """Deviations from the product's schedule, by selected stage; stages without deviations are omitted."""
-        return {stage: each for stage in self.selector.stages if (each := self._forms[stage].deviations)}
+        return {stage: values for stage in self.selector.stages if (values := self._forms[stage].deviations)}
 
     @property
     def invalid(self) -> tuple[str, ...]:
@@ -98,8 +98,8 @@ class ChoicePanel(QFrame):
             form.lock(busy or role)
         show_text(self._lock_label, role)
         self._unlock_button.setVisible(bool(role))
-        for each in (self._reset_button, self._save_button):
-            each.setVisible(not role)
+        for widget in (self._reset_button, self._save_button):
+            widget.setVisible(not role)
         enable(self._reset_button, busy or role, say("engineer.back_to_product_values"))
         enable(self._save_button, busy or role or save)
         show_text(self._reason, "" if role else busy or save)
@@ -119,11 +119,11 @@ class ChoicePanel(QFrame):
 class StageSelector(QWidget):
     """Check boxes for parts of the calibration and for single stages, which can be reordered.
 
-    Signals: `changed()` when the selection or its order changes; `selected(stage)` when the current row changes.
+    Signals: `changed()` when the selection or its order changes; `current_changed(stage)` when the current row changes.
     """
 
     changed = Signal()
-    selected = Signal(str)
+    current_changed = Signal(str)
 
     def __init__(self) -> None:
         super().__init__()
@@ -152,65 +152,65 @@ class StageSelector(QWidget):
     @property
     def stages(self) -> tuple[str, ...]:
         """The selected stages in run order."""
-        return tuple(each.stage for each in self._rows if each.check.isChecked())
+        return tuple(stage_row.stage for stage_row in self._rows if stage_row.check.isChecked())
 
-    def offer(self, stages: tuple[str, ...], chosen: tuple[str, ...]) -> None:
-        """List the `stages`, and check those in `chosen`."""
+    def offer(self, stages: tuple[str, ...], selected: tuple[str, ...]) -> None:
+        """List the `stages`, and check those in `selected`."""
         clear(self._list)
         self._rows = [_StageRow(stage, self) for stage in stages]
-        for each in self._rows:
-            each.check.setChecked(each.stage in chosen)
-            each.check.toggled.connect(self._toggled)
-            each.check.installEventFilter(self)
-            each.moved.connect(self._move)
+        for stage_row in self._rows:
+            stage_row.check.setChecked(stage_row.stage in selected)
+            stage_row.check.toggled.connect(self._toggled)
+            stage_row.check.installEventFilter(self)
+            stage_row.moved.connect(self._move)
         self._arrange()
         for name, check in self._parts.items():
             check.setVisible(any(stage in stages for stage in PARTS[name]))
-        self.select(self.current if self.current in chosen else next(iter(chosen), stages[0]))
+        self.select(self.current if self.current in selected else next(iter(selected), stages[0]))
         self._toggled()
 
     def select(self, stage: str) -> None:
         """Make the row of a stage the current one."""
         self.current = stage
-        for each in self._rows:
-            theme.set_kind(each, "current" if each.stage == stage else "")
-        self.selected.emit(stage)
+        for stage_row in self._rows:
+            theme.set_kind(stage_row, "current" if stage_row.stage == stage else "")
+        self.current_changed.emit(stage)
 
     def lock(self, why: str) -> None:
         """Disable the check boxes for the given reason; "" enables them."""
-        for check in (*self._parts.values(), *(each.check for each in self._rows)):
+        for check in (*self._parts.values(), *(stage_row.check for stage_row in self._rows)):
             enable(check, why)
-        for each in self._rows:
-            each.setEnabled(not why)
+        for stage_row in self._rows:
+            stage_row.setEnabled(not why)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Make the row that receives the focus the current one."""
         if event.type() == QEvent.Type.FocusIn:
-            for each in self._rows:
-                if each.check is watched and each.stage != self.current:
-                    self.select(each.stage)
+            for stage_row in self._rows:
+                if stage_row.check is watched and stage_row.stage != self.current:
+                    self.select(stage_row.stage)
         return super().eventFilter(watched, event)
 
     def _choose_part(self, part: str) -> None:
         checked = self._parts[part].checkState() != Qt.CheckState.Unchecked
-        for each in self._rows:
-            if each.stage in PARTS[part]:
-                each.check.setChecked(checked)
+        for stage_row in self._rows:
+            if stage_row.stage in PARTS[part]:
+                stage_row.check.setChecked(checked)
         self._toggled()
 
     def _toggled(self) -> None:
         """Update the check boxes of the parts and the numbers of the stages."""
-        offered, chosen = {each.stage for each in self._rows}, self.stages
+        offered, selected = {stage_row.stage for stage_row in self._rows}, self.stages
         for name, check in self._parts.items():
             stages = offered.intersection(PARTS[name])
-            count = len(stages.intersection(chosen))
+            count = len(stages.intersection(selected))
             if 0 < count < len(stages):
                 check.setCheckState(Qt.CheckState.PartiallyChecked)
             else:
                 check.setTristate(False)
                 check.setChecked(bool(count))
-        for each in self._rows:
-            each.number.setText(str(chosen.index(each.stage) + 1) if each.stage in chosen else "")
+        for stage_row in self._rows:
+            stage_row.number.setText(str(selected.index(stage_row.stage) + 1) if stage_row.stage in selected else "")
         self.changed.emit()
 
     def _move(self, moved: "_StageRow", by: int) -> None:
@@ -223,12 +223,12 @@ class StageSelector(QWidget):
     def _arrange(self) -> None:
         """Lay out the rows in run order and set the Tab order accordingly."""
         previous: QWidget = self._parts["biases"]
-        for index, each in enumerate(self._rows):
-            self._list.removeWidget(each)
-            self._list.insertWidget(index, each)
-            each.up.setEnabled(index > 0)
-            each.down.setEnabled(index < len(self._rows) - 1)
-            for widget in (each.check, each.up, each.down):
+        for index, stage_row in enumerate(self._rows):
+            self._list.removeWidget(stage_row)
+            self._list.insertWidget(index, stage_row)
+            stage_row.up.setEnabled(index > 0)
+            stage_row.down.setEnabled(index < len(self._rows) - 1)
+            for widget in (stage_row.check, stage_row.up, stage_row.down):
                 QWidget.setTabOrder(previous, widget)
                 previous = widget
 

@@ -130,7 +130,8 @@ def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
     }
 
 
-_LEFT = 9 * theme.GRID
+#: Width of the left axes of the plots of residuals, px.
+_AXIS_WIDTH = 9 * theme.GRID
 #: Width of the bars of rests and moves, in rests.
 _BAR = {"rest": 0.4, "move": 0.16}
 
@@ -139,7 +140,7 @@ class ResidualsView(StackedPlots[Diagnostics]):
     """Plots of the tests and residuals of all rests and moves; a label describes the item under the pointer."""
 
     def __init__(self) -> None:
-        super().__init__(4, _LEFT)
+        super().__init__(4, _AXIS_WIDTH)
         #: Stage of each drawn rest, and its index within the stage.
         self._rests: list[tuple[StageDiagnostics, int]] = []
         #: Stage, residual and horizontal position of each drawn rest and move.
@@ -224,7 +225,7 @@ class ResidualsView(StackedPlots[Diagnostics]):
     def _name_ticks(self) -> None:
         """Label as many rests as the width permits."""
         ticks = [(k, with_minus(stage.rests.axis(i))) for k, (stage, i) in enumerate(self._rests)]
-        room = max(1, (self.plots[-1].width() - _LEFT) // (4 * theme.GRID))
+        room = max(1, (self.plots[-1].width() - _AXIS_WIDTH) // (4 * theme.GRID))
         self.plots[-1].getAxis("bottom").setTicks([ticks[:: -(-max(len(ticks), 1) // room)]])
 
     def _explain(self) -> None:
@@ -281,11 +282,11 @@ def _positioned(stages: Sequence[StageDiagnostics]) -> list[tuple[StageDiagnosti
     first = 0
     for stage in stages:
         last = first - 1
-        for is_move, group in groupby(stage.residuals, lambda each: each.kind == "move"):
-            together = list(group)
-            for number, each in enumerate(together, 1):
-                last = last if is_move else first + each.number - 1
-                items.append((stage, each, last + number / (len(together) + 1) if is_move else last))
+        for is_move, group in groupby(stage.residuals, lambda residual: residual.kind == "move"):
+            residuals = list(group)
+            for number, residual in enumerate(residuals, 1):
+                last = last if is_move else first + residual.number - 1
+                items.append((stage, residual, last + number / (len(residuals) + 1) if is_move else last))
         first += len(stage.rests)
     return items
 

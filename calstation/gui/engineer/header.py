@@ -21,7 +21,7 @@ class EngineerHeader(QWidget):
 
     def __init__(self, run: RunStatus) -> None:
         super().__init__()
-        self._next, self._partial, self._slot = False, False, ""
+        self._next_unit, self._partial, self._slot = False, False, ""
         self.serial_edit = line_edit(
             "engineer_serial_edit", width=24 * theme.GRID, longest=80, hint="engineer.scan_or_type"
         )
@@ -64,12 +64,12 @@ class EngineerHeader(QWidget):
     def _show_start(self) -> None:
         self.start_button.setText(say("common.start_partial" if self._partial else "engineer.start"))
 
-    def show_next(self, following: bool, slot: str) -> None:
-        """Show the slot of the next scan, "" if there is none, and whether the field is for the `following` unit."""
-        if (following, slot) != (self._next, self._slot):
-            self._next, self._slot = following, slot
+    def show_next(self, next_unit: bool, slot: str) -> None:
+        """Show whether the field is for the next unit, and the slot of the next scan, "" if there is none."""
+        if (next_unit, slot) != (self._next_unit, self._slot):
+            self._next_unit, self._slot = next_unit, slot
             self._serial_caption.setText(self._serial_text())
 
     def _serial_text(self) -> str:
-        caption = say("engineer.next_serial" if self._next else "common.serial_number")
-        return f"{caption}: {say('operator.slot', slot=self._slot)}" if self._slot and not self._next else caption
+        caption = say("engineer.next_serial" if self._next_unit else "common.serial_number")
+        return f"{caption}: {say('operator.slot', slot=self._slot)}" if self._slot and not self._next_unit else caption

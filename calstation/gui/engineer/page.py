@@ -34,7 +34,8 @@ from calstation.messages import Text, event_text
 from calstation.results import FinishedRun, History
 from calstation.sequencer import Event, Finalized
 
-_LEFT = 46 * theme.GRID
+#: Width of the panel on the left, px.
+_PANEL_WIDTH = 46 * theme.GRID
 
 
 class EngineerPage(Page):
@@ -74,7 +75,7 @@ class EngineerPage(Page):
         self._source = ElidedLabel("muted")
         self._source.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         open_button = button("open_result_button", "common.open", self._ask_file, tip="engineer.open_tip")
-        self.choice.setFixedWidth(_LEFT)
+        self.choice.setFixedWidth(_PANEL_WIDTH)
         tabs = row(self._tabs, (self._source, 1), open_button)
         right = column(tabs, self.notice, self._start_dialog.people, (self._views, 1))
         wide = 2 * theme.GRID
@@ -133,9 +134,9 @@ class EngineerPage(Page):
     def _suggest(self) -> None:
         """Suggest the unit of the virtual bench unless the verdict on it is displayed; clear the field on hardware."""
         run = self.app.run
-        judged = run.unit.serial if run.ended or run.fault is not None else ""
+        displayed = run.unit.serial if run.ended or run.fault is not None else ""
         serial = "" if self._options is None else self._options.serial
-        self._suggested = "" if serial == judged else serial
+        self._suggested = "" if serial == displayed else serial
         self._header.serial_edit.setText(self._suggested)
 
     def _choice_changed(self) -> None:

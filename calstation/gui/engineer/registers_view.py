@@ -74,7 +74,7 @@ class RegistersView(QWidget):
         #: Latest event of the current write that is in `_INCOMPLETE`; "" if there is none.
         self._incomplete = ""
         #: How the current write was verified; "" if it was not. See `Settled.proof`.
-        self._proof = ""
+        self._verification = ""
         self._old: dict[str, Register] = {}
         self._new: dict[str, Register] = {}
         self._why_not = ""
@@ -127,7 +127,7 @@ class RegistersView(QWidget):
         """Disable reading and writing for the given reasons; an empty reason enables the action."""
         enable(self._read_button, read)
         enable(self._write_button, write)
-        self._why_not = "" if self._proof or read else write
+        self._why_not = "" if self._verification or read else write
         self._show_reason()
         if write:
             self._notice.dismiss()
@@ -230,13 +230,13 @@ class RegistersView(QWidget):
 
     def _show_target(self, target: TargetRegisters | None) -> None:
         self.target = target
-        self._proof = self._error = ""
+        self._verification = self._error = ""
         if target is None or self.unit is None or self.unit.serial != target.serial:
             self.unit = None
         self._fill()
 
-    def _show_unit(self, unit: UnitRegisters, proof: str = "") -> None:
-        self.unit, self._proof = unit, proof
+    def _show_unit(self, unit: UnitRegisters, verification: str = "") -> None:
+        self.unit, self._verification = unit, verification
         self._error = self._progress = ""
         self._fill()
 
@@ -287,13 +287,13 @@ class RegistersView(QWidget):
         return (self._old.get(name) or self._new[name]).address
 
     def _old_heading(self) -> str:
-        known = self.unit is not None or (self.target is not None and bool(self.target.written))
-        return say("engineer.in_unit" if known else "engineer.old")
+        in_unit = self.unit is not None or (self.target is not None and bool(self.target.written))
+        return say("engineer.in_unit" if in_unit else "engineer.old")
 
     def _before_run(self, name: str) -> str:
         """Return the value before the run that wrote the registers, as a tooltip; "" if the run wrote none."""
         before = self.target.before if self.target is not None and self.target.written else ()
-        register = next((each for each in before if each.parameter == name), None)
+        register = next((register for register in before if register.parameter == name), None)
         if register is None:
             return ""
         value, unit = display(name, register.value)
@@ -350,8 +350,8 @@ class RegistersView(QWidget):
         self._show_reason()
         self._job.setVisible(busy)
         self._about.setVisible(not busy)
-        for each in (self._read_button, self._write_button):
-            each.setVisible(not busy and not self._progress)
+        for widget in (self._read_button, self._write_button):
+            widget.setVisible(not busy and not self._progress)
         kind, state = self._state()
         self._badge.setVisible(not busy and bool(state))
         if state:
@@ -365,7 +365,7 @@ class RegistersView(QWidget):
             return "active", "writing"
         if self._error:
             return "bad", "failed"
-        if self._proof:
+        if self._verification:
             return "good", "verified"
         if self.unit is None and self.target is not None and self.target.written:
             return "good", "written"
@@ -375,7 +375,7 @@ class RegistersView(QWidget):
 
     def _sentences(self) -> str:
         """Return what is known about the registers of the unit."""
-        texts = [say(f"engineer.verified_{self._proof}")] if self._proof else []
+        texts = [say(f"engineer.verified_{self._verification}")] if self._verification else []
         unit, target = self.unit, self.target
         if unit is not None:
             values = {"model": unit.model, "firmware": unit.firmware, "commits": unit.commits}

@@ -135,7 +135,7 @@ class ResultView(QWidget):
         result = finished.result
         cells = {name: _cells(finished, name) for name in ordered(result.parameters)}
         compared = "engineer.without_state" if result.states_added else "engineer.previous"
-        columns = [replace(each, heading=compared) if each.key == "previous" else each for each in _COLUMNS]
+        columns = [replace(cell, heading=compared) if cell.key == "previous" else cell for cell in _COLUMNS]
         self._table.show_cells(cells, _NUMBERS, columns)
         for index in _COMPARED_COLUMNS:
             self._table.setColumnHidden(index, not finished.previous)

@@ -57,7 +57,7 @@ class ScheduleForm(QWidget):
             elif spec.kind in ("number", "count", "flag", "choice"):  # other kinds can be set only in the product file
                 words = partial(_field_name, spec.name)
                 rows.append(_Field(source, stage, spec, (spec.name,), _make_editor(spec), words, spec.unit))
-        self._fields = [each for each in rows if isinstance(each, _Field)]
+        self._fields = [widget for widget in rows if isinstance(widget, _Field)]
         column(*rows, None, on=self)
         source.changed.connect(self.changed)
 

@@ -140,7 +140,7 @@ def figures(result: Result) -> list[Figure]:
         else:
             failing.append((_ratio(check), figure))
     maximum = _MAX_BELOW_REASON if failing else _MAX_FIGURES
-    failed = [figure for _, figure in sorted(failing, key=lambda each: -each[0])][:maximum]
+    failed = [figure for _, figure in sorted(failing, key=lambda item: -item[0])][:maximum]
     order = sorted(range(len(rows)), key=lambda k: (not rows[k].near, k >= len(parameters)))
     return failed + [rows[k] for k in sorted(order[: maximum - len(failed)])]
 

@@ -20,7 +20,7 @@ class RunHeader(QWidget):
     """Fields and buttons for a run.
 
     Signals: `serial_entered()` on Enter in the serial field, which scanners send, too; `serial_edited()`;
-    `start_pressed()` and `pause_pressed()`; `enter_refused()` when Enter on START is ignored; `product_chosen(path)`.
+    `start_pressed()` and `pause_pressed()`; `enter_refused()` when Enter on START is ignored; `product_selected(path)`.
     """
 
     serial_entered = Signal()
@@ -28,7 +28,7 @@ class RunHeader(QWidget):
     enter_refused = Signal()
     start_pressed = Signal()
     pause_pressed = Signal()
-    product_chosen = Signal(object)
+    product_selected = Signal(object)
 
     def __init__(self) -> None:
         super().__init__()
@@ -63,7 +63,7 @@ class RunHeader(QWidget):
         self.badge_field.entered.connect(self.focus_scan)
         self.serial_edit.returnPressed.connect(self.serial_entered)
         self.serial_edit.textEdited.connect(lambda _: self.serial_edited.emit())
-        self.product_combo.activated.connect(lambda _: self.product_chosen.emit(self.product))
+        self.product_combo.activated.connect(lambda _: self.product_selected.emit(self.product))
         self.start_button.installEventFilter(self)
         self.guard(self.product_combo)
         bind(self.serial_edit.setPlaceholderText, "operator.scan_or_type")
@@ -80,12 +80,12 @@ class RunHeader(QWidget):
         name = self.product_combo.currentData()
         return None if name is None else Path(name)
 
-    def set_products(self, products: list[tuple[str, Path]], chosen: Path | None) -> None:
-        """List products, each with its name and file, and select `chosen`."""
+    def set_products(self, products: list[tuple[str, Path]], selected: Path | None) -> None:
+        """List products, each with its name and file, and select `selected`."""
         self.product_combo.clear()
         for name, path in products:
             self.product_combo.addItem(name, str(path))
-        self.show_product(chosen)
+        self.show_product(selected)
 
     def show_product(self, path: Path | None) -> None:
         """Select a product if it is in the list."""
@@ -143,7 +143,7 @@ class RunHeader(QWidget):
         combo.installEventFilter(self)
         combo.view().installEventFilter(self)
 
-    def take_key(self, event: QKeyEvent) -> bool:
+    def handle_key(self, event: QKeyEvent) -> bool:
         """Enter the character of a key, the first one of a scan, into the field for the next scan, and return True.
 
         Return False for other keys, while the page is hidden, and during a run.
@@ -170,7 +170,7 @@ class RunHeader(QWidget):
             if watched is self.start_button and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
                 self.enter_refused.emit()
                 return True
-            if self.take_key(event):
+            if self.handle_key(event):
                 return True
         return super().eventFilter(watched, event)
 

@@ -76,10 +76,10 @@ class InterruptedRuns(QObject):
         if self._log is None:
             self._offer([run for run in runs if self._serial in (None, run.serial)])
             return
-        chosen = [run for run in runs if run.log.name == self._log.name]
-        if chosen:
+        selected = [run for run in runs if run.log.name == self._log.name]
+        if selected:
             self._notice.dismiss()
-            self._offer(chosen)  # a question about the run selected on another page replaces any other
+            self._offer(selected)  # a question about the run selected on another page replaces any other
         else:
             ask(self._notice, "caution", Text.of("question.nothing_to_resume"), {})
 

@@ -88,10 +88,10 @@ class Loading(QFrame):
         """Show how to load a unit for the next run."""
         self._situation = "driven"
         by_hand = run_summary is not None and run_summary.by_hand
-        drawn = None if run_summary is None else run_summary.picture
-        self.fixture.show_file(drawn)
-        self.picture.setVisible(drawn is None and not by_hand)
-        self.rails.setVisible(drawn is None and by_hand)
+        picture_file = None if run_summary is None else run_summary.picture
+        self.fixture.show_file(picture_file)
+        self.picture.setVisible(picture_file is None and not by_hand)
+        self.rails.setVisible(picture_file is None and by_hand)
         if run_summary is not None:
             self.picture.set_axes(run_summary.outer_axis, run_summary.inner_axis)
             self.picture.set_joints(run_summary.joint_order, known=True)

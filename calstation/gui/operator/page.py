@@ -114,8 +114,8 @@ class OperatorPage(Page):
     def _connect(self) -> None:
         header, app = self.header, self.app
         header.pause_pressed.connect(self._pause)
-        header.product_chosen.connect(app.set_product)
-        header.product_chosen.connect(header.focus_scan)
+        header.product_selected.connect(app.set_product)
+        header.product_selected.connect(header.focus_scan)
         header.enter_refused.connect(lambda: self._message.setText(say("operator.enter_refused")))
         for changed in (header.badge_field.signed_in, header.badge_field.signed_out):
             changed.connect(self._operator_changed)
@@ -172,11 +172,11 @@ class OperatorPage(Page):
     def _read_products(self) -> None:
         self._products = offered_products()
         paths = [path for _, path in self._products]
-        chosen = self.app.product_path
-        if chosen not in paths:
-            last = str(self.app.settings.value("product", DEFAULT_PRODUCT)) if chosen is None else chosen.stem
-            chosen = next((path for path in paths if path.stem == last), paths[0] if paths else None)
-        self.header.set_products(self._products, chosen)
+        selected = self.app.product_path
+        if selected not in paths:
+            last = str(self.app.settings.value("product", DEFAULT_PRODUCT)) if selected is None else selected.stem
+            selected = next((path for path in paths if path.stem == last), paths[0] if paths else None)
+        self.header.set_products(self._products, selected)
         self.app.product_path = self.header.product
         self._plan()
 
@@ -319,8 +319,8 @@ class OperatorPage(Page):
         run, header = self.app.run, self.header
         busy = self.app.engine_link.running
         why_busy = say("window.busy_registers" if run.register_operation else "window.busy_run") if busy else ""
-        judged = run.state in (Verdict.PASSED, Verdict.PARTIAL, Verdict.FAILED)
-        if judged and busy and not self._next_awaited:
+        has_verdict = run.state in (Verdict.PASSED, Verdict.PARTIAL, Verdict.FAILED)
+        if has_verdict and busy and not self._next_awaited:
             self._await_next()
         header.set_running("" if busy and self._next_awaited else why_busy)
         summary = self._starting.run_summary

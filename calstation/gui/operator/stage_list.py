@@ -70,8 +70,8 @@ class StageList(QFrame):
         self._remaining.setFont(theme.font(theme.SECTION))
         self._remaining.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 0)
         self._partial = label(kind="partial", name="partial_label", wrap=True)
-        for each in (self._partial, self._note):
-            each.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
+        for note in (self._partial, self._note):
+            note.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
         end_stage = EndStageButton(
             run,
             "end_stage_button",

@@ -69,14 +69,14 @@ class RunStarter(QObject):
         if self._suggested and header.serial == self._suggested:
             header.set_serial("")
         slots.remove_units(only_suggested=True)
-        judged = [unit.serial for unit in run.units] if run.ended or run.fault is not None else []
+        displayed = [unit.serial for unit in run.units] if run.ended or run.fault is not None else []
         if self.run_summary is not None and self.run_summary.virtual and not header.serial:
             history = History(self._app.runs_folder)
 
             def unsuitable(serial: str) -> bool:
-                return serial in (*judged, *slots.serials) or history.passed_before(serial) is not None
+                return serial in (*displayed, *slots.serials) or history.passed_before(serial) is not None
 
-            for slot in [each for each in slots if each.open]:
+            for slot in [slot for slot in slots if slot.open]:
                 slots.suggest(slot, suggested_serial(self.run_summary, unsuitable))
             if not slots:
                 self._suggested = suggested_serial(self.run_summary, unsuitable)
@@ -97,7 +97,7 @@ class RunStarter(QObject):
 
         def fill() -> None:
             self.slots.remove_units(only_suggested=True)
-            for slot in [each for each in self.slots if each.name in serials]:
+            for slot in [slot for slot in self.slots if slot.name in serials]:
                 serial = serials[slot.name]
                 self.slots.fill(slot, serial, self._attempts(serial))
             if self._app.run.ended:
@@ -209,7 +209,7 @@ class RunStarter(QObject):
 
     def ask_transfer(self, request: RunRequest, serial: str) -> None:
         """Ask whether to undo or finish an interrupted transfer, then start a run of only this unit."""
-        slots = tuple(each if each == serial else "" for each in request.serials)
+        slots = tuple(other if other == serial else "" for other in request.serials)
         request = replace(request, serial=serial, serials=slots, batch=None)
         manual = self.run_summary is None or self.run_summary.by_hand
         code = "question.transfer_interrupted_manual" if manual else "question.transfer_interrupted"
@@ -237,12 +237,12 @@ class RunStarter(QObject):
     def _note_next(self, *, accepted: bool | None = None) -> None:
         """Show next to the serial field for which unit or slot the next scan is."""
         judged = self._app.run.ended or self._app.run.fault is not None
-        note, following = (say("operator.next_unit") if judged else ""), self.slots.marked
+        note, next_slot = (say("operator.next_unit") if judged else ""), self.slots.marked
         if self.slots and not judged and not self._app.run.in_progress:
             full = len(self.slots.units) == len(self.slots.serials)
             note = say("operator.slots_full" if full else "operator.slots_stay_empty")
-            if following is not None:
-                note = say("operator.slot", slot=following.name)
+            if next_slot is not None:
+                note = say("operator.slot", slot=next_slot.name)
         self._header.note_serial(note, accepted=accepted)
 
 

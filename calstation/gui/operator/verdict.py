@@ -129,8 +129,8 @@ class VerdictPanel(QFrame):
         if unit.finalized is not self._finalized:
             self._finalized = unit.finalized
             file = None if unit.finalized is None else Path(unit.finalized.result_file)
-            for each in (self.label_button, self.certificate_button):
-                each.offer(unit.result, file)
+            for button in (self.label_button, self.certificate_button):
+                button.offer(unit.result, file)
         self._refresh()
 
     def next_action(self) -> str:
@@ -166,13 +166,13 @@ class VerdictPanel(QFrame):
         reason = advice.reason(state, result, self._stopped_code()) if text is None else text.text
         self.reason_label.setText(reason)
         notes = dict.fromkeys(say(event_text(*remark)) for remark in unit.remarks)
-        for each, content in (
+        for widget, content in (
             (self._source, say("operator.where", source=text.source) if text and text.source else ""),
             (self.action_label, self.next_action()),
             (self._notes, "\n".join([*advice.override_notes(result), *notes])),
             (self._facts, "  ·  ".join(self._fact_texts())),
         ):
-            show_text(each, content)
+            show_text(widget, content)
         self._figures.show_result(result if text is None else None)
 
     def _released(self, path: Path) -> None:

@@ -194,7 +194,7 @@ class MainWindow(QMainWindow):
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Treat a key that no widget has handled as the start of a scan."""
-        if self._role_panel.isVisible() or not self.operator_page.header.take_key(event):
+        if self._role_panel.isVisible() or not self.operator_page.header.handle_key(event):
             super().keyPressEvent(event)
 
     def closeEvent(self, event: QCloseEvent) -> None:

@@ -132,7 +132,7 @@ class ReleaseBar(QWidget):
         self._path: Path | None = None
         self._serial = ""
         self._opening = app.job(self, override_required, self._open, failed=self._refuse)
-        self._releasing = app.job(self, override_result, self._done, failed=self._refuse, cancellable=False)
+        self._releasing = app.job(self, override_result, self._released, failed=self._refuse, cancellable=False)
         self._panel = PeoplePanel(name)
         self.open_changed = self._panel.open_changed
         self._error = label(kind="error", name=f"{name}_error_label", wrap=True)
@@ -164,7 +164,7 @@ class ReleaseBar(QWidget):
         if not self._releasing.busy:
             self._releasing.start(self._path, reason, first, second)
 
-    def _done(self, _: object) -> None:
+    def _released(self, _: object) -> None:
         self._panel.hide()
         self.hide()
         self._app.released.emit(self._path)

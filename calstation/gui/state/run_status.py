@@ -53,7 +53,7 @@ class RunStatus(QObject):
 
     changed = Signal()  #: Emitted shortly after a change, once for several events.
     stop_pressed = Signal()  #: Emitted whenever STOP is pressed, in any state.
-    unit_chosen = Signal()  #: Emitted when another unit is selected.
+    unit_changed = Signal()  #: Emitted when another unit is selected.
 
     def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -184,11 +184,11 @@ class RunStatus(QObject):
         ratios = [value / targets[group] for group, value in unit.sigma.items() if group in targets]
         return max(ratios, default=None)
 
-    def choose(self, unit: UnitStatus) -> None:
+    def select_unit(self, unit: UnitStatus) -> None:
         """Display another unit in detail."""
         if unit is not self.unit:
             self.unit = unit
-            self.unit_chosen.emit()
+            self.unit_changed.emit()
             self.changed.emit()
 
     def set_runnable(self, runnable: bool) -> None:
@@ -254,7 +254,7 @@ class RunStatus(QObject):
             except CalstationError:  # the engine reports the same error as a fault
                 self.run_summary = None
             self.units = self._units_of(request)
-            self.choose(self.units[0])
+            self.select_unit(self.units[0])
         elif self.in_progress:
             self.state = "idle" if self.register_operation else "incomplete"
         self.changed.emit()

@@ -35,14 +35,14 @@ def system_language() -> Language:
 def use(code: str) -> None:
     """Switch to a language, and update all bound texts; an unknown code selects English."""
     global _current
-    chosen: Language = "zh_CN" if code == "zh_CN" else "en"
-    if chosen == _current:
+    selected: Language = "zh_CN" if code == "zh_CN" else "en"
+    if selected == _current:
         return
-    _current = chosen
+    _current = selected
     QLocale.setDefault(QLocale(QLocale.Language.C))
     QCoreApplication.removeTranslator(_qt_texts)
     folder = QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)
-    if chosen != "en" and _qt_texts.load(f"qtbase_{chosen}", folder):
+    if selected != "en" and _qt_texts.load(f"qtbase_{selected}", folder):
         QCoreApplication.installTranslator(_qt_texts)
     languages.changed.emit()
 

@@ -65,12 +65,12 @@ class DesignForm(QFrame):
         self.button = button("design_button", "engineer.design", begin, kind="primary")
         advanced = box(row(*self._speeds.values(), seed, None, spacing=2 * theme.GRID))
         advanced.hide()
-        more = button("design_more_button", "engineer.advanced")
-        more.setCheckable(True)
-        more.toggled.connect(advanced.setVisible)
+        advanced_button = button("design_more_button", "engineer.advanced")
+        advanced_button.setCheckable(True)
+        advanced_button.toggled.connect(advanced.setVisible)
         self._reason = label(kind="muted", name="design_reason_label", wrap=True)
         goal_box = column(label("engineer.goal", buddy=self._goal), self._goal, spacing=0)
-        buttons = column(None, row(more, self.button))
+        buttons = column(None, row(advanced_button, self.button))
         column(
             row((goal_box, 1), self._margin, self._minutes, search, buttons, spacing=2 * theme.GRID),
             advanced,
@@ -90,10 +90,10 @@ class DesignForm(QFrame):
         self._speeds["rate"].spin.setMaximum(options.rate)
         self._speeds["acceleration"].spin.setMaximum(options.acceleration)
 
-    def lock(self, why: str, *, shown: bool) -> None:
-        """Disable the button for the given reason, and show the reason below the form if `shown`; "" enables it."""
+    def lock(self, why: str, *, visible: bool) -> None:
+        """Disable the button for the given reason, and show the reason below the form if `visible`; "" enables it."""
         enable(self.button, why, say("engineer.design_tip"))
-        show_text(self._reason, why if shown else "")
+        show_text(self._reason, why if visible else "")
 
     def request(self, station: Path | None, product: Path, stop: Path) -> "DesignRequest":
         """Return the request of a search; it ends when the file `stop` is created."""

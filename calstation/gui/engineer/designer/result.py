@@ -252,13 +252,13 @@ def _hidden_cells(design: Design) -> dict[str, dict[str, str]]:
         else:
             effect = f"{term('group', limit.cause)} {limit.component}".strip()
             size, unit = display_by_unit(limit.unit, limit.size)
-        seen = bool(np.isfinite(limit.size))
+        detectable = bool(np.isfinite(limit.size))
         cells[str(number)] = {
             "effect": effect,
-            "size": f"{size:.3g}" if seen else "∞",
+            "size": f"{size:.3g}" if detectable else "∞",
             "unit": unit,
             "parameter": parameter_text(limit.moved) if limit.moved in INDEX else _NONE,
-            "shift": f"{limit.move:.1f}" if seen else _NONE,
+            "shift": f"{limit.move:.1f}" if detectable else _NONE,
         }
     return cells
 

@@ -195,7 +195,7 @@ class DesignView(QWidget):
         busy = self.watch.busy
         self._progress.setVisible(busy)
         enable(self._stop_button, say("engineer.design_stopping") if self._stopping else "")
-        self.form.lock(say("engineer.design_running") if busy else self._why_not, shown=not busy)
+        self.form.lock(say("engineer.design_running") if busy else self._why_not, visible=not busy)
         show_text(self._problem, "" if busy or self._error is None else say(self._error.as_text))
         why_not_save = say("engineer.saving") if self._saving.busy else self._why_not_save
         self.save_bar.lock(why_not_save)

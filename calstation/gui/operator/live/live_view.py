@@ -95,7 +95,7 @@ class LiveView(QWidget):
         self._units = UnitTiles(run)
         row((self.table, 1), (self._beside, 3), on=self._upper)
         column((self.position, 9), (self._upper, 5), self._units, (self._lower, 4), on=self)
-        run.unit_chosen.connect(self._show_unit)
+        run.unit_changed.connect(self._show_unit)
 
     def start(self) -> None:
         """Prepare for a new run."""

@@ -72,7 +72,7 @@ class Traces(QFrame):
         self._gyro.plot.getAxis("bottom").setStyle(showValues=False)
         self.hold_button = button("", "operator.hold", tip="operator.hold_tip")
         self.hold_button.setCheckable(True)
-        self.hold_button.toggled.connect(lambda held: None if held else self._draw_again())
+        self.hold_button.toggled.connect(lambda checked: None if checked else self._draw_again())
         for plot in (self._gyro, self._accel):
             box = plot.plot.getViewBox()
             box.sigRangeChangedManually.connect(lambda *_: self.hold_button.setChecked(True))

@@ -36,19 +36,19 @@ class _SlotTile(Tile):
 
     def refresh(self) -> None:
         """Show the state of the slot."""
-        slot, following = self.slot, self._slots.marked is self.slot
-        self.show_chosen(following)
-        self._icon.set_kind("good" if slot.serial else "active" if following else "none")
+        slot, is_next = self.slot, self._slots.marked is self.slot
+        self.show_selected(is_next)
+        self._icon.set_kind("good" if slot.serial else "active" if is_next else "none")
         if slot.serial:
             code = "operator.attempt" if slot.attempts else "operator.accepted"
             note = say("operator.suggested" if slot.suggested else code, count=slot.attempts + 1)
         elif slot.skipped:
             note = say("operator.stays_empty")
         else:
-            note = say("operator.next_scan" if following else "operator.empty")
+            note = say("operator.next_scan" if is_next else "operator.empty")
         show_text(self._serial, slot.serial)
         self._note.setText(note)
-        self.action.setVisible(bool(slot.serial) or following or slot.skipped)
+        self.action.setVisible(bool(slot.serial) or is_next or slot.skipped)
         action = "operator.use" if slot.skipped else "operator.skip"
         self.action.setText(say("operator.clear" if slot.serial else action))
         self.describe(slot.name, slot.serial, note)

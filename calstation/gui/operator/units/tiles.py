@@ -39,9 +39,9 @@ class Tile(QAbstractButton):
         option.initFrom(self)
         QStylePainter(self).drawPrimitive(QStyle.PrimitiveElement.PE_Widget, option)
 
-    def show_chosen(self, chosen: bool) -> None:
+    def show_selected(self, selected: bool) -> None:
         """Show whether the tile is the one of the next scan or of the displayed unit."""
-        kind = "tile_chosen" if chosen else "tile"
+        kind = "tile_chosen" if selected else "tile"
         if self.property("kind") != kind:
             theme.set_kind(self, kind)
 
@@ -83,11 +83,11 @@ class _UnitTile(Tile):
         column(None, head, state, None, on=self, spacing=0, margins=margins)
         pass_clicks(self._icon, self._slot, self._serial, self._text)
 
-    def show_state(self, kind: str, text: str, *, chosen: bool) -> None:
+    def show_state(self, kind: str, text: str, *, selected: bool) -> None:
         """Show the state of the unit."""
         self._icon.set_kind(kind)
         self._text.setText(text)
-        self.show_chosen(chosen)
+        self.show_selected(selected)
         self.describe(self.unit.slot, self.unit.serial, text)
 
 
@@ -106,14 +106,14 @@ class UnitTiles(QWidget):
         """Show the units of a new run."""
         self._tiles = [_UnitTile(unit) for unit in self._run.units if unit.slot]
         for tile in self._tiles:
-            tile.clicked.connect(partial(self._run.choose, tile.unit))
+            tile.clicked.connect(partial(self._run.select_unit, tile.unit))
         arrange(self._grid, self._tiles)
         self.refresh()
 
     def refresh(self) -> None:
         """Show the states of the units."""
         for tile in self._tiles:
-            tile.show_state(*self._state(tile.unit), chosen=tile.unit is self._run.unit)
+            tile.show_state(*self._state(tile.unit), selected=tile.unit is self._run.unit)
 
     def _state(self, unit: UnitStatus) -> tuple[str, str]:
         """Return the badge shape and a short text of the state of a unit."""
@@ -142,6 +142,6 @@ class UnitTiles(QWidget):
                 text = say("operator.sigma_reached", sigma=text)
         elif stage is not None:
             text = term("stage", stage.name)
-        elif solved := [each for each in unit.stages if each.state == "good"]:
+        elif solved := [stage for stage in unit.stages if stage.state == "good"]:
             text = f"{term('stage', solved[-1].name)}: {term('stage_state', 'good')}"
         return "bad" if bad is not None else "active", text or say("operator.unit_preparing")

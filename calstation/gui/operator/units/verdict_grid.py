@@ -96,11 +96,11 @@ class VerdictGrid(QFrame):
 
     def next_action(self) -> str:
         """Return the operator's next action."""
-        again = self._run.state in ("stopped", "incomplete")
-        return say("advice.same_units" if again else "advice.next_units")
+        incomplete = self._run.state in ("stopped", "incomplete")
+        return say("advice.same_units" if incomplete else "advice.next_units")
 
     def _open(self, unit: UnitStatus) -> None:
-        self._run.choose(unit)
+        self._run.select_unit(unit)
         self.opened.emit()
 
     def _refresh(self) -> None:
