@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QApplication, QGroupBox, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.text import bind, language, on_language_change
-from calstation.gui.widgets import CellTable, EmptyState, ViewTabs, button, combo_box, label
+from calstation.gui.widgets import Cell, CellTable, EmptyState, ViewTabs, button, combo_box, label
 from calstation.messages import Text
 
 
@@ -64,10 +64,9 @@ def test_items_tabs_headings_and_empty_states_follow_the_language(qtbot: QtBot) 
         combo_box("periods", {None: "history.any_time", 1: "history.today"}),
         ViewTabs("views", "common.cycle"),
     )
-    empty, table = EmptyState(title="history.no_runs_yet"), CellTable("cells")
+    empty, table = EmptyState(title="history.no_runs_yet"), CellTable("cells", columns=(Cell("common.unit", "unit"),))
     for widget in (combo, tabs, empty, table):
         qtbot.addWidget(widget)
-    table.parameters.set_columns([table.column("common.unit", "unit")])
 
     def texts() -> tuple[str, ...]:
         heading = table.parameters.headerData(0, Qt.Orientation.Horizontal)

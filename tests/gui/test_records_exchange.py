@@ -25,7 +25,7 @@ def test_window_exchanges_its_runs_until_it_closes(site_folder: SiteFolder, qtbo
     qtbot.waitUntil(lambda: len(in_database(url)) == 2, timeout=60_000)
     write_result(tmp_path / "others", "d", 4)
     window.app.close()
-    # the last exchange goes on after the window has closed
+    # the last exchange continues after the window has closed
     qtbot.waitUntil(lambda: [name for name, _ in in_database(url)] == ["a", "c", "d"], timeout=60_000)
 
 

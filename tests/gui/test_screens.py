@@ -12,7 +12,7 @@ from PySide6.QtCore import QByteArray, QRect, QSettings
 
 from tests.gui.conftest import SiteFolder
 
-#: Opens the window, shows each page in both languages, and prints what is seen as rectangles in the window.
+#: Opens the window, shows each page in both languages, and prints the rectangles of its visible widgets.
 SCRIPT = """
 import json, sys
 from pathlib import Path

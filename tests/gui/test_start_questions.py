@@ -48,7 +48,7 @@ class Page:
         self.operator.press(f"{self.prefix}start_button")
 
     def asked(self) -> str:
-        """Return what the page shows."""
+        """Return the texts of the page."""
         return self.operator.says()
 
     def answer(self, name: str) -> None:
@@ -88,7 +88,7 @@ class Terminal:
         self._shown = self._capsys.readouterr().err
 
     def asked(self) -> str:
-        """Return what the command has written."""
+        """Return the output of the command."""
         return self._shown
 
     def answer(self, name: str) -> None:
@@ -112,7 +112,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[RunRequest]:
 
 @pytest.fixture(params=["operator_page", "engineer_page", "terminal"])
 def front_end(request: pytest.FixtureRequest, site_folder: SiteFolder) -> Callable[[], Page | Terminal]:
-    """A function that opens one of the front ends, for the files of the site as they then are."""
+    """Function that opens a front end with the current files of the site."""
     if request.param == "terminal":
         monkeypatch, capsys = (request.getfixturevalue(name) for name in ("monkeypatch", "capsys"))
         return lambda: Terminal(site_folder, monkeypatch, capsys)
@@ -121,18 +121,18 @@ def front_end(request: pytest.FixtureRequest, site_folder: SiteFolder) -> Callab
 
 
 def passed(site: SiteFolder) -> None:
-    """Let the unit pass."""
+    """Store a passed run of the unit."""
     write_result(site.runs, f"{SERIAL}_1", 1, serial=SERIAL)
 
 
 def failed(site: SiteFolder) -> None:
-    """Use up the unit's only attempt."""
+    """Allow one attempt, and store a failed run of the unit."""
     site.write({"attempts_allowed": 1})
     write_result(site.runs, f"{SERIAL}_1", 1, serial=SERIAL, outcome="failed")
 
 
 def overdue(site: SiteFolder) -> None:
-    """Let the certificate of the table expire."""
+    """Use a station whose table has an expired certificate."""
     site.write(station={"instruments": OVERDUE})
 
 
@@ -143,7 +143,7 @@ def hardware(site: SiteFolder) -> None:
 
 
 def interrupted(site: SiteFolder) -> None:
-    """Let the run of another unit end in its second stage."""
+    """Store an incomplete run of another unit."""
     write_dead_log(site.runs)
     finish_incomplete(site.runs)
 

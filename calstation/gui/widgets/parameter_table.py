@@ -72,10 +72,6 @@ class ParameterModel(QAbstractTableModel):
         self._names: tuple[str, ...] = ()
         self._shaded: tuple[bool, ...] = ()
 
-    def set_columns(self, columns: Sequence[Column]) -> None:
-        """Show other columns of the same parameters."""
-        self.show(columns, self._names)
-
     def show(self, columns: Sequence[Column], names: Sequence[str]) -> None:
         """Show these columns of these parameters."""
         self.beginResetModel()
@@ -259,12 +255,6 @@ class CellTable(ParameterTable):
         self.verticalHeader().setDefaultSectionSize(row)
         if single:
             self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-
-    def column(
-        self, heading: Words, key: str, *, number: bool = True, hint: Callable[[str], str] | None = None
-    ) -> Column:
-        """Return a column that shows the texts with the given key."""
-        return Column(heading, lambda name: self.cells[name].get(key, "–"), number, hint=hint)
 
     def show_cells(
         self, cells: Mapping[str, dict[str, str]], numbers: Iterable[str] = (), columns: Sequence[Cell] = ()
