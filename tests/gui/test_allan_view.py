@@ -50,8 +50,8 @@ def press(page: OfflinePage, name: str, qtbot: QtBot) -> None:
 
 
 def choose_longest_rest(page: OfflinePage, qtbot: QtBot) -> None:
-    page.range.part_button.menu().actions()[-1].trigger()
-    qtbot.waitUntil(lambda: not page.rest_finder.busy and not page.range.whole, timeout=WAIT)
+    page.range.set_button.menu().actions()[-1].trigger()
+    qtbot.waitUntil(lambda: not page.rest_finder.busy and not page.range.is_whole_log, timeout=WAIT)
 
 
 def compute(page: OfflinePage, qtbot: QtBot) -> None:

@@ -69,12 +69,12 @@ def solved(panel: MethodPanel, path: Path, qtbot: QtBot) -> None:
     panel.source.log_edit.setText(str(path))
     qtbot.keyClick(panel.source.log_edit, Qt.Key.Key_Return)
     qtbot.waitUntil(lambda: not panel.busy, timeout=WAIT)
-    assert panel.answer is not None, panel.notice.text_label.text()
+    assert panel.solution is not None, panel.notice.text_label.text()
 
 
 def cells(panel: MethodPanel) -> dict[str, dict[str, str]]:
     """Return the cells of the parameter table by parameter and heading."""
-    model = panel.answers.table.model()
+    model = panel.views.table.model()
     headings = [str(model.headerData(k, Qt.Orientation.Horizontal)) for k in range(model.columnCount())]
     rows = {}
     for row in range(model.rowCount()):
@@ -88,12 +88,12 @@ def test_multi_position_recording_is_solved_plotted_applied_and_exported(
     chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot, tmp_path: Path
 ) -> None:
     panel = chosen("multi_position")
-    assert not panel.answers.tabs.isTabEnabled(1)
+    assert not panel.views.tabs.isTabEnabled(1)
     solved(panel, recordings["multi_position"], qtbot)
-    positions, applied = panel.answers.positions, panel.answers.applied
+    positions, applied = panel.views.positions, panel.views.applied
     assert positions is not None
     assert positions.isVisible()
-    assert len(panel.answer.plot_data.up) > 30  # type: ignore[union-attr]
+    assert len(panel.solution.plot_data.up) > 30  # type: ignore[union-attr]
     before, after = re.findall(r"[\d.]+", positions.angle_figure.number.text())
     assert float(after) < 0.2 * float(before)
     rows = cells(panel)
@@ -130,9 +130,9 @@ def test_output_of_the_connected_unit_is_shown_before_and_after_correction(
 ) -> None:
     panel = chosen("multi_position")
     solved(panel, recordings["multi_position"], qtbot)
-    view = panel.answers.applied
+    view = panel.views.applied
     assert view is not None
-    panel.answers.tabs.setCurrentIndex(2)
+    panel.views.tabs.setCurrentIndex(2)
     button, said = view.unit_button, panel.findChild(QLabel, "applied_unit_label")
 
     qtbot.waitUntil(lambda: not view.watch.busy, timeout=WAIT)
@@ -155,10 +155,10 @@ def test_output_of_the_connected_unit_is_shown_before_and_after_correction(
     assert float(after) < 0.5 * float(before)
     assert "BENCH-mems, 10 s" in view.name_label.text()
     assert said.text() == ""
-    # data received for one answer are not shown as those of the next
+    # data received for one solution are not shown with the next one
     qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
-    assert panel.answer is not None
-    view.show_answer(replace(panel.answer))
+    assert panel.solution is not None
+    view.show_solution(replace(panel.solution))
     qtbot.waitUntil(lambda: view.applied is not None, timeout=WAIT)
     assert view.applied is not None
     assert view.applied.path == recordings["multi_position"]
@@ -185,24 +185,24 @@ def test_gimbal_recording_shows_both_solutions_in_both_languages(
     panel = chosen("gimbal")
     qtbot.mouseClick(panel.bench.make_button, Qt.MouseButton.LeftButton)
     assert panel.busy
-    qtbot.waitUntil(lambda: panel.answer is not None and not panel.busy, timeout=WAIT)
+    qtbot.waitUntil(lambda: panel.solution is not None and not panel.busy, timeout=WAIT)
     assert panel.path == site_folder.home / "recordings" / "gimbal-mems-1.h5"
     assert panel.path.exists()
     rows = cells(panel)
     assert len(rows) == 6
     for row in rows.values():
         assert abs(float(row["in σ"].replace("−", "-"))) < 5.0
-    view = panel.answers.gimbal
+    view = panel.views.gimbal
     assert view is not None
     assert [badge.text()[:6] for badge in view.badges] == ["Axis x", "Axis y", "Axis z"]
-    # all texts change with the language and theme while the answer is shown
+    # all texts change with the language and theme while the solution is shown
     language.use("zh_CN")
     theme.apply("dark")
     try:
         page = panel.window().offline_page  # type: ignore[attr-defined]
-        qtbot.waitUntil(lambda: CHINESE.search(panel.answers.tabs.tabText(0)) is not None)
+        qtbot.waitUntil(lambda: CHINESE.search(panel.views.tabs.tabText(0)) is not None)
         said = [label.text() for label in page.findChildren(QLabel) if label.isVisible()]
-        tabs = panel.answers.tabs
+        tabs = panel.views.tabs
         said += [tabs.tabText(k) for k in range(tabs.count())]
         said += [b.text() for b in page.findChildren(QPushButton) if b.isVisible()]
         english = [text for text in said if re.search(r"[A-Za-z]{4,}", text) and "BENCH" not in text]
@@ -218,7 +218,7 @@ def test_out_of_tolerance_secondary_passes_the_check_after_calibration(
 ) -> None:
     panel = chosen("cross_calibration")
     solved(panel, recordings["cross_calibration"], qtbot)
-    view, residuals = panel.answers.check, panel.answers.residuals
+    view, residuals = panel.views.check, panel.views.residuals
     assert view is not None
     assert residuals is not None
     assert [bar.verdict for bar in view.bars.bars] == ["out of tolerance"] * 2 + ["within"] * 2
@@ -258,7 +258,7 @@ def test_failed_solution_is_reported_and_a_running_solution_cancelled(
     panel = chosen("cross_calibration")
     panel.open(recordings["multi_position"])
     qtbot.waitUntil(lambda: not panel.busy, timeout=WAIT)
-    assert panel.answer is None
+    assert panel.solution is None
     assert "Add [imu2]" in panel.notice.text_label.text()
     assert panel.notice.isVisible()
     language.use("zh_CN")
@@ -269,7 +269,7 @@ def test_failed_solution_is_reported_and_a_running_solution_cancelled(
     assert not panel.source.isEnabled()
     panel.solver.cancel()
     assert not panel.busy
-    assert panel.answer is None
+    assert panel.solution is None
     assert panel.solve_button.isEnabled()
 
 
@@ -280,7 +280,7 @@ def test_log_path_is_locked_while_the_current_view_is_busy(
     panel.open(recordings["multi_position"])
     page.reader.busy_changed.emit()
     assert not page.source.isEnabled()
-    page.source.chosen.emit(recordings["gimbal"])
+    page.source.path_selected.emit(recordings["gimbal"])
     assert "when this job has ended" in panel.notice.text_label.text()
     page.choose("gimbal")
     assert page.source.isEnabled()
@@ -300,7 +300,7 @@ def test_guide_me_live_requires_a_manual_rig_and_opens_the_operator_page(
     assert "virtual_hand" in panel.live_button.toolTip()
     window.app.set_station(library.find("stations", "virtual_hand"))
     qtbot.waitUntil(panel.live_button.isEnabled)
-    # the product at hand is calibrated on a table: the engineer can choose none of its stages here
+    # the current product is calibrated on a table, so that the engineer cannot select its stages here
     assert "station's rig" in window.findChild(QPushButton, "engineer_start_button").toolTip()
     qtbot.mouseClick(panel.live_button, Qt.MouseButton.LeftButton)
     assert window.page_tabs.currentWidget().objectName() == "operator_page"
@@ -413,7 +413,7 @@ def test_calibrations_by_triggers_are_shown_on_the_timeline(
     path.with_suffix(".toml").write_text(content.replace(section, f'{section}trigger = "start_up"\n'), "utf-8")
     panel = chosen("cross_calibration")
     solved(panel, path, qtbot)
-    view = panel.answers.check
+    view = panel.views.check
     assert view is not None
     assert view.timeline.progress is not None
     assert [h.kind for h in view.timeline.progress.events][-1] == "calibrated"
@@ -452,7 +452,7 @@ def test_live_watch_uses_the_selected_product(
 def test_live_imu_pair_is_monitored_and_checked_on_a_button_press(
     chosen: Callable[[str], MethodPanel], window: MainWindow, qtbot: QtBot, tmp_path: Path
 ) -> None:
-    live = chosen("cross_calibration").answers.live
+    live = chosen("cross_calibration").views.live
     assert live is not None
     assert not live.start_button.isEnabled()
     assert "virtual_pair" in live.start_button.toolTip()
@@ -461,7 +461,7 @@ def test_live_imu_pair_is_monitored_and_checked_on_a_button_press(
     path.write_text(shipped.replace("speed = 1.0", "speed = 0.0").replace('"period"', '"command"'))
     window.app.set_station(path)
     qtbot.waitUntil(live.start_button.isEnabled)
-    tabs = window.offline_page.panel.answers.tabs  # type: ignore[union-attr]
+    tabs = window.offline_page.panel.views.tabs  # type: ignore[union-attr]
     tabs.setCurrentIndex(tabs.count() - 1)
     qtbot.mouseClick(live.start_button, Qt.MouseButton.LeftButton)
     assert live.watching

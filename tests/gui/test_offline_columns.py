@@ -33,7 +33,7 @@ def test_requested_samples_are_sufficient(log: LogIndex, first: int, width: int,
     last = min(START + first + width, log.facts.last_seq)
     drawn, wanted = columns.view(START + first, last, count)
     if wanted is not None:
-        columns.keep(
+        columns.store_samples(
             wanted, samples(ignore_progress, log.path, log.folder, log.scale, wanted.start, wanted.stop, wanted.count)
         )
         drawn, again = columns.view(START + first, last, count)

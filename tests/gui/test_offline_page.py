@@ -341,7 +341,7 @@ def test_range_boxes_and_plot_region_stay_synchronised_within_the_log(
     qtbot.keyClicks(last.lineEdit(), "7")
     qtbot.keyClick(last, Qt.Key.Key_Return)
     assert "7 is not in this log" in page.range.note_label.text()
-    page.range.part_button.menu().actions()[0].trigger()
+    page.range.set_button.menu().actions()[0].trigger()
     assert (first.value(), last.value()) == (facts.first_seq, facts.last_seq)
 
 

@@ -1,3 +1,3 @@
-"""The Offline page: plots one log and solves it again by its stages or a method; `results` computes."""
+"""The Offline page, which plots a log and solves it again; the computations are in `results`."""
 
 from calstation.gui.logs.page import OfflinePage

@@ -1,4 +1,4 @@
-"""The Allan deviation of a range of a log at rest, and the derived noise, which can be stored in the IMU profile."""
+"""The Allan deviation of a log at rest, and the derived noise, which can be saved in the IMU profile."""
 
 import csv
 from functools import partial
@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import Version, computer_user, save_noise
-from calstation.gui.logs.methods import MethodPlot
+from calstation.gui.logs.methods import SENSOR_UNITS, MethodPlot
 from calstation.gui.state import Page
 from calstation.gui.text import duration_text, say, term
 from calstation.gui.widgets import (
@@ -20,8 +20,10 @@ from calstation.gui.widgets import (
     DataView,
     EmptyState,
     JobRow,
+    box,
     button,
     column,
+    dashed,
     enable,
     label,
     row,
@@ -29,16 +31,11 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import Text
-from calstation.physics import CHANNELS, DEGREE_PER_HOUR, MICRO_G, NOISE_DISPLAY, FloatArray
+from calstation.physics import CHANNELS, NOISE_DISPLAY, FloatArray
 from calstation.results.plots import FLOOR, AllanCurve, AllanDeviation, allan_deviation
 
-#: Unit of the deviation of each sensor, and its size in SI.
-_UNITS = {"gyro": ("°/h", DEGREE_PER_HOUR), "accel": ("µg", MICRO_G)}
-#: Entries of `[noise]` of each sensor: its random walk and its bias instability.
-_ENTRIES = {
-    "gyro": ("gyro_arw", "gyro_bias_instability"),
-    "accel": ("accel_vrw", "accel_bias_instability"),
-}
+#: Entries of `[noise]` for the random walk and the bias instability of each sensor.
+_ENTRIES = {"gyro": ("gyro_arw", "gyro_bias_instability"), "accel": ("accel_vrw", "accel_bias_instability")}
 _COLUMNS = (
     Cell("logs.channel", "channel", number=False),
     Cell("logs.random_walk", "value0"),
@@ -49,7 +46,7 @@ _COLUMNS = (
 
 
 class AllanPlot(MethodPlot, DataView[AllanDeviation]):
-    """The Allan deviations of the three axes of a sensor with their 95 % bands, and the profile's noise."""
+    """Plots the Allan deviations of the axes of a sensor with their 95 % bands, and the noise of the profile."""
 
     def __init__(self, sensor: str) -> None:
         super().__init__(log=True, log_x=True)
@@ -58,7 +55,7 @@ class AllanPlot(MethodPlot, DataView[AllanDeviation]):
     def draw(self, data: AllanDeviation) -> None:
         """Draw the deviations."""
         self.empty()
-        unit, size = _UNITS[self._sensor]
+        unit, size = SENSOR_UNITS[self._sensor]
         c, walk, instability = theme.colours(), *(data.noise[name] / size for name in _ENTRIES[self._sensor])
         curves = self._curves()
         for axis, curve in curves.items():
@@ -86,7 +83,7 @@ class AllanPlot(MethodPlot, DataView[AllanDeviation]):
         self.finish([(title, c.text), *letters, (say("logs.profile_line"), c.muted)])
 
     def write_csv(self, target: Path) -> None:
-        """Write the deviations and their bounds, SI, in one row per averaging time."""
+        """Write the deviations and their bounds in SI, one row per averaging time."""
         curves = self._curves()
         names = ("deviation", "low", "high")
         with target.open("w", newline="", encoding="utf-8") as file:
@@ -102,10 +99,9 @@ class AllanPlot(MethodPlot, DataView[AllanDeviation]):
     def _profile_line(
         self, name: str, tau: FloatArray, values: FloatArray, at: int, anchor: tuple[float, float]
     ) -> None:
-        """Draw a line of the profile with its name at one of its points."""
+        """Draw a line of the profile, with its name at the point with index `at`."""
         colour = theme.colours().muted
-        pen = pg.mkPen(colour, width=1, style=Qt.PenStyle.DashLine)
-        self.addItem(pg.PlotDataItem(tau, values, pen=pen, name=name))
+        self.addItem(pg.PlotDataItem(tau, values, pen=dashed(colour), name=name))
         text = pg.TextItem(name, color=colour, anchor=anchor)
         text.setFont(theme.font(11))
         text.setPos(float(np.log10(tau[at])), float(np.log10(values[at])))
@@ -113,7 +109,7 @@ class AllanPlot(MethodPlot, DataView[AllanDeviation]):
 
 
 class AllanView(QWidget, DataView[AllanDeviation]):
-    """Computes and shows Allan deviations; `closed` is emitted by its Back button."""
+    """Computes and shows the Allan deviations of a range of a log; its Back button emits `closed`."""
 
     closed = Signal()
 
@@ -129,25 +125,19 @@ class AllanView(QWidget, DataView[AllanDeviation]):
             cancelled=close,
         )
         self.saving = page.job(
-            save_noise, self._saved, failure="logs.values_not_saved", then=self.setFocus, cancellable=False
+            save_noise, self._show_saved, failure="logs.values_not_saved", then=self.setFocus, cancellable=False
         )
         self._plots = AllanPlot("gyro"), AllanPlot("accel")
         self._about = label(wrap=True, name="allan_label")
         hint = label("logs.about_missing_noise", "muted", wrap=True)
         self._table = CellTable("allan_table", columns=_COLUMNS, grouped=True, named=False, row=3 * theme.GRID)
-        self._take_button = button("take_noise_button", "logs.take_values", self._ask)
+        self._save_button = button("take_noise_button", "logs.take_values", self._ask_save)
         copy = button("copy_noise_button", "common.copy_table", self._table.copy)
         back = button("allan_back_button", "logs.back", self.closed)
         job = JobRow(self.watch, "allan_cancel_button")
-        content, self._working = QWidget(), EmptyState(job, title="logs.computing_allan_deviation")
-        column(
-            row((self._about, 1), copy, self._take_button, back),
-            (row(*((plot, 1) for plot in self._plots)), 1),
-            self._table,
-            hint,
-            on=content,
-        )
-        self._stack = stack(content, self._working)
+        self._working = EmptyState(job, title="logs.computing_allan_deviation")
+        head, plots = row((self._about, 1), copy, self._save_button, back), row(*((plot, 1) for plot in self._plots))
+        self._stack = stack(box(head, (plots, 1), self._table, hint), self._working)
         column(self._stack, on=self, margins=(theme.GRID, 0, 0, 0))
         self.saving.busy_changed.connect(self._update)
         self._app.role.changed.connect(lambda _: self._update())
@@ -160,7 +150,7 @@ class AllanView(QWidget, DataView[AllanDeviation]):
         self.watch.start(path, first_seq, last_seq)
 
     def draw(self, data: AllanDeviation) -> None:
-        """Draw the deviations, and list the derived noise."""
+        """Draw the deviations and list the derived noise."""
         for plot in self._plots:
             plot.show_data(data)
         cells = {name: _cells(data, name, data.curves[name]) for name in CHANNELS if name in data.curves}
@@ -176,7 +166,7 @@ class AllanView(QWidget, DataView[AllanDeviation]):
 
     @property
     def _values(self) -> dict[str, float]:
-        """The entries of `[noise]` determined by all three axes: the largest value of each, SI."""
+        """The entries of `[noise]` that all three axes determine: the largest value of the axes, SI."""
         data = self.data
         if data is None:
             return {}
@@ -189,7 +179,7 @@ class AllanView(QWidget, DataView[AllanDeviation]):
                     values[name] = max(measured)
         return values
 
-    def _why_not_take(self) -> str:
+    def _why_not_save(self) -> str:
         if not self._app.role.engineer:
             return say("engineer.new_pin_needed" if self._app.role.new else "engineer.pin_needed")
         if self._app.engine_link.running or self.saving.busy:
@@ -199,19 +189,19 @@ class AllanView(QWidget, DataView[AllanDeviation]):
         return "" if self._values else say("logs.rest_too_short")
 
     def _update(self) -> None:
-        enable(self._take_button, self._why_not_take(), say("logs.take_tip"))
+        enable(self._save_button, self._why_not_save(), say("logs.take_tip"))
 
     def _change_text(self, data: AllanDeviation) -> str:
-        """Return the values before and after the change, and the unchanged ones."""
+        """Return the text of the changed values, before and after, and of the unchanged ones."""
         parts = []
         for name, value in self._values.items():
             _, unit, size = NOISE_DISPLAY[name]
             parts.append(f"{term('form', name)} {data.noise[name] / size:.3g} → {value / size:.3g} {unit}")
         text = "; ".join(parts) + "\n" + say("logs.largest_of_axes")
-        kept = [term("form", name) for name in NOISE_DISPLAY if name not in self._values]
-        return text + (" " + say("logs.kept_values", names=", ".join(kept)) if kept else "")
+        unchanged = [term("form", name) for name in NOISE_DISPLAY if name not in self._values]
+        return text + (" " + say("logs.kept_values", names=", ".join(unchanged)) if unchanged else "")
 
-    def _ask(self) -> None:
+    def _ask_save(self) -> None:
         data = self.data
         if data is None or data.profile is None:
             return
@@ -231,7 +221,7 @@ class AllanView(QWidget, DataView[AllanDeviation]):
         source = f"Allan deviation of {data.serial}, {data.seconds:.0f} s"
         self.saving.start(data.profile, values, source, author)
 
-    def _saved(self, version: Version) -> None:
+    def _show_saved(self, version: Version) -> None:
         self._app.product_changed.emit()
         self._notice.inform(
             "good",
@@ -242,14 +232,14 @@ class AllanView(QWidget, DataView[AllanDeviation]):
 
 
 def _cells(data: AllanDeviation, channel: str, curve: AllanCurve) -> dict[str, str]:
-    """Return the texts of a channel's row: each derived value, and the profile's value with the unit."""
+    """Return the cells of a channel: the derived values, and those of the profile with their units."""
     sensor, _, axis = channel.partition("_")
     cells = {"channel": say(f"logs.{sensor}_axis", axis=axis)}
-    bound = f"≤ {curve.largest_instability / _UNITS[sensor][1]:.2g}"
-    for number, (name, value, other) in enumerate(
+    bound = f"≤ {curve.largest_instability / SENSOR_UNITS[sensor][1]:.2g}"
+    for number, (name, value, fallback) in enumerate(
         zip(_ENTRIES[sensor], (curve.random_walk, curve.instability), ("–", bound), strict=True)
     ):
         _, unit, size = NOISE_DISPLAY[name]
-        cells[f"value{number}"] = other if value is None else f"{value / size:.3g}"
+        cells[f"value{number}"] = fallback if value is None else f"{value / size:.3g}"
         cells[f"profile{number}"] = f"{data.noise[name] / size:.3g} {unit}" if data.noise[name] else f"– {unit}"
     return cells

@@ -1,4 +1,4 @@
-"""Comparison of the offline result with the run's result, parameter by parameter, with differences in sigma."""
+"""The comparison of the offline result with the result of the run, parameter by parameter."""
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
@@ -21,7 +21,7 @@ from calstation.results.plots import LogIndex
 
 
 class Comparison(QWidget):
-    """Shows the run's result and, once the log is solved offline, the offline result next to it."""
+    """Shows the result of the run and, after the log has been solved offline, the offline result next to it."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -54,12 +54,12 @@ class Comparison(QWidget):
         self._fill()
 
     def show_solved(self, solved: Resolved) -> None:
-        """Show an offline result next to the run's result."""
+        """Show an offline result next to the result of the run."""
         self._solved = solved
         self._fill()
 
     def set_outdated(self, outdated: bool) -> None:
-        """Mark the offline result as outdated because other stages or another range are selected."""
+        """Mark the offline result as outdated, because other stages or another range have been selected."""
         if outdated != self._outdated:
             self._outdated = outdated
             self._refresh()
@@ -137,8 +137,7 @@ class Comparison(QWidget):
             notes.append(say("logs.part_of_log", first=first, last=last))
         if self._online is not None and self._online.stages not in ([], result.stages):
             notes.append(say("logs.stages_solved", stages=result.stages))
-        if result.undetermined:
-            lost, count = len(result.undetermined), len(result.parameters)
-            notes.append(say("logs.parameters_lost", lost=lost, count=count))
+        if undetermined := len(result.undetermined):
+            notes.append(say("logs.parameters_lost", lost=undetermined, count=len(result.parameters)))
         notes += [say(reason) for reason in solved.missing_data]
         return notes + [say(event_text(key, values)) for key, values in solved.messages]

@@ -1,4 +1,4 @@
-"""Plots of a whole log over time: gyro, accelerometer, table and temperature, zoomable down to single samples."""
+"""The plots of a log over time, which can be zoomed to single samples: gyro, accelerometer, table, temperature."""
 
 from collections.abc import Callable, Collection
 from functools import partial
@@ -18,7 +18,7 @@ from calstation.gui.logs.plot_items import (
     LogMarks,
     RangeItem,
     SampleRequest,
-    Strip,
+    StageStrip,
     TimeAxis,
     split_at_gaps,
 )
@@ -27,15 +27,15 @@ from calstation.gui.widgets import NumberAxis, PlotMenu, PlotNote, TimeBox, colu
 from calstation.results.plots import CHANNELS, Columns, LogIndex
 
 #: Height of the row of stage names, px.
-_STRIP = 34
+_STRIP_HEIGHT = 34
 #: Margin beyond the ends of the log as a fraction of its length, so that a range edge there can be dragged.
 _MARGIN = 0.015
-#: Ratio of the width of the view after zooming in to the width before.
-_ZOOM = 0.5
+#: Ratio of the widths of the view after and before zooming in.
+_ZOOM_FACTOR = 0.5
 
 
 class _Graph(pg.GraphicsLayoutWidget):  # type: ignore[misc]
-    """The plots, which their menu copies and saves."""
+    """The plots, with a menu to copy and save them."""
 
     def __init__(self, write_csv: Callable[[Path], object]) -> None:
         super().__init__()
@@ -51,7 +51,7 @@ class LogPlot(QWidget):
 
     Signals: `range_moved(first, last)` with sequence numbers during a drag; `samples_requested(request)` when the view
     is narrow enough for single samples, which the receiver passes to `show_samples`; `pointed(seq)` with the sequence
-    number under the mouse, None outside the log. The values at this point are written at the top of each plot.
+    number under the mouse, or None outside the log. The top of each plot shows the values under the mouse.
     """
 
     range_moved = Signal(object, object)
@@ -69,14 +69,14 @@ class LogPlot(QWidget):
         self._graph.ci.setSpacing(2)
         column(self._graph, on=self)
         self._columns: LogColumns | None = None
-        #: Sequence numbers of the first and the last sample, rate, Hz, and length, s, of the log.
+        #: First and last sequence number, sample rate, Hz, and length, s, of the log.
         self._first, self._last, self._rate, self._length = 0, 0, 1.0, 1.0
         #: Number of samples merged into a drawn column; 1 if single samples are drawn.
         self.samples_per_column = 0
         self._drawn: Columns | None = None
         self._pointed: int | None = None
-        self._shown: Collection[str] = CHANNELS
-        self._layers: list[Backdrop | Strip] = [Strip(partial(term, "stage"))]
+        self._channels: Collection[str] = CHANNELS
+        self._layers: list[Backdrop | StageStrip] = [StageStrip(partial(term, "stage"))]
         self._ranges: list[RangeItem] = []
         self._cursors: list[pg.InfiniteLine] = []
         self._curves: dict[str, pg.PlotCurveItem] = {}
@@ -105,7 +105,7 @@ class LogPlot(QWidget):
             item.setVisible(True)
         self.set_range(self._first, self._last)
         self._point_to(None)
-        self.whole()
+        self.show_all()
         self._draw()
 
     def close_log(self) -> None:
@@ -118,13 +118,13 @@ class LogPlot(QWidget):
         for item in self._ranges:
             item.setVisible(False)
 
-    def show_channels(self, shown: Collection[str]) -> None:
-        """Show these members of `CHANNELS`, and the plots that contain at least one of them."""
-        self._shown = shown
+    def show_channels(self, channels: Collection[str]) -> None:
+        """Show these members of `CHANNELS`, and only the plots that contain one of them."""
+        self._channels = channels
         for name, curve in self._curves.items():
-            curve.setVisible(name in shown)
+            curve.setVisible(name in channels)
         visible = [
-            plot for plot, (names, _, _) in zip(self._plots, PLOTS, strict=True) if not set(names).isdisjoint(shown)
+            plot for plot, (names, _, _) in zip(self._plots, PLOTS, strict=True) if not set(names).isdisjoint(channels)
         ]
         for plot in filter(self._graph.ci.items.__contains__, self._plots):
             self._graph.removeItem(plot)
@@ -143,24 +143,24 @@ class LogPlot(QWidget):
             item.blockSignals(False)
 
     def show_samples(self, request: SampleRequest, columns: Columns) -> None:
-        """Draw the single samples requested by `samples_requested`."""
+        """Draw the samples of a request that `samples_requested` emitted."""
         if self._columns is not None:
-            self._columns.keep(request, columns)
+            self._columns.store_samples(request, columns)
             self._schedule_draw()
 
     def write_csv(self, target: Path) -> None:
-        """Write the shown channels as drawn: two rows, the lowest and the highest values, for merged samples."""
+        """Write the visible channels as drawn, as two rows, the minima and maxima, where samples are merged."""
         columns = self._drawn
         if columns is None:
             return
-        shown = [(k, name) for k, name in enumerate(CHANNELS) if name in self._shown]
+        channels = [(k, name) for k, name in enumerate(CHANNELS) if name in self._channels]
         units = {name: unit for names, unit, _ in PLOTS for name in names}
         values = np.stack([columns.low, columns.high], axis=1)[:, : 1 if columns.samples == 1 else 2]
         seq = np.repeat(columns.seq, values.shape[1])
-        rows = values.reshape(len(seq), -1)[:, [k for k, _ in shown]]
-        heading = ["seq", "time_s", *(f"{name} [{units[name]}]" for _, name in shown)]
+        rows = values.reshape(len(seq), -1)[:, [k for k, _ in channels]]
+        heading = ["seq", "time_s", *(f"{name} [{units[name]}]" for _, name in channels)]
         time = (seq - self._first) / self._rate
-        style = ["%d", "%.9g", *["%.9g"] * len(shown)]
+        style = ["%d", "%.9g", *["%.9g"] * len(channels)]
         table = np.column_stack([seq, time, rows])
         np.savetxt(target, table, style, ",", header=",".join(heading), comments="", encoding="utf-8")
 
@@ -175,21 +175,21 @@ class LogPlot(QWidget):
         """The view box of the gyro plot."""
         return self._plots[0].getViewBox()
 
-    def whole(self) -> None:
-        """Bring the whole log into view, with all values."""
+    def show_all(self) -> None:
+        """Bring all samples and values into view."""
         for plot in self._plots:
             plot.getViewBox().reset()
         self._set_view(0.0, self._length, _MARGIN)
         self._schedule_draw()
 
     def show_part(self, first_seq: int, last_seq: int) -> None:
-        """Bring a range into view, with a margin of 5 % of its width on either side."""
+        """Bring a range into view, with a margin of 5 % on either side."""
         self._set_view(self._seconds(first_seq), self._seconds(last_seq + 1), 0.05)
 
     def zoom(self, closer: bool) -> None:
         """Halve or double the width of the view."""
         left, right = self.view
-        self._set_view(left, right, (_ZOOM - 1.0) / 2 if closer else (1 / _ZOOM - 1.0) / 2)
+        self._set_view(left, right, (_ZOOM_FACTOR - 1.0) / 2 if closer else (1 / _ZOOM_FACTOR - 1.0) / 2)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Zoom with plus and minus, pan with the arrow keys, and show the whole log with Home."""
@@ -205,12 +205,12 @@ class LogPlot(QWidget):
             case Qt.Key.Key_Right:
                 self._set_view(left + shift, right + shift)
             case Qt.Key.Key_Home:
-                self.whole()
+                self.show_all()
             case _:
                 super().keyPressEvent(event)
 
     def _set_view(self, left: float, right: float, margin: float = 0.0) -> None:
-        """Show a time range, s, with `margin` on either side as a fraction of its width."""
+        """Show a time range, s, with a margin on either side as a fraction of its width."""
         pad = margin * (right - left)
         self._strip.setXRange(left - pad, right + pad, padding=0)
 
@@ -220,8 +220,8 @@ class LogPlot(QWidget):
 
     def _add_strip(self) -> Any:
         plot = self._add_plot(0)
-        plot.setMaximumHeight(_STRIP)
-        plot.setMinimumHeight(_STRIP)
+        plot.setMaximumHeight(_STRIP_HEIGHT)
+        plot.setMinimumHeight(_STRIP_HEIGHT)
         plot.setYRange(0, 1, padding=0)
         plot.setLimits(yMin=0, yMax=1, minYRange=1)
         plot.getAxis("left").setStyle(tickLength=0, showValues=False)
@@ -234,7 +234,7 @@ class LogPlot(QWidget):
         plot.setMenuEnabled(False)
         plot.hideButtons()
         plot.getViewBox().setDefaultPadding(0.0)
-        plot.getViewBox().sig_reset.connect(self.whole)
+        plot.getViewBox().sig_reset.connect(self.show_all)
         plot.getAxis("left").setWidth(9 * theme.GRID)
         plot.getAxis("left").enableAutoSIPrefix(False)
         plot.getAxis("left").setStyle(hideOverlappingLabels=True)
@@ -279,20 +279,20 @@ class LogPlot(QWidget):
         self._graph.viewport().update()
 
     def _write_notes(self) -> None:
-        """Write the names of the channels and, while the mouse points at the log, their values."""
+        """Show the names of the channels and, while the mouse points at the log, their values."""
         c = theme.colours()
         titles = "common.gyro_dps", "common.accel_mps2", "logs.table_degrees", "logs.temperature_celsius"
         letters = {"outer": say("joint.outer"), "inner": say("joint.inner"), "temperature": ""}
         for note, title, (channels, _, decimals) in zip(self._notes, titles, PLOTS, strict=True):
             parts = [(say(title), c.text)]
-            for name in filter(self._shown.__contains__, channels):
+            for name in filter(self._channels.__contains__, channels):
                 letter = letters.get(name, name[-1])
                 colour = theme.axis_text(letter) if letter in theme.AXIS_COLOURS else _colour(name)
                 parts.append((f"<b>{letter}</b> {self._value_text(name, decimals)}", colour))
             note.say(parts)
 
     def _value_text(self, name: str, decimals: int) -> str:
-        """Return the value of a channel under the mouse, or the lowest and highest of the merged samples."""
+        """Return the value of a channel under the mouse, or the minimum and maximum of the merged samples."""
         columns = self._drawn
         if self._pointed is None or columns is None or not len(columns):
             return ""
@@ -351,13 +351,13 @@ class LogPlot(QWidget):
         seq, low, high = split_at_gaps(columns, (right - left) * self._rate / count)
         x = np.repeat((seq - self._first) / self._rate, 2)
         for name, channel_low, channel_high in zip(CHANNELS, low.T, high.T, strict=True):
-            if name in self._shown:
+            if name in self._channels:
                 self._curves[name].setData(x, np.column_stack([channel_low, channel_high]).ravel())
         for plot, (channels, _, _) in zip(self._plots, PLOTS, strict=True):
-            used = [CHANNELS.index(name) for name in channels if name in self._shown]
-            lowest = columns.low[:, used]
+            visible = [CHANNELS.index(name) for name in channels if name in self._channels]
+            lowest = columns.low[:, visible]
             if not np.isnan(lowest).all():
-                bottom, top = float(np.nanmin(lowest)), float(np.nanmax(columns.high[:, used]))
+                bottom, top = float(np.nanmin(lowest)), float(np.nanmax(columns.high[:, visible]))
                 fit_below_note(plot, bottom, top, 0.0 if top > bottom else max(0.1 * abs(top), 1e-9))
         self._write_notes()
 

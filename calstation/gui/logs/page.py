@@ -1,20 +1,19 @@
-"""The Offline page: plots one log and solves it again by its stages or by a method that needs no rate table."""
+"""The Offline page, which plots a log and solves it again by its stages or by a method without a rate table."""
 
 import shutil
 import tempfile
 import weakref
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QMimeData, Qt
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QKeySequence, QShortcut
-from PySide6.QtWidgets import QSplitter, QWidget
+from PySide6.QtWidgets import QSplitter
 
 from calstation.gui.logs.allan_view import AllanView
 from calstation.gui.logs.comparison import Comparison
 from calstation.gui.logs.log_head import LogHead
 from calstation.gui.logs.log_plot import LogPlot
-from calstation.gui.logs.methods import MethodBar
+from calstation.gui.logs.methods import MethodBar, MethodPanel
 from calstation.gui.logs.plot_items import SampleRequest, time_text
 from calstation.gui.logs.range_bar import RangeBar, StageChoice
 from calstation.gui.logs.source_bar import MAX_RECENT, Exports, SourceBar
@@ -40,19 +39,16 @@ from calstation.records import LOG_SUFFIXES
 from calstation.results import History, Resolved, offline_solve
 from calstation.results.plots import Columns, LogIndex, log_index, longest_rest, samples
 
-if TYPE_CHECKING:
-    from calstation.gui.logs.methods import MethodPanel
-
 
 class OfflinePage(Page):
-    """Shows a log, the selected range, and its solution."""
+    """The page that shows a log, the selected range, and its solution."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app, "offline")
         self.setAcceptDrops(True)
         self.log: LogIndex | None = None
         self.solved: Resolved | None = None
-        #: Range and stages at the start of the last solve, and at the start of the solve that yielded `solved`.
+        #: Range and stages for which the last solution was started, and those of `solved`.
         self._started_with: tuple[object, ...] = ()
         self._solved_with: tuple[object, ...] = ()
         self._indexes = Path(tempfile.mkdtemp(prefix="calstation-"))
@@ -73,13 +69,13 @@ class OfflinePage(Page):
         on_language_change(self, self._refresh)
 
     @property
-    def panel(self) -> "MethodPanel | None":
-        """The panel of the selected method; None while the log is solved by its stages."""
-        return self._panels.get(self.methods.chosen_method)
+    def panel(self) -> MethodPanel | None:
+        """The panel of the selected method, or None for the stages of the log."""
+        return self._panels.get(self.methods.method)
 
     def choose(self, method: str) -> None:
         """Select the method that solves the log; "" selects the stages of the log."""
-        self.methods.choose(method)
+        self.methods.select(method)
 
     def open(self, path: Path) -> None:
         """Close the open log, if any, then read and plot another."""
@@ -96,12 +92,12 @@ class OfflinePage(Page):
         self.reader.start(path.absolute(), self._index_folder)
 
     def solve(self, *states: EffectName) -> None:
-        """Solve the selected range and stages with these states added to the model of the log."""
+        """Solve the selected range and stages; `states` are added to the error model."""
         if self.log is None or self._why_not_solve():
             return
         self.notice.dismiss()
         self._started_with = self._selection
-        stages = self.stages.chosen if self.stages.chosen != self.stages.in_range else None  # None: as in the run
+        stages = self.stages.selected if self.stages.selected != self.stages.available else None  # None: as in the run
         self.solver.start(self.log.path, stages, *self.range.range, self.log.spans, states)
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
@@ -124,8 +120,7 @@ class OfflinePage(Page):
         self._reading = EmptyState(progress, title="logs.reading_log")
         self._open = self._build_open()
         self._stack = stack(self._empty, self._reading, self._open)
-        by_stages = box(self.notice, (self._stack, 1))
-        self._body = stack(by_stages)
+        self._body = stack(box(self.notice, (self._stack, 1)))
         margins = (2 * theme.GRID, theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
         column(self.methods, self.source, (self._body, 1), on=self, margins=margins)
 
@@ -147,17 +142,16 @@ class OfflinePage(Page):
         self.log_button = button("export_log_button", pressed=self._export_log)
         self.allan_button = button("allan_button", "logs.allan_deviation", self._show_allan)
         self.allan = AllanView(self)
-        left, right = QWidget(), QWidget()
-        column(self.head, (self.plot, 1), self._pointer, self.range, on=left, margins=(0, 0, theme.GRID, 0))
+        left = box(self.head, (self.plot, 1), self._pointer, self.range, margins=(0, 0, theme.GRID, 0))
         self.missing = MissingState(self.solver, "offline_add_state_button")
         exports = row(self.result_button, self.log_button, None, self.allan_button)
-        column(self.stages, jobs, (self.comparison, 1), self.missing, exports, on=right, margins=(theme.GRID, 0, 0, 0))
+        right = box(self.stages, jobs, (self.comparison, 1), self.missing, exports, margins=(theme.GRID, 0, 0, 0))
         self._right = stack(right, self.allan)
         return split((left, 10), (self._right, 10))
 
     def _connect(self) -> None:
-        self.source.chosen.connect(self._open_chosen)
-        self.methods.chosen.connect(self._show_method)
+        self.source.path_selected.connect(self._open_chosen)
+        self.methods.method_selected.connect(self._show_method)
         self.plot.range_moved.connect(self.range.set_range)
         self.range.changed.connect(self.plot.set_range)
         for signal in (self.plot.range_moved, self.range.changed):
@@ -166,7 +160,7 @@ class OfflinePage(Page):
         self.plot.pointed.connect(self._show_pointed)
         self.stages.changed.connect(self._update)
         self.missing.requested.connect(self._add_state)
-        self.range.rest_wanted.connect(self._find_rest)
+        self.range.rest_requested.connect(self._find_rest)
         self.allan.closed.connect(self._hide_allan)
         self.busy_changed.connect(self._update)
         self.exports.watch.busy_changed.connect(self.notice.dismiss)
@@ -192,9 +186,7 @@ class OfflinePage(Page):
             panel.open(path)
 
     def _show_method(self, method: str) -> None:
-        """Show the stages, or the panel of a method, which is created on first use; the log stays open."""
-        from calstation.gui.logs.methods import MethodPanel
-
+        """Show the stages of the log, or the panel of a method, which is created at its first use."""
         if not method:
             self._body.setCurrentIndex(0)
             if self.log is not None:
@@ -207,7 +199,7 @@ class OfflinePage(Page):
             self._body.addWidget(panel)
         panel = self._panels[method]
         if panel.path is None and self.log is not None:
-            panel.take(self.log.path)
+            panel.select(self.log.path)
         self._body.setCurrentWidget(panel)
         panel.refresh()
         self._update()
@@ -245,7 +237,7 @@ class OfflinePage(Page):
         self._update()
 
     def _add_state(self, state: EffectName) -> None:
-        """Solve again with one more state than in the displayed result."""
+        """Solve again with one more state than in the current result."""
         self.solve(*(self.solved.result.states_added if self.solved is not None else ()), state)
 
     def _export_log(self) -> None:
@@ -277,7 +269,7 @@ class OfflinePage(Page):
         self._update()
 
     def _fetch_samples(self, request: SampleRequest) -> None:
-        """Fetch single samples; a request during another fetch is ignored, and the plot repeats it later."""
+        """Fetch the samples of a request; requests during another fetch are ignored, and the plot repeats them."""
         log = self.log
         if log is not None and not self._sampler.busy:
             self._request = request
@@ -288,7 +280,7 @@ class OfflinePage(Page):
             self.plot.show_samples(self._request, columns)
 
     def _show_pointed(self, seq: int | None) -> None:
-        """Show time, stage and step of the sample under the mouse."""
+        """Show the time, stage and step of the sample under the mouse."""
         log, self._pointed = self.log, seq
         if seq is None or log is None:
             self._pointer.setText("")
@@ -314,7 +306,7 @@ class OfflinePage(Page):
 
     @property
     def _selection(self) -> tuple[object, ...]:
-        return *self.range.range, self.stages.chosen
+        return *self.range.range, self.stages.selected
 
     def _why_not_export_result(self) -> str:
         if self.solved is None:
@@ -328,12 +320,12 @@ class OfflinePage(Page):
             return say("logs.open_log_first")
         if self._working:
             return say("window.busy_job")
-        if not self.stages.in_range:
+        if not self.stages.available:
             return say("logs.range_empty")
-        return "" if self.stages.chosen else say("logs.tick_stage")
+        return "" if self.stages.selected else say("logs.tick_stage")
 
     def _update(self) -> None:
-        """Enable the controls that are currently usable; tooltips explain why the others are disabled."""
+        """Update the enabled controls; tooltips explain why the others are disabled."""
         busy = self._working if self.panel is None else self.panel.busy
         enable(self.source, say("window.busy_job") if busy else "")
         wait = say("window.busy_job") if self._working else ""
@@ -342,7 +334,7 @@ class OfflinePage(Page):
         enable(self.solve_button, self._why_not_solve())
         tip = say("logs.allan_tip")
         enable(self.allan_button, wait or ("" if self.log is not None else say("logs.open_log_first")), tip)
-        part = self.log is not None and not self.range.whole
+        part = self.log is not None and not self.range.is_whole_log
         self.log_button.setText(say("logs.export_range_button" if part else "logs.export_log_button"))
         tip = say("logs.export_range_tip") if part else ""
         enable(self.log_button, wait or ("" if self.log is not None else say("logs.open_log_first")), tip)
@@ -355,7 +347,7 @@ class OfflinePage(Page):
 
 
 def _dropped(mime: QMimeData) -> Path | None:
-    """Return the first dropped file that may be a log, or None."""
+    """Return the first dropped file that may be a log, if any."""
     for url in mime.urls():
         if url.isLocalFile() and url.toLocalFile().lower().endswith(LOG_SUFFIXES):
             return Path(url.toLocalFile())

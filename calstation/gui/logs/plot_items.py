@@ -1,4 +1,4 @@
-"""Data and items of the plots of a log: columns to draw, marks of stages and gaps, selected range, time axis."""
+"""Data and items of the plots of a log: columns, marks of stages and gaps, the selected range, and the time axis."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -32,19 +32,19 @@ PLOTS = (
     (CHANNELS[8:], "°C", 3),
 )
 
-#: Minimum drawn width of a gap or invalid range, px.
+#: Minimum width of a gap or invalid range in the plot, px.
 _MIN_WIDTH = 3.0
 #: Size of a symbol, px.
-_SIGN = 9.0
+_SYMBOL_SIZE = 9.0
 
 
 class LogMarks:
-    """The marks of a log, in seconds from its first sample; empty without a log."""
+    """The marks of a log in seconds from its first sample; there are none without a log."""
 
     def __init__(self, log_index: LogIndex | None = None) -> None:
         self.stages: list[tuple[str, float, float]] = []
         self.steps = np.empty(0)
-        self.gaps = self.spoilt = np.empty((0, 2))
+        self.gaps = self.invalid = np.empty((0, 2))
         if log_index is not None:
             first, rate = log_index.facts.first_seq, log_index.rate
             self.stages = [
@@ -52,11 +52,11 @@ class LogMarks:
             ]
             self.steps = (log_index.steps.ranges[:, 0] - first) / rate
             self.gaps = (log_index.gaps.ranges - first) / rate
-            self.spoilt = (log_index.invalid.ranges - [first, first - 1]) / rate
+            self.invalid = (log_index.invalid.ranges - [first, first - 1]) / rate
 
 
 class _Layer(pg.GraphicsObject):  # type: ignore[misc]
-    """Paints in pixel coordinates over a whole view; `to_pixels` converts times, s, to horizontal positions, px."""
+    """Draws marks in pixel coordinates over a whole view; `to_pixels` converts times, s, to positions, px."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -77,7 +77,7 @@ class _Layer(pg.GraphicsObject):  # type: ignore[misc]
         self.update()
 
     def paint(self, painter: QPainter, _: QStyleOptionGraphicsItem, __: QWidget | None = None) -> None:
-        """Draw the marks in pixel coordinates."""
+        """Set up pixel coordinates and draw the marks."""
         box = painter.transform().mapRect(self.boundingRect())
         scale, shift = painter.transform().m11(), painter.transform().dx()
         painter.save()
@@ -108,20 +108,20 @@ class Backdrop(_Layer):
             fill(left, right, QBrush(theme.faint(c.muted, 22)))
         steps = to_pixels(self._marks.steps)
         steps = np.unique(np.rint(steps[(steps >= box.left()) & (steps <= box.right())]))
-        if len(steps) <= box.width() / 5:  # no lines if their mean spacing is below 5 px
+        if len(steps) <= box.width() / 5:  # draw no lines if their mean spacing is below 5 px
             painter.setPen(QPen(QColor(c.line), 1, Qt.PenStyle.DotLine))
             for x in steps.tolist():
                 painter.drawLine(QPointF(x, box.top()), QPointF(x, box.bottom()))
         for times, colour, style in (
             (self._marks.gaps, c.caution, Qt.BrushStyle.BDiagPattern),
-            (self._marks.spoilt, c.bad, Qt.BrushStyle.DiagCrossPattern),
+            (self._marks.invalid, c.bad, Qt.BrushStyle.DiagCrossPattern),
         ):
             for left, right in _visible_ranges(to_pixels(times), box).tolist():
                 fill(left, right, QBrush(QColor(colour), style))
 
 
-class Strip(_Layer):
-    """Draws the stage names in a separate row, with symbols for gaps and invalid samples below them."""
+class StageStrip(_Layer):
+    """Draws the names of the stages in a row of their own, above symbols for gaps and invalid samples."""
 
     def __init__(self, stage_name: Callable[[str], str]) -> None:
         super().__init__()
@@ -132,7 +132,7 @@ class Strip(_Layer):
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.setFont(theme.font())
         metrics = QFontMetricsF(theme.font())
-        bottom = box.bottom() - _SIGN
+        bottom = box.bottom() - _SYMBOL_SIZE
         for stage, start, stop in self._marks.stages:
             left, right = np.clip(to_pixels(np.array([start, stop])), box.left(), box.right())
             if right - left < 2:
@@ -143,13 +143,13 @@ class Strip(_Layer):
             if len(name) > 1:
                 painter.setPen(QColor(c.text))
                 painter.drawText(cell, Qt.AlignmentFlag.AlignCenter, name)
-        for kind, times in (("gap", self._marks.gaps), ("spoilt", self._marks.spoilt)):
+        for kind, times in (("gap", self._marks.gaps), ("invalid", self._marks.invalid)):
             centres = np.mean(_visible_ranges(to_pixels(times), box), axis=1)
-            for x in centres[np.diff(centres, prepend=-np.inf) >= _SIGN].tolist():
-                draw_sign(painter, kind, QRectF(x - _SIGN / 2, bottom, _SIGN, _SIGN))
+            for x in centres[np.diff(centres, prepend=-np.inf) >= _SYMBOL_SIZE].tolist():
+                draw_symbol(painter, kind, QRectF(x - _SYMBOL_SIZE / 2, bottom, _SYMBOL_SIZE, _SYMBOL_SIZE))
 
 
-def draw_sign(painter: QPainter, kind: str, box: QRectF) -> None:
+def draw_symbol(painter: QPainter, kind: str, box: QRectF) -> None:
     """Draw a triangle for a gap, or a square for invalid samples and damaged rows."""
     c = theme.colours()
     painter.setPen(Qt.PenStyle.NoPen)
@@ -162,7 +162,7 @@ def draw_sign(painter: QPainter, kind: str, box: QRectF) -> None:
 
 
 def _visible_ranges(ranges: FloatArray, box: QRectF) -> FloatArray:
-    """Return the ranges (left, right) within a box, px, widened to the minimum width and merged if adjacent."""
+    """Return the ranges within a box, px, shape (n, 2), widened to the minimum width and merged if adjacent."""
     inside = ranges[(ranges[:, 1] >= box.left()) & (ranges[:, 0] <= box.right())]
     if len(inside) == 0:
         return inside
@@ -170,12 +170,12 @@ def _visible_ranges(ranges: FloatArray, box: QRectF) -> FloatArray:
     left, right = inside[:, 0] - widen, inside[:, 1] + widen
     starts = np.flatnonzero(np.concatenate([[True], left[1:] > right[:-1] + 1]))
     stops = np.append(starts[1:], len(inside)) - 1
-    joined: FloatArray = np.column_stack([left[starts], right[stops]])
-    return np.clip(joined, box.left() - 1, box.right() + 1)
+    merged: FloatArray = np.column_stack([left[starts], right[stops]])
+    return np.clip(merged, box.left() - 1, box.right() + 1)
 
 
 class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
-    """A region in seconds with draggable edges; dragging between them zooms."""
+    """The selected range in seconds, with edges that can be dragged."""
 
     def __init__(self) -> None:
         super().__init__(swapMode="block")
@@ -187,7 +187,7 @@ class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
         self.setBrush(theme.faint(accent, 18))
         for line in self.lines:
             line.setPen(QPen(QColor(accent), 2))
-            line.setHoverPen(QPen(theme.faint(accent, 160), 20))  # an edge can be dragged within this width
+            line.setHoverPen(QPen(theme.faint(accent, 160), 20))  # the width in which an edge can be dragged
             line.pen.setCosmetic(True)
             line.hoverPen.setCosmetic(True)
 
@@ -216,11 +216,11 @@ class TimeAxis(pg.AxisItem):  # type: ignore[misc]
 
     def tickSpacing(self, low: float, high: float, size: float) -> list[tuple[float, float]]:
         """Return the smallest tick spacing at which labels do not overlap."""
-        least = (high - low) * 110 / max(size, 1.0)  # 110 px between ticks
-        return [(next((s for s in _SPACINGS if s >= least), _SPACINGS[-1]), 0.0)]
+        minimum = (high - low) * 110 / max(size, 1.0)  # 110 px between ticks
+        return [(next((s for s in _SPACINGS if s >= minimum), _SPACINGS[-1]), 0.0)]
 
     def tickStrings(self, values: Sequence[float], _: float, spacing: float) -> list[str]:
-        """Return labels in the form h:mm:ss, with as many decimals as the spacing needs."""
+        """Return labels of the form h:mm:ss, with the decimals that the spacing needs."""
         return [time_text(value, spacing) for value in values]
 
 
@@ -238,7 +238,7 @@ def time_text(seconds: float, resolution: float = 1.0) -> str:
 
 @dataclass(frozen=True)
 class SampleRequest:
-    """A request for rows `start` to `stop`, sequence numbers `first` to `last`, in at most `count` columns."""
+    """A request for the samples `first` to `last`, rows `start` to `stop` of the log, in at most `count` columns."""
 
     first: int
     last: int
@@ -248,38 +248,39 @@ class SampleRequest:
 
 
 class LogColumns:
-    """The min-max pyramid of a log, and the single samples fetched last."""
+    """The columns of a log, from its min-max pyramid and the samples of the last request."""
 
     def __init__(self, log_index: LogIndex) -> None:
         self._facts = log_index.facts
         self._pyramid = MinMaxPyramid(log_index.folder)
-        self._fine: tuple[SampleRequest, Columns] | None = None
+        self._samples: tuple[SampleRequest, Columns] | None = None
 
-    def keep(self, request: SampleRequest, columns: Columns) -> None:
-        """Store the single samples fetched for a request."""
-        self._fine = (request, columns)
+    def store_samples(self, request: SampleRequest, columns: Columns) -> None:
+        """Store the samples of a request."""
+        self._samples = (request, columns)
 
     def view(self, first: int, last: int, count: int) -> tuple[Columns, SampleRequest | None]:
-        """Return at most `count` columns over a range of sequence numbers, and a request for finer samples or None."""
+        """Return at most `count` columns for a range of sequence numbers, and a request if samples are needed."""
         columns = self._pyramid.columns(first, last, count)
         if columns.samples > BINS[0] or len(columns) >= count // 2:
             return columns, None
-        if self._fine is not None:
-            request, fine = self._fine
+        if self._samples is not None:
+            request, fine = self._samples
             inside = request.first <= first and last <= request.last
             if inside and fine.samples <= max(1, (last - first) // count):
                 return _between(fine, first, last, count), None
         width = last - first
-        reach = max(self._facts.first_seq, first - width), min(self._facts.last_seq, last + width)
-        return columns, SampleRequest(*reach, *self._pyramid.rows(*reach), 8 * count)
+        wider = max(self._facts.first_seq, first - width), min(self._facts.last_seq, last + width)
+        return columns, SampleRequest(*wider, *self._pyramid.rows(*wider), 8 * count)
 
 
-def split_at_gaps(columns: Columns, wide: float) -> tuple[NDArray[np.float64], Values, Values]:
-    """Return sequence numbers, minima and maxima, with NaN to break the line if more than `wide` samples are missing.
+def split_at_gaps(columns: Columns, max_gap: float) -> tuple[NDArray[np.float64], Values, Values]:
+    """Return sequence numbers, minima and maxima, with NaN where more than `max_gap` samples are missing.
 
-    A merged column with such a gap may contain samples from before and after it, and is omitted.
+    The line is interrupted there. A merged column with such a gap is omitted, because it may contain samples from both
+    sides of the gap.
     """
-    gaps = np.flatnonzero(np.diff(columns.seq) - columns.samples > wide)
+    gaps = np.flatnonzero(np.diff(columns.seq) - columns.samples > max_gap)
     seq, low, high = columns.seq.astype(np.float64), columns.low, columns.high
     if len(gaps) and columns.samples == 1:
         seq = np.insert(seq, gaps + 1, np.nan)

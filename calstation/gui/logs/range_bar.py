@@ -1,4 +1,4 @@
-"""Widgets that select the part of a log to solve: a valid range of sequence numbers, and stages."""
+"""Widgets that select what to solve in a log: a range of sequence numbers, and stages."""
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QDoubleSpinBox, QMenu, QWidget
@@ -10,18 +10,18 @@ from calstation.results.plots import LogIndex, StageSpan
 
 #: Number of stage check boxes in a row.
 _COLUMNS = 4
-#: Largest number up to which a double, the value type of the spin box, represents every integer.
-_LARGEST = 2**53
+#: Largest value; up to it, a double, the value type of the spin box, represents every integer.
+_MAX_VALUE = 2**53
 
 
 class CountSpin(QDoubleSpinBox):
-    """A spin box for integers up to 2^53; emits a new value after it is entered, not at every keystroke."""
+    """A spin box for integers up to 2^53, which emits a value when it is entered instead of at every keystroke."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
         self.setObjectName(name)
         self.setDecimals(0)
-        self.setRange(0, _LARGEST)
+        self.setRange(0, _MAX_VALUE)
         self.setKeyboardTracking(False)
         self.setButtonSymbols(QAbstractSpinBox.ButtonSymbols.NoButtons)
         self.setAlignment(Qt.AlignmentFlag.AlignRight)
@@ -37,7 +37,8 @@ class RangeBar(QWidget):
     """Selects a range of sequence numbers; emits `changed(first, last)` when the user enters another range."""
 
     changed = Signal(object, object)
-    rest_wanted = Signal()  #: Request to select the longest rest of the log.
+    #: Emitted to request the selection of the longest rest in the log.
+    rest_requested = Signal()
 
     def __init__(self) -> None:
         super().__init__()
@@ -47,15 +48,15 @@ class RangeBar(QWidget):
         first, last = label("logs.first_sample"), label("logs.last_sample")
         for caption, spin in ((first, self.first_spin), (last, self.last_spin)):
             caption.setBuddy(spin)
-            spin.valueChanged.connect(lambda _, spin=spin: self._entered(spin))
-            spin.lineEdit().textEdited.connect(self._type)
-            spin.editingFinished.connect(lambda spin=spin: self._finished(spin))
+            spin.valueChanged.connect(lambda _, spin=spin: self._accept_value(spin))
+            spin.lineEdit().textEdited.connect(self._handle_typing)
+            spin.editingFinished.connect(lambda spin=spin: self._explain_rejection(spin))
         self.length_label = label(kind="muted")
-        self.part_button = button("range_button", "logs.set_to", tip="logs.set_to_tip")
+        self.set_button = button("range_button", "logs.set_to", tip="logs.set_to_tip")
         self._menu = QMenu(self)
-        self.part_button.setMenu(self._menu)
+        self.set_button.setMenu(self._menu)
         self.note_label = label(kind="error", name="range_note_label", wrap=True)
-        boxes = row(first, self.first_spin, last, self.last_spin, (self.length_label, 1), self.part_button)
+        boxes = row(first, self.first_spin, last, self.last_spin, (self.length_label, 1), self.set_button)
         column(boxes, self.note_label, on=self, spacing=theme.GRID // 2)
         self._note: Words = ""
         on_language_change(self, self._show_texts)
@@ -72,7 +73,7 @@ class RangeBar(QWidget):
         return self.first_spin.value(), self.last_spin.value()
 
     @property
-    def whole(self) -> bool:
+    def is_whole_log(self) -> bool:
         """Whether the whole log is selected."""
         log = self._log_index
         return log is None or self.range == (log.facts.first_seq, log.facts.last_seq)
@@ -111,15 +112,15 @@ class RangeBar(QWidget):
             action = self._menu.addAction(text)
             action.triggered.connect(lambda _=False, part=(first, last): self.choose(*part))
         self._menu.addSeparator()
-        self._menu.addAction(say("logs.longest_rest")).triggered.connect(lambda _: self.rest_wanted.emit())
+        self._menu.addAction(say("logs.longest_rest")).triggered.connect(lambda _: self.rest_requested.emit())
 
     def choose(self, first: int, last: int) -> None:
         """Select a range as if the user had entered it."""
         self.set_range(first, last)
         self.changed.emit(*self.range)
 
-    def _entered(self, spin: CountSpin) -> None:
-        """Accept a new value, limited by the value of the other box."""
+    def _accept_value(self, spin: CountSpin) -> None:
+        """Accept a new value, limited by that of the other box."""
         first, last = self.range
         self._show_note(str)
         if first > last and spin is self.first_spin:
@@ -131,12 +132,12 @@ class RangeBar(QWidget):
         self._typed = ""
         self.choose(first, last)
 
-    def _type(self, text: str) -> None:
+    def _handle_typing(self, text: str) -> None:
         self._typed = text
         self._show_note(str)
 
-    def _finished(self, spin: CountSpin) -> None:
-        """Explain why a number outside the log was rejected."""
+    def _explain_rejection(self, spin: CountSpin) -> None:
+        """Explain why a number outside the log is rejected."""
         typed, self._typed = self._typed, ""
         if self._log_index is not None and typed and typed != spin.lineEdit().text():
             facts = self._log_index.facts
@@ -149,7 +150,7 @@ class RangeBar(QWidget):
 
 
 class StageChoice(QWidget):
-    """A check box per stage, disabled if the range contains no sample of it; emits `changed()` for a new selection."""
+    """A check box for each stage, disabled if the range has no sample of it; emits `changed()` for a new selection."""
 
     changed = Signal()
 
@@ -183,16 +184,16 @@ class StageChoice(QWidget):
         self._refresh()
 
     @property
-    def in_range(self) -> tuple[str, ...]:
-        """Stages with at least one sample in the range, in the order of the log."""
+    def available(self) -> tuple[str, ...]:
+        """Stages with samples in the range, in the order of the log."""
         return tuple(dict.fromkeys(s.stage for s in self._spans if s.within(*self._range)))
 
     @property
-    def chosen(self) -> tuple[str, ...]:
+    def selected(self) -> tuple[str, ...]:
         """Stages to solve, in the order of the log."""
-        return tuple(stage for stage in self.in_range if self._boxes[stage].isChecked())
+        return tuple(stage for stage in self.available if self._boxes[stage].isChecked())
 
     def _refresh(self) -> None:
         for stage, box in self._boxes.items():
             box.setText(term("stage", stage))
-            enable(box, "" if stage in self.in_range else say("logs.stage_outside"))
+            enable(box, "" if stage in self.available else say("logs.stage_outside"))

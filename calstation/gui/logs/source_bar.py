@@ -1,4 +1,4 @@
-"""Selection of a log by a typed path, the file dialog, or recent logs, and exports of a log and its result."""
+"""The bar that selects a log by a path, a dialog or the list of recent logs; and exports of a log and its result."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,36 +15,36 @@ from calstation.results import Result, export_log, export_result
 from calstation.results.plots import LogIndex
 
 _KEY = "offline/recent"
-#: Maximum number of recent logs, and of logs of the latest runs, in the menu.
+#: Maximum number of recent logs in the menu, and of logs of the latest runs.
 MAX_RECENT = 8
 
 
-def ask_log(parent: QWidget, title: str, folder: Path, chosen: Callable[[Path], object]) -> None:
-    """Ask for a log without blocking the window, and call `chosen` with its path."""
+def ask_log(parent: QWidget, title: str, folder: Path, then: Callable[[Path], object]) -> None:
+    """Ask for a log without blocking the window, and call `then` with its path."""
     dialog = QFileDialog(parent, title, str(folder if folder.is_dir() else Path()))
     dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
     dialog.setNameFilters([say("logs.logs_filter"), say("common.all_files")])
-    dialog.fileSelected.connect(lambda name: chosen(Path(name)))
+    dialog.fileSelected.connect(lambda name: then(Path(name)))
     dialog.finished.connect(dialog.deleteLater)
     dialog.open()
 
 
 class SourceBar(QWidget):
-    """Emits `chosen(path)` for a log to open. `latest` returns the logs of the last runs, listed below recent logs."""
+    """Emits `path_selected(path)`. `latest` returns the logs of the latest runs, which are listed below recent logs."""
 
-    chosen = Signal(object)
+    path_selected = Signal(object)
 
     def __init__(self, settings: QSettings, latest: Callable[[], list[Path]]) -> None:
         super().__init__()
         self._settings, self._latest = settings, latest
-        self._shown = ""
+        self._open_path = ""
         self.log_edit = line_edit("log_edit", hint="logs.path_tip")
         self.log_edit.setAcceptDrops(False)  # the page handles dropped files
         self.log_edit.returnPressed.connect(self._open_typed)
-        #: A path that is unchanged for this time, such as a pasted one, is opened if the file exists.
-        self._unchanged = QTimer(self, singleShot=True, interval=400)
-        self._unchanged.timeout.connect(self._open_pasted)
-        self.log_edit.textChanged.connect(self._unchanged.start)
+        #: A path that does not change during the interval, such as a pasted one, is opened if the file exists.
+        self._paste_timer = QTimer(self, singleShot=True, interval=400)
+        self._paste_timer.timeout.connect(self._open_pasted)
+        self.log_edit.textChanged.connect(self._paste_timer.start)
         caption = label("logs.log", buddy=self.log_edit)
         self.open_button = button("log_open_button", "logs.open", self.browse)
         self.recent_button = button("log_recent_button", "logs.recent")
@@ -56,8 +56,8 @@ class SourceBar(QWidget):
 
     def show_path(self, path: Path) -> None:
         """Show the path of the open log."""
-        self._shown = str(path)
-        self.log_edit.setText(self._shown)
+        self._open_path = str(path)
+        self.log_edit.setText(self._open_path)
 
     def remember(self, path: Path) -> None:
         """Add a log at the top of the recent logs."""
@@ -71,47 +71,47 @@ class SourceBar(QWidget):
         return [Path(p) for p in ([stored] if isinstance(stored, str) else stored)]
 
     def browse(self) -> None:
-        """Open the file dialog in the folder of the path shown, or else of the most recent log."""
+        """Open the file dialog in the folder of the current path, or else of the most recent log."""
         typed = self.log_edit.text()
         latest = Path(typed) if typed else next(iter(self.recent()), Path("runs/log"))
-        ask_log(self, say("logs.open_log"), latest.parent, self.chosen.emit)
+        ask_log(self, say("logs.open_log"), latest.parent, self.path_selected.emit)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Add the runs made since the bar was last shown to the menu."""
+        """Update the menu, because there may be new runs."""
         super().showEvent(event)
         self._fill()
 
     def _open_typed(self) -> None:
         text = self.log_edit.text().strip().strip('"')
         if text:
-            self.chosen.emit(Path(text).expanduser())
+            self.path_selected.emit(Path(text).expanduser())
 
     def _open_pasted(self) -> None:
         text = self.log_edit.text()
-        if text != self._shown and text.endswith(LOG_SUFFIXES) and Path(text).is_file():
+        if text != self._open_path and text.endswith(LOG_SUFFIXES) and Path(text).is_file():
             self._open_typed()
 
     def _fill(self) -> None:
         self._menu.clear()
         recent = self.recent()
-        self._offer(recent)
+        self._add_actions(recent)
         latest = [path for path in self._latest() if path not in recent]
         if latest:
             self._menu.addSection(say("logs.latest_runs"))
-            self._offer(latest)
+            self._add_actions(latest)
         enable(self.recent_button, say("logs.no_recent_logs") if self._menu.isEmpty() else "")
 
-    def _offer(self, paths: list[Path]) -> None:
+    def _add_actions(self, paths: list[Path]) -> None:
         for path in paths:
             action = self._menu.addAction(f"{path.name}    {path.parent}")
-            action.triggered.connect(lambda _=False, path=path: self.chosen.emit(path))
+            action.triggered.connect(lambda _=False, path=path: self.path_selected.emit(path))
 
 
 class Exports(FileExport):
-    """Exports of a log and of its result."""
+    """Exports a log and its result."""
 
     def ask_log(self, log: LogIndex, first: int, last: int) -> None:
-        """Ask for the file to which a log's samples from `first` to `last` are exported."""
+        """Ask for a file, and export the samples `first` to `last` of a log to it."""
         whole = (first, last) == (log.facts.first_seq, log.facts.last_seq)
         ending = "export" if whole else f"{first}-{last}"
         self.ask(
@@ -122,7 +122,10 @@ class Exports(FileExport):
         )
 
     def ask_result(self, log: Path, result: Result, stored: Result | None, ending: str = "offline") -> None:
-        """Ask for the file of a log's result; `stored` is the run's result, `ending` a suffix of the proposed name."""
+        """Ask for a file, and export a result of a log to it.
+
+        `stored` is the result of the run, and `ending` the end of the proposed file name.
+        """
         self.ask(
             say("logs.export_result_title"),
             log.with_name(f"{_stem(log)}-{ending}.json"),

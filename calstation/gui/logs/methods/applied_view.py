@@ -1,4 +1,4 @@
-"""View of a solution applied to a recording or to live data: force and rate over time, before and after."""
+"""The view of a solution applied to a recording or to live data: force and rate over time, before and after."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -31,16 +31,16 @@ from calstation.results.plots import Applied, MethodAnswer, apply_to_recording, 
 
 
 class AppliedView(QWidget):
-    """Applies a solution to its own recording; the user may then select another recording or the connected unit."""
+    """Applies a solution to its own recording, or to another recording or the connected unit if the user selects it."""
 
     def __init__(self, panel: JobView) -> None:
         super().__init__()
         self._panel, self._app = panel, panel.app
-        #: The solution shown, and the one that the running job applies.
-        self._answer: MethodAnswer | None = None
+        #: The current solution, and the one that the running job applies.
+        self._solution: MethodAnswer | None = None
         self._applying: MethodAnswer | None = None
         self.applied: Applied | None = None
-        self._other: OtherUnit | None = None
+        self._other_unit: OtherUnit | None = None
         self._received = ""
         self.watch = panel.job(None, self._done, failure="logs.answer_not_applied")
         self.force_figure, self.rate_figure = Figure(), Figure()
@@ -50,12 +50,12 @@ class AppliedView(QWidget):
         self.unit_label = label(kind="caution", name="applied_unit_label", wrap=True)
         self.force_plot, self.rate_plot = MethodPlot(), MethodPlot(log=True)
         self.rate_plot.setXLink(self.force_plot)
-        shown = box((self.force_plot, 1), (self.rate_plot, 1))
+        plots = box((self.force_plot, 1), (self.rate_plot, 1))
         progress = JobRow(self.watch, "apply_cancel_button")
         progress.setFixedWidth(60 * theme.GRID)
         self._nothing = EmptyState(title="logs.before_after_time", text="logs.about_applied")
         self._working = EmptyState(progress)
-        self._stack = stack(self._nothing, self._working, shown)
+        self._stack = stack(self._nothing, self._working, plots)
         top = Qt.AlignmentFlag.AlignTop
         buttons = row((self.unit_button, 0, top), (self.choose_button, 0, top), spacing=4 * theme.GRID)
         figures = row(self.force_figure, self.rate_figure, None, buttons, spacing=4 * theme.GRID)
@@ -65,56 +65,56 @@ class AppliedView(QWidget):
         self._app.engine_link.running_changed.connect(self._update)
         theme.on_appearance_change(self, self._refresh)
 
-    def show_answer(self, answer: MethodAnswer) -> None:
+    def show_solution(self, solution: MethodAnswer) -> None:
         """Show a solution applied to its own recording."""
-        self._answer = answer
-        self.applied = self._other = None
+        self._solution = solution
+        self.applied = self._other_unit = None
         self._refresh()
-        self.apply(answer.recording.path)
+        self.apply(solution.recording.path)
 
     def apply(self, path: Path) -> None:
         """Apply the solution to a recording, and show the data before and after."""
-        if self._answer is not None and not self._at_device:
-            files = path, self._answer.recording.registers
-            self._begin(apply_to_recording, *files, *self._vectors(self._answer))
+        if self._solution is not None and not self._reading_unit:
+            files = path, self._solution.recording.registers
+            self._begin(apply_to_recording, *files, *self._vectors(self._solution))
 
     def _apply_to_unit(self) -> None:
         """Apply the solution to some seconds of the unit's live data, and show the data before and after."""
-        if self._answer is None or self._at_device or self._app.engine_link.running:
+        if self._solution is None or self._reading_unit or self._app.engine_link.running:
             return
-        files = self._answer.recording.path, self._app.station_path, self._app.product_path
-        self._begin(apply_to_unit, *files, *self._vectors(self._answer), cancellable=False)
+        files = self._solution.recording.path, self._app.station_path, self._app.product_path
+        self._begin(apply_to_unit, *files, *self._vectors(self._solution), cancellable=False)
 
     def _begin(self, work: Callable[..., object], *args: object, cancellable: bool = True) -> None:
-        self._applying = self._answer
+        self._applying = self._solution
         self._panel.notice.dismiss()
         self.watch.start(work, *args, cancellable=cancellable)
 
     @property
-    def _at_device(self) -> bool:
-        """Return whether the running job reads the unit; such a job cannot be cancelled or replaced."""
+    def _reading_unit(self) -> bool:
+        """Whether the running job reads the unit; such a job cannot be cancelled or replaced."""
         job = self.watch.job
         return job is not None and not job.cancellable
 
     @staticmethod
-    def _vectors(answer: MethodAnswer) -> tuple[FloatArray, FloatArray]:
-        """Return all parameters before and after; parameters that the method does not estimate keep their values."""
-        return before_and_after({name: value for name, (value, _) in answer.before.items()}, answer.parameters)
+    def _vectors(solution: MethodAnswer) -> tuple[FloatArray, FloatArray]:
+        """Return all parameters before and after; those that the method does not estimate are equal."""
+        return before_and_after({name: value for name, (value, _) in solution.before.items()}, solution.parameters)
 
     def _choose(self) -> None:
-        if self._answer is not None:
-            ask_log(self, say("logs.apply_to_recording"), self._answer.recording.path.parent, self.apply)
+        if self._solution is not None:
+            ask_log(self, say("logs.apply_to_recording"), self._solution.recording.path.parent, self.apply)
 
     def _done(self, result: Applied | OtherUnit) -> None:
-        if self._answer is not None and self._applying is not self._answer:
-            self.apply(self._answer.recording.path)
+        if self._solution is not None and self._applying is not self._solution:
+            self.apply(self._solution.recording.path)
             return
-        self.applied, self._other = (None, result) if isinstance(result, OtherUnit) else (result, None)
+        self.applied, self._other_unit = (None, result) if isinstance(result, OtherUnit) else (result, None)
         self._received = QTime.currentTime().toString("HH:mm:ss")
         self._refresh()
 
     def _refresh(self) -> None:
-        show_text(self.unit_label, self._caution())
+        show_text(self.unit_label, self._unit_warning())
         for widget in (self.force_figure, self.rate_figure, self.name_label):
             widget.setVisible(self.applied is not None)
         if self.applied is not None:
@@ -123,17 +123,17 @@ class AppliedView(QWidget):
 
     def _update(self) -> None:
         self._stack.setCurrentIndex(1 if self.watch.busy else 0 if self.applied is None else 2)
-        self._working.say("logs.receiving" if self._at_device else "logs.applying")
-        busy = say("logs.receiving_busy") if self._at_device else ""
+        self._working.say("logs.receiving" if self._reading_unit else "logs.applying")
+        busy = say("logs.receiving_busy") if self._reading_unit else ""
         why_not = say("window.busy_run") if self._app.engine_link.running else busy
         enable(self.unit_button, why_not, say("logs.receive_tip", seconds=SECONDS))
         enable(self.choose_button, busy)
 
-    def _caution(self) -> str:
-        """Return a warning about the unit that produced the samples, "" if there is none."""
-        a, serial = self.applied, self._answer.recording.serial if self._answer is not None else ""
-        if self._other is not None:
-            return say("applied.other_unit", connected=self._other.serial, serial=serial)
+    def _unit_warning(self) -> str:
+        """Return a warning about the unit that produced the samples, or ""."""
+        a, serial = self.applied, self._solution.recording.serial if self._solution is not None else ""
+        if self._other_unit is not None:
+            return say("applied.other_unit", connected=self._other_unit.serial, serial=serial)
         if a is None:
             return ""
         if a.serial != serial:
@@ -166,7 +166,7 @@ class AppliedView(QWidget):
         self.rate_plot.finish([(say("logs.rate_dph"), c.text), *note, earth_note])
 
     def _fill(self, plot: MethodPlot, a: Applied, curves: FloatArray, means: FloatArray) -> list[tuple[str, str]]:
-        """Draw the curves and the means at rest, each with columns before and after, and return their legend."""
+        """Draw the curves and the means at rest, both with columns before and after, and return their legend."""
         c = theme.colours()
         plot.empty()
         at_rest = np.zeros(len(a.time), bool)

@@ -1,4 +1,4 @@
-"""View of a gimbal solution: drift in every turn, drift predicted from the gain, and the gain in its stable range."""
+"""The view of a gimbal solution: drift in each turn, drift predicted from the gain, and the range of stable gains."""
 
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
@@ -11,6 +11,7 @@ from calstation.gui.widgets import (
     DataView,
     ElidedLabel,
     StateBadge,
+    box,
     clear,
     column,
     label,
@@ -31,9 +32,8 @@ class GimbalView(QWidget, DataView[GimbalPlotData]):
         self.badges: list[StateBadge] = []
         self.plot = MethodPlot(log=True)
         self.plot.getAxis("bottom").setTickSpacing(1.0, 1.0)
-        side = QWidget()
-        self._panels = column(on=side)
-        parts = (self.plot, 11), (scroll_area(side), 8)
+        self._panels = column()
+        parts = (self.plot, 11), (scroll_area(box(self._panels)), 8)
         row(*parts, on=self, spacing=2 * theme.GRID, margins=(0, theme.GRID, 0, 0))
         theme.on_appearance_change(self, self.refresh)
 
@@ -66,8 +66,8 @@ class GimbalView(QWidget, DataView[GimbalPlotData]):
         badge.show_state("good" if axis.done else "caution", verdict)
         self.badges.append(badge)
         first, last = (three_digits(float(axis.drift[k]) / ARCSECOND) for k in (0, -1))
-        angle, left = three_digits(float(np.rad2deg(axis.angle))), three_digits(100.0 * axis.contraction)
-        turns = {"count": len(axis.drift), "angle": angle, "first": first, "last": last, "percent": left}
+        angle, percent = three_digits(float(np.rad2deg(axis.angle))), three_digits(100.0 * axis.contraction)
+        turns = {"count": len(axis.drift), "angle": angle, "first": first, "last": last, "percent": percent}
         text.setText(say("logs.turns", **turns))
         gain, fastest, stable = (three_digits(value) for value in (axis.gain, axis.best, axis.largest))
         gains.setText(say("logs.gain_lines", gain=gain, fastest=fastest, stable=stable))
@@ -75,12 +75,12 @@ class GimbalView(QWidget, DataView[GimbalPlotData]):
 
 
 _BAR_TOP, _BAR = 10.0, 14.0
-#: Length of the bar relative to the largest stable gain, or to the gain / 1.1 if that is larger.
+#: Length of the bar relative to the largest stable gain, or to the gain divided by 1.1 if this is larger.
 _EXTENT = 1.35
 
 
 class _GainBar(QWidget):
-    """A bar filled over the stable gains, with ticks at the fastest and largest, and a triangle at the gain used."""
+    """A bar of the stable gains, with ticks at the fastest and the largest one, and a triangle at the gain used."""
 
     def __init__(self, axis: GimbalAxis) -> None:
         super().__init__()

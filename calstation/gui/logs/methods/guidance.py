@@ -1,34 +1,59 @@
-"""Guidance for a method: numbered steps, its requirements and estimates, and an illustration with labelled parts."""
+"""The methods that need no rate table: the tabs that select one, and the guidance on how to carry it out."""
 
 from functools import cache, partial
 from pathlib import Path
 
-from PySide6.QtCore import QByteArray, QPointF, QRectF, QSize, Qt
+from PySide6.QtCore import QByteArray, QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPaintEvent, QPen
 from PySide6.QtSvg import QSvgRenderer
 from PySide6.QtWidgets import QScrollArea, QSizePolicy, QWidget
 
-from calstation.gui.logs.methods.kinds import CROSS_CALIBRATION, GIMBAL, MULTI_POSITION
-from calstation.gui.text import on_language_change, term
-from calstation.gui.widgets import column, grid, label, row, scroll_area, spread, theme
+from calstation.gui.text import bind, on_language_change, term
+from calstation.gui.widgets import ViewTabs, column, grid, label, row, scroll_area, spread, theme
+
+MULTI_POSITION, GIMBAL, CROSS_CALIBRATION = "multi_position", "gimbal", "cross_calibration"
+#: Stage names of the methods, in the order of the tabs.
+STAGES = (MULTI_POSITION, GIMBAL, CROSS_CALIBRATION)
 
 _FOLDER = Path(__file__).parent / "images"
 #: Colours in the SVG files, by the names of the theme colours that replace them.
 _SVG_COLOURS = {"text": "#14191d", "muted": "#55616a", "track": "#c3ccd2", "field": "#ffffff", "accent": "#1f5f8b"}
-#: Half the width of an illustration, in its own units.
+#: Half the width of an illustration in the unit of `_PARTS`.
 _EXTENT = 1.3
-#: Position of each part from the centre, right and down, in the same units.
+#: Position of each labelled part, right and down from the centre.
 _PARTS = {
     MULTI_POSITION: {"outer": (-0.914, -0.126), "inner": (-0.524, -0.533), "unit": (0.208, 0.183)},
     GIMBAL: {"z": (-0.687, -0.722), "x": (0.802, 0.053), "y": (-0.218, -0.278), "unit": (-0.248, 0.235)},
     CROSS_CALIBRATION: {"primary": (-0.787, 0.195), "secondary": (0.752, 0.182), "lever": (0.092, 0.043)},
 }
-#: Fraction of the width that is reserved for the names on both sides.
+#: Fraction of the width that the names on both sides occupy.
 _NAMES_SHARE = 0.3
 
 
+class MethodBar(ViewTabs):
+    """Tabs for the stages of the log ("") and for the methods; emits `method_selected(method)`."""
+
+    method_selected = Signal(str)
+
+    def __init__(self) -> None:
+        super().__init__("method_tabs", "logs.stages_of_log", *(f"stage.{stage}" for stage in STAGES))
+        tips = "logs.solve_stages_tip", *(f"method.{stage}_summary" for stage in STAGES)
+        for index, tip in enumerate(tips):
+            bind(partial(self.setTabToolTip, index), tip)
+        self.currentChanged.connect(lambda _: self.method_selected.emit(self.method))
+
+    @property
+    def method(self) -> str:
+        """The selected method, or "" for the stages."""
+        return ("", *STAGES)[self.currentIndex()]
+
+    def select(self, method: str) -> None:
+        """Select a method as if its tab were clicked."""
+        self.setCurrentIndex(("", *STAGES).index(method))
+
+
 def guidance(stage: str) -> QScrollArea:
-    """Create the view that explains how to carry out a method."""
+    """Create the view that explains how to carry out a method: steps, requirements and results, and an illustration."""
     wide = 2 * theme.GRID
     steps, foot = (grid(across=wide, down=wide, stretch=1) for _ in range(2))
     for number in (1, 2, 3, 4):
@@ -57,7 +82,7 @@ class MethodPicture(QWidget):
         on_language_change(self, self.update)
 
     def sizeHint(self) -> QSize:
-        """Return a size wider than high, with space for the names."""
+        """Return a size with space for the names on both sides."""
         return QSize(380, 280)
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -70,7 +95,7 @@ class MethodPicture(QWidget):
         self._write_names(painter, box, half)
 
     def _write_names(self, painter: QPainter, box: QRectF, half: float) -> None:
-        """Write the names on both sides, with thin lines to the parts."""
+        """Write the names of the parts on both sides, with lines to the parts."""
         painter.setFont(theme.font())
         metrics = QFontMetricsF(painter.font())
         colours, centre = theme.colours(), box.center()

@@ -1,7 +1,6 @@
-"""Live monitoring of the station's IMUs on one body: start and stop, check now, state, last checks and clocks."""
+"""The live monitoring of the IMUs of a station on one body."""
 
 from PySide6.QtCore import QTimer
-from PySide6.QtWidgets import QWidget
 
 from calstation.config import RunRequest, load_station
 from calstation.connection import PairProcess, PairStatus
@@ -11,7 +10,7 @@ from calstation.gui.logs.methods.pair_view import PairBars, schedule_text
 from calstation.gui.logs.methods.plots import MethodPlot
 from calstation.gui.state import AppContext
 from calstation.gui.text import on_language_change, say
-from calstation.gui.widgets import StateBadge, button, column, enable, label, panel, row, show_text, theme
+from calstation.gui.widgets import StateBadge, box, button, column, enable, label, panel, row, show_text, theme
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G
 from calstation.results import CorrectedTrace
 
@@ -40,8 +39,7 @@ class PairLiveView(PairBars):
         self._explanation = label("logs.watch_tip", "muted", wrap=True)
         clocks = row(label("logs.clocks", "section"), (self._clocks, 1), spacing=2 * theme.GRID)
         stored = row(label("logs.stored", "section"), (self._stored, 1), spacing=2 * theme.GRID)
-        self._shown = QWidget()
-        column(
+        self._status = box(
             self.schedule_label,
             panel(label("logs.check_at_rest", "section"), self.bars),
             panel(self.timeline),
@@ -51,10 +49,9 @@ class PairLiveView(PairBars):
             ),
             clocks,
             stored,
-            on=self._shown,
         )
         head = row(self.badge, None, self.check_button, self.start_button, spacing=theme.GRID)
-        column(head, self._explanation, self._failure, self._shown, None, on=self, margins=(0, theme.GRID, 0, 0))
+        column(head, self._explanation, self._failure, self._status, None, on=self, margins=(0, theme.GRID, 0, 0))
         app.station_changed.connect(self._refresh)
         app.engine_link.running_changed.connect(self._refresh)
         app.closing.connect(self.close_watch)
@@ -62,7 +59,7 @@ class PairLiveView(PairBars):
 
     @property
     def watching(self) -> bool:
-        """Return whether the station is being monitored."""
+        """Whether the station is being monitored."""
         return self._watch is not None
 
     def close_watch(self) -> None:
@@ -107,7 +104,7 @@ class PairLiveView(PairBars):
         show_text(self._failure, "" if self._error is None else say(self._error.as_text))
         status = self.status
         self._explanation.setVisible(status is None)
-        self._shown.setVisible(status is not None)
+        self._status.setVisible(status is not None)
         if status is None:
             return
         self.schedule_label.setText(schedule_text(status.schedule))
@@ -118,7 +115,7 @@ class PairLiveView(PairBars):
         self._stored.setText("\n".join(map(self._stored_text, status.stored)))
 
     def _show_corrected(self, trace: CorrectedTrace) -> None:
-        """Draw the corrected output of all IMUs; the valid one is bold."""
+        """Draw the corrected output of all IMUs, that of the valid IMU in bold."""
         names = {
             name: say("logs.primary" if name == "primary" else "logs.imu", number=name.removeprefix("imu"))
             for name in trace.force
@@ -149,7 +146,7 @@ class PairLiveView(PairBars):
         return ""
 
     def _state(self) -> tuple[str, str]:
-        """Return the badge of the monitoring."""
+        """Return the symbol and the text of the state."""
         if not self.watching:
             return "none", say("logs.not_watching")
         status = self.status

@@ -1,23 +1,23 @@
-"""Widgets of the pair check: bars of deviations against thresholds, and a timeline of the events of a replay."""
+"""Widgets of a pair check: bars that compare deviations with thresholds, and a timeline of events."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPaintEvent, QPen
-from PySide6.QtWidgets import QGridLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 
 from calstation.gui.text import duration_text, on_language_change, term
 from calstation.gui.widgets import StateBadge, clear, draw_state, label, state_colour, theme
 from calstation.results import PairProgress
 
-#: Position of the threshold as a fraction of the full width; longer bars are clipped at the full width.
-_LIMIT_AT = 0.5
+#: Position of the threshold as a fraction of the full width, at which longer bars are clipped.
+_THRESHOLD_AT = 0.5
 
 
 @dataclass(frozen=True)
 class CheckBar:
-    """The deviation of one sensor; `share` is its ratio to the threshold, `state` the symbol (`badge.KINDS`)."""
+    """The deviation of a sensor; `share` is its ratio to the threshold, and `state` its symbol (`badge.KINDS`)."""
 
     name: str
     share: float
@@ -28,7 +28,7 @@ class CheckBar:
 
 
 class CheckBars(QWidget):
-    """Shows a row per sensor, with the thresholds at the same position in all bars."""
+    """Shows one bar per sensor, with the thresholds aligned."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -47,19 +47,18 @@ class CheckBars(QWidget):
         clear(self._grid)
         right = Qt.AlignmentFlag.AlignRight
         for line, bar in enumerate(bars):
-            name, value, limit, verdict = label(), label(), label(kind="muted"), StateBadge()
-            for text, made in ((bar.name, name), (bar.value, value), (bar.limit, limit)):
-                made.setText(text)
+            limit, verdict = label(kind="muted"), StateBadge()
+            limit.setText(bar.limit)
             verdict.show_state(bar.state, bar.verdict)
-            self._grid.addWidget(name, line, 0)
+            self._grid.addWidget(QLabel(bar.name), line, 0)
             self._grid.addWidget(_Bar(bar.share), line, 1)
-            self._grid.addWidget(value, line, 2, right)
+            self._grid.addWidget(QLabel(bar.value), line, 2, right)
             self._grid.addWidget(limit, line, 3, right)
             self._grid.addWidget(verdict, line, 4)
 
 
 class _Bar(QWidget):
-    """A bar proportional to the deviation, with a vertical line at the threshold."""
+    """A bar as long as the deviation, with a vertical line at the threshold."""
 
     def __init__(self, share: float) -> None:
         super().__init__()
@@ -67,15 +66,15 @@ class _Bar(QWidget):
         self.setMinimumSize(8 * theme.GRID, 26)
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw the track, bar and threshold; two slanted cuts mark a clipped bar."""
+        """Draw the track, the bar and the threshold; two slanted lines mark a clipped bar."""
         c, width, middle = theme.colours(), float(self.width()), self.height() / 2.0
         painter = theme.painter(self)
-        length = max(min(self._share * _LIMIT_AT, 1.0) * width, 2.0)
+        length = max(min(self._share * _THRESHOLD_AT, 1.0) * width, 2.0)
         painter.fillRect(QRectF(0, middle - 7, width, 14), QColor(c.track))
         painter.fillRect(QRectF(0, middle - 7, length, 14), state_colour("bad" if self._share > 1.0 else "good"))
         painter.setPen(QPen(QColor(c.text), 2))
-        painter.drawLine(QPointF(_LIMIT_AT * width, 2), QPointF(_LIMIT_AT * width, self.height() - 2))
-        if self._share * _LIMIT_AT > 1.0:
+        painter.drawLine(QPointF(_THRESHOLD_AT * width, 2), QPointF(_THRESHOLD_AT * width, self.height() - 2))
+        if self._share * _THRESHOLD_AT > 1.0:
             painter.setPen(QPen(QColor(c.panel), 3))
             for x in (width - 16, width - 9):
                 painter.drawLine(QPointF(x - 3, middle + 9), QPointF(x + 3, middle - 9))
@@ -83,7 +82,7 @@ class _Bar(QWidget):
 
 _TOP, _MARK, _LANE = 26.0, 16.0, 22.0
 _LANES = 2
-#: Symbol of each kind of event (`badge.KINDS`), in ascending order of importance.
+#: Symbol of each kind of event (`badge.KINDS`), the most important kinds last.
 _STATES = {
     "triggered": "waiting",
     "checked": "none",
@@ -102,7 +101,7 @@ _STATES = {
 
 
 class Timeline(QWidget):
-    """A timeline with a symbol and a text at every event; overlapping symbols are merged, overlapping texts omitted."""
+    """A timeline with symbol and text of each event; overlapping symbols are merged, and overlapping texts omitted."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -111,12 +110,12 @@ class Timeline(QWidget):
         on_language_change(self, self.update)
 
     def show_progress(self, progress: PairProgress | None) -> None:
-        """Show the progress of a replayed recording."""
+        """Show the progress of a replay."""
         self.progress = progress
         self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw the line, symbols, texts, and the motion collected during the replay."""
+        """Draw the line, the symbols and texts of the events, and the state of the replay."""
         p = self.progress
         if p is None:
             return
@@ -136,7 +135,7 @@ class Timeline(QWidget):
         painter.drawText(top, middle, _state_text(p) if p.time < p.duration else duration_text(0.0))
         ends = [0.0] * _LANES
         events = [(left + scale * h.time, h.kind, term("pair", f"event_{h.kind}", number=h.number)) for h in p.events]
-        for x, kind, text in _joined(events):
+        for x, kind, text in _merge_overlapping(events):
             width = painter.fontMetrics().horizontalAdvance(text) + theme.GRID
             begin = min(max(x - _MARK / 2, 0.0), self.width() - width)
             lane = next((k for k, end in enumerate(ends) if begin >= end), None)
@@ -153,19 +152,19 @@ class Timeline(QWidget):
 
 
 def _state_text(progress: PairProgress) -> str:
-    """Return the text for the current state of the replay."""
+    """Return the text of the current state of a replay."""
     state = "axes" if progress.state == "calibrating" and progress.motion >= 1.0 else progress.state
     return term("pair", f"state_{state}", percent=100.0 * progress.motion)
 
 
-def _joined(marks: list[tuple[float, str, str]]) -> list[tuple[float, str, str]]:
-    """Merge overlapping marks (position, kind, text); a merged mark has its most important kind."""
-    joined: list[tuple[float, str, str]] = []
+def _merge_overlapping(marks: list[tuple[float, str, str]]) -> list[tuple[float, str, str]]:
+    """Merge overlapping marks (position, kind, text); the result has the most important of their kinds."""
+    merged: list[tuple[float, str, str]] = []
     for x, kind, text in marks:
-        if joined and x - joined[-1][0] < 1.5 * _MARK:
-            first, before, texts = joined[-1]
+        if merged and x - merged[-1][0] < 1.5 * _MARK:
+            first, before, texts = merged[-1]
             important = max((before, kind), key=list(_STATES).index)
-            joined[-1] = (first, important, f"{texts}  ·  {text}")
+            merged[-1] = (first, important, f"{texts}  ·  {text}")
         else:
-            joined.append((x, kind, text))
-    return joined
+            merged.append((x, kind, text))
+    return merged

@@ -1,4 +1,4 @@
-"""Views for IMUs on one body: check at rest against thresholds, replay, stored calibrations, and residuals."""
+"""The views of IMUs on one body: check at rest against thresholds, replay, stored calibrations, and residuals."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,32 +7,30 @@ from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
-from calstation.gui.logs.methods.plots import Figure, MethodPlot, three_digits
+from calstation.gui.logs.methods.plots import SENSOR_UNITS, Figure, MethodPlot, three_digits
 from calstation.gui.text import on_language_change, say, term, with_minus
 from calstation.gui.widgets import button, column, combo_box, label, panel, row, show_text, theme
 from calstation.messages import Text, local_time
-from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G, display, number, pair_name
+from calstation.physics import DEGREE, display, number, pair_name
 from calstation.results import PairCheckResult, PairProgress, Parameter
 from calstation.results.plots import PairPlotData, PairResiduals, SecondaryPlotData, StoredPairFile
 
 _SENSORS = ("gyro", "accel")
-#: Display unit of a deviation at rest, and its size in SI.
-_UNITS = {"gyro": ("°/h", DEGREE_PER_HOUR), "accel": ("µg", MICRO_G)}
 
 
 class PairBars(QWidget):
-    """Base of the views of a check: a row for each sensor, and the stored calibrations."""
+    """Base class of the views of a check, with the rows of the sensors and the texts of stored calibrations."""
 
     def _unit_bars(
         self, number: int, check: Mapping[str, Any] | None, after: Mapping[str, float | None]
     ) -> list[CheckBar]:
-        """Return the rows of a unit, 0 for the primary; `after` contains the deviations of its calibrated sensors."""
+        """Return the rows of a unit, 0 for the primary; `after` contains deviations after the calibration by sensor."""
         name = say("logs.imu" if number else "logs.primary", number=number)
-        shown = check and check["secondary" if number else "primary"]
-        return [self._bar(name, s, shown and shown[s], after.get(s)) for s in _SENSORS]
+        unit_check = check and check["secondary" if number else "primary"]
+        return [self._bar(name, s, unit_check and unit_check[s], after.get(s)) for s in _SENSORS]
 
     def _bar(self, unit: str, sensor: str, check: Mapping[str, Any] | None, after: float | None) -> CheckBar:
-        """Return the row of a sensor; `after` is its deviation after a calibration, None without one."""
+        """Return the row of a sensor; `after` is its deviation after a calibration, if there was one."""
         name = f"{unit}  {term('sensor', sensor)}"
         if check is None:
             return CheckBar(name, 0.0, "–", "", say("logs.no_rest_to_check"), "none")
@@ -40,10 +38,12 @@ class PairBars(QWidget):
         state = "good" if check["within"] else "bad"
         if not check["within"] and after is not None:
             good = after <= check["limit"]
-            verdict = say("logs.calibrated_now" if good else "logs.calibrated_still", value=_shown(sensor, after))
+            verdict = say("logs.calibrated_now" if good else "logs.calibrated_still", value=_deviation(sensor, after))
             state = "good" if good else "caution"
-        limit = say("logs.at_most", limit=_shown(sensor, check["limit"]))
-        return CheckBar(name, check["value"] / check["limit"], _shown(sensor, check["value"]), limit, verdict, state)
+        limit = say("logs.at_most", limit=_deviation(sensor, check["limit"]))
+        return CheckBar(
+            name, check["value"] / check["limit"], _deviation(sensor, check["value"]), limit, verdict, state
+        )
 
     def _stored_text(self, stored: StoredPairFile) -> str:
         if not stored.utc:
@@ -59,9 +59,9 @@ class PairBars(QWidget):
 
 
 class PairCheckView(PairBars):
-    """Shows the check at rest, the replay and the stored calibrations; its button emits `check_wanted()`."""
+    """Shows the check at rest, the replay and the stored calibrations; emits `check_requested()` to start a replay."""
 
-    check_wanted = Signal()
+    check_requested = Signal()
 
     def __init__(self) -> None:
         super().__init__()
@@ -71,7 +71,7 @@ class PairCheckView(PairBars):
         self.schedule_label, self._why = label(wrap=True), label(kind="caution", wrap=True)
         self._stored = label(name="pair_stored_label", wrap=True)
         self.bars, self.timeline = CheckBars(), Timeline()
-        self.check_button = button("check_button", "logs.check_now", self.check_wanted, tip="logs.replay_tip")
+        self.check_button = button("check_button", "logs.check_now", self.check_requested, tip="logs.replay_tip")
         self._explanation = label("logs.about_check_now", "muted", wrap=True)
         head = row(label("logs.monitoring", "section"), None, self.check_button)
         stored = row(label("logs.stored", "section"), (self._stored, 1), spacing=2 * theme.GRID)
@@ -116,7 +116,7 @@ class PairCheckView(PairBars):
         self.show_progress(self.timeline.progress)
 
     def _bars(self, data: PairPlotData) -> list[CheckBar]:
-        """Return a row for each sensor of every secondary and then of the primary, from the last check."""
+        """Return the rows of all secondaries and of the primary from the last check."""
         bars = []
         check: Mapping[str, Any] | None = None
         events = data.events if self._checked is None else self._checked.progress.events
@@ -131,9 +131,9 @@ class PairCheckView(PairBars):
         return bars + self._unit_bars(0, check, {})
 
 
-def _shown(sensor: str, value: float) -> str:
-    """Format a deviation at rest in its display unit."""
-    unit, size = _UNITS[sensor]
+def _deviation(sensor: str, value: float) -> str:
+    """Return the text of a deviation at rest in its display unit."""
+    unit, size = SENSOR_UNITS[sensor]
     return f"{three_digits(value / size)} {unit}"
 
 
@@ -160,16 +160,16 @@ def schedule_text(schedule: Mapping[str, Any]) -> str:
 
 
 def _threshold(sensor: str, rule: Mapping[str, Any]) -> Text:
-    fixed = _shown(sensor, rule["fixed"])
+    fixed = _deviation(sensor, rule["fixed"])
     if rule.get("offset") is not None:
-        return Text.of("pair.limit_offset", offset=_shown(sensor, rule["offset"]), fixed=fixed)
+        return Text.of("pair.limit_offset", offset=_deviation(sensor, rule["offset"]), fixed=fixed)
     if rule.get("ratio") is not None:
         return Text.of("pair.limit_ratio", ratio=three_digits(rule["ratio"]), fixed=fixed)
     return Text.of("pair.limit_fixed", fixed=fixed)
 
 
 class PairResidualsView(QWidget):
-    """Shows a secondary's residuals against the primary over the recording, its clock offset and its lever arm."""
+    """Shows the residuals of a secondary against the primary over time, its clock offset and its lever arm."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -223,14 +223,14 @@ class PairResidualsView(QWidget):
         plot.finish([(title, c.text), *legend])
 
     def _values(self, names: list[str], imu: int) -> str:
-        """Format values with their unit, and a single value with its sigma; a dash if one was not estimated."""
+        """Format values with their unit, a single value also with its sigma; return a dash if one was not estimated."""
         texts, unit = [], ""
         for name in names:
-            fitted = self._parameters.get(pair_name(name, imu))
-            if fitted is None:
+            estimate = self._parameters.get(pair_name(name, imu))
+            if estimate is None:
                 return "–"
-            value, unit = display(name, fitted.value)
-            sigma = display(name, fitted.sigma)[0]
-            alone = with_minus(f"{number(value, sigma)} ± {number(sigma, sigma)}")
-            texts.append(alone if len(names) == 1 else three_digits(value))
+            value, unit = display(name, estimate.value)
+            sigma = display(name, estimate.sigma)[0]
+            with_sigma = with_minus(f"{number(value, sigma)} ± {number(sigma, sigma)}")
+            texts.append(with_sigma if len(names) == 1 else three_digits(value))
         return f"{', '.join(texts)} {unit}"

@@ -1,4 +1,4 @@
-"""Panel of one method: its recording, jobs, guidance, and the views of the solution."""
+"""The panel of a method: its recording and jobs, its guidance, and the views of its solution."""
 
 from pathlib import Path
 
@@ -6,8 +6,8 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QSpinBox, QWidget
 
 from calstation.config import MANUAL_STATION, manual_product, uses_manual_rig
-from calstation.gui.logs.methods.answer_views import AnswerViews
-from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
+from calstation.gui.logs.methods.guidance import CROSS_CALIBRATION, GIMBAL, MULTI_POSITION
+from calstation.gui.logs.methods.solution_views import SolutionViews
 from calstation.gui.logs.source_bar import Exports, SourceBar
 from calstation.gui.state import AppContext, JobView
 from calstation.gui.text import bind, on_language_change, say
@@ -16,16 +16,19 @@ from calstation.results import check_pair, progress_from_note
 from calstation.results.plots import MethodAnswer, solve_method
 from calstation.simulation import record_on_bench, recordings_folder
 
+#: The kind of recording (`simulation.Kind`) that each method solves.
+_RECORDING_KINDS = {MULTI_POSITION: "hand", GIMBAL: "gimbal", CROSS_CALIBRATION: "pair"}
+
 
 class MethodPanel(JobView):
-    """Opens, makes, solves and exports a recording, and shows its solution."""
+    """Opens, simulates, solves and exports a recording, and shows its solution."""
 
     def __init__(self, app: AppContext, stage: str, source: SourceBar) -> None:
         super().__init__(app, stage)
         self.stage, self.source = stage, source
         self.path: Path | None = None
-        self.answer: MethodAnswer | None = None
-        self.maker = self.job(record_on_bench, self.open, failure="logs.no_recording")
+        self.solution: MethodAnswer | None = None
+        self.simulator = self.job(record_on_bench, self.open, failure="logs.no_recording")
         self.solver = self.job(solve_method, self._solved, failure="logs.no_answer")
         show = self._show_progress
         self.checker = self.job(check_pair, failure="logs.pair_not_checked", failed=show, cancelled=show)
@@ -34,47 +37,47 @@ class MethodPanel(JobView):
         self.live_button = button("guide_live_button", "logs.guide_live", self._guide_live)
         self.live_button.setVisible(stage == MULTI_POSITION)
         self.export_button = button(f"{stage}_export_button", "logs.export_result", self._export)
-        self.answers = AnswerViews(self, stage, self.export_button)
+        self.views = SolutionViews(self, stage, self.export_button)
         idle = box(row(self.bench, None, self.live_button, self.solve_button))
         jobs = JobStack(
             idle,
-            JobRow(self.maker, f"{stage}_make_cancel_button", "logs.making_recording"),
+            JobRow(self.simulator, f"{stage}_make_cancel_button", "logs.making_recording"),
             JobRow(self.solver, f"{stage}_cancel_button", self._solving_text),
             JobRow(self.checker, "", "logs.replaying"),
             JobRow(self.exports.watch, "", "logs.writing_result"),
         )
-        column(jobs, self.notice, (self.answers, 1), on=self)
+        column(jobs, self.notice, (self.views, 1), on=self)
         self._connect()
         on_language_change(self, self._update)
 
     @property
     def busy(self) -> bool:
         """Whether a job on a recording is running."""
-        return any(job.busy for job in (self.maker, self.solver, self.checker, self.exports.watch))
+        return any(job.busy for job in (self.simulator, self.solver, self.checker, self.exports.watch))
 
     def open(self, path: Path) -> None:
-        """Select a recording and solve it; an earlier solution is discarded."""
+        """Select a recording and solve it."""
         if not self.busy:
-            self.take(path)
+            self.select(path)
             self.solve()
 
-    def take(self, path: Path) -> None:
+    def select(self, path: Path) -> None:
         """Select a recording without solving it."""
         self.path = path.absolute()
         self.source.show_path(self.path)
 
     def refresh(self) -> None:
-        """Update the path in the shared source bar and the enabled controls."""
+        """Show the path in the source bar, and update the enabled controls."""
         if self.path is not None:
             self.source.show_path(self.path)
         self._update()
 
-    def make(self, grade: str, seed: int) -> None:
-        """Make a recording on the virtual bench, and solve it."""
+    def simulate(self, grade: str, seed: int) -> None:
+        """Simulate a recording on the virtual bench, and solve it."""
         if not self.busy:
             self._discard()
             path = recordings_folder() / f"{self.stage}-{grade}-{seed}.h5"
-            self.maker.start(RECORDED_AS[self.stage], path, grade, seed)
+            self.simulator.start(_RECORDING_KINDS[self.stage], path, grade, seed)
 
     def solve(self) -> None:
         """Solve the recording."""
@@ -83,7 +86,7 @@ class MethodPanel(JobView):
             self.solver.start(self.path, self.stage)
 
     def _check(self) -> None:
-        """Replay the recording: check the IMUs, calibrate if out of tolerance, and store the results."""
+        """Replay the recording: check the IMUs, calibrate those out of tolerance, and store the results."""
         if not self.busy and self.path is not None:
             self.notice.dismiss()
             self.checker.start(self.path)
@@ -96,44 +99,43 @@ class MethodPanel(JobView):
             self.app.page_requested.emit("operator_page")
 
     def _export(self) -> None:
-        if self.answer is not None:
-            self.exports.ask_result(self.answer.recording.path, self.answer.resolved.result, None, self.stage)
+        if self.solution is not None:
+            self.exports.ask_result(self.solution.recording.path, self.solution.resolved.result, None, self.stage)
 
     def _connect(self) -> None:
-        self.bench.requested.connect(self.make)
+        self.bench.requested.connect(self.simulate)
         self.busy_changed.connect(self._update)
-        if self.answers.check is not None:
-            self.answers.check.check_wanted.connect(self._check)
+        if self.views.check is not None:
+            self.views.check.check_requested.connect(self._check)
             self.checker.progress.connect(self._show_progress)
-            self.checker.done.connect(self.answers.check.show_checked)
+            self.checker.done.connect(self.views.check.show_checked)
         self.app.station_changed.connect(self._update)
         self.app.engine_link.running_changed.connect(self._update)
 
     def _discard(self) -> None:
         self.notice.dismiss()
-        self.answer = None
-        self.answers.clear()
+        self.solution = None
+        self.views.clear()
 
-    def _solved(self, answer: MethodAnswer) -> None:
-        self.answer = answer
-        self.source.remember(answer.recording.path)
-        self.answers.show_answer(answer)
+    def _solved(self, solution: MethodAnswer) -> None:
+        self.solution = solution
+        self.source.remember(solution.recording.path)
+        self.views.show_solution(solution)
         self._update()
 
     def _show_progress(self, *_: object) -> None:
-        if self.answers.check is not None:
+        if self.views.check is not None:
             job = self.checker.job
-            self.answers.check.show_progress(None if job is None else progress_from_note(job.note))
+            self.views.check.show_progress(None if job is None else progress_from_note(job.note))
 
     def _update(self) -> None:
-        """Enable the controls that are currently usable; tooltips explain why the others are disabled."""
+        """Update the enabled controls; tooltips explain why the others are disabled."""
         wait = say("window.busy_job") if self.busy else ""
         enable(self.solve_button, "" if self.path is not None else say("logs.open_recording_first"))
-        enable(self.export_button, wait or ("" if self.answer is not None else say("logs.solve_first_recording")))
-        if self.answers.check is not None:
-            self.answers.check.check_button.setEnabled(not self.busy)
-        tip = say("logs.guide_tip")
-        enable(self.live_button, self._why_not_live(), tip)
+        enable(self.export_button, wait or ("" if self.solution is not None else say("logs.solve_first_recording")))
+        if self.views.check is not None:
+            self.views.check.check_button.setEnabled(not self.busy)
+        enable(self.live_button, self._why_not_live(), say("logs.guide_tip"))
 
     def _why_not_live(self) -> str:
         if self.app.engine_link.running:
@@ -149,7 +151,7 @@ class MethodPanel(JobView):
 
 
 class BenchBox(QWidget):
-    """Selects the grade and seed of a simulated recording; emits `requested(grade, seed)` to request it."""
+    """Selects the grade and seed of a simulated recording; its button emits `requested(grade, seed)`."""
 
     requested = Signal(str, int)
 

@@ -1,4 +1,4 @@
-"""Plots of the methods with a legend at the top, and large numbers that compare values before and after."""
+"""Plots with a legend at the top, and large numbers that compare values before and after a calibration."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,17 +10,20 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.text import with_minus
-from calstation.gui.widgets import LogAxis, PlotNote, ThemedPlot, column, fit_below_note, label, theme
-from calstation.physics import FloatArray
+from calstation.gui.widgets import LogAxis, PlotNote, ThemedPlot, column, dashed, fit_below_note, label, theme
+from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray
+
+#: Display unit of small rates and specific forces by sensor, and its size in SI.
+SENSOR_UNITS = {"gyro": ("°/h", DEGREE_PER_HOUR), "accel": ("µg", MICRO_G)}
 
 
 class MethodPlot(ThemedPlot):
-    """A plot with an optionally logarithmic vertical axis, or both axes logarithmic."""
+    """A plot with a legend at the top; `log` and `log_x` make the vertical and the horizontal axis logarithmic."""
 
     def __init__(self, *, log: bool = False, log_x: bool = False) -> None:
         super().__init__()
         self._log = log
-        logarithmic = [side for side, chosen in (("left", log), ("bottom", log_x)) if chosen]
+        logarithmic = [side for side, is_log in (("left", log), ("bottom", log_x)) if is_log]
         if logarithmic:
             self.getPlotItem().setAxisItems({side: LogAxis(side) for side in logarithmic})
             self.setLogMode(x=log_x, y=log)
@@ -41,7 +44,7 @@ class MethodPlot(ThemedPlot):
         self._values = []
 
     def finish(self, note: Sequence[tuple[str, str]]) -> None:
-        """Show the legend `note`, pairs of text and colour, and fit the vertical range to the data."""
+        """Show a legend, given as pairs of text and colour, and fit the vertical range to the data."""
         self._note.say(note)
         self._fit()
 
@@ -51,7 +54,7 @@ class MethodPlot(ThemedPlot):
         self._add(x, y, pen=pg.mkPen(shade, width=2.5 if bold else 1), connect="finite")
 
     def dots(self, x: FloatArray, y: FloatArray, colour: str, *, hollow: bool = False) -> None:
-        """Draw dots; hollow dots are for values before the calibration."""
+        """Draw filled or hollow dots; hollow dots represent values before the calibration."""
         brush = QColor(theme.colours().panel) if hollow else QColor(colour)
         size = 8 if hollow else 7
         pen = pg.mkPen(colour, width=1.5)
@@ -59,9 +62,8 @@ class MethodPlot(ThemedPlot):
 
     def limit(self, value: float, colour: str) -> None:
         """Draw a dashed line across the plot."""
-        at = np.log10(value) if self._log else value
-        pen = pg.mkPen(colour, width=1, style=Qt.PenStyle.DashLine)
-        self.addItem(pg.InfiniteLine(at, angle=0, pen=pen), ignoreBounds=True)
+        position = np.log10(value) if self._log else value
+        self.addItem(pg.InfiniteLine(position, angle=0, pen=dashed(colour)), ignoreBounds=True)
         self._values.append(np.array([value]))
 
     def span(self, values: FloatArray) -> None:
@@ -76,11 +78,11 @@ class MethodPlot(ThemedPlot):
         self.addItem(region, ignoreBounds=True)
 
     def _fit(self) -> None:
-        shown = np.concatenate([*self._values, np.empty(0)])
-        shown = shown[np.isfinite(shown) & ((shown > 0.0) if self._log else True)]
-        if len(shown):
-            shown = np.log10(shown) if self._log else shown
-            low, high = float(shown.min()), float(shown.max())
+        values = np.concatenate([*self._values, np.empty(0)])
+        values = values[np.isfinite(values) & ((values > 0.0) if self._log else True)]
+        if len(values):
+            values = np.log10(values) if self._log else values
+            low, high = float(values.min()), float(values.max())
             fit_below_note(self.getPlotItem(), low, high, 0.3 if self._log else max(abs(high), 1e-12) * 1e-3)
 
     def _add(self, x: FloatArray, y: FloatArray, **style: Any) -> None:
@@ -89,7 +91,7 @@ class MethodPlot(ThemedPlot):
 
 
 class Figure(QWidget):
-    """A caption above a number, or two numbers with an arrow between them, legible from two metres."""
+    """A caption above one large number, or above two numbers with an arrow between them."""
 
     def __init__(self, size: int = 28) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""View of a multi-position solution: sphere of positions, force residuals at rest, and angle residuals of motions."""
+"""The view of a multi-position solution: sphere of positions, residuals of force at rest and of motion angles."""
 
 import numpy as np
 from PySide6.QtCore import QLineF, QPointF, QSize, Qt
@@ -65,12 +65,12 @@ class PositionsView(QWidget, DataView[PositionPlotData]):
 
 _EXTENT = 1.3
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 73)
-#: Rotation of the sphere per pixel dragged, rad.
-_PER_PIXEL = 0.008
+#: Rotation of the sphere per pixel of mouse movement, rad.
+_ROTATION_PER_PIXEL = 0.008
 
 
 class PositionSphere(QWidget):
-    """A sphere with a dot for each position, filled on the near side and hollow on the far side."""
+    """A rotatable sphere with a dot for each position, filled on the near side and hollow on the far side."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -86,7 +86,7 @@ class PositionSphere(QWidget):
         return QSize(280, 280)
 
     def show_positions(self, up: FloatArray) -> None:
-        """Show the directions opposite to gravity in the body frame b, unit vectors, shape (n, 3)."""
+        """Show the upward direction in the body frame b at each rest, unit vectors, shape (n, 3)."""
         self._up = up
         self.update()
 
@@ -100,8 +100,8 @@ class PositionSphere(QWidget):
             return
         moved = event.position() - self._drag
         self._drag = event.position()
-        self._azimuth -= _PER_PIXEL * moved.x()
-        self._elevation = float(np.clip(self._elevation + _PER_PIXEL * moved.y(), -1.5, 1.5))
+        self._azimuth -= _ROTATION_PER_PIXEL * moved.x()
+        self._elevation = float(np.clip(self._elevation + _ROTATION_PER_PIXEL * moved.y(), -1.5, 1.5))
         self.update()
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
@@ -132,9 +132,9 @@ class PositionSphere(QWidget):
             for normal in np.eye(3):
                 u, v = np.roll(normal, 1), np.roll(normal, 2)
                 circle = np.outer(np.cos(_CIRCLE), u) + np.outer(np.sin(_CIRCLE), v)
-                at, shown = project(circle), (circle @ eye >= 0.0) == near
-                ends = [QLineF(a, b) for a, b, draw in zip(at[:-1], at[1:], shown[:-1], strict=True) if draw]
-                painter.drawLines(ends)
+                points, visible = project(circle), (circle @ eye >= 0.0) == near
+                lines = zip(points[:-1], points[1:], visible[:-1], strict=True)
+                painter.drawLines([QLineF(a, b) for a, b, draw in lines if draw])
         for near in (False, True):
             for (name, colour), axis in zip(theme.AXIS_COLOURS.items(), np.eye(3), strict=True):
                 if (float(axis @ eye) >= 0.0) is near:

@@ -1,15 +1,14 @@
-"""The tabs of a method: guidance on its use, and the views of its solution."""
+"""The tabs of a method: its guidance, and the views of its solution."""
 
 from PySide6.QtWidgets import QPushButton, QStackedWidget, QWidget
 
-from calstation.gui.logs.methods.answer_table import AnswerTable
 from calstation.gui.logs.methods.applied_view import AppliedView
 from calstation.gui.logs.methods.gimbal_view import GimbalView
-from calstation.gui.logs.methods.guidance import guidance
-from calstation.gui.logs.methods.kinds import CROSS_CALIBRATION, GIMBAL, MULTI_POSITION
+from calstation.gui.logs.methods.guidance import CROSS_CALIBRATION, GIMBAL, MULTI_POSITION, guidance
 from calstation.gui.logs.methods.pair_live import PairLiveView
 from calstation.gui.logs.methods.pair_view import PairCheckView, PairResidualsView
 from calstation.gui.logs.methods.positions_view import PositionsView
+from calstation.gui.logs.methods.solution_table import SolutionTable
 from calstation.gui.state import JobView
 from calstation.gui.text import Words, duration_text, on_language_change, say
 from calstation.gui.widgets import (
@@ -29,20 +28,20 @@ from calstation.messages import event_text
 from calstation.results.plots import GimbalPlotData, MethodAnswer, PairPlotData, PositionPlotData
 
 
-class AnswerViews(QWidget):
-    """Shows the guidance, the method's own views, and the views common to all methods: parameters and checks."""
+class SolutionViews(QWidget):
+    """Shows the guidance of a method, its special views, and the views of parameters and checks."""
 
     def __init__(self, panel: JobView, stage: str, export_button: QPushButton) -> None:
         super().__init__()
-        self._answered = False
+        self._solved = False
         self.positions = PositionsView() if stage == MULTI_POSITION else None
         self.applied = AppliedView(panel) if stage == MULTI_POSITION else None
         self.gimbal = GimbalView() if stage == GIMBAL else None
         self.check = PairCheckView() if stage == CROSS_CALIBRATION else None
         self.residuals = PairResidualsView() if stage == CROSS_CALIBRATION else None
         self.live = PairLiveView(panel.app) if stage == CROSS_CALIBRATION else None
-        self.table, self.checks = AnswerTable(), ChecksTable()
-        self.tabs, self._head = ViewTabs(f"{stage}_tabs"), _AnswerHead()
+        self.table, self.checks = SolutionTable(), ChecksTable()
+        self.tabs, self._head = ViewTabs(f"{stage}_tabs"), _SolutionHead()
         self._stack: QStackedWidget = stack()
         self._add("logs.how_done", guidance(stage))
         self._add("logs.rests_and_motions", self.positions)
@@ -60,27 +59,27 @@ class AnswerViews(QWidget):
 
     def clear(self) -> None:
         """Show only the guidance."""
-        self._answered = False
+        self._solved = False
         self.tabs.setCurrentIndex(0)
         self._head.hide()
         self._refresh()
 
-    def show_answer(self, answer: MethodAnswer) -> None:
+    def show_solution(self, solution: MethodAnswer) -> None:
         """Fill all views with a solution and show the first of them."""
-        self._answered = True
-        data = answer.plot_data
+        self._solved = True
+        data = solution.plot_data
         if self.positions is not None and isinstance(data, PositionPlotData):
             self.positions.show_data(data)
         if self.applied is not None:
-            self.applied.show_answer(answer)
+            self.applied.show_solution(solution)
         if self.gimbal is not None and isinstance(data, GimbalPlotData):
             self.gimbal.show_data(data)
         if self.check is not None and self.residuals is not None and isinstance(data, PairPlotData):
-            self.check.show_data(data, answer.schedule)
-            self.residuals.show_data(data, answer.parameters)
-        self.table.show_data(answer)
-        self.checks.show_checks(answer.resolved.result.checks)
-        self._head.show_data(answer)
+            self.check.show_data(data, solution.schedule)
+            self.residuals.show_data(data, solution.parameters)
+        self.table.show_data(solution)
+        self.checks.show_checks(solution.resolved.result.checks)
+        self._head.show_data(solution)
         self._head.show()
         self._refresh()
         self.tabs.setCurrentIndex(1)
@@ -91,14 +90,14 @@ class AnswerViews(QWidget):
             self._stack.addWidget(view)
 
     def _refresh(self) -> None:
-        unsolved = "" if self._answered else say("logs.solve_first_recording")
-        for index in range(1, self.tabs.count() - (self.live is not None)):  # guidance and live need no answer
-            self.tabs.setTabEnabled(index, self._answered)
+        unsolved = "" if self._solved else say("logs.solve_first_recording")
+        for index in range(1, self.tabs.count() - (self.live is not None)):  # not guidance and live
+            self.tabs.setTabEnabled(index, self._solved)
             self.tabs.setTabToolTip(index, unsolved)
 
 
-class _AnswerHead(QWidget, DataView[MethodAnswer]):
-    """Shows the verdict, recording and remarks of a solution; hidden until there is one."""
+class _SolutionHead(QWidget, DataView[MethodAnswer]):
+    """Shows the verdict on a solution, its recording and its remarks; hidden without a solution."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -107,20 +106,19 @@ class _AnswerHead(QWidget, DataView[MethodAnswer]):
         self.hide()
         on_language_change(self, self.refresh)
 
-    def draw(self, answer: MethodAnswer) -> None:
+    def draw(self, solution: MethodAnswer) -> None:
         """Show a solution."""
-        show_text(self._remarks, "\n".join(say(event_text(key, values)) for key, values in answer.resolved.messages))
-        self._badge.show_state(*self._verdict(answer))
-        result, recording = answer.resolved.result, answer.recording
+        show_text(self._remarks, "\n".join(say(event_text(key, values)) for key, values in solution.resolved.messages))
+        self._badge.show_state(*self._verdict(solution))
+        result, recording = solution.resolved.result, solution.recording
         duration = duration_text(recording.duration)
         parts = [recording.serial, say("logs.recording_length", duration=duration, rate=recording.rate)]
-        lost = len(result.undetermined)
-        if lost:
-            parts.append(say("logs.lost_count", lost=lost, count=len(result.parameters)))
+        if undetermined := len(result.undetermined):
+            parts.append(say("logs.lost_count", lost=undetermined, count=len(result.parameters)))
         self._about.setText("  ·  ".join(parts))
 
-    def _verdict(self, answer: MethodAnswer) -> tuple[str, str]:
-        result = answer.resolved.result
+    def _verdict(self, solution: MethodAnswer) -> tuple[str, str]:
+        result = solution.resolved.result
         failed = len(result.failed_checks)
         near = sum(check.near_miss for check in result.checks)
         if failed:

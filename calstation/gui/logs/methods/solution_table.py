@@ -1,4 +1,4 @@
-"""Table of a method's parameters: value, sigma, previous value, and other values for comparison."""
+"""The table of a method's parameters: value, sigma, previous value, and other values for comparison."""
 
 from calstation.gui.text import on_language_change, say, with_minus
 from calstation.gui.widgets import NOTABLE_SIGMAS, Cell, CellTable, DataView, ordered, theme
@@ -24,26 +24,26 @@ _TRUTH = (
 )
 
 
-class AnswerTable(CellTable, DataView[MethodAnswer]):
-    """Table of the estimated parameters, with their contract names as row headers.
+class SolutionTable(CellTable, DataView[MethodAnswer]):
+    """Shows the value and sigma of the estimated parameters, and the values before the calibration.
 
-    In addition to value and sigma it shows the previous value, or the least-squares solution for a gimbal, and the true
-    value for a recording of the virtual bench.
+    For a gimbal, it shows the least-squares solution instead of the previous values; for a recording of the virtual
+    bench, it also shows the true values.
     """
 
     def __init__(self) -> None:
         super().__init__("method_table", "logs.parameters_found", grouped=True, row=4 * theme.GRID)
         on_language_change(self, self.refresh)
 
-    def draw(self, answer: MethodAnswer) -> None:
+    def draw(self, solution: MethodAnswer) -> None:
         """Show the parameters of a solution."""
-        result, truth = answer.resolved.result, answer.recording.truth
-        other = answer.plot_data.least_squares if isinstance(answer.plot_data, GimbalPlotData) else {}
+        result, truth = solution.resolved.result, solution.recording.truth
+        other = solution.plot_data.least_squares if isinstance(solution.plot_data, GimbalPlotData) else {}
         outside = {check.subject for check in result.failed_checks}
         cells = {}
         for name in ordered(result.parameters):
             row = result.parameters[name]
-            cells[name] = _cells(name, row, answer.before.get(name), other.get(name), truth.get(name))
+            cells[name] = _cells(name, row, solution.before.get(name), other.get(name), truth.get(name))
             if name in outside:
                 cells[name]["value_state"] = "bad"
             if name in result.undetermined:
