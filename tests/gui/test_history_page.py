@@ -334,7 +334,7 @@ def test_failures_of_background_jobs_are_reported(page: HistoryPage, runs: dict[
     shown(page, qtbot)
     for watch, title in (
         (page._refresher, "The runs could not be read"),
-        (page._offers, "The runs could not be read"),
+        (page._resumable_finder, "The runs could not be read"),
         (page._closer, "The run was not closed"),
     ):
         watch.failed.emit(FAULT)

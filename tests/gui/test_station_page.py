@@ -468,7 +468,7 @@ def test_a_usb_adapter_is_chosen_by_its_serial_number(page_driver: PageDriver) -
         SerialPortInfo("/dev/ttyUSB4", "FT232R USB UART", "FTDI", "A9XYZ", "1-2", "usb:A9XYZ"),
         SerialPortInfo("/dev/ttyS0", "", "", None, "", None),
     )
-    link.port_box.offer(ports)
+    link.port_box.show_ports(ports)
     page_driver.choose("imu_port_edit", "usb:A9XYZ")
     assert link.port_box.currentText() == "usb:A9XYZ"
     assert page_driver.message("imu_port") == "FT232R USB UART, FTDI · /dev/ttyUSB4"

@@ -62,7 +62,7 @@ def test_station_is_converted_to_slots_and_back_to_a_single_unit(forms: FormDriv
 
 def test_operator_can_only_read_the_slots(operator: FormDriver) -> None:
     operator.show_section(IMU_LINK)
-    button = operator.page.imus._several
+    button = operator.page.imus._several_button
     assert not button.isEnabled()
     assert "engineer" in button.toolTip()
     draft = operator.page.drafts.station

@@ -141,10 +141,10 @@ class StandardsView(QWidget, DataView[StationQuality]):
         show_text(self.alarm, say("chart.table_moved", quantities=moved) if moved else "")
         cells = {}
         for each in data.standards:
-            state, wrong = each.state, each.state.problem
+            state, reason = each.state, "good" if each.state.problem is None else each.state.problem.reason
             cells[state.standard.serial] = {
-                "kind": "good" if wrong is None else "bad",
-                "state": say(f"chart.standard_{'good' if wrong is None else wrong.reason}"),
+                "kind": "good" if state.problem is None else "bad",
+                "state": say(f"chart.standard_{reason}"),
                 "serial": state.standard.serial,
                 "passed": "–" if state.last_passed is None else local_time(state.last_passed.isoformat())[:10],
                 "due": "–" if state.due is None else local_time(state.due.isoformat())[:10],

@@ -1,6 +1,3 @@
-"""The Station page: station, links, site, table, profiles and their versions.
-
-`config` checks and stores the files.
-"""
+"""The Station page, which edits the configuration files; `config` checks and stores them."""
 
 from calstation.gui.settings.page import StationPage

@@ -1,4 +1,4 @@
-"""Drafts of the edited files, one per file: the saved text, the edited text, and its problems."""
+"""The drafts of configuration files: the stored text, the edited text, and its problems."""
 
 import tomllib
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from calstation.schema import KeyPath, Problem
 
 
 class Draft(FormValues):
-    """One file of a kind (``stations``, ``tables``, ``imus``, ``products``), checked again after every change.
+    """The draft of a file of a kind (``stations``, ``tables``, ``imus``, ``products``), checked after every change.
 
     A file that is not valid TOML has no data: its fields remain empty until its text is corrected.
     """
@@ -26,7 +26,7 @@ class Draft(FormValues):
         self.path: Path | None = None
         #: The stored and the edited text.
         self.saved = self.text = ""
-        self._shown: tuple[Path | None, str, str, list[Problem]] | None = None
+        self._state: tuple[Path | None, str, str, list[Problem]] | None = None
 
     @property
     def name(self) -> str:
@@ -40,13 +40,13 @@ class Draft(FormValues):
 
     @property
     def model(self) -> BaseModel | None:
-        """The validated model of `text`; None while the text has problems."""
+        """The validated model of `text`, or None while the text has problems."""
         if self.problems or self.path is None:
             return None
         return editing.MODELS[self.kind].model_validate(self.values)
 
     def open(self, path: Path) -> None:
-        """Read a file, possibly the current one again; unsaved changes are lost."""
+        """Read a file and discard unsaved changes."""
         self.path = path
         try:
             self.saved = editing.read_text(path)
@@ -66,7 +66,7 @@ class Draft(FormValues):
             self.open(self.path)
 
     def set(self, changes: Mapping[KeyPath, Any]) -> None:
-        """Change values; None removes a value. A text that is not valid TOML remains unchanged."""
+        """Change values; None removes a value. A text that is not valid TOML is not changed."""
         if any(problem.kind in ("toml", "file") for problem in self.problems):
             self.changed.emit()
             return
@@ -75,18 +75,18 @@ class Draft(FormValues):
             self.rewrite(text)
 
     def _show_text(self, text: str, problems: list[Problem]) -> None:
-        shown = (self.path, self.saved, text, problems)
-        if shown != self._shown:
-            self._shown = shown
+        state = (self.path, self.saved, text, problems)
+        if state != self._state:
+            self._state = state
             self.text, self.problems = text, problems
             self.values, self.stored = _parsed(text), _parsed(self.saved)
             self.changed.emit()
 
 
 class Drafts(QObject):
-    """The drafts of the station, of its table and of the files opened as text.
+    """The drafts of the station, its table, and the files that are open as text.
 
-    `changed` is emitted when any of them changes, `saved(kind)` when a file of a kind has been stored.
+    `changed` is emitted when a draft changes, and `saved(kind)` after a file of a kind has been stored.
     """
 
     changed = Signal()
@@ -98,17 +98,16 @@ class Drafts(QObject):
         self._all: list[Draft] = []
         self.station, self.table = self._new("stations"), self._new("tables")
 
-    def of(self, kind: str, path: Path) -> Draft:
-        """Return the draft of a file; open one if there is none yet."""
-        for draft in self._all:
-            if draft.kind == kind and draft.path == path:
-                return draft
-        draft = self._new(kind)
-        draft.open(path)
+    def open_draft(self, kind: str, path: Path) -> Draft:
+        """Return the draft of a file, which is created if there is none."""
+        draft = next((d for d in self._all if (d.kind, d.path) == (kind, path)), None)
+        if draft is None:
+            draft = self._new(kind)
+            draft.open(path)
         return draft
 
-    def use(self, draft: Draft, path: Path) -> None:
-        """Open a file in a draft, taking over the unsaved changes of another draft of this file, which is removed."""
+    def switch(self, draft: Draft, path: Path) -> None:
+        """Open a file in a draft, with the unsaved changes of another draft of this file, which is removed."""
         other = next((d for d in self._all if (d.kind, d.path) == (draft.kind, path) and d is not draft), None)
         if other is not None:
             self._all.remove(other)
@@ -118,7 +117,7 @@ class Drafts(QObject):
             draft.rewrite(other.text)
 
     def reload(self) -> None:
-        """Read the files of all drafts without unsaved changes again."""
+        """Read the files of all drafts again that have no unsaved changes."""
         for draft in [draft for draft in self._all if not draft.dirty]:
             draft.discard()
 
@@ -128,12 +127,12 @@ class Drafts(QObject):
         return [draft for draft in self._all if draft.dirty]
 
     @property
-    def wrong(self) -> list[Draft]:
-        """Changed drafts that cannot be saved because they have errors."""
+    def invalid(self) -> list[Draft]:
+        """Drafts with unsaved changes that cannot be saved because they have problems."""
         return [draft for draft in self.dirty if draft.problems]
 
     def discard(self) -> None:
-        """Discard all unsaved changes; the station comes last, because its table is opened with it."""
+        """Discard all unsaved changes, those of the station last, because its table is opened with it."""
         for draft in reversed(self.dirty):
             draft.discard()
 
@@ -143,20 +142,29 @@ class Drafts(QObject):
         return str(self._settings.value("author", "")).strip() or default_author()
 
     def save(self) -> None:
-        """Store all changes as files of the site, the station last, each as a new version.
+        """Store all changes in the site folder, each as a new version, the station last.
 
-        Raises ConfigurationError for the first draft that cannot be stored; the drafts before it have been stored.
+        Raises
+        ------
+        ConfigurationError
+            If a draft cannot be stored; earlier drafts have then been stored.
         """
         for draft in reversed(self.dirty):
-            name = _name_to_store(draft)
+            name, number = draft.name, 1
+            while name in library.names(draft.kind) and library.find(draft.kind, name) != draft.path:
+                number += 1
+                name = f"{draft.name}-{number}"
             versions.save(draft.kind, name, draft.text, self.author)
             draft.open(library.find(draft.kind, name))
             self.saved.emit(draft.kind)
 
     def create(self, kind: str, name: str, source: Path) -> Path:
-        """Copy a file under a new name and return its path; the name in a station file is changed as well.
+        """Copy a file under a new name, which is also written into a station file, and return its path.
 
-        Raises ConfigurationError if the name is taken or not allowed.
+        Raises
+        ------
+        ConfigurationError
+            If the name is already used or not allowed.
         """
         text = editing.read_text(source)
         if kind == "stations":
@@ -173,17 +181,8 @@ class Drafts(QObject):
 
 
 def default_author() -> str:
-    """Return the login name of this computer's user, "engineer" if it is unknown."""
+    """Return the login name of the user of this computer, or "engineer" if it is unknown."""
     return computer_user() or "engineer"
-
-
-def _name_to_store(draft: Draft) -> str:
-    """Return the name to use in the site's folder, with a number if another file already has the draft's name."""
-    name, number = draft.name, 1
-    while name in library.names(draft.kind) and library.find(draft.kind, name) != draft.path:
-        number += 1
-        name = f"{draft.name}-{number}"
-    return name
 
 
 def _parsed(text: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Fields of the configuration files, inputs for addresses and ports, and rows and panels of the sections."""
+"""The fields, rows and panels of the sections, and inputs for addresses and ports."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QFileDialog, QFrame, QSizePolicy, QWidget
 from calstation.config import editing, field_spec
 from calstation.connection import SerialPortInfo
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.text import Words, bind, on_language_change, say
+from calstation.gui.text import Words, bind, on_language_change, say, term
 from calstation.gui.widgets import (
     EditableBox,
     Editor,
@@ -33,7 +33,7 @@ from calstation.schema import KeyPath, Problem
 
 
 class AddressEdit(WordEdit):
-    """An input for host and port number as ``host:port``; the value is ``scheme://host:port``."""
+    """An input for a host and a port number as ``host:port``; its value is ``scheme://host:port``."""
 
     def __init__(self, scheme: str, default_port: int) -> None:
         super().__init__()
@@ -41,32 +41,32 @@ class AddressEdit(WordEdit):
         bind(self.setPlaceholderText, Text.of("settings.host_placeholder", port=default_port))
 
     def value(self) -> Any:
-        """Return the typed address, with the default port number if none is typed."""
+        """Return the typed address, by default with the default port number."""
         text = self.text().strip()
         host, _, number = text.rpartition(":") if ":" in text else (text, "", "")
         return f"{self._prefix}{host}:{number or self._default_port}" if text else None
 
     def show_value(self, value: Any) -> None:
-        """Show an address, unless it is the same as the typed one."""
+        """Show an address, unless it equals the typed one."""
         if value != self.value():
             self.setText(str(value or "").partition("://")[2])
 
 
 class PortBox(EditableBox):
-    """A serial port, typed or selected; a USB adapter is identified by its serial number, not by its USB socket."""
+    """An input for a serial port; a USB adapter is identified by its serial number instead of its USB socket."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.setCompleter(None)  # type: ignore[arg-type]  # completion could select an unintended port
+        self.setCompleter(None)  # type: ignore[arg-type]  # which could complete to another port
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self._ports: Sequence[SerialPortInfo] = ()
         self.view().setMinimumWidth(56 * theme.GRID)
         bind(self.line.setPlaceholderText, "settings.port_placeholder")
 
-    def offer(self, ports: Sequence[SerialPortInfo]) -> None:
-        """List the ports found."""
+    def show_ports(self, ports: Sequence[SerialPortInfo]) -> None:
+        """List the ports of this computer."""
         self._ports = ports
-        typed = self.currentText()
+        text = self.currentText()
         with QSignalBlocker(self):
             self.clear()
             for port in ports:
@@ -74,24 +74,24 @@ class PortBox(EditableBox):
                     self.addItem(f"{port.usb}   {_describe(port)}", port.usb)
                 self.addItem(port.device if port.usb else _describe(port), port.device)
             self.setCurrentIndex(-1)
-            self.setEditText(typed)
+            self.setEditText(text)
 
     def description(self) -> str:
-        """Return the description of the adapter at the port shown, "" if it was not found."""
+        """Return the description of the adapter at the current port, or "" if there is none."""
         value = self.value()
         return next((_describe(port) for port in self._ports if value in (port.device, port.usb)), "")
 
     def choose(self, index: int) -> None:
-        """Use the name of the selected port."""
+        """Show the name of the selected port."""
         self.setEditText(str(self.itemData(index)))
         super().choose(index)
 
 
 def _describe(port: SerialPortInfo) -> str:
-    """Return the description of an adapter and the current device name of its port."""
+    """Return the description of an adapter and the device name of its port."""
     maker = "" if port.maker in port.description else port.maker
-    about = ", ".join(filter(None, (port.description, maker)))
-    return f"{about} · {port.device}" if about else port.device
+    description = ", ".join(filter(None, (port.description, maker)))
+    return f"{description} · {port.device}" if description else port.device
 
 
 #: Widths of the label, the input and the unit of a field, px.
@@ -99,16 +99,17 @@ LABEL, EDITOR, _UNIT = 22 * theme.GRID, 30 * theme.GRID, 9 * theme.GRID
 
 
 class Field(FormField):
-    """A field of a configuration file; the message stands below the input.
+    """A field of a configuration file, with its message below the input.
 
-    The last key of `place` selects label and hint from the catalogue family ``setting``, unless `name` and `hint` are
-    given. The schema of the value determines the input and its default, unless `editor` and `default` are given.
+    The last key of `key_path` selects the label and the hint from the catalogue family ``setting``, unless `name` and
+    `hint` are given. The schema of the value determines the input and the default, unless `editor` and `default` are
+    given.
     """
 
     def __init__(
         self,
         draft: Draft,
-        place: KeyPath,
+        key_path: KeyPath,
         editor: Editor | None = None,
         *,
         name: str = "",
@@ -116,10 +117,10 @@ class Field(FormField):
         hint: Words = "",
         default: Any = None,
     ) -> None:
-        key = str(place[-1])
-        spec = field_spec(key, editing.field_of(draft.kind, place))
+        key, object_name = str(key_path[-1]), f"{'_'.join(map(str, key_path))}_edit"
+        spec = field_spec(key, editing.field_of(draft.kind, key_path))
         editor = editor or make_input(spec, choices_of(key, *spec.choices))
-        super().__init__(draft, place, editor, f"setting.{name or key}", f"{'_'.join(map(str, place))}_edit", spec.unit)
+        super().__init__(draft, key_path, editor, f"setting.{name or key}", object_name, spec.unit)
         about = f"setting.about_{key}"
         self.hint = hint or (about if known(about) else "")
         self.default = spec.default if default is None else default
@@ -134,15 +135,15 @@ class Field(FormField):
         self.setMinimumWidth(LABEL + width + _UNIT + 3 * theme.GRID)
         self.refresh()
 
-    def hide_label(self, words: Words) -> None:
-        """Hide the label in a table of fields with headings; `words` is the input's name for screen readers."""
+    def hide_label(self, heading: str) -> None:
+        """Hide the label in a table of fields; `heading` is the catalogue code of the column."""
         self.label.hide()
         self.setFixedWidth(self.editor.maximumWidth() + _UNIT)
-        bind(self.editor.setAccessibleName, words)
+        bind(self.editor.setAccessibleName, lambda: f"{say(heading)}, {term('setting', str(self._key_path[-1]))}")
 
 
 class Row(QWidget):
-    """A label and an input that is not bound to a single value; `name` selects the label in the family ``setting``."""
+    """A label and an input that does not edit a single value; `name` selects the label in the family ``setting``."""
 
     def __init__(self, editor: QWidget, name: str = "") -> None:
         super().__init__()
@@ -154,19 +155,19 @@ class Row(QWidget):
 
 
 class Section(QWidget):
-    """A part of the page that consists of fields and rows of a draft; subclasses call `follow` last."""
+    """A section of the page with fields and rows that edit a draft; subclasses call `connect_draft` last."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__()
         self._draft = draft
 
-    def follow(self, draft: Draft) -> None:
-        """Refresh the section after each change of the draft or the language, and now."""
-        draft.changed.connect(self.refresh)
+    def connect_draft(self) -> None:
+        """Refresh the section now and after each change of the draft or the language."""
+        self._draft.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
 
     def refresh(self) -> None:
-        """Show the draft."""
+        """Show the values of the draft."""
 
     def lock(self, reason: str) -> None:
         """Disable the inputs of all fields and rows, with `reason` as their tooltip; "" enables them."""
@@ -176,20 +177,20 @@ class Section(QWidget):
             enable(each.editor, reason)
 
 
-def folder_row(name: str, draft: Draft, place: KeyPath) -> Row:
-    """Create a row with a button to choose the folder at a key path of a draft."""
+def folder_row(name: str, draft: Draft, key_path: KeyPath) -> Row:
+    """Create a row with a button that selects the folder at a key path of a draft."""
 
     def choose() -> None:
-        title = say(f"setting.{place[-1]}")
-        if folder := QFileDialog.getExistingDirectory(made, title, str(draft.value(place) or "")):
-            draft.set({place: str(Path(folder))})
+        title = say(f"setting.{key_path[-1]}")
+        if folder := QFileDialog.getExistingDirectory(folder_button, title, str(draft.value(key_path) or "")):
+            draft.set({key_path: str(Path(folder))})
 
-    made = Row(button(name, "settings.choose_folder", choose))
-    return made
+    folder_button = button(name, "settings.choose_folder", choose)
+    return Row(folder_button)
 
 
 def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:
-    """Create a framed panel of these items that is only as high as its contents."""
+    """Create a framed panel of items that is as high as its contents."""
     frame = QFrame()
     frame.setProperty("kind", "panel")
     wide = 2 * theme.GRID
@@ -198,7 +199,7 @@ def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:
 
 
 def problem_text_with_name(problem: Problem) -> str:
-    """Return the text of a problem with the name of its field, for display apart from the field."""
+    """Return the text of a problem with the name of its field, for display away from the field."""
     if known(f"field.{problem.kind}") and problem.place:
         return f"{problem.name}: {problem_text(problem)}"
     return say(problem.as_text)

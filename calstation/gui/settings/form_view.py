@@ -1,4 +1,4 @@
-"""Forms for limits, noise, priors and register maps: editable tables of a draft's values in display units."""
+"""The forms for limits, noise, priors and register maps: editable tables of values in display units."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -33,10 +33,10 @@ from calstation.schema import Problem
 
 Index = QModelIndex | QPersistentModelIndex
 
-#: Largest width of a column, and additional width for the input of a cell with choices, px.
-_WIDEST, _ARROW = 34 * theme.GRID, 3 * theme.GRID
+#: Maximum width of a column, and width of the arrow of a cell with choices, px.
+_MAX_WIDTH, _ARROW_WIDTH = 34 * theme.GRID, 3 * theme.GRID
 
-_EDITS = (
+_EDIT_TRIGGERS = (
     QAbstractItemView.EditTrigger.DoubleClicked
     | QAbstractItemView.EditTrigger.EditKeyPressed
     | QAbstractItemView.EditTrigger.AnyKeyPressed
@@ -44,13 +44,13 @@ _EDITS = (
 
 
 class FormModel(ParameterModel):
-    """The rows and columns of a form, with the values, defaults and problems of a draft."""
+    """The table model of a form: its rows and columns, with the values, defaults and problems of a draft."""
 
     def __init__(self, form: Form) -> None:
         super().__init__((), grouped=False)
         self.form = form
         self.draft = Draft(form.kind)
-        #: Reason why values cannot be changed, "" if they can.
+        #: Reason why values cannot be changed, or "".
         self.locked = ""
         self.rows: list[FormRow] = []
         self._form_columns: list[FormColumn] = []
@@ -77,7 +77,7 @@ class FormModel(ParameterModel):
         self.refresh()
 
     def cell(self, index: Index) -> FormCell | str:
-        """Return the cell at an index, or its text if it cannot be changed."""
+        """Return the cell at an index, or the text of a constant cell."""
         return self.rows[index.row()].cells[index.column()]
 
     def index_of(self, cell: FormCell) -> QModelIndex:
@@ -86,7 +86,7 @@ class FormModel(ParameterModel):
         return self.index(number, self.rows[number].cells.index(cell))
 
     def describe(self, problem: Problem) -> str:
-        """Return the sentence of a problem with its row and column names, "" if it does not belong to this form."""
+        """Return the sentence of a problem with the names of its row and column, or "" if it is not in this form."""
         cells = cells_with_problem(self.rows, problem)
         if not cells:
             return ""
@@ -100,19 +100,19 @@ class FormModel(ParameterModel):
         return say("form.problem", name=f"{name[0].upper()}{name[1:]}", what=what)
 
     def lines(self, rows: Iterable[int]) -> list[list[str]]:
-        """Return headings and rows in the format of a spreadsheet."""
+        """Return the headings and rows as in a spreadsheet."""
         lines = super().lines(rows)
         lines[0][0] = self.form.names
         return lines
 
     def flags(self, index: Index) -> Qt.ItemFlag:
-        """Return the flags of a cell, which depend on whether it can be changed."""
+        """Return the flags of a cell, including whether it can be edited."""
         flags = super().flags(index)
         can_change = not self.locked and isinstance(self.cell(index), FormCell)
         return flags | Qt.ItemFlag.ItemIsEditable if can_change else flags
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        """Return the text, the value to edit, or the appearance of a cell; defaults are grey."""
+        """Return the text, the edited value, or the appearance of a cell; defaults are grey."""
         cell = self.cell(index)
         if role == Qt.ItemDataRole.EditRole and isinstance(cell, FormCell):
             return cell.shown(self.draft.value)
@@ -122,7 +122,7 @@ class FormModel(ParameterModel):
         return super().data(index, role)
 
     def setData(self, index: Index, value: Any, role: int = Qt.ItemDataRole.EditRole) -> bool:
-        """Write a text or choice into the draft."""
+        """Write a text or a selected value into the draft."""
         cell = self.cell(index)
         changes = {} if isinstance(cell, str) else cell.changes(self.draft.value, value)
         if changes:
@@ -196,7 +196,7 @@ class FormModel(ParameterModel):
 
 
 class _Delegate(QStyledItemDelegate):
-    """Creates the input of a cell: a line, a list of choices, or a line with suggestions."""
+    """Creates the input of a cell: a text input, a list of choices, or a text input with suggestions."""
 
     def __init__(self, model: FormModel, parent: QWidget) -> None:
         super().__init__(parent)
@@ -209,12 +209,14 @@ class _Delegate(QStyledItemDelegate):
             box = ChoiceBox(lambda: [(value, model.choice_text(cell, value)) for value in cell.choices])
             box.setParent(parent)
             box.typed.connect(lambda: self._done(box))
-            box.view().setMinimumWidth(box.view().sizeHintForColumn(0) + _ARROW)  # the column may be narrower
+            box.view().setMinimumWidth(
+                box.view().sizeHintForColumn(0) + _ARROW_WIDTH
+            )  # because the column may be narrower
             return box
         if isinstance(cell, FormCell) and cell.choices:
-            typed = EditableBox(cell.choices)
-            typed.setParent(parent)
-            return typed
+            editable = EditableBox(cell.choices)
+            editable.setParent(parent)
+            return editable
         line = WordEdit()
         line.setParent(parent)
         line.setAlignment(model.data(index, Qt.ItemDataRole.TextAlignmentRole))
@@ -236,15 +238,15 @@ class _Delegate(QStyledItemDelegate):
             model.setData(index, without_minus(editor.value() or ""))
 
     def sizeHint(self, option: QStyleOptionViewItem, index: Index) -> QSize:
-        """Return the size of a cell; long lists of names are elided."""
+        """Return the size of a cell, up to the maximum width of a column."""
         size = super().sizeHint(option, index)
         cell = self._model.cell(index)
         if isinstance(cell, FormCell) and cell.choices:
-            size.setWidth(size.width() + _ARROW)
-        return size.boundedTo(QSize(_WIDEST, 1000))
+            size.setWidth(size.width() + _ARROW_WIDTH)
+        return size.boundedTo(QSize(_MAX_WIDTH, 1000))
 
     def initStyleOption(self, option: QStyleOptionViewItem, index: Index) -> None:
-        """Show an arrow next to a value that has choices."""
+        """Show an arrow next to a value with choices."""
         super().initStyleOption(option, index)
         cell = self._model.cell(index)
         if isinstance(cell, FormCell) and cell.choices and not self._model.locked:
@@ -256,14 +258,14 @@ class _Delegate(QStyledItemDelegate):
 
 
 class FormTable(ParameterTable):
-    """The table of a form: typing or a double click changes a value, a click opens its choices, Delete clears it."""
+    """The table of a form. Typing or a double click edits a value, a click opens its choices, and Delete clears it."""
 
     def __init__(self, model: FormModel) -> None:
         super().__init__(model)
         self.form_model = model
         self.setObjectName(f"{model.form.name}_table")
         self.setItemDelegate(_Delegate(model, self))
-        self.setEditTriggers(_EDITS)
+        self.setEditTriggers(_EDIT_TRIGGERS)
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectItems)
         self.setHorizontalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
         self.verticalHeader().setHighlightSections(True)
@@ -272,8 +274,8 @@ class FormTable(ParameterTable):
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Clear the current cell on Delete."""
         index = self.currentIndex()
-        clears = event.key() == Qt.Key.Key_Delete and index.isValid()
-        if clears and self.form_model.flags(index) & Qt.ItemFlag.ItemIsEditable:
+        delete = event.key() == Qt.Key.Key_Delete and index.isValid()
+        if delete and self.form_model.flags(index) & Qt.ItemFlag.ItemIsEditable:
             cell = self.form_model.cell(index)
             self.form_model.setData(index, None if isinstance(cell, FormCell) and cell.kind == "choice" else "")
             return
@@ -290,7 +292,7 @@ class FormTable(ParameterTable):
 
 
 class FormView(QWidget):
-    """A form of a draft with the actions on its rows."""
+    """A form and the buttons for actions on its rows."""
 
     def __init__(self, form: Form) -> None:
         super().__init__()
@@ -300,9 +302,9 @@ class FormView(QWidget):
         self.table = FormTable(self.model)
         self.setObjectName(f"{form.name}_form")
         self._reason = label(kind="error", name=f"{form.name}_form_reason", wrap=True)
-        self._offer = ChoiceBox(self._offered, f"{form.name}_add_combo")
-        self._offer.setMinimumWidth(28 * theme.GRID)
-        self._offer.setVisible(bool(form.offered))
+        self._name_box = ChoiceBox(self._names_to_add, f"{form.name}_add_combo")
+        self._name_box.setMinimumWidth(28 * theme.GRID)
+        self._name_box.setVisible(bool(form.offered))
         actions = {
             "add": ("settings.add", lambda: self._add()),
             "remove": ("settings.remove", lambda: self._remove()),
@@ -313,7 +315,7 @@ class FormView(QWidget):
         for name, each in self._buttons.items():
             each.setVisible(form.listed or (bool(form.offered) and name in ("add", "remove")))
         hint = label("form.edit_hint", "muted", wrap=True)
-        below = row(self._offer, *self._buttons.values(), (hint, 1))
+        below = row(self._name_box, *self._buttons.values(), (hint, 1))
         column(self._reason, (self.table, 1), below, on=self, margins=(0, theme.GRID, 0, 0))
         self.table.selectionModel().currentChanged.connect(lambda *_: self._enable())
         self.model.modelReset.connect(self._enable)
@@ -321,35 +323,35 @@ class FormView(QWidget):
 
     @property
     def title(self) -> str:
-        """The code of the form's name."""
+        """The catalogue code of the name."""
         return f"form.tab_{self.form.name}"
 
     def show_draft(self, draft: Draft) -> None:
-        """Show a draft."""
+        """Show the values of a draft."""
         self._draft = draft
         self.refresh()
 
     def lock(self, reason: str) -> None:
-        """Prevent changes for the reason in the tooltips; "" permits them."""
+        """Disable changes and show `reason` in tooltips; "" enables them."""
         self.model.locked = reason
         self._enable()
 
     def refresh(self) -> None:
-        """Show the current values, or the reason why there are none."""
+        """Show the current values, or the reason why they cannot be shown."""
         self.table.setAccessibleName(say(self.title))
         draft = self._draft
         current = self.table.currentIndex()
-        at = current.row(), current.column()
+        line, number = current.row(), current.column()
         self.model.show_draft(draft)
-        if not self.table.currentIndex().isValid() and at[0] >= 0:
-            self.table.setCurrentIndex(self.model.index(min(at[0], len(self.model.rows) - 1), at[1]))
+        if not self.table.currentIndex().isValid() and line >= 0:
+            self.table.setCurrentIndex(self.model.index(min(line, len(self.model.rows) - 1), number))
         unreadable = self.form.unreadable(draft.problems)
         show_text(self._reason, "" if unreadable is None else say("form.unreadable", reason=say(unreadable.as_text)))
         self.table.setEnabled(unreadable is None)
-        if self._offer.value() not in dict(self._offered()):
-            self._offer.setCurrentIndex(-1)
-        self._offer.fill()
-        self._offer.setCurrentIndex(max(self._offer.currentIndex(), 0))
+        if self._name_box.value() not in dict(self._names_to_add()):
+            self._name_box.setCurrentIndex(-1)
+        self._name_box.fill()
+        self._name_box.setCurrentIndex(max(self._name_box.currentIndex(), 0))
         self._enable()
 
     def go_to(self, problem: Problem) -> bool:
@@ -363,15 +365,15 @@ class FormView(QWidget):
     def _enable(self) -> None:
         why_not = self.model.locked or self._reason.text()
         number, last = self.table.currentIndex().row(), len(self.model.rows) - 1
-        none = "" if number >= 0 else say("settings.choose_row")
-        enable(self._offer, why_not)
-        some = self.form.listed or self._offer.count()
-        enable(self._buttons["add"], why_not or ("" if some else say("settings.all_listed")))
-        enable(self._buttons["remove"], why_not or none)
-        enable(self._buttons["up"], why_not or none or ("" if number > 0 else say("settings.is_first")))
-        enable(self._buttons["down"], why_not or none or ("" if number < last else say("settings.is_last")))
+        why_no_row = why_not or ("" if number >= 0 else say("settings.choose_row"))
+        enable(self._name_box, why_not)
+        can_add = self.form.listed or self._name_box.count()
+        enable(self._buttons["add"], why_not or ("" if can_add else say("settings.all_listed")))
+        enable(self._buttons["remove"], why_no_row)
+        enable(self._buttons["up"], why_no_row or ("" if number > 0 else say("settings.is_first")))
+        enable(self._buttons["down"], why_no_row or ("" if number < last else say("settings.is_last")))
 
-    def _offered(self) -> list[tuple[str, str]]:
+    def _names_to_add(self) -> list[tuple[str, str]]:
         present = {each.name for each in self.model.rows}
         return [(name, parameter_text(name)) for name in self.form.offered if name not in present]
 
@@ -381,7 +383,7 @@ class FormView(QWidget):
             number = len(self.model.rows)
             self._arrange([*range(number), self.form.new_entry(draft.value, draft.model)])
         else:
-            name = self._offer.value()
+            name = self._name_box.value()
             draft.set({(*self.form.roots[0], name): {}})
             number = next(i for i, each in enumerate(self.model.rows) if each.name == name)
         first = next(i for i, cell in enumerate(self.model.rows[number].cells) if isinstance(cell, FormCell))

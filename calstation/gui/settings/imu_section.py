@@ -1,4 +1,4 @@
-"""The links to the units: the IMU's link at a station with one unit, or the slots of the table with their links."""
+"""The links to the units of a station: the link to its only IMU, or the slots of the table with their links."""
 
 from calstation.config import SLOTS, takes_one_unit, with_one_unit, with_slots
 from calstation.gui.settings.drafts import Draft
@@ -9,15 +9,15 @@ from calstation.gui.state import AppContext
 from calstation.gui.text import say
 from calstation.gui.widgets import box, button, column, enable, label, row, show_text, stack, theme
 
-#: Entries of a station file whose problems are shown below the slots.
-_ENTRIES = ("slots", "imu", "imu2", "imu3")
+#: Keys of a station file whose problems are shown below the slots.
+_KEYS = ("slots", "imu", "imu2", "imu3")
 
 
 class _SlotsView(FormView):
-    """The form of the slots; the last slot is not removed, but becomes the only unit of the station."""
+    """The form of the slots; removing the last slot converts the station to a single unit."""
 
     def refresh(self) -> None:
-        """Show the current values in a table as high as its rows."""
+        """Show the current values, and make the table as high as its rows."""
         super().refresh()
         header, line = self.table.horizontalHeader(), self.table.verticalHeader().defaultSectionSize()
         bar = self.table.horizontalScrollBar().sizeHint().height()
@@ -36,13 +36,13 @@ class _SlotsView(FormView):
 
 
 class ImuSection(Section):
-    """Edits the link of the only unit, or the slots and the links of their units, in the draft of a station."""
+    """Edits the link to the only unit of a station, or the slots and the links to their units."""
 
     def __init__(self, app: AppContext, draft: Draft) -> None:
         super().__init__(draft)
         self._app = app
         self._locked = ""
-        #: The link at a station with one unit.
+        #: The link to the only unit.
         self.link = LinkSection(app, "imu", draft)
         self._slot_links: list[LinkSection] = []
         self.view = _SlotsView(SLOTS)
@@ -51,14 +51,18 @@ class ImuSection(Section):
         self._problems = label(kind="error", name="slots_problems", wrap=True)
         self._slots = box(label(self.view.title, "section"), self._about, self.view, self._problems)
         self._links = stack(self.link)
-        self._several = button("several_units_button", "settings.several_units", self._divide)
-        self._offer = box(row(self._several, (label("setting.about_several_units", "muted", wrap=True), 1)))
-        column(self._slots, (self._links, 1), self._offer, on=self, spacing=2 * theme.GRID)
-        self.follow(draft)
+        self._several_button = button(
+            "several_units_button", "settings.several_units", lambda: draft.rewrite(with_slots(draft.text))
+        )
+        self._slots_offer = box(
+            row(self._several_button, (label("setting.about_several_units", "muted", wrap=True), 1))
+        )
+        column(self._slots, (self._links, 1), self._slots_offer, on=self, spacing=2 * theme.GRID)
+        self.connect_draft()
 
     @property
     def title(self) -> str:
-        """The code of the section's name."""
+        """The catalogue code of the name."""
         return self.view.title if self._has_slots else "settings.link_to_imu"
 
     @property
@@ -66,7 +70,7 @@ class ImuSection(Section):
         return self._draft.value(("slots",)) is not None
 
     def lock(self, reason: str) -> None:
-        """Disable changes, with `reason` as the tooltip; "" enables them."""
+        """Disable changes and show `reason` in tooltips; "" enables them."""
         self._locked = reason
         self.view.lock(reason)
         for link in (self.link, *self._slot_links):
@@ -75,26 +79,26 @@ class ImuSection(Section):
 
     def search(self) -> None:
         """Search for ports in the background."""
-        self._shown_link.search()
+        self._current_link.search()
 
     def refresh(self) -> None:
-        """Show the draft."""
+        """Show the values of the draft."""
         draft, slots = self._draft, self._has_slots
         self._slots.setVisible(slots)
-        self._offer.setVisible(not slots)
+        self._slots_offer.setVisible(not slots)
         if slots:
             self.view.show_draft(draft)
             if self.view.model.rows and not self.view.table.currentIndex().isValid():
                 self.view.table.setCurrentIndex(self.view.model.index(0, 0))
         bench = draft.value(("bench",)) is not None
         self._about.setText(say("setting.about_slots_of_bench" if bench else "setting.about_slots"))
-        problems = [problem for problem in draft.problems if problem.place[:1] and problem.place[0] in _ENTRIES]
+        problems = [problem for problem in draft.problems if problem.place[:1] and problem.place[0] in _KEYS]
         show_text(self._problems, "\n".join(self.view.model.describe(p) or problem_text_with_name(p) for p in problems))
-        enable(self._several, self._locked or self._why_one_unit())
+        enable(self._several_button, self._locked or self._why_not_several())
         self._show_link()
 
-    def _why_one_unit(self) -> str:
-        """Return the reason why the station cannot take several units, "" if it can."""
+    def _why_not_several(self) -> str:
+        """Return the reason why the station cannot have several units, or "" if it can."""
         draft = self._draft
         if draft.value(("imu2",)) is not None:
             return say("settings.one_body")
@@ -103,18 +107,15 @@ class ImuSection(Section):
         return ""
 
     @property
-    def _shown_link(self) -> LinkSection:
-        """The link of the only unit, or of the unit in the current row."""
+    def _current_link(self) -> LinkSection:
+        """The link to the only unit, or to the unit in the current row."""
         number = self.view.table.currentIndex().row() if self._has_slots else -1
         while number >= len(self._slot_links):
-            made = LinkSection(self._app, "imu", self._draft, len(self._slot_links))
-            made.lock(self._locked)
-            self._slot_links.append(made)
-            self._links.addWidget(made)
+            link = LinkSection(self._app, "imu", self._draft, len(self._slot_links))
+            link.lock(self._locked)
+            self._slot_links.append(link)
+            self._links.addWidget(link)
         return self.link if number < 0 else self._slot_links[number]
 
     def _show_link(self) -> None:
-        self._links.setCurrentWidget(self._shown_link)
-
-    def _divide(self) -> None:
-        self._draft.rewrite(with_slots(self._draft.text))
+        self._links.setCurrentWidget(self._current_link)

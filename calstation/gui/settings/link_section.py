@@ -1,4 +1,4 @@
-"""The link to one device: network or serial line, its settings, and a connection test with its findings."""
+"""The link to a device: its network address or serial port and settings, and a connection test."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -45,62 +45,62 @@ from calstation.gui.widgets import (
 from calstation.messages import Finding, Report
 from calstation.schema import KeyPath
 
-#: Address schemes of the network connections, and the usual port number of each.
+#: Address schemes of network connections, and their default port numbers.
 _NETWORK = {"tcp": 502, "socket": 4001}
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
 _SERIAL_KEYS = {"baud", "data_bits", "parity", "stop_bits"}
 
 
 class LinkSection(Section):
-    """Edits the link to the ``table`` or ``imu`` in the draft of a station, or to the unit in a slot, from 0."""
+    """Edits the link to the ``table`` or ``imu`` of a station, or to the unit in a slot, counted from 0."""
 
     def __init__(self, app: AppContext, device: str, draft: Draft, slot: int | None = None) -> None:
         super().__init__(draft)
         self._app, self._device = app, device
-        self._place: KeyPath = (device,) if slot is None else ("slots", slot)
-        #: The address typed last for each kind of connection.
+        self._key_path: KeyPath = (device,) if slot is None else ("slots", slot)
+        #: Last address of each kind of connection.
         self._last: dict[str, str] = {}
         self._searched = False
         self._defaults: LinkDefaults | None = None
         self._note = label(wrap=True)
         self._note.setMinimumWidth(LABEL + EDITOR + 2 * theme.GRID)
-        self.way_box = ChoiceBox(self._ways, f"{device}_way_combo")
-        self.own_box = ChoiceBox(self._own_choices, f"{device}_own_serial_combo")
-        self.way_box.typed.connect(self._choose_way)
-        self.own_box.typed.connect(self._choose_own)
+        self.kind_box = ChoiceBox(self._kinds, f"{device}_way_combo")
+        self.line_box = ChoiceBox(self._line_choices, f"{device}_own_serial_combo")
+        self.kind_box.typed.connect(self._select_kind)
+        self.line_box.typed.connect(self._select_line)
         self.port_box = PortBox()
         self.search_button = button(f"{device}_search_button", "settings.search_ports", self.search)
-        self.searching = app.job(self, discover_ports, self._found, failed=self._not_found)
+        self.searching = app.job(self, discover_ports, self._show_ports, failed=self._show_search_error)
         self.test = TestPanel(app, device, self._station, self._slot)
         self._make_form()
         self._heading = label(kind="section", wrap=True)
         left = column(self._heading, self._note, self._form, None)
         row(left, (self.test, 1), on=self, spacing=3 * theme.GRID)
         app.product_changed.connect(self.refresh)
-        self.follow(draft)
+        self.connect_draft()
 
     def _make_form(self) -> None:
         draft, device = self._draft, self._device
-        port, serial = (*self._place, "port"), (*self._place, "serial")
+        port, serial = (*self._key_path, "port"), (*self._key_path, "serial")
         schemes = _NETWORK if device == "table" else {"socket": _NETWORK["socket"]}
         self._ports = {"serial": Field(draft, port, self.port_box, hint=self._port_hint)}
         for scheme, number in schemes.items():
             self._ports[scheme] = Field(draft, port, AddressEdit(scheme, number), name="address")
         self._timeout_edit, self._unit_edit = NumberEdit(), NumberEdit()
-        timeout = Field(draft, (*self._place, "timeout_s"), self._timeout_edit)
+        timeout = Field(draft, (*self._key_path, "timeout_s"), self._timeout_edit)
         self._unit = Field(draft, ("table", "unit"), self._unit_edit)
         self._line_fields = [
             Field(draft, (*serial, "baud"), EditableBox(_BAUDS, typed_number)),
             *(Field(draft, (*serial, key)) for key in ("data_bits", "parity")),
             Field(draft, (*serial, "stop_bits"), ChoiceBox(choices_of("stop_bits", 1, 1.5, 2))),
         ]
-        self._own_row, self._search_row = Row(self.own_box, "own_serial"), Row(self.search_button)
+        self._line_row, self._search_row = Row(self.line_box, "own_serial"), Row(self.search_button)
         ports = (*self._ports.values(), self._search_row)
-        others = (self._unit, timeout, self._own_row, *self._line_fields)
-        self._form = box(Row(self.way_box, "way"), *ports, *others, None)
+        others = (self._unit, timeout, self._line_row, *self._line_fields)
+        self._form = box(Row(self.kind_box, "way"), *ports, *others, None)
 
     def lock(self, reason: str) -> None:
-        """Disable changes, with `reason` as the tooltip; "" enables them."""
+        """Disable changes and show `reason` in tooltips; "" enables them."""
         super().lock(reason)
         enable(self.search_button, "")  # a search for ports does not change anything
 
@@ -111,7 +111,7 @@ class LinkSection(Section):
             self.searching.start()
 
     def refresh(self) -> None:
-        """Show the draft."""
+        """Show the values of the draft."""
         draft, table = self._draft, self._device == "table"
         profile = str(draft.value(("table", "profile")) or "")
         self._defaults = defaults = table_defaults(profile) if table else self._imu_defaults()
@@ -121,23 +121,23 @@ class LinkSection(Section):
         self._note.setText(say("setting.no_link_by_hand" if by_hand else "setting.no_link_of_bench"))
         self._note.setVisible(fixed)
         self._form.setVisible(not fixed)
-        port = str(draft.value((*self._place, "port")) or "")
+        port = str(draft.value((*self._key_path, "port")) or "")
         scheme = port.partition("://")[0]
-        way = scheme if scheme in self._ports else "serial"
+        kind = scheme if scheme in self._ports else "serial"
         if port:
-            self._last[way] = port
+            self._last[kind] = port
         else:
-            way = self.way_box.value() or way
-        own = draft.value((*self._place, "serial")) is not None
-        for choice, value in ((self.way_box, way), (self.own_box, own)):
+            kind = self.kind_box.value() or kind
+        line_in_station = draft.value((*self._key_path, "serial")) is not None
+        for choice, value in ((self.kind_box, kind), (self.line_box, line_in_station)):
             choice.fill()
             choice.show_value(value)
         for key, field in self._ports.items():
-            field.setVisible(key == way)
-        for widget in (self._search_row, self._own_row):
-            widget.setVisible(way == "serial")
+            field.setVisible(key == kind)
+        for widget in (self._search_row, self._line_row):
+            widget.setVisible(kind == "serial")
         for field in self._line_fields:
-            field.setVisible(own and way == "serial")
+            field.setVisible(line_in_station and kind == "serial")
         self._timeout_edit.setPlaceholderText(f"{defaults.timeout:g}" if defaults and defaults.timeout else "")
         modbus = table and (defaults is None or defaults.unit is not None)
         self._unit_edit.setPlaceholderText(str(defaults.unit) if defaults and modbus else "")
@@ -151,14 +151,14 @@ class LinkSection(Section):
         return say("settings.link_to_imu") if slot is None else say("settings.link_to_slot", slot=slot)
 
     def _slot(self) -> str | None:
-        """Return the name of the slot, None for a device without a slot."""
-        return None if self._place == (self._device,) else str(self._draft.value((*self._place, "name")) or "")
+        """Return the name of the slot, or None for a device without a slot."""
+        return None if self._key_path == (self._device,) else str(self._draft.value((*self._key_path, "name")) or "")
 
     def _imu_defaults(self) -> LinkDefaults | None:
-        product, profile = (self._draft.value((*self._place, key)) for key in ("product", "imu"))
-        own = product in library.names("products")
+        product, profile = (self._draft.value((*self._key_path, key)) for key in ("product", "imu"))
+        known = product in library.names("products")
         return imu_defaults(
-            library.find("products", product) if own else self._app.product_path,
+            library.find("products", product) if known else self._app.product_path,
             profile if profile in library.names("imus") else None,
         )
 
@@ -166,28 +166,28 @@ class LinkSection(Section):
         model = self._draft.model
         return model if isinstance(model, StationConfig) else None
 
-    def _choose_way(self) -> None:
-        """Change the kind of connection; restore the address typed last for it."""
-        way = self.way_box.value()
-        self._draft.set({(*self._place, "port"): self._last.get(way)})
+    def _select_kind(self) -> None:
+        """Change the kind of connection, and restore its last address."""
+        kind = self.kind_box.value()
+        self._draft.set({(*self._key_path, "port"): self._last.get(kind)})
         self.refresh()
-        self._ports[way].editor.setFocus()
+        self._ports[kind].editor.setFocus()
 
-    def _choose_own(self) -> None:
-        place = (*self._place, "serial")
-        if not self.own_box.value():
-            self._draft.set({place: None})
+    def _select_line(self) -> None:
+        key_path = (*self._key_path, "serial")
+        if not self.line_box.value():
+            self._draft.set({key_path: None})
         elif self._defaults is not None:
             serial = self._defaults.serial.model_dump(include=_SERIAL_KEYS)
-            self._draft.set({(*place, key): value for key, value in serial.items()})
+            self._draft.set({(*key_path, key): value for key, value in serial.items()})
 
-    def _found(self, ports: Sequence[SerialPortInfo]) -> None:
+    def _show_ports(self, ports: Sequence[SerialPortInfo]) -> None:
         enable(self.search_button, "")
         self._searched = True
-        self.port_box.offer(ports)
+        self.port_box.show_ports(ports)
         self._ports["serial"].refresh()
 
-    def _not_found(self, error: CalstationError) -> None:
+    def _show_search_error(self, error: CalstationError) -> None:
         enable(self.search_button, "", say(error.as_text))
 
     def _port_hint(self) -> str:
@@ -196,28 +196,28 @@ class LinkSection(Section):
             return description
         return say("settings.port_absent")
 
-    def _ways(self) -> list[tuple[Any, str]]:
+    def _kinds(self) -> list[tuple[Any, str]]:
         if self._device == "imu":
-            return [(way, say(f"setting.way_{way}")) for way in ("serial", "socket")]
+            return [(kind, say(f"setting.way_{kind}")) for kind in ("serial", "socket")]
         if self._defaults is not None and self._defaults.unit is None:
-            return [(way, say(f"setting.way_{way}")) for way in ("tcp", "serial")]
-        return [(way, say(f"setting.modbus_{way}")) for way in ("tcp", "serial", "socket")]
+            return [(kind, say(f"setting.way_{kind}")) for kind in ("tcp", "serial")]
+        return [(kind, say(f"setting.modbus_{kind}")) for kind in ("tcp", "serial", "socket")]
 
-    def _own_choices(self) -> list[tuple[Any, str]]:
-        line = f" ({self._defaults.serial.line})" if self._defaults is not None else ""
-        return [(False, say("settings.of_profile") + line), (True, say("settings.of_station"))]
+    def _line_choices(self) -> list[tuple[Any, str]]:
+        profile = f" ({self._defaults.serial.line})" if self._defaults is not None else ""
+        return [(False, say("settings.of_profile") + profile), (True, say("settings.of_station"))]
 
 
-#: Symbols for the states of a finding and of the whole test.
-_KINDS = {"ok": "good", "info": "none", "warning": "caution", "error": "bad", "failed": "bad"}
-#: Findings after which a reset of the table is offered.
-_LATCHED = ("fault", "fault_untold")
+#: Symbols of the states of a finding and of a test.
+_SYMBOLS = {"ok": "good", "info": "none", "warning": "caution", "error": "bad", "failed": "bad"}
+#: Findings after which a reset of the table can be tried.
+_RESETTABLE = ("fault", "fault_untold")
 
 
 class TestPanel(QFrame):
-    """Tests the link to the ``table`` or ``imu``.
+    """Tests the link to the ``table`` or ``imu``, and shows the findings.
 
-    `station` returns None while the typed values are invalid, and `slot` the slot of the IMU if the station has slots.
+    `station` returns the station, or None while its values are invalid; `slot` returns the name of the slot, if any.
     """
 
     __test__ = False  # not a pytest class
@@ -280,20 +280,20 @@ class TestPanel(QFrame):
         )
 
     def start(self) -> None:
-        """Test the settings as typed, whether saved or not."""
+        """Test the current settings, saved or unsaved."""
         self.reset.clear()
         self._test()
 
     def refresh(self) -> None:
-        """Enable the button, or explain why it is disabled; clear the findings if the settings have changed."""
+        """Update the button, and clear the findings if the settings have changed."""
         station = self._station()
-        shown = self.report is not None or self.reset.result is not None
-        if shown and (station is None or self._settings(station) != self._tested):
+        tested = self.report is not None or self.reset.result is not None
+        if tested and (station is None or self._settings(station) != self._tested):
             self.reset.clear()
             self._clear()
         slots = () if station is None else station.slots
-        own = any(slot.name == self._slot() and slot.product for slot in slots)
-        self._expected.setVisible(self._device == "imu" and not own)
+        names_product = any(slot.name == self._slot() and slot.product for slot in slots)
+        self._expected.setVisible(self._device == "imu" and not names_product)
         reason = ""
         if self._app.engine_link.running:
             reason = say("settings.test_after_run")
@@ -306,7 +306,7 @@ class TestPanel(QFrame):
         enable(self.button, reason)
 
     def _test(self) -> None:
-        """Run the test; the result of an earlier reset remains visible."""
+        """Run the test; the result of a reset remains visible."""
         request = self._request()
         if request is None or self._app.engine_link.running or self.watch.busy or self.reset.watch.busy:
             return
@@ -316,7 +316,7 @@ class TestPanel(QFrame):
         self._show_running()
 
     def _request(self) -> LinkTestRequest | None:
-        """Return the station and the product whose IMU is expected, None while the typed values are invalid."""
+        """Return the request for a test, or None while the values of the station are invalid."""
         station = self._station()
         return None if station is None else LinkTestRequest(station, self._product(), self._slot())
 
@@ -343,8 +343,8 @@ class TestPanel(QFrame):
         for finding in report.findings:
             self._list.addWidget(_finding_row(finding))
         self._show_running()
-        # This is last, so that the focus does not move from the hidden job row to the reset button.
-        self.reset.offer(self._device == "table" and any(map(report.find, _LATCHED)))
+        # This call is last, so that the focus does not move from the hidden job row to the reset button.
+        self.reset.offer(self._device == "table" and any(map(report.find, _RESETTABLE)))
 
     def _failed(self, error: CalstationError) -> None:
         self._error = error
@@ -360,7 +360,7 @@ class TestPanel(QFrame):
         state = "failed" if self._error else self.report.state if self.report is not None else ""
         self.badge.setVisible(bool(state) and not self.watch.busy)
         if state:
-            self.badge.show_state(_KINDS[state], say(f"setting.test_{state}"))
+            self.badge.show_state(_SYMBOLS[state], say(f"setting.test_{state}"))
         show_text(self._why, say(self._error.as_text) if self._error else "")
         self._nothing.setVisible(not state and not self.watch.busy)
 
@@ -372,9 +372,9 @@ class TestPanel(QFrame):
 
 
 def _finding_row(finding: Finding) -> QWidget:
-    """Create a row for one finding: symbol, message and remedy."""
+    """Create a row with the symbol, message and remedy of a finding."""
     icon = StateIcon(18)
-    icon.set_kind(_KINDS[finding.state])
+    icon.set_kind(_SYMBOLS[finding.state])
     text = label(lambda: rendered(finding.message).text, wrap=True, selectable=True)
     remedy = label(lambda: rendered(finding.message).remedy, "muted", wrap=True, selectable=True)
     remedy.setVisible(bool(remedy.text()))

@@ -37,18 +37,18 @@ from calstation.gui.widgets import (
 )
 from calstation.schema import KeyPath
 
-_NAV = 26 * theme.GRID
-_LINK = ("port", "timeout_s", "serial")
-#: Key paths of the station file that each of the first five sections edits.
+_NAV_WIDTH = 26 * theme.GRID
+_LINK_KEYS = ("port", "timeout_s", "serial")
+#: Key paths of the station file that the first five sections edit.
 _SECTION_KEYS: tuple[tuple[KeyPath, ...], ...] = (
     (("name",), ("table", "profile"), ("handover",), ("bench",)),
-    (*(("table", key) for key in _LINK), ("table", "unit")),
-    (*(("imu", key) for key in _LINK), ("slots",)),
+    (*(("table", key) for key in _LINK_KEYS), ("table", "unit")),
+    (*(("imu", key) for key in _LINK_KEYS), ("slots",)),
     (("site",),),
     (("records",),),
 )
 
-#: Names of the sections after the links.
+#: Catalogue codes of the names of the sections after the links.
 _OTHER_TITLES = (
     *("settings.site", "settings.shared_records", "settings.table"),
     *("settings.profiles_and_products", "settings.this_computer"),
@@ -56,15 +56,15 @@ _OTHER_TITLES = (
 
 
 class StationPage(Page):
-    """Lists the sections, and shows the selected one; edits are checked immediately and saved on demand."""
+    """The page that lists the sections and shows the selected one; edits are checked at once and saved on demand."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app, "station")
         self.drafts = Drafts(app.settings, self)
-        #: Names of the files saved last; empty after the next edit.
+        #: Names of the files that were saved last; "" after another edit.
         self._saved_names = ""
         self._new_bar = NewFileBar(self.drafts)
-        self._new_bar.made.connect(lambda _, path: self._use(path))
+        self._new_bar.created.connect(lambda _, path: self._use(path))
         self.header = self._make_header()
         self.table_link = LinkSection(app, "table", self.drafts.station)
         self.imus = ImuSection(app, self.drafts.station)
@@ -109,12 +109,12 @@ class StationPage(Page):
     def _lay_out(self) -> None:
         self.nav = QListWidget()
         self.nav.setObjectName("station_sections")
-        self.nav.setFixedWidth(_NAV)
+        self.nav.setFixedWidth(_NAV_WIDTH)
         self.nav.setProperty("kind", "nav")
         self.nav.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self._stack = stack(*(s if s is self.profiles else scroll_area(s, wide=False) for s in self._sections))
         for _ in self._sections:
-            QListWidgetItem(self.nav).setSizeHint(QSize(_NAV, theme.BUTTON))
+            QListWidgetItem(self.nav).setSizeHint(QSize(_NAV_WIDTH, theme.BUTTON))
         self.nav.setMinimumHeight(self.nav.count() * theme.BUTTON)
         self.nav.currentRowChanged.connect(self._show_section)
         self._problems = label(kind="error", name="station_problem_label", wrap=True)
@@ -133,11 +133,11 @@ class StationPage(Page):
     def may_leave(self, go: Callable[[], object]) -> bool:
         """Return whether the page may be left now; if not, ask the user, and call `go` unless the user stays.
 
-        During a run the page may always be left; unsaved changes are kept.
+        During a run, the page may always be left, and unsaved changes are kept.
         """
         if not self.drafts.dirty or self.app.engine_link.running:
             return True
-        wrong = bool(self.drafts.wrong) or not self.app.role.engineer
+        cannot_save = bool(self.drafts.invalid) or not self.app.role.engineer
 
         def save() -> None:
             if self.save():
@@ -149,16 +149,16 @@ class StationPage(Page):
 
         choices = [
             Choice("save_and_go_button", "settings.save_and_go", save, primary=True),
-            Choice("discard_and_go_button", "settings.discard_and_go", discard, primary=wrong),
+            Choice("discard_and_go_button", "settings.discard_and_go", discard, primary=cannot_save),
             Choice("stay_button", "settings.stay_here", lambda: None),
         ]
-        answers = choices[1:] if wrong else choices
-        self.notice.ask("caution", "settings.unsaved_changes", self._unsaved_names, answers)
+        offered = choices[1:] if cannot_save else choices
+        self.notice.ask("caution", "settings.unsaved_changes", self._unsaved_names, offered)
         return False
 
     def save(self) -> bool:
-        """Save all changes and return whether they were saved; show the error if a file could not be stored."""
-        if self.drafts.wrong or self._why_not_save():
+        """Save all changes, and return whether they were saved; an error is shown."""
+        if self.drafts.invalid or self._why_not_save():
             return False
         self.notice.dismiss()
         names = self._unsaved_names()
@@ -172,8 +172,8 @@ class StationPage(Page):
         return True
 
     def refresh(self) -> None:
-        """Show unsaved changes and problems, and update the buttons to save and to discard."""
-        dirty, wrong = self.drafts.dirty, self.drafts.wrong
+        """Show unsaved changes and problems, and update the buttons."""
+        dirty, invalid = self.drafts.dirty, self.drafts.invalid
         status = ""
         if dirty:
             self._saved_names = ""
@@ -186,35 +186,33 @@ class StationPage(Page):
         for each in (self._discard_button, self._save_button):
             each.setVisible(bool(dirty))
         reason = self._why_not_save()
-        if wrong and not reason:
-            first = problem_text_with_name(wrong[0].problems[0])
-            reason = say("settings.correct_in", file=wrong[0].name, problem=first)
+        if invalid and not reason:
+            first = problem_text_with_name(invalid[0].problems[0])
+            reason = say("settings.correct_in", file=invalid[0].name, problem=first)
         enable(self._save_button, reason)
         problems = self.drafts.station.problems
-        unseen = [p for p in problems if not p.place or p.kind in ("toml", "file", "extra_forbidden")]
-        show_text(self._problems, "\n".join(map(problem_text_with_name, unseen)))
+        without_field = [p for p in problems if not p.place or p.kind in ("toml", "file", "extra_forbidden")]
+        show_text(self._problems, "\n".join(map(problem_text_with_name, without_field)))
         if not dirty and self.notice.asking:
             self.notice.dismiss()
         self._name_sections()
 
     def _lock(self) -> None:
-        """Enable the inputs that the current role may change; tooltips explain why the others are disabled."""
+        """Update the enabled inputs; tooltips explain why the others are disabled."""
         for section in self._sections:
             section.lock(self._role_reason())
-        held = self._why_not_save()
+        reason = self._why_not_save()
         for widget in (self.station_box, self._new_button):
-            enable(widget, held)
-        if held:
+            enable(widget, reason)
+        if reason:
             self._new_bar.hide()
         self.refresh()
 
     def _role_reason(self) -> str:
-        if self.app.role.engineer:
-            return ""
-        return say("settings.engineers_only")
+        return "" if self.app.role.engineer else say("settings.engineers_only")
 
     def _why_not_save(self) -> str:
-        """Return the reason why files cannot be changed now, "" if there is none."""
+        """Return the reason why files cannot be changed now, or ""."""
         if self.app.engine_link.running:
             return say("settings.save_after_run")
         return self._role_reason()
@@ -223,9 +221,9 @@ class StationPage(Page):
         return ", ".join(draft.name for draft in self.drafts.dirty)
 
     def _name_sections(self) -> None:
-        """Name the sections, with a dot after sections with unsaved changes."""
+        """Show the names of the sections, with a dot after those with unsaved changes."""
         station, table = self.drafts.station, self.drafts.table
-        edited = [any(station.differs(place) for place in places) for places in _SECTION_KEYS]
+        edited = [any(station.differs(key_path) for key_path in key_paths) for key_paths in _SECTION_KEYS]
         edited += [table.dirty, any(draft not in (station, table) for draft in self.drafts.dirty), False]
         titles = ("common.station", "settings.link_to_table", self.imus.title, *_OTHER_TITLES)
         for number, (title, dot) in enumerate(zip(titles, edited, strict=True)):
@@ -238,19 +236,19 @@ class StationPage(Page):
             section.search()
 
     def _open(self) -> None:
-        """Show the current station and its table profile, and read all files without unsaved changes again."""
+        """Show the current station and its table profile, and read all files again that have no unsaved changes."""
         path = self.app.station_path or library.find("stations", DEFAULT_STATION)
         if self.drafts.station.path != path:
-            self.drafts.use(self.drafts.station, path)
+            self.drafts.switch(self.drafts.station, path)
         self.drafts.reload()
         self._fill()
         self.refresh()
 
     def _follow_profile(self) -> None:
-        """Open the table profile that the station names, unless the current profile has unsaved changes."""
+        """Open the table profile of the station, unless the current profile has unsaved changes."""
         name = self.drafts.station.value(("table", "profile"))
         if isinstance(name, str) and name in library.names("tables") and not self.drafts.table.dirty:
-            self.drafts.use(self.drafts.table, library.find("tables", name))
+            self.drafts.switch(self.drafts.table, library.find("tables", name))
 
     def _fill(self) -> None:
         self.station_box.fill()
@@ -258,7 +256,7 @@ class StationPage(Page):
         self.station_box.show_value(None if current is None else str(current.absolute()))
 
     def _stations(self) -> list[tuple[str, str]]:
-        """Return the paths and names of all stations, and of the current one, whose file may be in another folder."""
+        """Return the paths and names of the stations, and of the current one, which may be in another folder."""
         paths = [entry.path.absolute() for entry in editing.list_files("stations")]
         if (current := self.drafts.station.path) is not None:
             paths.append(current.absolute())
@@ -270,8 +268,8 @@ class StationPage(Page):
 
     def _choose(self) -> None:
         """Switch to another station; ask the user first if there are unsaved changes."""
-        path, now = Path(self.station_box.value()), self.drafts.station.path
-        if now is not None and path == now.absolute():
+        path, current = Path(self.station_box.value()), self.drafts.station.path
+        if current is not None and path == current.absolute():
             return
         if self.may_leave(lambda: self._use(path)):
             self._use(path)
@@ -287,7 +285,7 @@ class StationPage(Page):
         self.app.settings.setValue("station", path.stem)
 
     def _saved(self, kind: str) -> None:
-        """Notify the other pages that a file has been saved."""
+        """Inform the other pages that a file has been saved."""
         station = self.drafts.station
         if kind == "stations" and station.path is not None and not station.dirty:
             self._use(station.path)

@@ -1,4 +1,4 @@
-"""Settings of this computer: language, theme, sounds, runs folder, name and PIN; none of them affects a result."""
+"""The settings of this computer, which do not affect results: language, theme, sounds, runs folder, name and PIN."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from calstation.gui.widgets import ChoiceBox, FlagBox, button, choices_of, colum
 
 
 class PersonalSection(QWidget):
-    """Edits the settings of this computer, effective immediately; PIN, name and folder need the engineer role."""
+    """Edits the settings of this computer; PIN, name and folder require the engineer role."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
@@ -73,7 +73,7 @@ class PersonalSection(QWidget):
         )
 
     def lock(self, reason: str) -> None:
-        """Disable the inputs that need the engineer role, with `reason` as their tooltip; "" enables them."""
+        """Disable the inputs that require the engineer role and show `reason` in tooltips; "" enables them."""
         for widget in (self._author, self._folder_button, self._pin_badge, *self._pins, self._pin_button):
             enable(widget, reason)
         self.refresh()
@@ -93,27 +93,27 @@ class PersonalSection(QWidget):
 
     @property
     def _badge(self) -> str:
-        """The badge whose PIN is edited; "" for the site's PIN."""
+        """The badge whose PIN is edited, or "" for the PIN of the site."""
         return self._pin_badge.text().strip()
 
     def _choose_runs(self) -> None:
-        present = str(self._app.runs_folder.absolute())
-        folder = QFileDialog.getExistingDirectory(self, say("setting.runs_folder"), present)
+        current = str(self._app.runs_folder.absolute())
+        folder = QFileDialog.getExistingDirectory(self, say("setting.runs_folder"), current)
         if folder:
             self._app.set_runs_folder(Path(folder))
             self.refresh()
 
     def _change_pin(self) -> None:
         if self._new.text() != self._again.text():
-            self._refuse(say("settings.pins_differ"), self._again)
+            self._show_pin_error(say("settings.pins_differ"), self._again)
             return
         if len(self._new.text()) < access.MIN_PIN_LENGTH:
-            self._refuse(say("settings.pin_too_short", least=access.MIN_PIN_LENGTH), self._new)
+            self._show_pin_error(say("settings.pin_too_short", least=access.MIN_PIN_LENGTH), self._new)
             return
         try:
             access.set_pin(self._old.text(), self._new.text(), self._badge)
         except ConfigurationError as error:
-            self._refuse(say(error.as_text), self._old)
+            self._show_pin_error(say(error.as_text), self._old)
             self._old.selectAll()
             return
         for edit in self._pins:
@@ -122,7 +122,7 @@ class PersonalSection(QWidget):
         self.pin_message.setText(say("settings.pin_changed"))
         theme.set_kind(self.pin_message, "muted")
 
-    def _refuse(self, text: str, edit: QLineEdit) -> None:
+    def _show_pin_error(self, text: str, edit: QLineEdit) -> None:
         self.pin_message.setText(text)
         theme.set_kind(self.pin_message, "error")
         edit.setFocus()

@@ -1,4 +1,4 @@
-"""Forms and text of product, IMU, table and station files, with marked errors and comparison with older versions."""
+"""The forms and the text of product, IMU, table and station files, with their problems and earlier versions."""
 
 import difflib
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ from calstation.schema import Problem
 
 
 class TextView(QPlainTextEdit):
-    """Shows or edits a text without wrapping its lines."""
+    """Shows or edits a text without line wrapping."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -34,7 +34,7 @@ class TextView(QPlainTextEdit):
         self.setTabChangesFocus(True)
 
     def shade(self, lines: Iterable[tuple[int, str]]) -> None:
-        """Shade only these lines, numbered from 1, each in its colour."""
+        """Shade these lines, numbered from 1, each in its colour, and no others."""
         selections = []
         for number, colour in lines:
             form = QTextCharFormat()
@@ -47,7 +47,7 @@ class TextView(QPlainTextEdit):
         self.setExtraSelections(selections)
 
     def go_to(self, line: int) -> None:
-        """Move the cursor to a line, numbered from 1, and show it."""
+        """Move the cursor to a line, numbered from 1."""
         self.setTextCursor(self._start_of(line))
         self.centerCursor()
         self.setFocus()
@@ -57,9 +57,9 @@ class TextView(QPlainTextEdit):
 
 
 class NewFileBar(NameBar):
-    """Creates a file as a copy of another; hidden until `ask`, emits `made(kind, path)` when the file exists."""
+    """A bar that creates a file as a copy of another. `ask` shows it; it emits `created(kind, path)`."""
 
-    made = Signal(str, object)
+    created = Signal(str, object)
 
     def __init__(self, drafts: Drafts) -> None:
         self._drafts = drafts
@@ -72,19 +72,19 @@ class NewFileBar(NameBar):
         super().__init__(names, self._title, "settings.create", label("settings.copied_from"), self._source)
 
     def ask(self, kind: str, source: str) -> None:
-        """Ask for the name of a new file of a kind; `source` is offered as the file to copy."""
+        """Ask for the name of a new file of a kind; `source` is the proposed file to copy."""
         self._kind = kind
         self._source.fill()
         self._source.show_value(source)
         self.ask_name()
 
     def check(self) -> None:
-        """Show the kind of the file and what is wrong with its name."""
+        """Show the kind of the file, and why its name cannot be used."""
         self._title.setText(say(f"setting.new_{self._kind}"))
         super().check()
 
     def problem(self, name: str) -> str:
-        """Return what is wrong with a name."""
+        """Return why a name cannot be used, or "" if it can."""
         if name in library.names(self._kind):
             return say("settings.name_taken")
         return "" if editing.is_name(name) else say("settings.name_rule")
@@ -97,11 +97,11 @@ class NewFileBar(NameBar):
             show_text(self.message, say(error.as_text))
             return
         self.hide()
-        self.made.emit(self._kind, path)
+        self.created.emit(self._kind, path)
 
 
 class ProfilesSection(QWidget):
-    """Edits one file at a time, with its versions listed next to it."""
+    """Edits one file at a time, and lists its versions."""
 
     def __init__(self, app: AppContext, drafts: Drafts) -> None:
         super().__init__()
@@ -155,7 +155,7 @@ class ProfilesSection(QWidget):
         self.file_box.activated.connect(lambda _: self._open())
         bind(self.file_box.setAccessibleName, "settings.file")
         self._new = NewFileBar(self._drafts)
-        self._new.made.connect(self._made)
+        self._new.created.connect(self._show_created)
         self._new_button = button(
             "new_file_button",
             "settings.new_from_copy",
@@ -164,7 +164,7 @@ class ProfilesSection(QWidget):
         self._about = label(kind="muted")
 
     def _make_versions(self) -> QWidget:
-        """Create the list of versions (number, time, author) to compare with the current text or to restore."""
+        """Create the list of versions, which can be compared with the current text or restored."""
         title = label("settings.versions")
         title.setFont(theme.font(bold=True))
         self._no_versions = label("setting.no_versions", "muted", wrap=True)
@@ -177,12 +177,12 @@ class ProfilesSection(QWidget):
         self._compare_button = button("compare_button", "common.compare", self._compare)
         self._restore_button = button("take_back_button", "settings.restore", self._restore)
         buttons = row(self._compare_button, self._restore_button)
-        made = box(title, self._no_versions, (self._list, 100), None, buttons)
-        made.setFixedWidth(36 * theme.GRID)
-        return made
+        panel = box(title, self._no_versions, (self._list, 100), None, buttons)
+        panel.setFixedWidth(36 * theme.GRID)
+        return panel
 
     def lock(self, reason: str) -> None:
-        """Disable changes, with `reason` as the tooltip; "" enables them."""
+        """Disable changes and show `reason` in tooltips; "" enables them."""
         self._locked = reason
         self.editor.setReadOnly(bool(reason))
         self.editor.setToolTip(reason)
@@ -205,7 +205,7 @@ class ProfilesSection(QWidget):
         draft = self._draft
         if draft is None:
             return
-        if draft.name != self.file_box.currentText():  # the form now shows another table file
+        if draft.name != self.file_box.currentText():  # another table file has been opened
             self._open()
             return
         if self.editor.toPlainText() != draft.text:
@@ -227,7 +227,7 @@ class ProfilesSection(QWidget):
         self._show_difference()
 
     def _problem_line(self, problem: Problem) -> str:
-        """Return the sentence of a problem with its location: in the displayed form, or else in the text."""
+        """Return the sentence of a problem with its location in the current form, or else in the text."""
         view = self.views.currentWidget()
         text = view.model.describe(problem) if isinstance(view, FormView) else ""
         return text or say("settings.line", number=problem.line, problem=say(problem.as_text))
@@ -241,16 +241,16 @@ class ProfilesSection(QWidget):
         return [(kind, say(f"settings.kind_{kind}")) for kind in ("products", "imus", "tables", "stations")]
 
     def _fill(self) -> None:
-        """List the files of the selected kind; the current file remains selected if it is among them."""
+        """List the files of the selected kind; the current file is kept if it is among them."""
         kind = self.kind_box.value()
-        present = self.file_box.currentText()
+        current = self.file_box.currentText()
         self.file_box.clear()
         names = library.names(kind)
         self.file_box.addItems(names)
-        chosen = self._app.product_path
-        if present not in names and kind == "products" and chosen is not None:
-            present = chosen.stem
-        self.file_box.setCurrentText(present if present in names else (names or [""])[0])
+        product = self._app.product_path
+        if current not in names and kind == "products" and product is not None:
+            current = product.stem
+        self.file_box.setCurrentText(current if current in names else (names or [""])[0])
         self._open()
 
     def _open(self) -> None:
@@ -258,22 +258,22 @@ class ProfilesSection(QWidget):
         if not name:
             return
         kind = self.kind_box.value()
-        draft = self._drafts.of(kind, library.find(kind, name))
+        draft = self._drafts.open_draft(kind, library.find(kind, name))
         if draft is not self._draft:
             self._draft, self._compared = draft, None
-            self._offer_views(kind)
+            self._show_tabs(kind)
         self._versions = versions.list_versions(kind, name)
         self.refresh()
 
-    def _offer_views(self, kind: str) -> None:
-        """Offer forms, text and comparison of a kind of file; if the current form is not offered, show the first."""
+    def _show_tabs(self, kind: str) -> None:
+        """Show the tabs for a kind of file; if the current form is not for this kind, show the first that is."""
         with QSignalBlocker(self.views):
-            offered = [form for form in self.forms if form.form.kind == kind]
-            shown = self.views.currentWidget()
+            forms = [form for form in self.forms if form.form.kind == kind]
+            current = self.views.currentWidget()
             for form in self.forms:
-                self.views.setTabVisible(self.views.indexOf(form), form in offered)
-            if isinstance(shown, FormView) and shown not in offered:
-                self.views.setCurrentWidget(offered[0] if offered else self.editor)
+                self.views.setTabVisible(self.views.indexOf(form), form in forms)
+            if isinstance(current, FormView) and current not in forms:
+                self.views.setCurrentWidget(forms[0] if forms else self.editor)
 
     def _typed(self) -> None:
         if self._draft is not None and self.editor.toPlainText() != self._draft.text:
@@ -289,26 +289,26 @@ class ProfilesSection(QWidget):
             self.editor.go_to(problem.line)
 
     def _compare(self) -> None:
-        self._compared = self._chosen
+        self._compared = self._selected_version
         self._show_difference()
         self.views.setCurrentWidget(self.diff)
 
     def _restore(self) -> None:
-        """Copy the selected version into the editor and show how it differs from the saved text."""
-        if self._draft is None or self._chosen is None:
+        """Copy the selected version into the editor, and show its differences from the stored text."""
+        if self._draft is None or self._selected_version is None:
             return
         self.views.setCurrentWidget(self.diff)
-        if (text := self._text_of(self._draft, self._chosen)) is not None:
+        if (text := self._text_of(self._draft, self._selected_version)) is not None:
             self._compared = None
             self._draft.rewrite(text)
 
     @property
-    def _chosen(self) -> Version | None:
+    def _selected_version(self) -> Version | None:
         number = self._list.currentRow()
         return self._versions[number] if 0 <= number < len(self._versions) else None
 
     def _show_versions(self, draft: Draft) -> None:
-        chosen, digest = self._list.currentRow(), versions.sha256(draft.saved)
+        current, digest = self._list.currentRow(), versions.sha256(draft.saved)
         stored = next((v.number for v in self._versions if v.sha256 == digest), None)
         self._list.clear()
         for version in self._versions:
@@ -316,18 +316,17 @@ class ProfilesSection(QWidget):
             mark = say("settings.current_version") if version.number == stored else ""
             first = f"{version.number}  ·  {local_time(version.saved_utc)}{mark}"
             self._list.addItem(f"{first}\n{author}  ·  {version.sha256[:12]}")
-        self._list.setCurrentRow(min(chosen, len(self._versions) - 1))
+        self._list.setCurrentRow(min(current, len(self._versions) - 1))
         self._no_versions.setVisible(not self._versions)
         for widget in (self._list, self._compare_button, self._restore_button):
             widget.setVisible(bool(self._versions))
         self._enable()
 
     def _enable(self) -> None:
-        """Enable the actions on the selected version; tooltips explain why an action is disabled."""
-        none = "" if self._chosen is not None else say("settings.choose_version")
-        tip = say("settings.restore_tip")
-        enable(self._compare_button, none)
-        enable(self._restore_button, self._locked or none, tip)
+        """Update the actions on the selected version; tooltips explain why an action is disabled."""
+        why_not = "" if self._selected_version is not None else say("settings.choose_version")
+        enable(self._compare_button, why_not)
+        enable(self._restore_button, self._locked or why_not, say("settings.restore_tip"))
 
     def _show_difference(self) -> None:
         draft = self._draft
@@ -346,7 +345,7 @@ class ProfilesSection(QWidget):
         self.diff.shade((i, colours[line[0]]) for i, line in enumerate(lines, 1) if line[:1] in colours)
 
     def _text_of(self, draft: Draft, version: Version) -> str | None:
-        """Return the text of a version; if it cannot be read, show the error in the difference view and return None."""
+        """Return the text of a version; if it cannot be read, show the error and return None."""
         try:
             return versions.text(draft.kind, draft.name, version.number)
         except ConfigurationError as error:
@@ -354,7 +353,6 @@ class ProfilesSection(QWidget):
             self.diff.shade(())
             return None
 
-    def _made(self, kind: str, path: Path) -> None:
+    def _show_created(self, kind: str, path: Path) -> None:
         self.open(kind, path.stem)
-        offered = [form for form in self.forms if form.form.kind == kind]
-        self.views.setCurrentWidget(offered[0] if offered else self.editor)
+        self.views.setCurrentWidget(next((form for form in self.forms if form.form.kind == kind), self.editor))

@@ -1,4 +1,4 @@
-"""The site of the table: latitude, longitude, height, azimuth and gravity, with the effect of an error in each."""
+"""The site of the table: latitude, longitude, height, azimuth and gravity."""
 
 import math
 from functools import partial
@@ -18,17 +18,17 @@ from calstation.schema import KeyPath
 _NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2")
 _AZIMUTH, _GRAVITY = ("site", "azimuth_deg"), ("site", "gravity_mps2")
 _CONFIRMED: KeyPath = ("site", "confirmed_on")
-#: Gravity shown until the surveyed value is typed, m/s²; it does not occur on earth, so no run starts with it.
+#: Initial value of the surveyed gravity, m/s². It does not occur on earth, so that no run starts with it.
 _PLACEHOLDER_GRAVITY = 9.7
-_COMPASS = 26 * theme.GRID
+_COMPASS_SIZE = 26 * theme.GRID
 
 
 class SiteSection(Section):
-    """Edits `[site]` in the draft of a station."""
+    """Edits the table `[site]` of a station file."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__(draft)
-        #: The azimuth and gravity entered last.
+        #: Last azimuth and gravity.
         self._last: dict[tuple[str, str], Any] = {_AZIMUTH: 0.0, _GRAVITY: _PLACEHOLDER_GRAVITY}
         azimuth_box = ChoiceBox(
             lambda: [(True, say("settings.given_here")), (False, say("settings.found_from_data"))], "azimuth_way_combo"
@@ -37,11 +37,11 @@ class SiteSection(Section):
             lambda: [(False, say("settings.normal_gravity")), (True, say("settings.surveyed"))],
             "gravity_way_combo",
         )
-        for box, place in ((azimuth_box, _AZIMUTH), (gravity_box, _GRAVITY)):
-            box.typed.connect(partial(self._choose, place))
+        for box, key_path in ((azimuth_box, _AZIMUTH), (gravity_box, _GRAVITY)):
+            box.typed.connect(partial(self._choose, key_path))
         latitude, longitude, height, azimuth, gravity = (Field(draft, ("site", name)) for name in _NAMES)
-        latitude.warning = lambda: self._advice("null_island", "azimuth_hopeless")
-        gravity.warning = lambda: self._advice("gravity_off")
+        latitude.warning = lambda: self._warning_text("null_island", "azimuth_hopeless")
+        gravity.warning = lambda: self._warning_text("gravity_off")
         self._optional = {_AZIMUTH: (azimuth_box, azimuth), _GRAVITY: (gravity_box, gravity)}
         self._confirmation = _Confirmation(draft)
         left = column(
@@ -58,7 +58,7 @@ class SiteSection(Section):
             None,
         )
         row(left, (self._make_panel(), 1), on=self, spacing=3 * theme.GRID)
-        self.follow(draft)
+        self.connect_draft()
 
     def _make_panel(self) -> QWidget:
         self._compass, self._compass_note = _Compass(), label(kind="muted", wrap=True)
@@ -73,20 +73,20 @@ class SiteSection(Section):
         )
 
     def lock(self, reason: str) -> None:
-        """Disable changes, with `reason` as the tooltip; "" enables them."""
+        """Disable changes and show `reason` in tooltips; "" enables them."""
         super().lock(reason)
         enable(self._confirmation.button, reason)
 
     def refresh(self) -> None:
-        """Show the draft and the quantities derived from it."""
-        for place, (box, field) in self._optional.items():
-            value = self._draft.value(place)
+        """Show the values of the draft, and the quantities derived from them."""
+        for key_path, (box, field) in self._optional.items():
+            value = self._draft.value(key_path)
             if value is not None:
-                self._last[place] = value
+                self._last[key_path] = value
             # An input with the focus remains visible, because it is briefly empty while its value is replaced.
-            given = value is not None or field.editor.hasFocus()
-            box.show_value(given)
-            field.setVisible(given)
+            has_value = value is not None or field.editor.hasFocus()
+            box.show_value(has_value)
+            field.setVisible(has_value)
         latitude, _, height, azimuth, _ = self._values()
         self._compass.show_azimuth(float(azimuth) if isinstance(azimuth, float | int) else None)
         self._compass_note.setText(say("settings.azimuth_tip" if azimuth is not None else "settings.about_azimuth"))
@@ -96,19 +96,19 @@ class SiteSection(Section):
     def _values(self) -> list[Any]:
         return [self._draft.value(("site", name)) for name in _NAMES]
 
-    def _choose(self, place: tuple[str, str]) -> None:
-        """Set an optional value to the last entered one, or remove it."""
-        box, field = self._optional[place]
+    def _choose(self, key_path: tuple[str, str]) -> None:
+        """Set an optional value to its last value, or remove it."""
+        box, field = self._optional[key_path]
         field.editor.clearFocus()
-        self._draft.set({place: self._last[place] if box.value() else None})
+        self._draft.set({key_path: self._last[key_path] if box.value() else None})
 
-    def _advice(self, *ids: str) -> str:
-        """Return the first of these findings that applies to the typed values, "" if none does."""
+    def _warning_text(self, *ids: str) -> str:
+        """Return the first of these findings that applies to the values, or ""."""
         return next((say(finding.message) for finding in site_advice(*self._values()) if finding.id in ids), "")
 
 
 class _Confirmation(QWidget):
-    """Lists the computers on which the site was confirmed, with a button to confirm it; hidden for a virtual bench."""
+    """Lists the computers on which the site was confirmed, and confirms it; hidden for a virtual bench."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__()
@@ -132,7 +132,7 @@ class _Confirmation(QWidget):
         return [str(name) for name in value] if isinstance(value, list) else []
 
     def _key(self) -> str:
-        """Return the confirmation key for this computer, "" while the file is invalid."""
+        """Return the confirmation key of this computer, or "" while the file is invalid."""
         station = self._draft.model
         return confirmation_key(station.site) if isinstance(station, StationConfig) else ""
 
@@ -143,15 +143,15 @@ class _Confirmation(QWidget):
 
 
 class _Compass(QWidget):
-    """A compass, north up, with an arrow for body +y, or a question mark if the azimuth is found from the data."""
+    """A compass with north at the top and an arrow for body +y, or a question mark if the azimuth is not known."""
 
     def __init__(self) -> None:
         super().__init__()
         self._azimuth: float | None = None
-        self.setFixedSize(QSize(_COMPASS, _COMPASS))
+        self.setFixedSize(QSize(_COMPASS_SIZE, _COMPASS_SIZE))
 
     def show_azimuth(self, azimuth: float | None) -> None:
-        """Show an azimuth in degrees, None if it is unknown."""
+        """Show an azimuth in degrees, or None if it is unknown."""
         self._azimuth = azimuth
         self.update()
 

@@ -1,4 +1,4 @@
-"""General settings of a station: name, table profile, virtual bench and hand-over folder; and its shared records."""
+"""The general settings of a station, and its shared records."""
 
 from PySide6.QtWidgets import QFormLayout, QWidget
 
@@ -11,12 +11,12 @@ from calstation.gui.widgets import ChoiceBox, NumberEdit, StateBadge, WordEdit, 
 from calstation.messages import local_time
 
 _FOLDER = ("handover", "folder")
-#: Width of the input of a URL, px.
-_URL = EDITOR + 14 * theme.GRID
+#: Width of the input for a URL, px.
+_URL_WIDTH = EDITOR + 14 * theme.GRID
 
 
 class StationSection(Section):
-    """Edits the general settings of a station, and shows a summary of its file."""
+    """Edits the general settings of a station, and shows a summary of the station file."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__(draft)
@@ -38,7 +38,7 @@ class StationSection(Section):
             None,
         )
         row(left, (self._make_summary(), 1), on=self, spacing=3 * theme.GRID)
-        self.follow(draft)
+        self.connect_draft()
 
     def _make_summary(self) -> QWidget:
         self.badge = StateBadge(theme.SECTION, "station_kind_badge")
@@ -53,7 +53,7 @@ class StationSection(Section):
         return panel(self.badge, self._kind, lines, self._file, spacing=2 * theme.GRID)
 
     def refresh(self) -> None:
-        """Show the draft."""
+        """Show the values of the draft."""
         draft = self._draft
         bench = draft.value(("bench",)) is not None
         by_hand = is_manual_table(str(draft.value(("table", "profile")) or ""))
@@ -69,10 +69,10 @@ class StationSection(Section):
         self._file.setText(_about_file(draft))
 
     def _summary_texts(self, bench: bool, by_hand: bool) -> list[tuple[str, str]]:
-        """Return the code of the caption, and a one-line summary, of each of the other sections."""
+        """Return the caption code and a one-line summary for each of the other sections."""
 
-        def get(*place: str | int) -> str:
-            value = self._draft.value(place)
+        def get(*key_path: str | int) -> str:
+            value = self._draft.value(key_path)
             return "–" if value is None else with_minus(f"{value:g}") if isinstance(value, float | int) else str(value)
 
         slots = [get("slots", number, "name") for number in range(len(self._draft.value(("slots",)) or ()))]
@@ -105,7 +105,7 @@ def _about_file(draft: Draft) -> str:
 
 
 class RecordsSection(Section):
-    """Edits `[records]` in the draft of a station."""
+    """Edits the table `[records]` of a station file, and shows the state of the exchange with the database."""
 
     def __init__(self, app: AppContext, draft: Draft) -> None:
         super().__init__(draft)
@@ -113,8 +113,8 @@ class RecordsSection(Section):
         self._status = label(name="exchange_status_label", wrap=True)
         left = column(
             label("settings.shared_records", "section"),
-            Field(draft, ("records", "database"), WordEdit(), width=_URL),
-            Field(draft, ("records", "archive"), WordEdit(), width=_URL),
+            Field(draft, ("records", "database"), WordEdit(), width=_URL_WIDTH),
+            Field(draft, ("records", "archive"), WordEdit(), width=_URL_WIDTH),
             folder_row("archive_browse_button", draft, ("records", "archive")),
             None,
         )
@@ -127,7 +127,7 @@ class RecordsSection(Section):
         on_language_change(self, self.refresh)
 
     def refresh(self) -> None:
-        """Show the time of the last contact with the database, and the errors of the exchange and of the archive."""
+        """Show the time of the last exchange with the database, and the errors of the exchange and the archive."""
         state = self._app.exchange_state
         lines = []
         if state is not None:

@@ -1,6 +1,5 @@
-"""The table profile: travel, rate and acceleration limits of both joints, their axes, and the accuracy."""
+"""The table profile: travel, rate and acceleration limits of both joints, their axes, and accuracies."""
 
-from functools import partial
 from typing import Any
 
 import pyqtgraph as pg
@@ -9,7 +8,7 @@ from PySide6.QtWidgets import QGridLayout
 
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Field, Section
-from calstation.gui.text import say, term, with_minus
+from calstation.gui.text import say, with_minus
 from calstation.gui.widgets import ThemedPlot, column, label, row, theme
 
 _JOINTS = ("outer", "inner")
@@ -24,19 +23,19 @@ _ACCURACY = (
     "poll_latency_s",
     "poll_jitter_s",
 )
-_NARROW = 14 * theme.GRID
+_NARROW_WIDTH = 14 * theme.GRID
 
 
 class TableSection(Section):
-    """Edits `[outer]`, `[inner]`, `[accuracy]` and the axes in the draft of the table profile."""
+    """Edits the joints, the axes and the accuracies of a table profile."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__(draft)
         self._file = label(kind="muted", wrap=True)
         self._travel = TravelPlot()
         axes = [Field(draft, (name,)) for name in ("outer_axis", "inner_axis")]
-        axes[0].key_paths += ((),)  # incompatible axes are a problem of the whole file
-        accuracy = [Field(draft, ("accuracy", name), width=_NARROW) for name in _ACCURACY]
+        axes[0].key_paths += ((),)  # a problem of both axes has the key path of the whole file
+        accuracy = [Field(draft, ("accuracy", name), width=_NARROW_WIDTH) for name in _ACCURACY]
         left = column(label("settings.table", "section"), self._file, self._make_joints(), self._travel, *axes, None)
         right = column(
             label("settings.accuracy", "section"),
@@ -45,7 +44,7 @@ class TableSection(Section):
             None,
         )
         row((left, 1), (right, 1), on=self, spacing=3 * theme.GRID)
-        self.follow(draft)
+        self.connect_draft()
 
     def _make_joints(self) -> QGridLayout:
         """Create the fields for travel, rate and acceleration of both joints, side by side."""
@@ -59,10 +58,10 @@ class TableSection(Section):
             caption.setMinimumHeight(4 * theme.GRID)
             grid.addWidget(caption, line, 0, Qt.AlignmentFlag.AlignTop)
             for number, (joint, heading) in enumerate(zip(_JOINTS, headings, strict=True), start=1):
-                field = Field(self._draft, (joint, key), width=_NARROW)
-                field.hide_label(partial(_cell_name, heading, key))
+                field = Field(self._draft, (joint, key), width=_NARROW_WIDTH)
+                field.hide_label(heading)
                 if key == "high_deg":
-                    field.key_paths += ((joint,),)  # a lowest angle above the highest is reported once
+                    field.key_paths += ((joint,),)  # a low angle above the high angle is reported once
                 grid.addWidget(field, line, number, Qt.AlignmentFlag.AlignTop)
         for number, heading in enumerate(headings, start=1):
             title = label(heading)
@@ -71,7 +70,7 @@ class TableSection(Section):
         return grid
 
     def refresh(self) -> None:
-        """Show the draft."""
+        """Show the values of the draft."""
 
         def ends(joint: str) -> tuple[Any, Any]:
             return self._draft.value((joint, "low_deg")), self._draft.value((joint, "high_deg"))
@@ -81,7 +80,7 @@ class TableSection(Section):
 
 
 class TravelPlot(ThemedPlot):
-    """Plots the travel of both joints as bars on a common scale in degrees, with home at 0."""
+    """Plots the travel of both joints as bars on a common scale in degrees."""
 
     def __init__(self) -> None:
         super().__init__(zoom=False)
@@ -95,7 +94,7 @@ class TravelPlot(ThemedPlot):
         theme.themes.changed.connect(self._draw)
 
     def show_travel(self, travel: dict[str, tuple[Any, Any]]) -> None:
-        """Show the lowest and highest angle, degrees, of each joint by its name; an invalid range has no bar."""
+        """Show the low and high angle of each joint in degrees, by its name; an invalid range has no bar."""
         if travel != self._travel:
             self._travel = travel
             self._draw()
@@ -129,12 +128,8 @@ class TravelPlot(ThemedPlot):
         self.addItem(item, ignoreBounds=True)
 
 
-def _cell_name(heading: str, key: str) -> str:
-    return f"{say(heading)}, {term('setting', key)}"
-
-
 def _span_text(span: float) -> str:
-    """Return the text for the total travel of a joint, degrees."""
+    """Return the text of the total travel of a joint, in degrees."""
     if span >= 720.0:
         return say("setting.travel_turns", turns=round(span / 360.0, 2))
     return say("setting.travel_degrees", degrees=round(span, 3))
