@@ -218,7 +218,7 @@ def test_all_texts_follow_the_language(method: str, page: OfflinePage, window: M
     """Texts after a change of language equal the texts of the same actions in that language."""
 
     def act() -> None:
-        page.choose(method)
+        page.methods.select(method)
         if method:
             return
         page.findChild(CountSpin, "first_seq_spin").setValue(0)

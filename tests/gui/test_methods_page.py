@@ -54,7 +54,7 @@ def chosen(window: MainWindow) -> Callable[[str], MethodPanel]:
 
     def choose(stage: str) -> MethodPanel:
         window.show_page("offline_page")
-        window.offline_page.choose(stage)
+        window.offline_page.methods.select(stage)
         panel = window.offline_page.panel
         assert panel is not None
         assert panel.stage == stage
@@ -282,9 +282,9 @@ def test_log_path_is_locked_while_the_current_view_is_busy(
     assert not page.source.isEnabled()
     page.source.path_selected.emit(recordings["gimbal"])
     assert "when this job has ended" in panel.notice.text_label.text()
-    page.choose("gimbal")
+    page.methods.select("gimbal")
     assert page.source.isEnabled()
-    page.choose("multi_position")
+    page.methods.select("multi_position")
     assert not page.source.isEnabled()
     window.show_page("operator_page")
     qtbot.waitUntil(lambda: not panel.busy, timeout=WAIT)

@@ -289,7 +289,7 @@ def test_result_of_another_selection_is_outdated_and_not_exported(
 def drag_edge(page: OfflinePage, edge: int, to: float) -> None:
     """Drag edge 0 or 1 of the range to a fraction of the view with the mouse."""
     view = page.plot.findChild(QWidget, "log_graph").viewport()
-    box = page.plot.view_box
+    box = page.plot._plots[0].getViewBox()
     height = box.mapToScene(box.boundingRect().center()).y()
     left, right = page.plot.view
 
@@ -493,7 +493,7 @@ def test_all_texts_about_a_solved_log_follow_the_language(window: MainWindow, ru
     qtbot.waitUntil(lambda: page.notice.isVisible(), timeout=WAIT)
     spins(page)[0].setValue(spins(page)[1].value())
     graph = page.findChild(pg.GraphicsLayoutWidget, "log_graph")
-    move_mouse(graph, pixel(graph, page.plot.view_box, 0.6, 0.5))
+    move_mouse(graph, pixel(graph, page.plot._plots[0].getViewBox(), 0.6, 0.5))
     pointer = page.findChild(QLabel, "pointer_label")
     assert "Sample" in pointer.text()
     english = readable(page)

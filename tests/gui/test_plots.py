@@ -86,7 +86,7 @@ METHODS = ("multi_position", "gimbal", "cross_calibration")
 def all_plots(window: MainWindow) -> list[pg.GraphicsView]:
     """Return all plots of all pages, including lazily created views, except the travel bars."""
     for method in METHODS:
-        window.offline_page.choose(method)
+        window.offline_page.methods.select(method)
     page = window.findChild(EngineerPage)
     assert page is not None
     analysis = page.analysis

@@ -170,11 +170,6 @@ class LogPlot(QWidget):
         left, right = self._strip.getViewBox().viewRange()[0]
         return left, right
 
-    @property
-    def view_box(self) -> Any:
-        """The view box of the gyro plot."""
-        return self._plots[0].getViewBox()
-
     def show_all(self) -> None:
         """Bring all samples and values into view."""
         for plot in self._plots:

@@ -73,13 +73,9 @@ class OfflinePage(Page):
         """The panel of the selected method, or None for the stages of the log."""
         return self._panels.get(self.methods.method)
 
-    def choose(self, method: str) -> None:
-        """Select the method that solves the log; "" selects the stages of the log."""
-        self.methods.select(method)
-
     def open(self, path: Path) -> None:
-        """Close the open log, if any, then read and plot another."""
-        self.choose("")
+        """Close the open log, if any, and open another."""
+        self.methods.select("")
         if self._working:
             self.notice.inform("caution", str, self._wait_text, self.plot.setFocus)
             return

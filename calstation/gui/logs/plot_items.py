@@ -248,7 +248,7 @@ class SampleRequest:
 
 
 class LogColumns:
-    """The columns of a log, from its min-max pyramid and the samples of the last request."""
+    """The columns of a log, from its min-max pyramid or the samples of the last request."""
 
     def __init__(self, log_index: LogIndex) -> None:
         self._facts = log_index.facts

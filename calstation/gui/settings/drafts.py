@@ -117,7 +117,7 @@ class Drafts(QObject):
             draft.rewrite(other.text)
 
     def reload(self) -> None:
-        """Read the files of all drafts again that have no unsaved changes."""
+        """Reread the files of all drafts without unsaved changes."""
         for draft in [draft for draft in self._all if not draft.dirty]:
             draft.discard()
 

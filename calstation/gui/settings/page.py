@@ -126,7 +126,7 @@ class StationPage(Page):
         self.nav.setCurrentRow(0)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Read the files without unsaved changes again, because they may have changed outside the page."""
+        """Reread the files without unsaved changes, which may have changed outside the page."""
         super().showEvent(event)
         self._open()
 
@@ -236,7 +236,7 @@ class StationPage(Page):
             section.search()
 
     def _open(self) -> None:
-        """Show the current station and its table profile, and read all files again that have no unsaved changes."""
+        """Show the current station and its table profile, and reread all files without unsaved changes."""
         path = self.app.station_path or library.find("stations", DEFAULT_STATION)
         if self.drafts.station.path != path:
             self.drafts.switch(self.drafts.station, path)

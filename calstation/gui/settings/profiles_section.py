@@ -144,7 +144,8 @@ class ProfilesSection(QWidget):
         self._fill()
 
     def _make_choice(self) -> None:
-        self.kind_box = ChoiceBox(self._kinds, "file_kind_combo")
+        kinds = ("products", "imus", "tables", "stations")
+        self.kind_box = ChoiceBox(lambda: [(k, say(f"settings.kind_{k}")) for k in kinds], "file_kind_combo")
         self.kind_box.show_value("products")
         self.kind_box.setMinimumWidth(18 * theme.GRID)
         self.kind_box.typed.connect(self._fill)
@@ -236,9 +237,6 @@ class ProfilesSection(QWidget):
         """List the files and versions again, because they may have changed outside the section."""
         super().showEvent(event)
         self._fill()
-
-    def _kinds(self) -> list[tuple[str, str]]:
-        return [(kind, say(f"settings.kind_{kind}")) for kind in ("products", "imus", "tables", "stations")]
 
     def _fill(self) -> None:
         """List the files of the selected kind; the current file is kept if it is among them."""

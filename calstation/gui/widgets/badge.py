@@ -70,19 +70,19 @@ def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None 
     painter.restore()
 
 
-def state_icon(kind: str, size: int = theme.BODY) -> QIcon:
+def state_icon(kind: str) -> QIcon:
     """Return the symbol of a state as an icon for cells and menus, with a variant for selected rows."""
-    return _state_icon(kind, size, theme.current())
+    return _state_icon(kind, theme.current())
 
 
 @cache
-def _state_icon(kind: str, size: int, theme_name: str) -> QIcon:
+def _state_icon(kind: str, theme_name: str) -> QIcon:
     """Return an icon, cached per theme because tables request it at every repaint."""
-    icon = QIcon()
+    icon, box = QIcon(), QRectF(0, 0, theme.BODY, theme.BODY)
     on_selected = QColor(theme.colours().on_accent)
     for mode, colour in ((QIcon.Mode.Normal, None), (QIcon.Mode.Selected, on_selected)):
-        draw = partial(draw_state, kind=kind, box=QRectF(0, 0, size, size), colour=colour)
-        icon.addPixmap(painted_pixmap(size, draw), mode)
+        draw = partial(draw_state, kind=kind, box=box, colour=colour)
+        icon.addPixmap(painted_pixmap(theme.BODY, draw), mode)
     return icon
 
 
@@ -177,5 +177,5 @@ class StateBadge(QWidget):
         self._word.setFont(theme.font(size, bold=True))
 
     def text(self) -> str:
-        """Return the word shown."""
+        """Return the word."""
         return self._word.text()

@@ -59,7 +59,7 @@ class FormValues(QObject):
 
 
 class FormField(QWidget):
-    """A label, an input and its unit, and below the input a message: a problem, a warning or a hint.
+    """A label, an input and its unit, with a message below the input: a problem, a warning or a hint.
 
     Subclasses arrange the widgets in `grid`.
 

@@ -250,19 +250,19 @@ def combo_box(name: str, items: Mapping[Any, Words] = {}, *, fit: bool = False, 
     return combo
 
 
-def fill_combo(combo: QComboBox, items: Iterable[tuple[str, Any]], chosen: Any = None) -> None:
-    """Offer other items (text, data) without emitting signals, and select `chosen`, by default the selected item."""
-    chosen = combo.currentData() if chosen is None else chosen
+def fill_combo(combo: QComboBox, items: Iterable[tuple[str, Any]], current: Any = None) -> None:
+    """Replace the items (text, data) without emitting signals, and select `current`, by default the current item."""
+    current = combo.currentData() if current is None else current
     with QSignalBlocker(combo):
         combo.clear()
         for text, data in items:
             combo.addItem(text, data)
-            if data == chosen:
+            if data == current:
                 combo.setCurrentIndex(combo.count() - 1)
 
 
 def progress_bar(height: int, name: str = "") -> QProgressBar:
-    """Create a thin progress bar without a text, with `STEPS` steps."""
+    """Create a progress bar with `STEPS` steps and without a text."""
     bar = QProgressBar()
     bar.setObjectName(name)
     bar.setRange(0, STEPS)
@@ -306,7 +306,7 @@ class ElidedLabel(QLabel):
         return QSize(0, super().minimumSizeHint().height())
 
     def setText(self, text: str) -> None:
-        """Show a text."""
+        """Set the text and the tooltip."""
         super().setText(text)
         self.setToolTip(text)
 

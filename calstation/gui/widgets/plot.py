@@ -119,7 +119,7 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
 
 
 class TimeBox(ZoomBox):
-    """The box of a plot over time: the wheel zooms the time, and with Ctrl or over the vertical axis the values.
+    """The view box of a plot over time: the wheel zooms the time, or with Ctrl or over the vertical axis the values.
 
     The program may set the time range at any time, so that only the value range is kept while the box is zoomed.
     """
@@ -185,7 +185,7 @@ def _plain(exponent: float) -> str:
 
 
 class PlotMenu(QMenu):
-    """The menu of a plot, which copies it as a picture and saves it; `write_csv` writes the plotted data."""
+    """The menu that copies a plot as an image or saves it; `write_csv` writes the plotted data."""
 
     def __init__(self, plot: pg.GraphicsView, write_csv: Callable[[Path], object]) -> None:
         super().__init__(plot)
