@@ -90,14 +90,11 @@ def _ask_questions(request: RunRequest, answers: Mapping[str, str | None], confi
     """
     if request.out.is_dir():
         History(request.out).refresh()
-    start = RunStart(request, "engineer")
     has_options = request.stages is not None or request.seed is not None
-    while True:
-        if has_options and start.request.resume is not None:
-            raise ConfigurationError("cli.resume_options")
-        question = start.next_question()
-        if question is None:
-            return start.request
+    if has_options and request.resume is not None:
+        raise ConfigurationError("cli.resume_options")
+    start = RunStart(request, "engineer")
+    while (question := start.next_question()) is not None:
         answer = answers[question.subject]
         if answer is None and not sys.stdin.isatty():
             answer = _WITHOUT_TERMINAL.get(question.subject)
@@ -109,6 +106,9 @@ def _ask_questions(request: RunRequest, answers: Mapping[str, str | None], confi
             confirm_override(start, answer, confirmed_by)
         else:
             start.answer(question, answer)
+        if has_options and start.request.resume is not None:
+            raise ConfigurationError("cli.resume_options")
+    return start.request
 
 
 def _ask(question: Question) -> str:
