@@ -210,7 +210,7 @@ class BenchConfig(Settings):
             imu,
             gyro_arw=imu.gyro_arw * self.effects.gyro_noise,
             accel_vrw=imu.accel_vrw * self.effects.accel_noise,
-            effects=self.effects.drawn(np.random.default_rng([self.seed, 3])),
+            effects=self.effects.draw(np.random.default_rng([self.seed, 3])),
         )
         random = np.random.default_rng(table_seed)
         direction = random.standard_normal(3)

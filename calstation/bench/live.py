@@ -146,7 +146,7 @@ class LiveBench:
     def _advance_in_steps(self, now: float) -> list[bytes]:
         """Advance to `now`, s, in steps that end with timed faults, whose effect then does not depend on the caller."""
         ends = (self._power_on + end / self._gain for end in self.faults.until.values())
-        return [self._produce(cut) for cut in (*sorted(end for end in ends if self.now < end < now), now)]
+        return [self._produce(step_end) for step_end in (*sorted(end for end in ends if self.now < end < now), now)]
 
     def execute(self, order: Order) -> None:
         """Execute an order immediately, or schedule it if `after` is positive."""

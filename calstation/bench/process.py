@@ -125,8 +125,8 @@ class BenchProcess:
     def __init__(self, config: BenchConfig) -> None:
         self._config = config
         self._bench = bench = LiveBench(_with_orders(config, config), time.monotonic)
-        others = [LiveBench(_with_orders(config, other), time.monotonic, bench) for other in config.secondaries]
-        self._units = [bench, *others]
+        other_units = [LiveBench(_with_orders(config, other), time.monotonic, bench) for other in config.secondaries]
+        self._units = [bench, *other_units]
         self._lines: list[Line] = []
         for settings, unit in zip((config, *config.secondaries), self._units, strict=True):
             line = (SocketLine if settings.imu_transport == "socket" else TerminalLine)(unit.talk)
@@ -166,7 +166,7 @@ class BenchProcess:
 
     def _announce(self) -> None:
         """Print the links as JSON: `table` and `clock` ("host:port", or a path), `imu`, `imu2`, ... (as URLs)."""
-        first, *others = self._lines
+        first, *other_units = self._lines
         table = self._table_line or first
         endpoints = {
             "table": table.endpoint if table is first else table.endpoint.removeprefix("socket://"),
@@ -174,7 +174,7 @@ class BenchProcess:
             "imu": first.endpoint,
             "clock": self._clock.endpoint,
             "serial": self._config.serial,
-            **{f"imu{number}": line.endpoint for number, line in enumerate(others, 2)},
+            **{f"imu{number}": line.endpoint for number, line in enumerate(other_units, 2)},
         }
         print(json.dumps(endpoints), flush=True)
 
@@ -187,8 +187,8 @@ class BenchProcess:
                 await asyncio.sleep(0)
             self._bench.machine.watch(self._bench.clocks.host(), self._bench.device_time)
             if speed > 0.0:
-                passed, last = time.monotonic() - last, time.monotonic()
-                due = min(due + passed * speed, MAX_BACKLOG * speed)
+                elapsed, last = time.monotonic() - last, time.monotonic()
+                due = min(due + elapsed * speed, MAX_BACKLOG * speed)
                 before = self._bench.now
                 await self._advance_to(before + min(due, MAX_PACED_STEP))
                 due -= self._bench.now - before

@@ -4,15 +4,8 @@ The package depends on no device, task or bench. It has more than 15 modules: on
 """
 
 from calstation.config import access, editing, library, versions
-from calstation.config.bench import BenchSettings, load_bench
 from calstation.config.blocks import arrange_entries
-from calstation.config.confirmation import (
-    ConfirmationRequired,
-    Person,
-    confirm,
-    confirmation_required,
-    pin_known,
-)
+from calstation.config.confirmation import ConfirmationRequired, Person, confirm, confirmation_required, pin_known
 from calstation.config.editing import check, detect_kind, edit_toml, line_of, read_text
 from calstation.config.forms import (
     FORMS,
@@ -80,8 +73,10 @@ from calstation.config.station import (
     DEFAULT_STATION,
     MANUAL_STATION,
     VIRTUAL_UNIT,
+    BenchSettings,
     StationConfig,
     at_slot,
+    load_bench,
     load_station,
     uses_manual_rig,
     virtual_serials,

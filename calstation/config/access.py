@@ -74,8 +74,8 @@ def set_pin(old: str, new: str, badge: str = "") -> None:
             if seconds:
                 raise ConfigurationError("access.wrong_pin_wait", seconds=seconds)
             raise ConfigurationError("access.wrong_pin")
-        about = {"badge": badge} if badge else {}
-        append_audit(library.site_folder(), event, computer_user() or "engineer", **about)
+        details = {"badge": badge} if badge else {}
+        append_audit(library.site_folder(), event, computer_user() or "engineer", **details)
         salt = os.urandom(16)
         _store(_Stored(salt=salt.hex(), hash=_hash(new, salt, _N, _R, _P).hex(), n=_N, r=_R, p=_P), badge)
 

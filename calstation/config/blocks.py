@@ -112,8 +112,8 @@ def arrange_entries(text: str, key: str, order: Sequence[int | Mapping[str, Any]
             arranged += [block for block in entries if block.inside((key, entry))]
         else:
             arranged.append(_new_block({key: [entry]}))
-    others = [block for block in blocks[first:] if block not in entries]
-    return _text([*blocks[:first], *arranged, *others], blocks)
+    remaining = [block for block in blocks[first:] if block not in entries]
+    return _text([*blocks[:first], *arranged, *remaining], blocks)
 
 
 def _blocks(text: str) -> list[_Block]:

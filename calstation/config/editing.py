@@ -16,11 +16,10 @@ from tomlkit.container import OutOfOrderTableProxy
 from tomlkit.items import AoT, InlineTable, Table
 
 from calstation.config import library
-from calstation.config.bench import BenchSettings, load_bench
 from calstation.config.blocks import add_table, add_value, has_table, nested, remove_table
 from calstation.config.product import ProductConfig, missing_files, register_conflicts, schedule_values, unknown_targets
 from calstation.config.slots import STATION_ENTRIES
-from calstation.config.station import StationConfig
+from calstation.config.station import BenchSettings, StationConfig, load_bench
 from calstation.devices.profiles import FrameSection, ImuProfile, TableProfile, load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
@@ -51,7 +50,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 
 @dataclass(frozen=True)
 class ConfigFile:
-    """A configuration file; `shipped` tells whether it is a default that the site has not replaced."""
+    """A configuration file; `shipped` is True if it is a default that the site has not replaced."""
 
     name: str
     path: Path
@@ -123,33 +122,33 @@ def _check_product(product: ProductConfig, path: Path | None) -> list[Problem]:
     for stage in dict.fromkeys((*product.stages, *product.schedule)):
         place: KeyPath = ("schedule", stage) if stage in product.schedule else ("stages",)
         try:
-            chosen = method(stage)
+            stage_method = method(stage)
         except ConfigurationError as exc:
             problems.append(Problem(place, "value_error", exc.as_text))
             continue
         values = schedule_values(product, stage, {})
-        problems += _problems_at(place, chosen.schedule, values)
+        problems += _problems_at(place, stage_method.schedule, values)
         targets = values.get("targets")
         if stage in product.schedule and isinstance(targets, dict) and targets != product.targets:
             problems += map(Problem.of, unknown_targets(targets, "schedule", stage, "targets"))
     return problems
 
 
-def _problems_at(place: KeyPath, model: type[BaseModel], data: Any) -> list[Problem]:
-    return [replace(problem, place=(*place, *problem.place)) for problem in problems_of(model, data)]
+def _problems_at(key_path: KeyPath, model: type[BaseModel], data: Any) -> list[Problem]:
+    return [replace(problem, place=(*key_path, *problem.place)) for problem in problems_of(model, data)]
 
 
-def _unknown_profile(kind: str, name: str, *place: str | int) -> Iterator[Problem]:
+def _unknown_profile(kind: str, name: str, *key_path: str | int) -> Iterator[Problem]:
     known = library.names(kind)
     if name not in known:
-        yield Problem(place, "no_profile", Text.of("configuration.no_profile", kind=kind, name=name, known=known))
+        yield Problem(key_path, "no_profile", Text.of("configuration.no_profile", kind=kind, name=name, known=known))
 
 
-def field_of(kind: str, place: KeyPath) -> FieldInfo | None:
+def field_of(kind: str, key_path: KeyPath) -> FieldInfo | None:
     """Return the model field of an entry of a file, or None if the entry has no model field."""
     annotation: Any = MODELS[kind]
     field = None
-    for key in place:
+    for key in key_path:
         annotation, _ = required_type(annotation)
         if isinstance(annotation, type) and issubclass(annotation, BaseModel):
             field = annotation.model_fields[str(key)]
@@ -198,53 +197,53 @@ def edit_toml(text: str, changes: Mapping[KeyPath, Any]) -> str:
 
     `changes` contains new values by entry; None removes the value, and its table if it becomes empty.
     """
-    for place, value in changes.items():
-        text = _without(text, place) if value is None else _with(text, place, value)
+    for key_path, value in changes.items():
+        text = _without(text, key_path) if value is None else _with(text, key_path, value)
     return text
 
 
-def _with(text: str, place: KeyPath, value: Any) -> str:
+def _with(text: str, key_path: KeyPath, value: Any) -> str:
     """Set a value; a new table with one or two keys gets a header, unless it is inside a list or an inline table."""
     document = tomlkit.parse(text)
     table: Any = document
     inline = False
-    for depth, key in enumerate(place[:-1]):
+    for depth, key in enumerate(key_path[:-1]):
         inline = inline or depth > 1 or isinstance(key, int) or isinstance(table, InlineTable)
         if isinstance(key, str) and key not in table:
             if inline:
-                return _with(text, place[: depth + 1], nested(place[depth + 1 :], value))
-            return add_table(text, place[:-1], {str(place[-1]): value})
+                return _with(text, key_path[: depth + 1], nested(key_path[depth + 1 :], value))
+            return add_table(text, key_path[:-1], {str(key_path[-1]): value})
         table = table[key]
-    key = place[-1]
+    key = key_path[-1]
     if isinstance(key, str) and key not in table:
-        if isinstance(value, dict) and len(place) < 3 and not (inline or isinstance(table, InlineTable)):
-            return add_table(text, place, value)
+        if isinstance(value, dict) and len(key_path) < 3 and not (inline or isinstance(table, InlineTable)):
+            return add_table(text, key_path, value)
         if isinstance(value, dict):
             members, value = value, tomlkit.inline_table()
             value.update(members)
-        if has_table(text, place[:-1]):
-            return add_value(text, place[:-1], key, value)
+        if has_table(text, key_path[:-1]):
+            return add_value(text, key_path[:-1], key, value)
     table[key] = value
     return tomlkit.dumps(document)
 
 
-def _without(text: str, place: KeyPath) -> str:
+def _without(text: str, key_path: KeyPath) -> str:
     """Remove a value, and its table if it becomes empty; a text without the value remains unchanged."""
     document = tomlkit.parse(text)
     owner: Any = document
-    for key in place[:-1]:
+    for key in key_path[:-1]:
         if isinstance(key, str) and key not in owner:
             return text
         owner = owner[key]
-    if place[-1] not in owner:
+    if key_path[-1] not in owner:
         return text
-    if has_table(text, place):
-        text = remove_table(text, place)
+    if has_table(text, key_path):
+        text = remove_table(text, key_path)
     else:
-        del owner[place[-1]]
+        del owner[key_path[-1]]
         text = tomlkit.dumps(document)
-    if len(place) > 1 and isinstance(place[-2], str) and not owner:
-        return _without(text, place[:-1])
+    if len(key_path) > 1 and isinstance(key_path[-2], str) and not owner:
+        return _without(text, key_path[:-1])
     return text
 
 

@@ -275,16 +275,17 @@ def _number(text: str) -> float:
         return float(text)
 
 
-def cell_of(kind: str, place: KeyPath, unit: Unit = _NO_UNIT, **more: Any) -> FormCell:
+def cell_of(kind: str, key_path: KeyPath, unit: Unit = _NO_UNIT, **options: Any) -> FormCell:
     """Create the cell for an entry, with choices and default from the model of the file."""
-    info = field_of(kind, place)
+    info = field_of(kind, key_path)
     if info is None:
-        return FormCell(place, unit, **more)
-    spec = field_spec(str(place[-1]), info)
+        return FormCell(key_path, unit, **options)
+    spec = field_spec(str(key_path[-1]), info)
     choices = (True, False) if spec.kind == "flag" else spec.choices
     if not choices:
-        return FormCell(place, unit, default=spec.default, **more)
-    return FormCell(place, unit, "choice", choices=(None, *choices) if spec.optional else choices, default=spec.default)
+        return FormCell(key_path, unit, default=spec.default, **options)
+    choices = (None, *choices) if spec.optional else choices
+    return FormCell(key_path, unit, "choice", choices=choices, default=spec.default)
 
 
 def _keys(table: Any) -> list[str]:
@@ -313,12 +314,12 @@ def _limit_columns(get: Get) -> list[FormColumn]:
 def _limit_rows(get: Get) -> list[FormRow]:
     rows = []
     for name in dict.fromkeys((*_keys(get(("limits",))), *_keys(get(("targets",))))):
-        unit, place = _unit(name), ("limits", name)
-        ends = (cell_of("products", (*place, "within"), unit, end=end, magnitude=True) for end in (0, 1))
-        after = ((*place, "sigma_below_after", stage) for stage in _limit_stages(get))
-        sigmas = ((*place, "sigma_below"), *after, ("targets", name))
+        unit, key_path = _unit(name), ("limits", name)
+        ends = (cell_of("products", (*key_path, "within"), unit, end=end, magnitude=True) for end in (0, 1))
+        after = ((*key_path, "sigma_below_after", stage) for stage in _limit_stages(get))
+        sigmas = ((*key_path, "sigma_below"), *after, ("targets", name))
         cells: tuple[FormCell | str, ...] = (unit[0], *ends, *(cell_of("products", sigma, unit) for sigma in sigmas))
-        rows.append(FormRow(name, cells, (place, ("targets", name))))
+        rows.append(FormRow(name, cells, (key_path, ("targets", name))))
     return rows
 
 
@@ -338,7 +339,7 @@ def _noise_rows(get: Get) -> list[FormRow]:
         ("stream", "accel_quantisation"): accel,
         ("stream", "order"): "",
     }
-    cells = [cell_of("imus", place, unit_of(unit)) for place, unit in units.items()]
+    cells = [cell_of("imus", key_path, unit_of(unit)) for key_path, unit in units.items()]
     return [FormRow(str(cell.place[-1]), (cell, cell.unit[0])) for cell in cells]
 
 
@@ -346,8 +347,8 @@ def _prior_rows(get: Get) -> list[FormRow]:
     rows = []
     for name in dict.fromkeys((*_keys(get(("prior",))), *_keys(get(("stability",))))):
         unit = _unit(name)
-        places = (("prior", name, "sigma"), ("stability", name, "power_up"), ("stability", name, "year"))
-        cells: tuple[FormCell | str, ...] = (unit[0], *(cell_of("imus", place, unit) for place in places))
+        key_paths = (("prior", name, "sigma"), ("stability", name, "power_up"), ("stability", name, "year"))
+        cells: tuple[FormCell | str, ...] = (unit[0], *(cell_of("imus", key_path, unit) for key_path in key_paths))
         rows.append(FormRow(name, cells, (("prior", name), ("stability", name))))
     return rows
 
@@ -365,27 +366,27 @@ def entry_rows(key: str, cells: Callable[[Get, KeyPath], Iterable[FormCell | str
 
     def rows(get: Get) -> list[FormRow]:
         entries = get((key,))
-        places: list[KeyPath] = [(key, i) for i in range(len(entries if isinstance(entries, list) else []))]
-        return [FormRow(str(i), tuple(cells(get, place)), (place,)) for i, place in enumerate(places, 1)]
+        key_paths: list[KeyPath] = [(key, i) for i in range(len(entries if isinstance(entries, list) else []))]
+        return [FormRow(str(i), tuple(cells(get, key_path)), (key_path,)) for i, key_path in enumerate(key_paths, 1)]
 
     return rows
 
 
-def _register_cells(get: Get, place: KeyPath) -> Iterator[FormCell | str]:
-    content = get((*place, "parameters"))
+def _register_cells(get: Get, key_path: KeyPath) -> Iterator[FormCell | str]:
+    content = get((*key_path, "parameters"))
     unit = _content_unit(content)
-    formula = "matrix" in str(content) or "offset" in str(content) or get((*place, "convention")) is not None
+    formula = "matrix" in str(content) or "offset" in str(content) or get((*key_path, "convention")) is not None
     for key in _REGISTER:
         if key == "unit":
             yield unit[0]
         elif key in ("lowest", "highest"):
-            yield cell_of("imus", (*place, "range"), unit, end=int(key == "highest"))
+            yield cell_of("imus", (*key_path, "range"), unit, end=int(key == "highest"))
         elif not formula and key in ("major", *_CONVENTION):
             yield ""
         elif key in _CONVENTION:
-            yield cell_of("imus", (*place, "convention", key))
+            yield cell_of("imus", (*key_path, "convention", key))
         else:
-            cell = cell_of("imus", (*place, key), unit if key == "tolerance" else _NO_UNIT)
+            cell = cell_of("imus", (*key_path, key), unit if key == "tolerance" else _NO_UNIT)
             kind: Any = {"parameters": "names", "type": "text"}.get(key, cell.kind)
             offers = {"parameters": _CONTENTS, "type": _TYPES}.get(key, cell.choices)
             span = None if key == "span" else cell.default  # the default depends on the protocol

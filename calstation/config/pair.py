@@ -36,12 +36,12 @@ class PairConfiguration:
         Registers that are not applied to the primary's stream are its prior.
         """
         primary = replace(self.primary, request=replace(self.primary.request, serial=serials[0]))
-        plain = primary.log_meta(registers=registers).model_dump()
-        plain["schedule"] = {STAGE: self.schedule}
+        data = primary.log_meta(registers=registers).model_dump()
+        data["schedule"] = {STAGE: self.schedule}
         for number, (unit, serial) in enumerate(zip(self.secondaries, serials[1:], strict=True), 2):
             unit_meta = replace(unit, request=replace(unit.request, serial=serial)).log_meta()
-            plain[f"imu{number}"] = unit_meta.imu.model_dump()
-        return validate(LogMeta, plain, "configuration of the watch")
+            data[f"imu{number}"] = unit_meta.imu.model_dump()
+        return validate(LogMeta, data, "configuration of the watch")
 
 
 def load_pair_configuration(request: RunRequest) -> PairConfiguration:

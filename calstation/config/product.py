@@ -143,8 +143,8 @@ class ProductConfig(StrictModel):
 
     @model_validator(mode="after")
     def _example(self) -> "ProductConfig":
-        given = "serial_example" in self.model_fields_set
-        if given and not re.fullmatch(self.serial_pattern, self.serial_example):
+        has_example = "serial_example" in self.model_fields_set
+        if has_example and not re.fullmatch(self.serial_pattern, self.serial_example):
             values = {"example": self.serial_example, "pattern": self.serial_pattern}
             raise EntryError("product.example_unlike", "serial_example", **values)
         return self
@@ -215,7 +215,7 @@ def unknown_targets(targets: Iterable[str], *keys: str) -> Iterator[EntryError]:
 
 def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[EntryError]:
     """Yield errors for limits that exceed the range or resolution of the unit's registers, one per entry."""
-    seen = set()
+    reported = set()
     for register in imu.registers:
         for name in filter(None, register.names):
             parameter = parameter_of(name)
@@ -223,8 +223,8 @@ def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[Entr
             if limit_name is None:
                 continue
             for error in _conflicts(register, name, limit_name, product.limits[limit_name], imu.name):
-                if error.place not in seen:
-                    seen.add(error.place)
+                if error.place not in reported:
+                    reported.add(error.place)
                     yield error
 
 
@@ -238,10 +238,10 @@ def _limit_of(product: ProductConfig, parameter: str) -> str | None:
 def _conflicts(register: RegisterEntry, name: str, limit_name: str, limit: Limit, profile: str) -> Iterator[EntryError]:
     where = {"parameter": name, "register": register.address, "profile": profile}
     if limit.interval is not None:
-        least, most = _register_range(register, name, limit.interval)
+        min_value, max_value = _register_range(register, name, limit.interval)
         low, high = register.range
-        if least < low or most > high:
-            values = {"least": least, "most": most, "low": low, "high": high}
+        if min_value < low or max_value > high:
+            values = {"least": min_value, "most": max_value, "low": low, "high": high}
             yield EntryError("product.beyond_register", "limits", limit_name, "within", **where, **values)
     sigma = limit.sigma_below
     if sigma is not None and register.step * _ROUNDING_SIGMA > sigma:

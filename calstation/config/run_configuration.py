@@ -14,7 +14,6 @@ from pydantic import BaseModel, JsonValue
 
 from calstation import __version__
 from calstation.config import library, versions
-from calstation.config.bench import BenchSettings, load_bench
 from calstation.config.product import (
     CheckStandardSection,
     ProductConfig,
@@ -27,7 +26,7 @@ from calstation.config.product import (
 from calstation.config.request import RunRequest, computer_user
 from calstation.config.site_check import check_confirmation, check_gravity_sigma, check_site
 from calstation.config.slots import PLATFORM_AXES, SlotSection
-from calstation.config.station import StationConfig, at_slot, load_station
+from calstation.config.station import BenchSettings, StationConfig, at_slot, load_bench, load_station
 from calstation.devices.imu import RegisterMap
 from calstation.devices.links import SOCKETS
 from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile
@@ -139,14 +138,15 @@ class RunConfiguration:
         attempt : number of the run among the unit's runs, from 1
         registers : registers of the unit by parameter, SI
         """
-        current, levers = dict(registers or {}), self._levers()
+        current, levers, slot = dict(registers or {}), self._levers(), self.slot
+        orientation = {} if slot is None or slot.orientation == PLATFORM_AXES else {"orientation": slot.orientation}
         sigmas = {name: PARAMETERS[INDEX[name]].prior_sigma for name in levers} | self.imu.prior_sigmas()
         started = (started or datetime.now(UTC)).astimezone(UTC)
         bench: BenchSettings | None = None if self.station.bench is None else load_bench()
         return LogMeta(
             site=self.station.site.place,
             imu=_section(ImuSection, self.imu.quantised_stream, self.imu.noise, serial=self.request.serial),
-            table=_section(TableSection, self.table, self.table.accuracy, **self._orientation()),
+            table=_section(TableSection, self.table, self.table.accuracy, **orientation),
             model=ModelSection(states=self.imu.states) if self.imu.states else None,
             prior={
                 name: PriorSection(value=levers.get(name, self._prior_mean(current.get(name, 0.0), sigma)), sigma=sigma)
@@ -174,11 +174,6 @@ class RunConfiguration:
             profiles={kind: source.text for kind, source in self.sources.items()},
             registers=current if self.after_registers else {},
         )
-
-    def _orientation(self) -> dict[str, str]:
-        """Return the log entry of the unit's orientation, {} if its axes are the platform axes."""
-        slot = self.slot
-        return {} if slot is None or slot.orientation == PLATFORM_AXES else {"orientation": slot.orientation}
 
     def _levers(self) -> dict[str, float]:
         """Return the nominal lever arm of the unit in its slot by parameter, m; {} at the centre of rotation."""
@@ -218,10 +213,10 @@ class RunConfiguration:
         return method(stage).plan(self.table.geometry(), self.schedules[stage])
 
 
-def _section(model: type[Model], *sources: BaseModel, **more: Any) -> Model:
+def _section(model: type[Model], *sources: BaseModel, **entries: Any) -> Model:
     """Return a section of a log's configuration with the entries of the same names in the sources."""
     names = model.model_fields
-    return model(**{n: getattr(s, n) for s in sources for n in names if n in type(s).model_fields}, **more)
+    return model(**{n: getattr(s, n) for s in sources for n in names if n in type(s).model_fields}, **entries)
 
 
 def _with_limits(setup: RunConfiguration, schedule: BaseModel) -> BaseModel:
@@ -312,9 +307,9 @@ def prepare_run(request: RunRequest, adjust: Adjustment = lambda setup: setup) -
         raise ConfigurationError("product.serial_mismatch", serial=request.serial, pattern=pattern, product=path)
     check_station(setup)
     for stage, schedule in setup.schedules.items():
-        chosen = method(stage)
-        if chosen.needs_no_table:  # some of these cannot be executed by any table
-            next(chosen.plan(setup.table.geometry(), schedule), None)
+        stage_method = method(stage)
+        if stage_method.needs_no_table:  # some of these cannot be executed by any table
+            next(stage_method.plan(setup.table.geometry(), schedule), None)
     return setup
 
 
@@ -336,8 +331,8 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
         raise ConfigurationError("batch.one_unit", station=path)
     if len(request.serials) > len(names):
         raise ConfigurationError("batch.more_than_slots", station=path, units=len(request.serials), slots=len(names))
-    placed = [(name, serial) for name, serial in zip(names, request.serials, strict=False) if serial not in ("", "-")]
-    serials = [serial for _, serial in placed]
+    occupied = [(name, serial) for name, serial in zip(names, request.serials, strict=False) if serial not in ("", "-")]
+    serials = [serial for _, serial in occupied]
     if not serials:
         raise ConfigurationError("batch.no_unit", station=path)
     for number, serial in enumerate(serials):
@@ -346,9 +341,9 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
     if request.resume is not None and len(serials) > 1:
         raise ConfigurationError("batch.resume")
     batch = request.batch or new_batch_id()
-    slots = tuple(name for name, _ in placed)
+    slots = tuple(name for name, _ in occupied)
     common = replace(request, serials=(), batch=batch, batch_units=tuple(serials), batch_slots=slots)
-    return tuple(replace(common, serial=serial, slot=name) for name, serial in placed)
+    return tuple(replace(common, serial=serial, slot=name) for name, serial in occupied)
 
 
 def prepare_batch(request: RunRequest, adjust: Adjustment = lambda setup: setup) -> tuple[RunConfiguration, ...]:

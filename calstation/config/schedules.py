@@ -45,7 +45,7 @@ class ScheduleOptions:
 
 
 def schedule_options(station: Path | None, product: Path | None) -> ScheduleOptions:
-    """Return the options for a product on a station, by default the default ones. Raises ConfigurationError."""
+    """Return the options for a product on a station, or for the default ones. Raises ConfigurationError."""
     setup = load_configuration(RunRequest("offer", station, product))
     known = tuple(dict.fromkeys((*setup.product.stages, *DEFAULT_STAGES)))
     if setup.table.gimbal is not None:

@@ -31,7 +31,7 @@ def _columns(get: Get) -> list[FormColumn]:
     return [*map(FormColumn, texts), *(FormColumn(f"lever_{axis}", unit=_LENGTH[0]) for axis in "xyz")]
 
 
-def _cells(get: Get, place: KeyPath) -> tuple[FormCell, ...]:
+def _cells(get: Get, key_path: KeyPath) -> tuple[FormCell, ...]:
     texts = ("name", "port") if _has_ports(get) else ("name",)
     choices: dict[str, tuple[Any, ...]] = {
         "product": (None, *library.names("products")),
@@ -39,12 +39,12 @@ def _cells(get: Get, place: KeyPath) -> tuple[FormCell, ...]:
         "orientation": _ORIENTATIONS,
     }
     return (
-        *(replace(cell_of("stations", (*place, key)), kind="text") for key in texts),
+        *(replace(cell_of("stations", (*key_path, key)), kind="text") for key in texts),
         *(
-            replace(cell_of("stations", (*place, key)), kind="choice", choices=allowed)
+            replace(cell_of("stations", (*key_path, key)), kind="choice", choices=allowed)
             for key, allowed in choices.items()
         ),
-        *(FormCell((*place, "lever_m"), _LENGTH, component=number, default=0.0) for number in range(3)),
+        *(FormCell((*key_path, "lever_m"), _LENGTH, component=number, default=0.0) for number in range(3)),
     )
 
 

@@ -1,14 +1,16 @@
-"""The model of a station file, which describes a location with its table and units."""
+"""The model of a station file, which describes a location with its table and units or its virtual bench."""
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
+from importlib import import_module
 from itertools import count, islice
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
-from pydantic import Field, JsonValue, field_validator, model_validator
+from pydantic import BaseModel, Field, JsonValue, field_validator, model_validator
 
+from calstation import BENCH_MODULE
 from calstation.config import library
 from calstation.config.slots import MAX_UNITS, DeviceSection, SlotSection, is_manual_table, takes_single_unit
 from calstation.config.station_sections import (
@@ -26,6 +28,9 @@ from calstation.config.station_sections import (
 from calstation.devices.profiles import load_table_profile
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.schema import EntryError, StrictModel, load, near_miss
+
+if TYPE_CHECKING:
+    from calstation.config.run_configuration import RunConfiguration
 
 DEFAULT_STATION = "virtual_bench"
 
@@ -206,3 +211,25 @@ def uses_manual_rig(station: Path | None) -> bool:
         return is_manual_table(load_station(station)[1].table.profile)
     except CalstationError:
         return False
+
+
+class BenchSettings(Protocol):
+    """Meaning of the section `[bench]` of a station file."""
+
+    @property
+    def model(self) -> type[BaseModel]:
+        """Model of the section, without the `STATION_ENTRIES`."""
+
+    def check(self, setup: "RunConfiguration", where: str) -> None:
+        """Check the settings of a station's bench; `where` names them. Raises ConfigurationError."""
+
+    def seed(self, setup: "RunConfiguration") -> int:
+        """Return the seed of the bench."""
+
+
+def load_bench() -> Any:
+    """Return the bench of every station with a section `[bench]`.
+
+    It implements `BenchSettings` and the protocols of the packages that open its devices and call its hooks in a run.
+    """
+    return import_module(BENCH_MODULE).BENCH

@@ -119,9 +119,9 @@ def save_noise(
     document = tomlkit.parse(editing.read_text(library.find("imus", profile)))
     noise = cast(tomlkit.items.Table, document["noise"])
     for name, value in values.items():
-        unit, shown, size = NOISE_DISPLAY[name]
+        unit, display_unit, size = NOISE_DISPLAY[name]
         noise[name] = float(f"{value:.4g}")
-        noise[name].comment(f"{unit}, {value / size:.4g} {shown}, {source}")
+        noise[name].comment(f"{unit}, {value / size:.4g} {display_unit}, {source}")
     return save("imus", profile, tomlkit.dumps(document), author)
 
 

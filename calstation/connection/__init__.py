@@ -5,7 +5,7 @@ Protocols are in `devices`, and motion is in `sequencer`. A virtual bench opens 
 
 from calstation.connection.capture import import_capture
 from calstation.connection.compatibility import incompatibilities, station_conflicts
-from calstation.connection.devices import Devices, Endpoints, RealClock, StationBench, connected
+from calstation.connection.devices import Devices, Endpoints, RealClock, StationBench, open_devices
 from calstation.connection.imu_session import (
     SECONDS,
     ImuSession,

@@ -58,8 +58,8 @@ def _with_defaults(data: dict[str, Any], profile: ImuProfile, source: Path, site
     prior = {name: {"sigma": sigma} for name, sigma in profile.prior_sigmas().items()}
     data = {"site": site.model_dump(exclude_none=True), **data}
     for section, values in (("imu", known), ("prior", prior)):
-        if isinstance(given := data.get(section, {}), dict):
-            data[section] = {**values, **given}
+        if isinstance(entries := data.get(section, {}), dict):
+            data[section] = {**values, **entries}
     return data
 
 
@@ -72,11 +72,11 @@ def _blocks(source: Path, profile: ImuProfile, decoder: FrameDecoder, stage: str
             while data := stream.read(_CHUNK):
                 size += len(data)
                 raw, counts, temperature, status = decoder.samples(decoder.feed(data).frames)
-                kept = count.in_order(raw)
-                if not len(kept):
+                order = count.in_order(raw)
+                if not len(order):
                     continue
-                seq, counts = count.feed(raw[kept]), counts[kept]
-                saturated = (status[kept] & profile.status.saturated) != 0
+                seq, counts = count.feed(raw[order]), counts[order]
+                saturated = (status[order] & profile.status.saturated) != 0
                 saturated |= ((counts <= bounds.low) | (counts >= bounds.high)).any(axis=1)
                 yield SampleBlock(
                     stage,
@@ -86,7 +86,7 @@ def _blocks(source: Path, profile: ImuProfile, decoder: FrameDecoder, stage: str
                     np.full((len(seq), 2), np.nan),
                     np.zeros(len(seq), np.int64),
                     ~saturated & np.isfinite(counts).all(axis=1),
-                    temperature[kept],
+                    temperature[order],
                 )
     except OSError as exc:
         raise InputError("log.unreadable", file=source, reason=os_reason(exc)) from exc

@@ -89,7 +89,7 @@ class StationBench(BenchSettings, Protocol):
 
 
 @contextmanager
-def connected(
+def open_devices(
     setups: tuple[RunConfiguration, ...], check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[Devices]:
     """Open the clock, table and IMUs, identify all devices, and close them on exit; `check_cancelled` may raise.

@@ -10,7 +10,7 @@ from calstation.config import RunConfiguration
 from calstation.connection.devices import Endpoints
 from calstation.connection.identify import has_frames, is_text, line_values
 from calstation.devices import OtherModelError, SampleBatch
-from calstation.devices.codecs import quoted
+from calstation.devices.codecs import quote
 from calstation.devices.imu import FrameDecoder, ImuRefusalError, StreamedImu, TextFrame
 from calstation.devices.links import PortLostError
 from calstation.devices.profiles import CHANNELS, FrameSection, ImuProfile, SerialSettings
@@ -203,7 +203,7 @@ def _checksum_finding(frame: FrameSection, kind: TextFrame, packet: bytes) -> Fi
     right = frame.crc.function()(body[frame.crc.start :])
     values: dict[str, Value] = {
         "line": _quote(line),
-        "told": quoted(stated),
+        "told": quote(stated),
         "kind": frame.crc.kind,
         "start": frame.crc.start,
         "right": f"{right:0{2 * frame.crc.size}X}",
@@ -228,10 +228,10 @@ def _column_finding(frame: FrameSection, kind: TextFrame, packet: bytes) -> Find
         values |= {"field": name, "column": column}
         if column >= len(texts):
             return Finding("line_short", "error", {**values, "count": len(texts)})
-        text = quoted(texts[column].encode("ascii", "replace"))
+        text = quote(texts[column].encode("ascii", "replace"))
         return Finding("line_column", "error", {**values, "text": text})
     return None
 
 
 def _quote(line: bytes) -> str:
-    return quoted(line, _MAX_SHOWN)
+    return quote(line, _MAX_SHOWN)

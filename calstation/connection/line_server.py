@@ -86,7 +86,7 @@ class _Client:
         self._connection, self._patience = connection, patience
         connection.settimeout(_TIMEOUT)
         self._lines: queue.Queue[str] = queue.Queue(buffered)
-        self._dropped, self._ending, self._gone = 0, False, False
+        self._dropped, self._ending, self._is_disconnected = 0, False, False
         self._thread = threading.Thread(target=self._send, name="line-client", daemon=True)
         self._thread.start()
 
@@ -99,7 +99,7 @@ class _Client:
             self._lines.put(line, self._patience > 0.0, self._patience)
         except queue.Full:
             self._dropped += 1
-        return not self._gone
+        return not self._is_disconnected
 
     def finish(self) -> None:
         """End the thread after the buffered lines."""
@@ -123,7 +123,7 @@ class _Client:
                 self._connection.sendall(_dropped(self._dropped).encode())
         except OSError as error:
             logger.info("client disconnected: %s", error)
-        self._gone = True
+        self._is_disconnected = True
         self._connection.close()
 
 

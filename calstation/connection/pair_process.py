@@ -100,8 +100,8 @@ class _Reporter:
         self._begin = float(block.time[0]) if self._begin is None else self._begin
         start = max(self._begin, end - SPAN)
         self._events = [event for event in self._events if event.time >= start]
-        shown = tuple(WatchEvent(e.kind, e.time - start, e.number, e.values) for e in self._events)
-        progress = PairProgress(end - start, SPAN, watch.state, watch.progress, shown)
+        recent_events = tuple(WatchEvent(e.kind, e.time - start, e.number, e.values) for e in self._events)
+        progress = PairProgress(end - start, SPAN, watch.state, watch.progress, recent_events)
         checks = {number: check_values(check) for number, check in watch.checks.items()}
         static = {n: r.static for n, r in watch.calibrated.items() if "calibrated" in watch.verdicts[n].values()}
         self._connection.send(
@@ -151,7 +151,7 @@ def _serve(connection: "Connection[Any, Any]", request: RunRequest) -> None:
     except StoppedError:
         pass
     except OSError:
-        logger.info("the listener has gone")
+        logger.info("the listener disconnected")
     except CalstationError as error:
         with suppress(OSError):
             connection.send(CalstationError(error.code, **error.values))

@@ -45,11 +45,7 @@ def _locked(device: str, port: str) -> Iterator[None]:
     try:
         if not acquire_lock(handle, _LOCK_TIMEOUT):
             raise _in_use_fault(port, handle)
-        owner = {
-            "pid": os.getpid(),
-            "user": computer_user(),
-            "since": datetime.now(UTC).isoformat(timespec="seconds"),
-        }
+        owner = {"pid": os.getpid(), "user": computer_user(), "since": datetime.now(UTC).isoformat(timespec="seconds")}
         os.ftruncate(handle, 0)
         os.lseek(handle, 0, os.SEEK_SET)
         os.write(handle, json.dumps(owner).encode())
@@ -114,8 +110,8 @@ def _addresses(url: str) -> Iterator[str]:
             yield f"{host}:{number}"
             return
         for *_, address in addresses:
-            plain = str(address[0]).partition("%")[0]
-            yield f"{'loopback' if ipaddress.ip_address(plain).is_loopback else plain}:{number}"
+            host_address = str(address[0]).partition("%")[0]
+            yield f"{'loopback' if ipaddress.ip_address(host_address).is_loopback else host_address}:{number}"
 
 
 def _folder() -> Path:

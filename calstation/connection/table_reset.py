@@ -115,9 +115,9 @@ def reset(table: Table) -> TableReset:
     try:
         table.reset_fault()
     except (ModbusRefusalError, TextRefusalError) as exc:
-        left = table.status().fault
-        return TableReset("refused" if left else "cleared", latched, left, str(exc))
+        remaining = table.status().fault
+        return TableReset("refused" if remaining else "cleared", latched, remaining, str(exc))
     deadline = time.monotonic() + _CLEAR_TIMEOUT
-    while (left := table.status().fault) is not None and time.monotonic() < deadline:
+    while (remaining := table.status().fault) is not None and time.monotonic() < deadline:
         time.sleep(_POLL_INTERVAL)
-    return TableReset("stays" if left else "cleared", latched, left)
+    return TableReset("stays" if remaining else "cleared", latched, remaining)

@@ -8,7 +8,7 @@ import numpy as np
 
 from calstation.connection.identify import is_text, line_values
 from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, OtherModelError, TableStatus
-from calstation.devices.codecs import check_bytes, quoted
+from calstation.devices.codecs import check_bytes, quote
 from calstation.devices.links import (
     SOCKETS,
     ModbusRefusalError,
@@ -154,7 +154,7 @@ def _text_finding(
     if not is_text(received):
         values["line"] = profile.serial.line
         return Finding("garbled_text", "error", values, "" if line else "garbled_text_server")
-    return Finding("unlike_text", "error", {**values, "said": quoted(received.strip())})
+    return Finding("unlike_text", "error", {**values, "said": quote(received.strip())})
 
 
 def _has_valid_crc(frame: bytes) -> bool:

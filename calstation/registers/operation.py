@@ -18,7 +18,7 @@ from calstation.config import (
     load_configuration,
     site_folder,
 )
-from calstation.connection import Devices, capture_rest, connected, open_imu_session
+from calstation.connection import Devices, capture_rest, open_devices, open_imu_session
 from calstation.devices import Imu, ImuIdentity
 from calstation.devices.imu import (
     Closing,
@@ -47,11 +47,11 @@ from calstation.registers.unit_registers import unit_registers
 from calstation.registers.verification import finish_restored, finish_verification, verification_step
 from calstation.sequencer import (
     Control,
-    Driving,
     Emit,
     Message,
     Output,
     RunContext,
+    RunDriver,
     RunInBackground,
     Settled,
     Slot,
@@ -261,14 +261,14 @@ def _run_with_turns(active: _ActiveOperation, control: Control, check_cancelled:
     settled: Settled | None = None
     with ExitStack() as stack:
         with _offering_at_rest():
-            devices = stack.enter_context(connected((active.setup,), check_cancelled))
+            devices = stack.enter_context(open_devices((active.setup,), check_cancelled))
         imu = devices.imu
         unchanged = active.settle_unchanged(imu)
         if unchanged is not None:
             return unchanged
         imu.start()
         imu.read()  # discards earlier samples
-        drive = Driving(_context(active, devices, control))
+        drive = RunDriver(_context(active, devices, control))
 
         def write_and_turn() -> State:
             nonlocal settled

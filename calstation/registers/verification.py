@@ -42,7 +42,7 @@ from calstation.physics import (
     rotation_matrix,
 )
 from calstation.records import context_from_meta, prior_from_meta
-from calstation.sequencer import JointDrift, RunInBackground, Turned, VerificationData
+from calstation.sequencer import JointDrift, RunInBackground, TurnData, VerificationData
 
 #: Maximum deviation in standard deviations; noise exceeds it with a probability of about 1e-8.
 SIGMAS = 6.0
@@ -312,7 +312,7 @@ def _check_earth_rate_up(
 
 
 def _check_turn(
-    turned: Turned, net: FloatArray, covariance: FloatArray, context: SolveContext, repeatability: float, noise: float
+    turned: TurnData, net: FloatArray, covariance: FloatArray, context: SolveContext, repeatability: float, noise: float
 ) -> VerificationCheck:
     """Check the angle of a turn about any body axis against the encoder; `net` is free of bias and earth rate, rad."""
     angle, measured = abs(turned.turn.amount), float(np.linalg.norm(net))
@@ -396,7 +396,7 @@ def _raw_output(output: FloatArray, registers: Mapping[str, float] | None) -> Fl
     return np.asarray(raw + effect_errors(registers, output[:, :3], force))
 
 
-def _net_turn(turned: Turned, angle: FloatArray, rests: FloatArray) -> FloatArray:
+def _net_turn(turned: TurnData, angle: FloatArray, rests: FloatArray) -> FloatArray:
     """Return a turn minus the gyro output at rest (bias and earth rate along the axis), rad, shape (3,)."""
     return np.asarray(angle - rests[turned.turn.rest, :3] * turned.seconds)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from calstation import applog
 from calstation.config import RunConfiguration, RunRequest
-from calstation.connection import Devices, connected
+from calstation.connection import Devices, open_devices
 from calstation.devices import Imu
 from calstation.devices.imu import flash_registers
 from calstation.errors import CalstationError, DeviceFaultError
@@ -62,7 +62,7 @@ def _run(units: tuple[PreparedRun, ...]) -> None:
     first = units[0]
     try:
         with (
-            connected(tuple(unit.setup for unit in units), first.control.check_cancelled) as devices,
+            open_devices(tuple(unit.setup for unit in units), first.control.check_cancelled) as devices,
             first.cycle.using(devices.clock),
         ):
             first.hooks.connected(devices)

@@ -21,7 +21,7 @@ from calstation.sequencer.context import (
     UnitTask,
 )
 from calstation.sequencer.control import Command, Control, State, StopReason, StopRequested
-from calstation.sequencer.driving import Driving
+from calstation.sequencer.driving import RunDriver
 from calstation.sequencer.events import (
     LOSSY,
     Event,
@@ -50,4 +50,4 @@ from calstation.sequencer.plan import StagePlan, StopRule, move_time, plan_time,
 from calstation.sequencer.sequencer import Sequencer
 from calstation.sequencer.tasks import corrected_output, table_task, unit_task
 from calstation.sequencer.units import NO_DATA
-from calstation.sequencer.verification_path import JointDrift, Turned, VerificationData
+from calstation.sequencer.verification_path import JointDrift, TurnData, VerificationData

@@ -151,8 +151,8 @@ class Acquisition:
         now = self._clock.now()
         if self._after is not None and self._last_seq is None:
             # The counter and the clock continue from the run that is resumed.
-            after, lost = self._after, round(RESUME_GAP / self._period)
-            self._seq_shift = after.seq + lost + 1 - int(batch.seq[0])
+            after, missing_samples = self._after, round(RESUME_GAP / self._period)
+            self._seq_shift = after.seq + missing_samples + 1 - int(batch.seq[0])
             self._time_shift = after.time + RESUME_GAP + self._period - float(batch.time[0])
         batch = self._with_wraps(batch, now)
         before = int(batch.seq[0]) - 1 if self._last_seq is None else self._last_seq
@@ -252,9 +252,9 @@ class Acquisition:
         mask = self._unit.masks.ready
         if mask:
             ready = np.concatenate([[self._was_ready], batch.status & mask != 0])
-            lost = bool((ready[:-1] & ~ready[1:]).any())
-            self.breaks += lost
-            self.restarts += lost
+            has_lost = bool((ready[:-1] & ~ready[1:]).any())
+            self.breaks += has_lost
+            self.restarts += has_lost
             self._was_ready = bool(ready[-1])
 
     def _angles(self, batch: SampleBatch) -> FloatArray:

@@ -14,7 +14,7 @@ from calstation.sequencer.units import Unit
 from calstation.sequencer.verification_path import (
     Leg,
     Turn,
-    Turned,
+    TurnData,
     VerificationData,
     VerificationPath,
     overturned_angle,
@@ -58,7 +58,7 @@ def verification_data(
     """
     units = tuple(units)
     rests, opposites = [_rest(runner, units)], []
-    parts: list[list[dict[Unit, Turned]]] = [[] for _ in path.turns]
+    parts: list[list[dict[Unit, TurnData]]] = [[] for _ in path.turns]
     position = path.start
     for leg in path.legs if is_reference else path.measured:
         if leg.turn is None:
@@ -80,9 +80,9 @@ def verification_data(
     }
 
 
-def _joined_legs(legs: list[Turned]) -> Turned:
+def _joined_legs(legs: list[TurnData]) -> TurnData:
     """Return the sum of the measured legs of a turn."""
-    return Turned(legs[0].turn, np.sum([leg.integral for leg in legs], axis=0), sum(leg.seconds for leg in legs))
+    return TurnData(legs[0].turn, np.sum([leg.integral for leg in legs], axis=0), sum(leg.seconds for leg in legs))
 
 
 def _rest(runner: StepRunner, units: tuple[Unit, ...]) -> dict[Unit, FloatArray]:
@@ -96,14 +96,14 @@ def _rest(runner: StepRunner, units: tuple[Unit, ...]) -> dict[Unit, FloatArray]
 
 def _turn(
     runner: StepRunner, units: tuple[Unit, ...], turn: Turn, leg: Leg, start: tuple[float, float]
-) -> dict[Unit, Turned]:
+) -> dict[Unit, TurnData]:
     """Measure one leg of a turn from joint angles `start`, rad; if samples are lost, repeat the leg from its start."""
     move, loop = leg.move, runner.control_loop
 
-    def integral(unit: Unit, blocks: list[SampleBlock]) -> Turned:
+    def integral(unit: Unit, blocks: list[SampleBlock]) -> TurnData:
         counts = np.concatenate([block.counts for block in blocks])
         period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
-        return Turned(turn, counts.sum(axis=0) * unit.acquisition.scale * period, period * len(counts))
+        return TurnData(turn, counts.sum(axis=0) * unit.acquisition.scale * period, period * len(counts))
 
     def drive() -> None:
         loop.tick()  # otherwise a gap before the first block would not be detected

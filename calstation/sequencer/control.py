@@ -126,5 +126,5 @@ class Control:
 
     def stuck(self, limit: float) -> bool:
         """Return whether `take` was not called for `limit` s of host time in `ticking`; callable from any thread."""
-        taken = self._last_processed
-        return taken is not None and time.monotonic() - taken > limit
+        processed = self._last_processed
+        return processed is not None and time.monotonic() - processed > limit

@@ -117,9 +117,9 @@ class ControlLoop:
         """
         clock = self.context.clock
         deadline = clock.now() + timeout
-        while waiting := [unit for unit in self.units if not condition(unit)]:
+        while pending := [unit for unit in self.units if not condition(unit)]:
             if clock.now() > deadline:
-                for unit in waiting:
+                for unit in pending:
                     self.units.leave(unit, failure)
                 return
             self.tick()

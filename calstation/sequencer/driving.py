@@ -40,7 +40,7 @@ POLL = 0.05
 logger = logging.getLogger(__name__)
 
 
-class Driving:
+class RunDriver:
     """Operates the table and the units of a run.
 
     Nothing moves outside `run` or before `begin` and `preflight`. `begin` creates `control_loop` and `runner`.

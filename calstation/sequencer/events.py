@@ -107,7 +107,7 @@ class JointsMoved(Event):
 class GimbalTurned(Event):
     """Turn number `index` (from 1) about body axis `axis` by `angle`, rad, is complete.
 
-    The `drift` of the other joints and the `threshold` are in rad; `gain` is α. `complete` tells whether no more turns
+    The `drift` of the other joints and the `threshold` are in rad; `gain` is α. `complete` is True if no more turns
     about the axis follow.
     """
 
@@ -135,8 +135,8 @@ class PositionGuided(Event):
     `stage` is "" while the unit is turned to verify its new registers. `state` is the state of a `Guidance`. `rest` is
     the duration of the rest so far, and `wanted` the required duration, s. `outer` and `inner` are the requested rail
     angles, rad, `outer_before` and `inner_before` the previous ones. `up` is the unit vector opposite to gravity in the
-    body frame, shape (3,), and `done` contains these vectors of all completed positions in sequence. `suffices` tells
-    whether the completed positions determine all parameters of the stage.
+    body frame, shape (3,), and `done` contains these vectors of all completed positions in sequence. `suffices` is True
+    if the completed positions determine all parameters of the stage.
     """
 
     stage: str

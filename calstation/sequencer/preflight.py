@@ -122,8 +122,8 @@ class Preflight:
             self._control_loop.tick()
             cold = tuple(unit for unit in self._units.of(cold) if not warm_ups[unit].done(clock.now()))
             for unit in cold:
-                if (late := warm_ups[unit].late(clock.now())) is not None:
-                    self._units.leave(unit, late)
+                if (timeout_error := warm_ups[unit].timeout_error(clock.now())) is not None:
+                    self._units.leave(unit, timeout_error)
 
     def _check_flow(self) -> dict[Unit, FloatArray]:
         """Record some seconds at rest and return the counts per unit, shape (n, 6). A unit with a gap leaves."""
@@ -189,7 +189,7 @@ class _WarmUp:
             track.popleft()
         return now >= self.end and abs(_slope(track)) <= self._limits.warm_up_slope
 
-    def late(self, now: float) -> DeviceFaultError | None:
+    def timeout_error(self, now: float) -> DeviceFaultError | None:
         """Return the error of a unit whose temperature has not become stable in time, or None."""
         timeout = self._limits.warm_up_timeout
         if self._limits.warm_up_slope is None or now - self._begin <= timeout:
@@ -235,11 +235,11 @@ def _check_turn(
     if len(counts) < 2:
         raise DeviceFaultError("preflight.no_data_in_turn")
     period = (blocks[unit][-1].time[-1] - blocks[unit][0].time[0]) / (len(counts) - 1)
-    turned = (counts[:, :3] * scale[:3] - biases[unit]).sum(axis=0) * period
+    turn = (counts[:, :3] * scale[:3] - biases[unit]).sum(axis=0) * period
     expected = rotation_vector(geometry.body_to_home(*start).T @ geometry.body_to_home(*end))
     size = float(np.linalg.norm(expected))
-    along = float(turned @ expected) / size
-    off = float(np.arctan2(np.linalg.norm(np.cross(turned, expected)) / size, abs(along)))
+    along = float(turn @ expected) / size
+    off = float(np.arctan2(np.linalg.norm(np.cross(turn, expected)) / size, abs(along)))
     if off > limits.direction_tolerance:
         raise DeviceFaultError("preflight.turn_axis", axis=axis, away_deg=float(np.rad2deg(off)))
     if abs(along / size - 1.0) > limits.turn_tolerance + np.deg2rad(0.5) / size:

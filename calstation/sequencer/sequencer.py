@@ -10,7 +10,7 @@ from calstation.estimation import Solution
 from calstation.physics import Dwell, FloatArray, ManualMove, Move, RoundEnd
 from calstation.sequencer.context import Evaluation, Output, RunContext, Solving
 from calstation.sequencer.control import State, StopRequested
-from calstation.sequencer.driving import POLL, Driving
+from calstation.sequencer.driving import POLL, RunDriver
 from calstation.sequencer.events import Message, StageEnded, StageRanked, StageStarted, solution_events
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.plan import StagePlan, StageTrack, plan_time, planned, step_time
@@ -33,11 +33,11 @@ class Sequencer:
         self._context = context
         self._solved_before = len(context.slot.solved)
         self._track: StageTrack | None = None
-        self._drive = Driving(context, self._show_progress)
+        self._drive = RunDriver(context, self._show_progress)
         self._units = self._drive.units
 
     def run(self) -> None:
-        """Prepare, run every stage, judge, and write the registers; see `Driving.run` for errors."""
+        """Prepare, run every stage, judge, and write the registers; see `RunDriver.run` for errors."""
         try:
             error = self._drive.run(self._calibrate)
         finally:

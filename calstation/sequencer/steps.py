@@ -44,7 +44,7 @@ logger = logging.getLogger(__name__)
 DrivenStep: TypeAlias = Move | Dwell | ManualMove | GimbalZero | GimbalTurn
 
 
-class Guiding:
+class OperatorGuide:
     """Guides the operator through the positions of each stage; an interrupted position is requested again.
 
     Invalid samples and samples around a gap are not part of a rest. `requested` contains the rail angles requested
@@ -54,7 +54,7 @@ class Guiding:
     def __init__(self, control_loop: ControlLoop) -> None:
         self._control_loop = control_loop
         self._context = control_loop.context
-        self._shown = ("", 0, -1e9)
+        self._last_shown = ("", 0, -1e9)
         self.requested = (0.0, 0.0)
         self._blocks: list[SampleBlock] = []
         self.begin()
@@ -90,11 +90,11 @@ class Guiding:
 
     def _show(self, step: ManualMove, now: Guidance) -> None:
         """Emit changes immediately, and other updates a few times per second."""
-        state, index, shown = self._shown
+        state, index, shown_at = self._last_shown
         moment = time.monotonic()
-        if (state, index) == (now.state, step.index) and moment - shown < _SHOW:
+        if (state, index) == (now.state, step.index) and moment - shown_at < _SHOW:
             return
-        self._shown = (now.state, step.index, moment)
+        self._last_shown = (now.state, step.index, moment)
         self._context.emit(
             PositionGuided(
                 self._control_loop.tags.stage,
@@ -137,7 +137,7 @@ class StepRunner:
         self.streams = streams
         self.units = control_loop.units
         self.tags = control_loop.tags
-        self.guiding = Guiding(control_loop)
+        self.guiding = OperatorGuide(control_loop)
         self.gimbal = gimbal
         self._context = control_loop.context
         self._limits = self._context.task.geometry.limits

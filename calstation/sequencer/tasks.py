@@ -19,6 +19,8 @@ from calstation.sequencer.plan import StagePlan, StopRule
 def table_task(setup: RunConfiguration) -> Task:
     """Return the motion of the table in a run."""
     load = setup.product.load_angle
+    gimbal_stages = setup.stages if setup.table.gimbal is not None else ()
+    gimbal_steps = (step for stage in gimbal_stages for step in setup.plan(stage))
     return Task(
         stages=tuple(
             StagePlan(stage, partial(setup.plan, stage), _stop_rule(schedule))
@@ -29,7 +31,7 @@ def table_task(setup: RunConfiguration) -> Task:
         latency=setup.table.accuracy.poll_latency_s,
         settle=setup.table.settle_s,
         load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),
-        gimbal_turn=_gimbal_turn(setup),
+        gimbal_turn=next((step for step in gimbal_steps if isinstance(step, GimbalTurn)), None),
     )
 
 
@@ -65,14 +67,6 @@ def corrected_output(setup: RunConfiguration) -> Output:
     if setup.after_registers:
         return Output.ALWAYS
     return Output.NEVER if setup.imu.corrected is None else Output.ON_COMMAND
-
-
-def _gimbal_turn(setup: RunConfiguration) -> GimbalTurn | None:
-    """Return the settings of the turns of a gimbal; None on a table."""
-    if setup.table.gimbal is None:
-        return None
-    steps = (step for stage in setup.stages for step in setup.plan(stage))
-    return next((step for step in steps if isinstance(step, GimbalTurn)), None)
 
 
 def _stop_rule(schedule: BaseModel) -> StopRule:

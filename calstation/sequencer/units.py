@@ -1,4 +1,4 @@
-"""The units of a run, of which a failed one leaves without stopping the others."""
+"""The units of a run; a unit that fails leaves the run without stopping the others."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -33,7 +33,7 @@ class Unit:
     """A unit in a run, with its samples.
 
     If `tolerates_noise` is set, bytes outside frames are treated as silence; otherwise they are an immediate fault.
-    `unverified` tells whether registers of the unit were written but not verified yet.
+    `unverified` is True if registers of the unit were written but not verified yet.
     """
 
     def __init__(self, context: RunContext, slot: Slot, tags: SampleTags) -> None:
@@ -164,7 +164,7 @@ class Units:
         return [unit for unit in units if unit in self._active]
 
     def each(self, work: Callable[[Unit], object], units: Iterable[Unit] | None = None) -> None:
-        """Call `work` for every unit or some units, of which those that fail leave. Raises the error of the last."""
+        """Call `work` for every unit or some units; a unit that fails leaves. Raises the error of the last one."""
         for unit in self if units is None else tuple(units):
             if unit in self._active:
                 with self.attributing_errors_to(unit):

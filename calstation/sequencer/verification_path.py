@@ -135,14 +135,14 @@ class _PathBuilder:
         angle_deg = float(np.rad2deg(_AMOUNTS[-2]))
         raise ConfigurationError("motion.no_turn", axis=JOINTS[joint], angle_deg=angle_deg)
 
-    def extra_quarter(self, turned: float) -> float:
-        """Return the angle of a quarter turn of the outer joint after a turn by `turned`, rad; 0 if there is none.
+    def extra_quarter(self, angle: float) -> float:
+        """Return the angle of a quarter turn of the outer joint after a turn by `angle`, rad; 0 if there is none.
 
         If half a turn or more is followed by this quarter, the turn back begins with gravity perpendicular to the inner
         axis and needs no intermediate stop.
         """
-        quarter = float(np.sign(turned) * _QUARTER_TURN)
-        return quarter if abs(turned) > _HALF_TURN - 1e-9 and self._reaches(OUTER, quarter) else 0.0
+        quarter = float(np.sign(angle) * _QUARTER_TURN)
+        return quarter if abs(angle) > _HALF_TURN - 1e-9 and self._reaches(OUTER, quarter) else 0.0
 
     def go(self, outer: float, inner: float) -> None:
         """Move both joints without measuring a turn."""
@@ -241,7 +241,7 @@ class JointDrift:
 
 
 @dataclass(frozen=True)
-class Turned:
+class TurnData:
     """A measured turn, with the integral of the output over its legs, rad and m/s, shape (6,), and its duration, s."""
 
     turn: Turn
@@ -266,7 +266,7 @@ class VerificationData:
 
     rests: tuple[FloatArray, ...]
     seconds: float
-    turns: tuple[Turned, ...] = ()
+    turns: tuple[TurnData, ...] = ()
     carried: FloatArray = field(default_factory=lambda: np.empty((0, 6)))
     period: float = 0.0
     corrected: bool = False

@@ -55,7 +55,7 @@ def test_output_is_the_true_motion_if_registers_hold_the_true_errors(protocol):
     rng = np.random.default_rng(4)
     rate, force = rng.normal(size=(40, 3)), 9.8 * rng.normal(size=(40, 3))
     counts = measured(entries.rounded(registers), rate, force) / unit.scale
-    values = unit.correction().applied(counts * unit.scale)
+    values = unit.correction().apply(counts * unit.scale)
     np.testing.assert_allclose(values[:, :3], rate, atol=2e-6)
     np.testing.assert_allclose(values[:, 3:], force, atol=2e-5)
 

@@ -94,12 +94,10 @@ def test_gyro_g_sensitivity_matches_the_closed_form() -> None:
 
 
 def test_scalar_effect_sets_the_magnitude_of_all_coefficients_with_random_signs() -> None:
-    found = [
-        Effects(g_sensitivity_dph_g=0.1).drawn(np.random.default_rng(seed)).terms[5:8] / DPH * G for seed in (1, 2)
-    ]
+    found = [Effects(g_sensitivity_dph_g=0.1).draw(np.random.default_rng(seed)).terms[5:8] / DPH * G for seed in (1, 2)]
     assert np.abs(found) == pytest.approx(0.1)
     assert not np.array_equal(*found)
-    others = Effects(accel_off_axis_mm=2.0, accel_cross_ug_g2=3.0).drawn(np.random.default_rng(1))
+    others = Effects(accel_off_axis_mm=2.0, accel_cross_ug_g2=3.0).draw(np.random.default_rng(1))
     assert np.abs(others.off_axis) == pytest.approx(2e-3 * (1.0 - np.eye(3)))
     assert np.abs(others.terms[8:]) == pytest.approx(3.0 * PPM / G * (1.0 - np.eye(3)))
 
@@ -177,7 +175,7 @@ def test_warm_up_drift_and_jumps_match_the_closed_form() -> None:
 
 
 def test_random_walk_grows_with_the_square_root_of_time() -> None:
-    effects = Effects(gyro_random_walk_dph_sqrt_h=6.0).drawn(np.random.default_rng(0))
+    effects = Effects(gyro_random_walk_dph_sqrt_h=6.0).draw(np.random.default_rng(0))
     ends = []
     for seed in range(300):
         walk = Changes(effects, 1.0, np.random.default_rng(seed))

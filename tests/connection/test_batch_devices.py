@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from calstation.config import RunConfiguration, RunRequest, SlotSection, StationConfig, library, prepare_batch
-from calstation.connection import Devices, LinkTestRequest, check_imu_link, connected, devices, link_test_configuration
+from calstation.connection import (
+    Devices,
+    LinkTestRequest,
+    check_imu_link,
+    devices,
+    link_test_configuration,
+    open_devices,
+)
 from calstation.devices.imu import StreamedImu
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.schema import validate
@@ -41,7 +48,7 @@ def refusing(monkeypatch: pytest.MonkeyPatch, *refused: str) -> None:
 
 
 def test_all_units_are_opened_and_all_their_bytes_are_read(setups: tuple[RunConfiguration, ...]) -> None:
-    with connected(setups) as open_:
+    with open_devices(setups) as open_:
         imus = answering(open_)
         assert open_.imu is imus[0]
         assert not open_.failed
@@ -64,7 +71,7 @@ def test_sixteen_units_stay_synchronised_at_full_speed(tmp_path: Path) -> None:
     serials = tuple(f"SN-{number:06d}" for number in range(1, 17))
     station = library.find("stations", "virtual_batch")
     request = RunRequest(serials[0], station, out=tmp_path, serials=serials)
-    with connected(prepare_batch(request)) as open_:
+    with open_devices(prepare_batch(request)) as open_:
         open_.clock.sleep(1.0)
         imus = answering(open_)
         ends = np.array([imu.read().seq[-1] for imu in imus])
@@ -78,7 +85,7 @@ def test_sixteen_units_stay_synchronised_at_full_speed(tmp_path: Path) -> None:
 
 def test_unresponsive_unit_is_left_out(setups: tuple[RunConfiguration, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     refusing(monkeypatch, SERIALS[1])
-    with connected(setups) as open_:
+    with open_devices(setups) as open_:
         assert {index: fault.code for index, fault in open_.failed.items()} == {1: "connection.refused"}
         assert open_.imus[1] is None
         imus = answering(open_)
@@ -91,20 +98,20 @@ def test_fault_of_each_unit_is_reported_if_no_unit_responds(
     setups: tuple[RunConfiguration, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refusing(monkeypatch, *SERIALS)
-    with connected(setups) as open_:
+    with open_devices(setups) as open_:
         assert open_.imus == (None, None, None)
         assert {index: fault.code for index, fault in open_.failed.items()} == dict.fromkeys(
             range(3), "connection.refused"
         )
         open_.clock.sleep(0.4)
-    with raises_code(DeviceFaultError, "connection.refused"), connected(setups[:1]):
+    with raises_code(DeviceFaultError, "connection.refused"), open_devices(setups[:1]):
         raise AssertionError("the only unit does not answer")
 
 
 def test_simulated_time_does_not_wait_for_a_closed_link(
     setups: tuple[RunConfiguration, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with connected(setups) as open_:
+    with open_devices(setups) as open_:
         open_.clock.sleep(0.4)
         first, left, third = answering(open_)
         left.close()

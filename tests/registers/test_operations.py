@@ -185,15 +185,15 @@ def test_stop_without_a_table_leaves_the_transfer_unverified(floor: Floor) -> No
 def current_clock(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """The clock of the current bench, which accepts fault orders."""
     clocks: list[Any] = []
-    connected = register_errand.connected
+    open_devices = register_errand.open_devices
 
     @contextmanager
     def watched(*args: Any) -> Any:
-        with connected(*args) as devices:
+        with open_devices(*args) as devices:
             clocks.append(devices.clock)
             yield devices
 
-    monkeypatch.setattr(register_errand, "connected", watched)
+    monkeypatch.setattr(register_errand, "open_devices", watched)
     return clocks
 
 

@@ -18,7 +18,7 @@ from calstation.physics import NAMES, PARAMETERS, Dwell, FloatArray, JointLimits
 from calstation.registers import AppliedRegisters, verify_output
 from calstation.registers.verification import VerificationCheck
 from calstation.schema import read_toml, validate
-from calstation.sequencer import Turned, VerificationData, mean_at_rest
+from calstation.sequencer import TurnData, VerificationData, mean_at_rest
 from calstation.sequencer.capture import TABLE_REST
 from calstation.sequencer.verification_path import verification_path
 from tests.devices.powered_unit import write_directly
@@ -115,12 +115,12 @@ class Captures:
             if leg.rest or leg.opposite:
                 rest = mean_at_rest(self._output(next(parts), corrected=corrected))
                 (rests if leg.rest else opposites).append(rest)
-        turned = tuple(Turned(*of) for of in zip(path.turns, integrals, seconds, strict=True))
+        turned = tuple(TurnData(*of) for of in zip(path.turns, integrals, seconds, strict=True))
         return VerificationData((*rests, *(opposites if corrected else ())), TABLE_REST, turned, corrected=corrected)
 
     def _output(self, counts: FloatArray, *, corrected: bool) -> FloatArray:
         values = counts * self.scale
-        return self.unit.correction().applied(values) if corrected else values
+        return self.unit.correction().apply(values) if corrected else values
 
     def verified(self, wrong: ImuProfile, values: Mapping[str, float]) -> tuple[VerificationCheck, ...]:
         """Write values by a profile, capture before and after, and compare."""

@@ -53,9 +53,14 @@ def crc16(data: bytes) -> int:
 
 
 def stream_frames(counter: IntArray, counts: FloatArray, temperature: float, status: IntArray) -> bytes:
-    """Build the frames of consecutive samples.
+    """Return the frames of consecutive samples.
 
-    Only the low 16 bits of the counter are sent; NaN is sent as the lowest number.
+    Parameters
+    ----------
+    counter : counter, shape (n,), of which the low 16 bits are sent
+    counts : counts, shape (n, 6); NaN is sent as the lowest number
+    temperature : temperature, °C
+    status : status words, shape (n,)
     """
     frames = np.zeros(len(counter), dtype=STREAM)
     frames["sync"] = STREAM_SYNC
@@ -104,7 +109,7 @@ class Flash:
         return max(images, key=lambda image: image[0])[1] if images else None
 
     def burn(self, content: bytes, power_for: int | None = None) -> None:
-        """Erase the inactive bank and write it. Raises PowerCut after `power_for` bytes unless None."""
+        """Erase the inactive bank and write it. If `power_for` is not None, raises PowerCut after this many bytes."""
         numbers = [image[0] if image is not None else 0 for image in map(self._read, self._banks)]
         bank = int(np.argmin(numbers))
         body = _NUMBER.pack(max(numbers) + 1) + content
@@ -150,7 +155,7 @@ class Correction:
     levers: FloatArray
     cubic: FloatArray = field(default_factory=lambda: np.zeros(3))
 
-    def applied(self, measured: FloatArray) -> FloatArray:
+    def apply(self, measured: FloatArray) -> FloatArray:
         """Return the corrected rate, rad/s, and force, m/s², shape (n, 6), of measured samples, shape (n, 6)."""
         rate = _times(self.gyro, measured[:, :3] - self.before) + self.after
         straight = measured[:, 3:] - self.bias
@@ -272,7 +277,7 @@ class ImuUnit(ABC):
         status |= np.where(output.saturated, SATURATED, 0)
         counts = output.counts[awake]
         if self.corrected or self._config.behind_registers:
-            values = self.correction().applied(counts * self.scale)
+            values = self.correction().apply(counts * self.scale)
             counts = self._requantiser.counts(values, self.scale, carry=self.increments)
         return stream_frames(counter[awake], counts, self.temperature(float(ends[-1])), status[awake])
 

@@ -38,8 +38,8 @@ class BodyMotion:
         number = np.maximum(np.floor(times / self._period), 0.0).astype(np.int64)
         states = np.empty((3, len(times), 3))
         for k in np.unique(number):
-            here = number == k
-            states[:, here] = self._episode(int(k)).states(times[here], up_force, earth)
+            in_episode = number == k
+            states[:, in_episode] = self._episode(int(k)).states(times[in_episode], up_force, earth)
         return states[0], states[1], states[2]
 
     def _make(self, number: int) -> FreeMotion:

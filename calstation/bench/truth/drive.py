@@ -56,13 +56,13 @@ class TableDrive:
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
         """Start moving one joint independently of the other."""
         profile = self.profiles[joint]
-        moved = profile.move(time, target, rate, acceleration)
-        if moved is not profile:
+        next_profile = profile.move(time, target, rate, acceleration)
+        if next_profile is not profile:
             start = profile.target
             error = float(self._repeatability(joint, np.array([start]))[0])
-            drawn = self._encoder.stop_sigma * float(self._random.standard_normal())
-            self._stop_errors[joint] = (start, target, error, drawn)
-            self.profiles[joint] = moved
+            stop_error = self._encoder.stop_sigma * float(self._random.standard_normal())
+            self._stop_errors[joint] = (start, target, error, stop_error)
+            self.profiles[joint] = next_profile
 
     def stop(self, time: float, decelerations: tuple[float, float]) -> None:
         """Decelerate both joints to rest from `time`, s; `decelerations` are in rad/s²."""

@@ -121,7 +121,7 @@ class Effects(BaseModel):
     accel_jump_ug: Axes = 0.0
     jump_at_s: float = 600.0
 
-    def drawn(self, random: np.random.Generator) -> EffectTruth:
+    def draw(self, random: np.random.Generator) -> EffectTruth:
         """Return the effects of one unit, SI, with signs drawn from `random` unless they are specified."""
         signs = random.choice([-1.0, 1.0], (3, 3, 3))
         signs[1:] *= 1.0 - np.eye(3)

@@ -51,9 +51,9 @@ def ideal_increments(
     model = imu.error_model()
     result = np.empty((len(borders) - 1, 6))
     for first in range(0, len(result), _CHUNK):
-        cut = borders[first : first + _CHUNK + 1]
-        width = np.diff(cut)
-        times = (cut[:-1, None] + width[:, None] * _NODES).ravel()
+        chunk = borders[first : first + _CHUNK + 1]
+        width = np.diff(chunk)
+        times = (chunk[:-1, None] + width[:, None] * _NODES).ravel()
         force, rate, acceleration = motion.states(times, field.up_force, field.earth)
         force = force + np.cross(rate, np.cross(rate, mounting.arm)) + np.cross(acceleration, mounting.arm)
         f, w, a = (v @ mounting.turn for v in (force, rate, acceleration))

@@ -113,9 +113,13 @@ def true_increments(
     The output is integrated by Gauss-Legendre quadrature over each sample, split where the commanded acceleration of a
     joint changes. The accelerometers' second-order term acts on the table's motion, not on the base's vibration.
 
-    `field` is the up force (m/s²) and ω_ie (rad/s) in n, shape (2, 3); `outer` and `inner` are segments of the joints'
-    profiles, shape (k, 6). The first sample ends at (first + 1)·interval, s. `base_velocity` is the velocity of the
-    centre of rotation in n at the samples' borders, m/s, shape (n + 1, 3).
+    Parameters
+    ----------
+    model, chain : `ImuTruth.error_model` and `TableTruth.chain`
+    field : up force, m/s², and ω_ie, rad/s, in n, shape (2, 3)
+    outer, inner : segments of the joints' profiles, shape (k, 6), each with its `rest_time`, s
+    first, interval : number of the first sample, which ends at (first + 1) · interval, and interval, s
+    base_velocity : velocity of the centre of rotation in n at the borders of the samples, m/s, shape (n + 1, 3)
     """
     count = base_velocity.shape[0] - 1
     result = np.zeros((count, 6))
@@ -184,11 +188,15 @@ def digitise(
 ) -> tuple[FloatArray, BoolArray]:
     """Add noise to the increments and quantise them; return counts, shape (n, 6), and saturation, shape (n,).
 
-    `increments` are in rad and m/s, shape (n, 6); the noise sigma `white`, the count size `lsb`, the largest count
-    `limit` and `remainder` have shape (6,). `normals` are standard normals for white noise, then the bank, shape
-    (n, 6 or 6 + 6m). The Gauss-Markov bank has `decay`, `driven` and `bias` of shapes (m,), (6, m), (6, m). With
-    `as_rate`, sample means are rounded independently; otherwise increments are rounded with the remainder carried on.
-    Updates `bias` and `remainder` (counts).
+    Parameters
+    ----------
+    increments : increments, rad and m/s, shape (n, 6)
+    normals : standard normals of the white noise and then of the Gauss-Markov bank, shape (n, 6 or 6 + 6m)
+    white, lsb, limit : noise sigma, size of a count and largest count, shape (6,)
+    decay, driven, bias : coefficients and state of the bank, shapes (m,), (6, m), (6, m); `bias` is updated
+    interval : duration of a sample, s
+    as_rate : whether sample means are rounded independently instead of increments with their remainders
+    remainder : remainders of the last increments, counts, shape (6,), which are updated
     """
     count, bank = increments.shape[0], decay.shape[0]
     counts = np.empty((count, 6))

@@ -192,11 +192,11 @@ class ManualRigStream:
         operator.forget(self.produced * self.interval)
         self._free = operator.push(pose, max(time, self._free) + random.uniform(*_REACTION_TIME))
         if random.uniform() < _RETOUCH_FRACTION:
-            rail, way = random.integers(2), random.choice([-1.0, 1.0])
-            written = list(pose)
-            written[rail] += way * _RETOUCH_ANGLE
-            again = self._free + max(random.uniform(0.3, 0.7) * rest, 1.0)
-            self._free = operator.push((written[0], written[1]), again)
+            rail, direction = random.integers(2), random.choice([-1.0, 1.0])
+            retouched = list(pose)
+            retouched[rail] += direction * _RETOUCH_ANGLE
+            retouch_time = self._free + max(random.uniform(0.3, 0.7) * rest, 1.0)
+            self._free = operator.push((retouched[0], retouched[1]), retouch_time)
         self._motion = operator.motion(self._base)
 
     def produce(self, count: int) -> StreamOutput:

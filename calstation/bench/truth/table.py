@@ -66,7 +66,7 @@ def unit_axes(orientation: str) -> FloatArray:
     """
     signs, letters = orientation[::2], orientation[1::2]
     if len(orientation) != 4 or not set(signs) <= set("+-") or len(set(letters) & set("xyz")) != 2:
-        raise ValueError(f"{orientation!r} is no orientation such as +x+z")
+        raise ValueError(f"{orientation!r} is not an orientation such as +x+z")
     axes = np.zeros((3, 3))
     for row, sign, letter in zip((0, 2), signs, letters, strict=True):
         axes[row, "xyz".index(letter)] = 1.0 if sign == "+" else -1.0

@@ -20,4 +20,4 @@ from calstation.devices.codecs.frame_checks import (
     parametric_crc,
 )
 from calstation.devices.codecs.numbers import ByteOrder, Number, NumberName, WordOrder, is_code, number, order_error
-from calstation.devices.codecs.packets import PacketKind, Reply, ReplyKind, quoted, quoted_text, register_text
+from calstation.devices.codecs.packets import PacketKind, Reply, ReplyKind, quote, quote_text, register_text

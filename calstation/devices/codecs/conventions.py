@@ -91,7 +91,7 @@ def to_registers(
     ----------
     sensor : gyro or accel
     values : parameters by contract name, SI
-    slots : slots of the unit's registers; parameters without a slot count as 0
+    slots : slots of the unit's registers; parameters without a slot are 0
     matrix, offset : conventions of the registers of the matrix and the offset
     """
     present = set(slots)

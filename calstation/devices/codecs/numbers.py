@@ -79,12 +79,12 @@ class Number:
     def pack(self, value: float, byte_order: ByteOrder, word_order: WordOrder | None = None) -> bytes:
         """Return the bytes of `value` on the wire; raises ValueError if it is out of range."""
         if self.kind == "f":
-            plain = struct.pack(">f" if self.width == 4 else ">d", self.nearest(value))
+            big_endian = struct.pack(">f" if self.width == 4 else ">d", self.nearest(value))
         else:
-            plain = self._integer(value).to_bytes(self.width, "big", signed=self.kind == "i")
+            big_endian = self._integer(value).to_bytes(self.width, "big", signed=self.kind == "i")
         wire = bytearray(self.width)
         for position, source in enumerate(self._positions(byte_order, word_order)):
-            wire[source] = plain[position]
+            wire[source] = big_endian[position]
         return bytes(wire)
 
     def unpack(self, wire: bytes, byte_order: ByteOrder, word_order: WordOrder | None = None) -> float:
@@ -105,15 +105,15 @@ class Number:
 
         Integers become int64 (u64 wraps around to negative values), and all other numbers float64.
         """
-        plain = wire[:, self._positions(byte_order, word_order)]
+        big_endian = wire[:, self._positions(byte_order, word_order)]
         if self.kind == "f":
-            real = np.ascontiguousarray(plain).view(">f4" if self.width == 4 else ">f8")
+            real = np.ascontiguousarray(big_endian).view(">f4" if self.width == 4 else ">f8")
             with np.errstate(invalid="ignore"):  # a signalling NaN is treated like any NaN
                 return np.asarray(real[:, 0].astype(np.float64))
-        padded = np.zeros((len(plain), 8), dtype=np.uint8)
-        padded[:, 8 - self.width :] = plain
+        padded = np.zeros((len(big_endian), 8), dtype=np.uint8)
+        padded[:, 8 - self.width :] = big_endian
         if self.kind == "i":
-            padded[plain[:, 0] > 127, : 8 - self.width] = 255
+            padded[big_endian[:, 0] > 127, : 8 - self.width] = 255
         if self.fraction == 0:
             return padded.view(">i8")[:, 0].astype(np.int64)
         whole = padded.view(">u8" if self.kind == "u" else ">i8")[:, 0].astype(np.float64)

@@ -35,7 +35,7 @@ class ReplyKind(PacketKind, Protocol):
         """Return the content of a valid packet."""
 
 
-def quoted(data: bytes, length: int = QUOTE_LENGTH) -> str:
+def quote(data: bytes, length: int = QUOTE_LENGTH) -> str:
     r"""Quote the first characters of a byte string, unprintable ones as ``\x00``; "..." marks the omitted rest."""
     text = ""
     for byte in data:
@@ -46,9 +46,9 @@ def quoted(data: bytes, length: int = QUOTE_LENGTH) -> str:
     return text
 
 
-def quoted_text(text: str) -> str:
-    """Quote the first characters of text in which each character is one byte, like `quoted`."""
-    return quoted(text.encode("latin-1", "replace"))
+def quote_text(text: str) -> str:
+    """Quote the first characters of text in which each character is one byte, like `quote`."""
+    return quote(text.encode("latin-1", "replace"))
 
 
 def register_text(words: Iterable[int]) -> str:

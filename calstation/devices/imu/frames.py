@@ -44,7 +44,7 @@ class Samples(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Decoded:
+class DecodedPackets:
     """Sample frames and replies that were completed by new bytes, in order."""
 
     frames: Frames
@@ -76,7 +76,7 @@ class FrameDecoder:
         self.others = 0
         self.since_frame = 0
 
-    def feed(self, data: bytes) -> Decoded:
+    def feed(self, data: bytes) -> DecodedPackets:
         """Return the packets that new bytes complete."""
         buffer = self._buffer + data
         replies: list[Reply] = []
@@ -109,7 +109,7 @@ class FrameDecoder:
             start = len(buffer)
         self._buffer = buffer[start:]
         frames = Frames(tuple(packets), self._frame.columns(packets)) if packets else self._no_frames
-        return Decoded(frames, tuple(replies))
+        return DecodedPackets(frames, tuple(replies))
 
     def samples(self, frames: Frames) -> Samples:
         """Return the samples in complete frames, where counts = raw × scale + offset of the profile's field."""
@@ -144,18 +144,18 @@ class FrameDecoder:
 
     def _packet(self, buffer: bytes, start: int) -> tuple[int | None, PacketKind | None]:
         """Return size and kind of the packet at `start`; the size is None if more bytes are needed."""
-        waiting = False
+        is_incomplete = False
         for kind in self._kinds:
             if not buffer.startswith(kind.sync, start):
                 # Only the last bytes of the buffer can be an incomplete sync.
-                waiting |= kind.sync.startswith(buffer[start : start + len(kind.sync)])
+                is_incomplete |= kind.sync.startswith(buffer[start : start + len(kind.sync)])
                 continue
             size = kind.size(buffer, start)
             if size is None or (size and start + size > len(buffer)):
-                waiting = True
+                is_incomplete = True
             elif size and kind.is_valid(buffer[start : start + size]):
                 return size, kind
-        return (None if waiting else 0), None
+        return (None if is_incomplete else 0), None
 
 
 class _Search:
@@ -164,17 +164,17 @@ class _Search:
     def __init__(self, buffer: bytes, syncs: Iterable[bytes]) -> None:
         self._buffer = buffer
         self._syncs = tuple(syncs)
-        self._found = dict.fromkeys(self._syncs, -1)
+        self._next_index = dict.fromkeys(self._syncs, -1)
 
     def next(self, start: int) -> int:
         """Return the first such index from `start` on, or the buffer's length if there is none."""
         nearest = len(self._buffer)
         for sync in self._syncs:
             # The next index of each sync is cached, because a search from every packet would take quadratic time.
-            if self._found[sync] < start:
+            if self._next_index[sync] < start:
                 at = self._buffer.find(sync, start)
-                self._found[sync] = at if at >= 0 else self._partial(sync, start)
-            nearest = min(nearest, self._found[sync])
+                self._next_index[sync] = at if at >= 0 else self._partial(sync, start)
+            nearest = min(nearest, self._next_index[sync])
         return nearest
 
     def _partial(self, sync: bytes, start: int) -> int:

@@ -72,8 +72,8 @@ class SampleCount:
     def _clock_steps(self, ticks: IntArray) -> IntArray:
         """Return the rounded step in samples to each frame from the previous one; negative if the clock runs back."""
         first = int(ticks[0]) - round(self._per_sample) if self.last is None else self._last_ticks
-        passed = ticks.astype(np.uint64) - np.concatenate(([first], ticks[:-1])).astype(np.uint64)
-        signed = (passed << np.uint64(64 - self._bits)).view(np.int64) >> (64 - self._bits)
+        elapsed_ticks = ticks.astype(np.uint64) - np.concatenate(([first], ticks[:-1])).astype(np.uint64)
+        signed = (elapsed_ticks << np.uint64(64 - self._bits)).view(np.int64) >> (64 - self._bits)
         return np.asarray(np.rint(signed / self._per_sample).clip(-_MAX_STEP, _MAX_STEP).astype(np.int64))
 
     def feed(self, raw: IntArray) -> IntArray:

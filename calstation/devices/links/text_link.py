@@ -3,7 +3,7 @@
 import re
 import time
 
-from calstation.devices.codecs import check_function, quoted_text
+from calstation.devices.codecs import check_function, quote_text
 from calstation.devices.links.dialogue import QUIET_TIME
 from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.profiles import CheckedLines, SerialSettings, TextSection
@@ -166,15 +166,15 @@ class TextLink:
         """Query the table if late replies may arrive, and return whether the next reply belongs to the next line."""
         if self._is_identified() and not self._unanswered:
             return True
-        others = [line for line in self._questions if line not in self._unanswered]
-        line = others[0] if others and self._is_identified() else self._identity
+        other_lines = [line for line in self._questions if line not in self._unanswered]
+        line = other_lines[0] if other_lines and self._is_identified() else self._identity
         reply = self._exchange(line, self._questions[line], strict=True)
         if reply is None:
             return False
         if line == self._identity and reply != (self._identified_as or reply):
             self._close_link()
-            expected = quoted_text(self._identified_as or "")
-            raise DeviceFaultError("table.other_table", port=self._port, found=quoted_text(reply), expected=expected)
+            expected = quote_text(self._identified_as or "")
+            raise DeviceFaultError("table.other_table", port=self._port, found=quote_text(reply), expected=expected)
         self._wait_until_quiet()
         self._unanswered.clear()
         self._needs_identification = False
@@ -199,7 +199,7 @@ class TextLink:
     def _exchange(self, line: str, answer: re.Pattern[str] | None, strict: bool = False) -> str | None:
         """Send a line and return its reply, or None if none arrives in time.
 
-        If `strict`, only replies that match `answer` are accepted; otherwise any reply is if no matching one arrives.
+        If `strict`, only a reply that matches `answer` is accepted, otherwise any reply if no matching reply arrives.
         """
         link = self._send(line)
         deadline = time.monotonic() + self._section.timeout_s
@@ -213,15 +213,15 @@ class TextLink:
                 raise
             received += data
             self.received = data or self.received
-            while (taken := self._framing.reply(line, received)) is not None:
-                text, received = taken
+            while (parsed := self._framing.reply(line, received)) is not None:
+                text, received = parsed
                 if strict:
                     if answer is not None and answer.search(text):
                         return text
                     continue
                 other = text
                 if self._refused and self._refused.search(text):
-                    raise TextRefusalError("table.line_refused", line=line, answer=quoted_text(text))
+                    raise TextRefusalError("table.line_refused", line=line, answer=quote_text(text))
                 if answer is None or answer.search(text):
                     return text
         if answer is not None or other is None:

@@ -145,11 +145,11 @@ class ImuProfile(_ProtocolSections):
         name = data.get("protocol")
         protocol = PROTOCOLS.get(name, ImuProtocol) if isinstance(name, str) else ImuProtocol
         entries = []
-        for given in data["registers"]:
-            entry = given
-            if isinstance(given, dict) and "span" not in given:
+        for entry_data in data["registers"]:
+            entry = entry_data
+            if isinstance(entry_data, dict) and "span" not in entry_data:
                 with suppress(ValueError, TypeError):  # the entry itself reports an unknown type
-                    entry = {**given, "span": protocol.address_span(number(given.get("type", "f32")).width)}
+                    entry = {**entry_data, "span": protocol.address_span(number(entry_data.get("type", "f32")).width)}
             entries.append(entry)
         return {**data, "registers": entries}
 

@@ -156,10 +156,12 @@ class RegisterEntry(ProfileSection):
             if low >= high
         ),
         lambda register: (
-            EntryError("profile.range_beyond_type", "range", low=low, high=high, least=least, most=most, **values)
-            for (low, high), (least, most) in [(register.range, register.bounds)]
+            EntryError(
+                "profile.range_beyond_type", "range", low=low, high=high, least=min_value, most=max_value, **values
+            )
+            for (low, high), (min_value, max_value) in [(register.range, register.bounds)]
             for values in [{"type": register.type, "scale": register.scale}]
-            if low < least * (1 + 1e-6) - 1e-300 or high > most * (1 + 1e-6)
+            if low < min_value * (1 + 1e-6) - 1e-300 or high > max_value * (1 + 1e-6)
         ),
         lambda register: (
             register.convention is not None

@@ -232,8 +232,8 @@ class TableProfile(ProfileSection):
             return self
         if self.modbus is not None and unit is not None and unit == self.modbus.inner_unit:
             raise ConfigurationError("table.unit_of_inner_drive", unit=unit)
-        given = {"timeout_s": timeout_s, "unit": None if self.modbus is None else unit}
-        changed = section.model_copy(update={key: value for key, value in given.items() if value is not None})
+        changes = {"timeout_s": timeout_s, "unit": None if self.modbus is None else unit}
+        changed = section.model_copy(update={key: value for key, value in changes.items() if value is not None})
         return self.model_copy(update={self.section: changed})
 
     def check_continuous_rotation(self, watchdog: float, rates: tuple[float, float], acceleration: float) -> None:

@@ -127,24 +127,20 @@ class StatusBit(ProfileSection):
     )
 
 
-def _is_whole(given: Any) -> bool:
-    return isinstance(given, int) and not isinstance(given, bool)
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
-def _as_bit(given: Any) -> Any:
-    return {"bit": given} if _is_whole(given) else given
-
-
-def _as_writes(given: Any) -> Any:
-    if _is_whole(given):
-        return [{"command": given}]
-    if not isinstance(given, list) or not all(isinstance(w, dict) and len(w) == 1 for w in given):
+def _as_writes(value: Any) -> Any:
+    if _is_whole(value):
+        return [{"command": value}]
+    if not isinstance(value, list) or not all(isinstance(w, dict) and len(w) == 1 for w in value):
         raise EntryError("profile.not_writes")
-    return given
+    return value
 
 
 #: The number of a bit in the statusword, or another source of the flag.
-Bit = Annotated[StatusBit, BeforeValidator(_as_bit)]
+Bit = Annotated[StatusBit, BeforeValidator(lambda value: {"bit": value} if _is_whole(value) else value)]
 
 #: Values that a command writes, in order: the value of the `command` register, or the values of several registers.
 Writes = Annotated[list[dict[str, int]], BeforeValidator(_as_writes), Field(min_length=1)]
@@ -221,24 +217,24 @@ def _of_joints(name: str) -> tuple[str, str]:
 
 
 _OF_DRIVES = DRIVE_REGISTERS + OPTIONAL_DRIVE_REGISTERS
-_KNOWN = (*_OF_DRIVES, *(name for plain in (*_OF_DRIVES, *JOINT_REGISTERS) for name in _of_joints(plain)))
+_KNOWN = (*_OF_DRIVES, *(name for base_name in (*_OF_DRIVES, *JOINT_REGISTERS) for name in _of_joints(base_name)))
 
 
 def _missing_register_errors(profile: "TableProfile") -> Iterator[EntryError]:
     table = profile.map
-    for plain in (*JOINT_REGISTERS, *_OF_DRIVES):
-        present = [name for name in _of_joints(plain) if name in table.registers]
-        missing = [name for name in _of_joints(plain) if name not in present]
-        if missing and plain in JOINT_REGISTERS and plain not in OPTIONAL_JOINT_REGISTERS:
+    for base_name in (*JOINT_REGISTERS, *_OF_DRIVES):
+        present = [name for name in _of_joints(base_name) if name in table.registers]
+        missing = [name for name in _of_joints(base_name) if name not in present]
+        if missing and base_name in JOINT_REGISTERS and base_name not in OPTIONAL_JOINT_REGISTERS:
             yield EntryError("entry.missing", "registers", missing[0])
-        if present and plain in table.registers:
-            yield EntryError("profile.same_register_twice", "registers", present[0], other=plain)
+        if present and base_name in table.registers:
+            yield EntryError("profile.same_register_twice", "registers", present[0], other=base_name)
         if present and missing:
             yield EntryError("profile.needed_by", "registers", missing[0], owner=f"registers.{present[0]}")
-        if plain in DRIVE_REGISTERS and not table.names(plain):
-            yield EntryError("profile.drive_register_missing", "registers", plain, name=plain)
-        if plain in DRIVE_REGISTERS and plain in table.registers and table.has_inner_drive:
-            yield EntryError("profile.one_register_of_two_drives", "registers", plain, name=plain)
+        if base_name in DRIVE_REGISTERS and not table.names(base_name):
+            yield EntryError("profile.drive_register_missing", "registers", base_name, name=base_name)
+        if base_name in DRIVE_REGISTERS and base_name in table.registers and table.has_inner_drive:
+            yield EntryError("profile.one_register_of_two_drives", "registers", base_name, name=base_name)
     for name, other in (("outer_low", "outer_high"), ("outer_high", "outer_low")):
         if name in table.registers and other not in table.registers:
             yield EntryError("profile.needed_by", "registers", other, owner=f"registers.{name}")
@@ -256,12 +252,12 @@ def _overlap_errors(profile: "TableProfile") -> Iterator[EntryError]:
 
 
 def _type_errors(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
-    plain = name.removeprefix("outer_").removeprefix("inner_")
-    if plain in TEXTS and register.type != "text":
+    base_name = name.removeprefix("outer_").removeprefix("inner_")
+    if base_name in TEXTS and register.type != "text":
         yield EntryError("profile.register_is_text", "type", type=register.type)
-    if plain not in TEXTS and register.type == "text":
+    if base_name not in TEXTS and register.type == "text":
         yield EntryError("profile.register_is_number", "type", type=register.type)
-    if plain in WORDS and (not register.number.is_integer or register.scale != 1.0):
+    if base_name in WORDS and (not register.number.is_integer or register.scale != 1.0):
         yield EntryError("profile.register_is_word")
 
 
@@ -311,15 +307,15 @@ def _command_errors(profile: "TableProfile") -> Iterator[EntryError]:
 
 def _sign_errors(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
     """Yield the errors of angles that are sent and read in different senses, and of negative magnitudes."""
-    joint, _, plain = name.partition("_")
-    if plain not in JOINT_REGISTERS:
+    joint, _, base_name = name.partition("_")
+    if base_name not in JOINT_REGISTERS:
         return
-    if plain in MAGNITUDES and register.scale < 0.0:
+    if base_name in MAGNITUDES and register.scale < 0.0:
         yield EntryError("profile.negative_magnitude", "scale", scale=register.scale)
     turns = profile.map.commands.rate is not None and name in profile.map.rate_registers()
     other = f"{joint}_position"
-    if register.scale * profile.registers[other].scale <= 0.0 and (plain not in MAGNITUDES or turns):
-        code = "profile.turn_rate_needed" if plain in MAGNITUDES else "profile.opposite_sense"
+    if register.scale * profile.registers[other].scale <= 0.0 and (base_name not in MAGNITUDES or turns):
+        code = "profile.turn_rate_needed" if base_name in MAGNITUDES else "profile.opposite_sense"
         values = {"other": f"registers.{other}", "its": profile.registers[other].scale}
         yield EntryError(code, "scale", joint=joint, scale=register.scale, **values)
 
@@ -334,20 +330,20 @@ def _watchdog_errors(profile: "TableProfile") -> Iterator[EntryError]:
 
 
 def _range_errors(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
-    joint, _, plain = name.partition("_")
-    if plain not in JOINT_REGISTERS:
+    joint, _, base_name = name.partition("_")
+    if base_name not in JOINT_REGISTERS:
         return
-    section, limit = {"outer": profile.outer, "inner": profile.inner}[joint], JOINT_REGISTERS[plain]
+    section, limit = {"outer": profile.outer, "inner": profile.inner}[joint], JOINT_REGISTERS[base_name]
     rate, acceleration = section.max_rate_dps, section.max_acceleration_dps2
     limits = {"travel": (section.low_deg, section.high_deg), "rate": (-rate, rate)}
     low, high = limits.get(limit, (-acceleration, acceleration))
-    low = 0.0 if plain in MAGNITUDES else low
-    least, most = register.bounds
-    if low < least or high > most:
-        values = {"type": register.type, "scale": register.scale, "least": least, "most": most}
+    low = 0.0 if base_name in MAGNITUDES else low
+    min_value, max_value = register.bounds
+    if low < min_value or high > max_value:
+        values = {"type": register.type, "scale": register.scale, "least": min_value, "most": max_value}
         yield EntryError(f"profile.narrower_than_{limit}", joint=joint, low=low, high=high, **values)
     sigma = profile.accuracy.encoder_sigma_deg
-    if plain in ("position", "target") and register.step > _MAX_STEP * sigma:
+    if base_name in ("position", "target") and register.step > _MAX_STEP * sigma:
         yield EntryError("profile.angle_too_coarse", step=register.step, sigma=sigma)
 
 

@@ -33,16 +33,16 @@ class CommandLines(ProfileSection):
     heartbeat: list[str] = Field(default_factory=list)
 
     rules: ClassVar[Rules["CommandLines"]] = (
-        lambda s: (error for name, lines in s.given.items() for error in _line_errors(lines, name)),
+        lambda s: (error for name, lines in s.by_command.items() for error in _line_errors(lines, name)),
         lambda s: (
             EntryError("profile.same_lines", b, other=a)
-            for a, b in combinations(s.given, 2)
-            if s.given[a] == s.given[b] and {a, b} not in _EQUAL_ALLOWED
+            for a, b in combinations(s.by_command, 2)
+            if s.by_command[a] == s.by_command[b] and {a, b} not in _EQUAL_ALLOWED
         ),
     )
 
     @property
-    def given(self) -> dict[str, list[str]]:
+    def by_command(self) -> dict[str, list[str]]:
         """Lines of each command that has lines."""
         return {name: lines for name, lines in self if lines}
 
@@ -89,15 +89,13 @@ def _check_query_line(line: str) -> str:
     return line
 
 
-def _check_groups(pattern: str) -> str:
-    return require(pattern, re.compile(pattern).groupindex, "profile.no_named_group")
-
-
 class Query(StrictModel):
     """A query, which is sent for each axis if it contains {axis}, and the pattern of its reply."""
 
     send: Annotated[str, Field(min_length=1), AfterValidator(_check_query_line)]
-    answer: Annotated[Pattern, AfterValidator(_check_groups)]
+    answer: Annotated[
+        Pattern, AfterValidator(lambda text: require(text, re.compile(text).groupindex, "profile.no_named_group"))
+    ]
 
     @property
     def groups(self) -> Mapping[str, int]:

@@ -226,18 +226,18 @@ class RegisterTable(Table):
 
     def _write_each_drive(self, writes: list[tuple[str, int]]) -> None:
         """Write to every drive that replies, then raise the first DeviceFaultError."""
-        lost: dict[int | None, DeviceFaultError] = {}
+        failed: dict[int | None, DeviceFaultError] = {}
         for name, raw in writes:
             for register_name in self._map.names(name):
                 unit = self._unit(register_name)
-                if unit in lost:
+                if unit in failed:
                     continue
                 try:
                     self._write_register(register_name, raw)
                 except DeviceFaultError as exc:
-                    lost[unit] = exc
-        if lost:
-            raise next(iter(lost.values()))
+                    failed[unit] = exc
+        if failed:
+            raise next(iter(failed.values()))
 
     def _write_registers(self, name: str, raw: int, repeat: bool = True) -> None:
         for register_name in self._map.names(name):

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calstation.devices.codecs import quoted_text
+from calstation.devices.codecs import quote_text
 from calstation.devices.interfaces import (
     LOCAL_CONTROL,
     UNKNOWN_FAULT,
@@ -157,7 +157,7 @@ class TextTable(Table):
     def _read(self, name: str, reply: str) -> dict[str, str]:
         match = self._patterns[name].search(reply)
         if match is None:
-            line, answer = self._text.queries[name].send, quoted_text(reply)
+            line, answer = self._text.queries[name].send, quote_text(reply)
             raise UnexpectedReplyError("table.unexpected_answer", line=line, answer=answer, query=name)
         return {group: value for group, value in match.groupdict().items() if value is not None}
 
@@ -189,8 +189,8 @@ class TextTable(Table):
         return JointLimits((low[0], low[-1]), (high[0], high[-1]), self._limits.rate, self._limits.acceleration)
 
     def _is_settled(self, angles: FloatArray, moving: bool) -> bool:
-        near = self._angles is not None and bool(np.all(np.abs(angles - self._angles) <= self._text.settled_deg))
-        self._resting_polls = self._resting_polls + 1 if near and not moving else 0
+        is_near = self._angles is not None and bool(np.all(np.abs(angles - self._angles) <= self._text.settled_deg))
+        self._resting_polls = self._resting_polls + 1 if is_near and not moving else 0
         self._angles = angles
         return self._resting_polls >= self._text.settled_polls
 

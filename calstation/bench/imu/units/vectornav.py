@@ -63,7 +63,7 @@ class VectorNavUnit(ImuUnit):
         values = np.clip(output.counts[awake] * self.scale, -_RANGES, _RANGES)
         heat = np.full((len(values), 1), self.temperature(float(ends[-1])))
         if self.corrected:
-            values = self.correction().applied(values)
+            values = self.correction().apply(values)
             frames["values"] = np.hstack([heat, values[:, 3:], values[:, :3]])
         else:
             frames["values"] = np.hstack([values[:, 3:], values[:, :3], heat])

@@ -125,9 +125,9 @@ class FramedImu(RegisteredImu):
 
     def _transfers(self, entry: RegisterEntry) -> list[tuple[int, int, int]]:
         """Return the address, index of the first number, and count of each transfer of an entry."""
-        most = min(_VALUES_PER_TRANSFER, (_PAYLOAD - 3) // number(entry.type).width)
+        max_count = min(_VALUES_PER_TRANSFER, (_PAYLOAD - 3) // number(entry.type).width)
         total = len(entry.names)
-        return [(entry.address_of(begin), begin, min(most, total - begin)) for begin in range(0, total, most)]
+        return [(entry.address_of(begin), begin, min(max_count, total - begin)) for begin in range(0, total, max_count)]
 
     def _format(self, codes: str) -> str:
         return ("<" if self._profile.frame.byte_order == "little" else ">") + codes
