@@ -20,9 +20,9 @@ class PageDriver:
 
     def find(self, kind: type, name: str) -> Any:
         """Return the widget with a name; of several, the visible one."""
-        found = self.root.findChildren(kind, name)
-        assert found, name
-        return next((widget for widget in found if widget.isVisible()), found[0])
+        widgets = self.root.findChildren(kind, name)
+        assert widgets, name
+        return next((widget for widget in widgets if widget.isVisible()), widgets[0])
 
     def show_section(self, section: int) -> None:
         """Choose a section."""

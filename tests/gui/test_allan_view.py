@@ -37,10 +37,10 @@ def page(window: MainWindow, shared_runs: SharedRuns, tmp_path: Path, qtbot: QtB
     """The page with the log of azimuth flips."""
     ended = shared_runs.copy("rests", tmp_path / "run", flips)
     window.show_page("offline_page")
-    made = window.offline_page
-    made.open(Path(ended.log))
-    qtbot.waitUntil(lambda: made.log is not None, timeout=WAIT)
-    return made
+    offline_page = window.offline_page
+    offline_page.open(Path(ended.log))
+    qtbot.waitUntil(lambda: offline_page.log is not None, timeout=WAIT)
+    return offline_page
 
 
 def press(page: OfflinePage, name: str, qtbot: QtBot) -> None:

@@ -44,13 +44,13 @@ def test_black_on_white_has_the_largest_contrast() -> None:
 
 
 def test_text_has_sufficient_contrast(colours: theme.Colours) -> None:
-    found = {pair: contrast(*(getattr(colours, role) for role in pair)) for pair in TEXT}
-    assert not {pair: ratio for pair, ratio in found.items() if ratio < 4.5}
+    ratios = {pair: contrast(*(getattr(colours, role) for role in pair)) for pair in TEXT}
+    assert not {pair: ratio for pair, ratio in ratios.items() if ratio < 4.5}
 
 
 def test_lines_have_sufficient_contrast(colours: theme.Colours) -> None:
-    found = {pair: contrast(*(getattr(colours, role) for role in pair)) for pair in LINES}
-    assert not {pair: ratio for pair, ratio in found.items() if ratio < 3.0}
+    ratios = {pair: contrast(*(getattr(colours, role) for role in pair)) for pair in LINES}
+    assert not {pair: ratio for pair, ratio in ratios.items() if ratio < 3.0}
 
 
 def test_plot_axes_have_sufficient_contrast(colours: theme.Colours) -> None:
@@ -60,7 +60,7 @@ def test_plot_axes_have_sufficient_contrast(colours: theme.Colours) -> None:
 
 
 def test_every_text_role_of_the_palette_has_sufficient_contrast(colours: theme.Colours) -> None:
-    made, roles = theme.palette(colours), QPalette.ColorRole
+    palette, roles = theme.palette(colours), QPalette.ColorRole
     pairs = [
         (roles.WindowText, roles.Window),
         (roles.Text, roles.Base),
@@ -73,4 +73,4 @@ def test_every_text_role_of_the_palette_has_sufficient_contrast(colours: theme.C
     ]
     for group in (QPalette.ColorGroup.Active, QPalette.ColorGroup.Inactive, QPalette.ColorGroup.Disabled):
         for text, background in pairs:
-            assert contrast(made.color(group, text), made.color(group, background)) >= 4.5, (group, text)
+            assert contrast(palette.color(group, text), palette.color(group, background)) >= 4.5, (group, text)

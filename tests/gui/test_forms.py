@@ -50,7 +50,7 @@ class FormDriver(PageDriver):
         columns = [model.headerData(i, across) for i in range(model.columnCount())]
         return model.index(rows.index(row), columns.index(column))
 
-    def shown(self, row: str, column: str) -> str:
+    def cell_text(self, row: str, column: str) -> str:
         """Return the text of a cell."""
         return str(self.index(row, column).data()).strip()
 
@@ -89,8 +89,8 @@ class FormDriver(PageDriver):
 
     def problems(self) -> list[str]:
         """Return the messages below the form."""
-        found = self.find(QListWidget, "problems_list")
-        return [found.item(i).text() for i in range(found.count()) if found.isVisible()]
+        problem_list = self.find(QListWidget, "problems_list")
+        return [problem_list.item(i).text() for i in range(problem_list.count()) if problem_list.isVisible()]
 
     def save(self) -> str:
         """Save, and return the text of the stored file."""
@@ -123,11 +123,11 @@ def shipped(kind: str, name: str) -> str:
 
 def test_limits_are_edited_in_display_units_and_saved_in_si(forms: FormDriver) -> None:
     forms.open("products", "nav_a", "Limits")
-    assert forms.shown("gyro bias", "Unit") == "°/h"
-    assert forms.shown("gyro bias", "Lowest") == "−3.09397"
-    assert forms.shown("gyro scale factor", "Sigma below") == "4"
+    assert forms.cell_text("gyro bias", "Unit") == "°/h"
+    assert forms.cell_text("gyro bias", "Lowest") == "−3.09397"
+    assert forms.cell_text("gyro scale factor", "Sigma below") == "4"
     forms.enter("gyro bias", "Highest", "2.5")
-    assert forms.shown("gyro bias", "Lowest") == "−2.5", "one number in the file stands for both ends"
+    assert forms.cell_text("gyro bias", "Lowest") == "−2.5", "one number in the file stands for both ends"
     forms.enter("gyro scale factor", "Lowest", "-1000")
     text = forms.save()
     before = shipped("products", "nav_a")
@@ -136,9 +136,9 @@ def test_limits_are_edited_in_display_units_and_saved_in_si(forms: FormDriver) -
     assert len(text.splitlines()) == len(before.splitlines()), "all comments are kept"
     assert versions.list_versions("products", "nav_a")[0].author == forms.page.drafts.author
     forms.page.drafts.reload()
-    assert forms.shown("gyro bias", "Highest") == "2.5"
-    assert forms.shown("gyro scale factor", "Lowest") == "−1000"
-    assert forms.shown("gyro scale factor", "Highest") == "1500"
+    assert forms.cell_text("gyro bias", "Highest") == "2.5"
+    assert forms.cell_text("gyro scale factor", "Lowest") == "−1000"
+    assert forms.cell_text("gyro scale factor", "Highest") == "1500"
 
 
 @pytest.mark.parametrize(("kind", "name"), [("products", "nav_a"), ("imus", "dsp_modbus"), ("imus", "stim300")])
@@ -230,13 +230,16 @@ def test_typing_in_a_selected_cell_replaces_its_value(forms: FormDriver) -> None
 
 def test_noise_is_entered_in_data_sheet_units(forms: FormDriver) -> None:
     forms.open("imus", "bench_nav", "Noise")
-    assert (forms.shown("angle random walk", "Value"), forms.shown("angle random walk", "Unit")) == ("0.001", "°/√h")
+    assert (forms.cell_text("angle random walk", "Value"), forms.cell_text("angle random walk", "Unit")) == (
+        "0.001",
+        "°/√h",
+    )
     forms.enter("angle random walk", "Value", "0.002")
     forms.enter("velocity random walk", "Value", "10")
     forms.enter("gyro bias instability", "Value", "0.01")
-    assert forms.shown("gyro, one count (LSB)", "Unit") == "″"
+    assert forms.cell_text("gyro, one count (LSB)", "Unit") == "″"
     forms.select("output", "Value", "mean rate over the sample")
-    assert forms.shown("gyro, one count (LSB)", "Unit") == "°/h"
+    assert forms.cell_text("gyro, one count (LSB)", "Unit") == "°/h"
     forms.enter("sample rate", "Value", "0")
     assert forms.problems() == ["Sample rate, Value (Hz): Out of range; it must be greater than 0."]
     forms.enter("sample rate", "Value", "400")
@@ -252,7 +255,7 @@ def test_noise_is_entered_in_data_sheet_units(forms: FormDriver) -> None:
 
 def test_priors_and_their_drift_are_edited_in_one_table(forms: FormDriver) -> None:
     forms.open("imus", "bench_mems", "Priors")
-    assert forms.shown("accel bias", "Change in a year, sigma") == "2039.43"
+    assert forms.cell_text("accel bias", "Change in a year, sigma") == "2039.43"
     forms.enter("accel bias", "Prior sigma", "5000")
     forms.choose("priors_add_combo", "gyro bias y")
     forms.press("priors_add_button")
@@ -270,7 +273,7 @@ def test_priors_and_their_drift_are_edited_in_one_table(forms: FormDriver) -> No
 
 def test_registers_are_edited_moved_added_and_removed_with_their_comments(forms: FormDriver) -> None:
     forms.open("imus", "dsp_modbus", "Registers")
-    assert forms.shown("4", "Unit") == "µg"
+    assert forms.cell_text("4", "Unit") == "µg"
     contents = str(forms.index("3", "Contents").data(Qt.ItemDataRole.ToolTipRole))
     assert contents.endswith("accel_matrix_zz"), "the whole list, which is too long for the column"
     forms.select("1", "Matrix by", "rows")
@@ -283,9 +286,9 @@ def test_registers_are_edited_moved_added_and_removed_with_their_comments(forms:
     assert forms.table.currentIndex().row() == 0
     assert not forms.find(QPushButton, "registers_up_button").isEnabled()
     forms.press("registers_add_button")
-    assert forms.shown("7", "Address") == "227"
+    assert forms.cell_text("7", "Address") == "227"
     forms.enter("7", "Contents", "g_sensitivity")
-    assert forms.shown("7", "Unit") == "°/h/g"
+    assert forms.cell_text("7", "Unit") == "°/h/g"
     text = forms.save()
     registers = tomllib.loads(text)["registers"]
     before = tomllib.loads(shipped("imus", "dsp_modbus"))["registers"]
@@ -339,7 +342,7 @@ def test_form_and_text_stay_synchronised(forms: FormDriver) -> None:
     assert "within = 0.03\n" in forms.text
     forms.page.profiles.editor.setPlainText(forms.text.replace("[limits.inner_lever]", "[limits.inner_lever_x]"))
     forms.show_view("Limits")
-    assert forms.shown("inner lever arm x", "Highest") == "30"
+    assert forms.cell_text("inner lever arm x", "Highest") == "30"
 
 
 def test_invalid_text_disables_the_form(forms: FormDriver) -> None:
@@ -360,7 +363,7 @@ def test_invalid_text_disables_the_form(forms: FormDriver) -> None:
     forms.page.profiles.editor.setPlainText(right)
     assert forms.table.isEnabled()
     assert not label.isVisible()
-    assert forms.shown("inner lever arm", "Highest") == "24"
+    assert forms.cell_text("inner lever arm", "Highest") == "24"
 
 
 def test_clicking_a_problem_outside_the_form_opens_the_text(forms: FormDriver) -> None:

@@ -23,7 +23,7 @@ from calstation.gui.text import language
 from calstation.records import OnlineDifference, append_resolve, resolve_file
 from calstation.results import load_result
 from tests.gui import test_history_page as base
-from tests.gui.test_history_page import NOW, WAIT, button, rows, select_row, shown, visible_texts, write_run
+from tests.gui.test_history_page import NOW, WAIT, button, listed_runs, rows, select_row, visible_texts, write_run
 from tests.results.test_resolves import RECORD
 
 pytestmark = pytest.mark.timeout(120)
@@ -45,9 +45,9 @@ def runs(folder: Path) -> dict[str, Path]:
 
 def combo(page: HistoryPage, name: str) -> QComboBox:
     """Return a combo box by its name."""
-    found = page.findChild(QComboBox, f"history_{name}_combo")
-    assert isinstance(found, QComboBox)
-    return found
+    widget = page.findChild(QComboBox, f"history_{name}_combo")
+    assert isinstance(widget, QComboBox)
+    return widget
 
 
 def choose(page: HistoryPage, name: str, text: str) -> None:
@@ -90,7 +90,7 @@ def compare(page: HistoryPage, rows: tuple[int, ...], qtbot: QtBot) -> QTableVie
 
 
 def test_filters_list_the_values_of_the_runs(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     offered = {
         name: [combo(page, name).itemText(i) for i in range(combo(page, name).count())]
         for name in ("product", "station", "operator")
@@ -103,7 +103,7 @@ def test_filters_list_the_values_of_the_runs(page: HistoryPage, runs: dict[str, 
 
 
 def test_filters_are_combined_and_cleared(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     assert count(page) == "5 runs"
     assert not button(page, "history_clear_button").isVisible()
     choose(page, "outcome", "PARTIAL")
@@ -135,7 +135,7 @@ def test_calendar_dates_are_local_days(page: HistoryPage, folder: Path, qtbot: Q
     write_run(folder, "SN-000099", "passed", NOW - before)
     after = datetime(day.year, day.month, day.day, 23, 59).astimezone() + timedelta(minutes=1)
     write_run(folder, "SN-000100", "passed", NOW - after)
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     first, last = (page.findChild(QDateEdit, f"history_{name}_edit") for name in ("from", "to"))
     assert first.date() == QDate(before.year, before.month, before.day), "the dates of all runs"
     assert last.date() == QDate.currentDate()
@@ -162,7 +162,7 @@ def test_number_of_matching_runs_is_shown(
     page: HistoryPage, runs: dict[str, Path], monkeypatch: pytest.MonkeyPatch, qtbot: QtBot
 ) -> None:
     monkeypatch.setattr("calstation.gui.history.page._MAX_RUNS", 2)
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     assert len(rows(page)) == 2
     assert count(page) == "5 runs, 2 shown"
     choose(page, "outcome", "PASS")
@@ -173,7 +173,7 @@ def test_number_of_matching_runs_is_shown(
 
 
 def test_selected_runs_are_compared_side_by_side(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     assert button(page, "history_compare_button").toolTip() == "Select 2 to 8 runs with Ctrl or Shift"
     table = compare(page, (0, 2, 4), qtbot)
     model = table.model()
@@ -192,11 +192,11 @@ def test_selected_runs_are_compared_side_by_side(page: HistoryPage, runs: dict[s
     ]
     assert [model.index(0, k).data(Qt.ItemDataRole.UserRole) for k in (5, 8)] == ["caution", "caution"]
     plot = page._comparison.plot
-    drawn = [item for item in plot.getPlotItem().items if hasattr(item, "points")]
-    assert [[point.pos().x() for point in item.points()] for item in drawn] == [
+    symbols = [item for item in plot.getPlotItem().items if hasattr(item, "points")]
+    assert [[point.pos().x() for point in item.points()] for item in symbols] == [
         [pytest.approx(value)] for value in (0.5 / 3.0, 5.0 / 3.0, 1.0 / 3.0)
     ]
-    assert len({item.opts["symbol"] for item in drawn}) == 3
+    assert len({item.opts["symbol"] for item in symbols}) == 3
     qtbot.mouseClick(button(page, "comparison_back_button"), Qt.MouseButton.LeftButton)
     assert page.table.isVisible()
     assert len(page.table.selected_runs) == 3
@@ -213,7 +213,7 @@ def test_value_missing_in_one_run_has_no_difference(page: HistoryPage, folder: P
         checks=[],
         parameters={"gyro_bias_x": {"value": 4e-8, **rest}, "gyro_bias_y": {"value": 0.0, **rest}},
     )
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     model = compare(page, (0, 1), qtbot).model()
     assert [model.index(row, 5).data() for row in (0, 1)] == ["+2.83", "–"]
     assert [model.index(row, 5).data(Qt.ItemDataRole.UserRole) for row in (0, 1)] == [None, None]
@@ -222,7 +222,7 @@ def test_value_missing_in_one_run_has_no_difference(page: HistoryPage, folder: P
 
 def test_incomplete_run_is_not_compared(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     base.write_dead_log(runs["new"].parent)
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     select_row(page, 0, qtbot)
     ctrl_click(page, 1, qtbot)
     compare_button = button(page, "history_compare_button")
@@ -231,7 +231,7 @@ def test_incomplete_run_is_not_compared(page: HistoryPage, runs: dict[str, Path]
 
 
 def test_deleted_run_is_not_compared(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     runs["new"].unlink()
     select_row(page, 1, qtbot)
     ctrl_click(page, 0, qtbot)
@@ -242,7 +242,7 @@ def test_deleted_run_is_not_compared(page: HistoryPage, runs: dict[str, Path], q
 
 
 def test_filtered_list_is_exported(page: HistoryPage, runs: dict[str, Path], tmp_path: Path, qtbot: QtBot) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     choose(page, "product", "nav-a")
     assert button(page, "history_export_button").text() == "Export list…"
     save_as(page, tmp_path / "runs.csv", qtbot)
@@ -260,7 +260,7 @@ def test_filtered_list_is_exported(page: HistoryPage, runs: dict[str, Path], tmp
 def test_only_selected_runs_are_exported(
     page: HistoryPage, runs: dict[str, Path], tmp_path: Path, qtbot: QtBot
 ) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     select_row(page, 1, qtbot)
     ctrl_click(page, 3, qtbot)
     assert button(page, "history_export_button").text() == "Export selection…"
@@ -270,7 +270,7 @@ def test_only_selected_runs_are_exported(
 
 
 def test_a_failed_export_is_reported(page: HistoryPage, runs: dict[str, Path], tmp_path: Path, qtbot: QtBot) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     save_as(page, tmp_path / "missing" / "runs.csv", qtbot)
     assert page.notice.title_label.text() == "The export failed"
     assert "cannot be written" in page.notice.text_label.text()
@@ -279,14 +279,14 @@ def test_a_failed_export_is_reported(page: HistoryPage, runs: dict[str, Path], t
 def test_selection_is_kept_when_the_list_is_updated(
     page: HistoryPage, runs: dict[str, Path], folder: Path, qtbot: QtBot
 ) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     select_row(page, 1, qtbot)
     ctrl_click(page, 3, qtbot)
-    chosen = [run.log for run in page.table.selected_runs]
+    selected = [run.log for run in page.table.selected_runs]
     write_run(folder, "SN-000009", "passed", timedelta(minutes=1))
     page.refresh()
     qtbot.waitUntil(lambda: not page.busy and rows(page)[0][0] == "SN-000009", timeout=WAIT)
-    assert [run.log for run in page.table.selected_runs] == chosen
+    assert [run.log for run in page.table.selected_runs] == selected
     page.table.selectionModel().clearSelection()
     page.table.selectionModel().clearCurrentIndex()
     page.show_runs()
@@ -296,7 +296,7 @@ def test_selection_is_kept_when_the_list_is_updated(
 def test_stopped_and_partial_runs_are_not_shown_as_passed(
     page: HistoryPage, runs: dict[str, Path], qtbot: QtBot
 ) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     for row, serial, verdict in ((3, "SN-000003", "STOPPED"), (1, "SN-000002", "PARTIAL"), (2, "SN-000001", "FAIL")):
         select_row(page, row, qtbot)
         assert rows(page)[row] == (serial, verdict)
@@ -308,7 +308,7 @@ def test_stopped_and_partial_runs_are_not_shown_as_passed(
 
 
 def test_trend_shows_the_time_of_day(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     (ticks,) = page.details.trend._plot.getAxis("bottom")._tickLevels
     local = (NOW - timedelta(hours=1)).astimezone()
     assert ticks[-1][1] == f"{local:%Y-%m-%d}\n{local:%H:%M}"
@@ -316,7 +316,7 @@ def test_trend_shows_the_time_of_day(page: HistoryPage, runs: dict[str, Path], q
 
 def test_details_fit_on_a_small_screen(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     page.resize(1280, 576)  # in a window of 1280x720
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     select_row(page, 2, qtbot)
     bar = page.details.content_area.horizontalScrollBar()
     qtbot.waitUntil(lambda: bar.maximum() == 0, timeout=WAIT)
@@ -330,7 +330,7 @@ def test_offline_solutions_are_listed_in_the_details(
     log = runs["new"].with_suffix(".h5").name
     append_resolve(folder, replace(RECORD, log=log))
     append_resolve(folder, replace(RECORD, log=log, by="wang", difference=OnlineDifference(True, "gyro_bias_x", 0.0)))
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     table = page.findChild(QTableView, "resolves_table")
     texts = [[table.model().index(row, k).data() for k in (1, 2, 4)] for row in range(table.model().rowCount())]
     assert texts == [["wang", "identical bit for bit", "0–9"], ["li", "0.50 σ, gyro bias x", "0–9"]]
@@ -345,17 +345,17 @@ def test_offline_solutions_are_listed_in_the_details(
 
 
 def test_every_disabled_list_button_has_a_tooltip(page: HistoryPage, qtbot: QtBot) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     for name in ("history_compare_button", "history_export_button"):
-        found = page.findChild(QPushButton, name)
-        assert not found.isEnabled()
-        assert found.toolTip()
+        widget = page.findChild(QPushButton, name)
+        assert not widget.isEnabled()
+        assert widget.toolTip()
 
 
 def test_units_of_a_batch_are_listed_together(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
     hour = timedelta(hours=1)
     write_run(folder, "SN-000009", "passed", 2 * hour)
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     table = page.table
     headings = [table.horizontalHeaderItem(k).text() for k in range(table.columnCount())]
     batch, slot, stages = (headings.index(name) for name in ("Batch", "Slot", "Stages"))

@@ -145,13 +145,13 @@ def runs(folder: Path) -> dict[str, Path]:
 @pytest.fixture
 def page(app: AppContext, folder: Path, qtbot: QtBot) -> HistoryPage:
     """The page; shown by the test."""
-    made = HistoryPage(app)
-    qtbot.addWidget(made)
-    made.resize(1366, 640)
-    return made
+    history = HistoryPage(app)
+    qtbot.addWidget(history)
+    history.resize(1366, 640)
+    return history
 
 
-def shown(page: HistoryPage, qtbot: QtBot) -> list[tuple[str, str]]:
+def listed_runs(page: HistoryPage, qtbot: QtBot) -> list[tuple[str, str]]:
     """Show the page; return serial number and outcome of each row once it is up to date."""
     page.show()
     qtbot.waitUntil(lambda: not page.busy, timeout=WAIT)
@@ -166,9 +166,9 @@ def rows(page: HistoryPage) -> list[tuple[str, str]]:
 
 def button(page: QWidget, name: str) -> QPushButton:
     """Return a button by its name."""
-    found = page.findChild(QPushButton, name)
-    assert found is not None
-    return found
+    widget = page.findChild(QPushButton, name)
+    assert widget is not None
+    return widget
 
 
 def visible_texts(page: HistoryPage) -> list[str]:
@@ -184,13 +184,13 @@ def select_row(page: HistoryPage, row: int, qtbot: QtBot) -> None:
 
 
 def test_empty_page_explains_what_will_be_listed(page: HistoryPage, qtbot: QtBot) -> None:
-    assert shown(page, qtbot) == []
+    assert listed_runs(page, qtbot) == []
     assert "Every run will be listed here" in visible_texts(page)
     assert not button(page, "history_clear_button").isVisible()
 
 
 def test_latest_run_is_listed_first(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
-    assert shown(page, qtbot) == [
+    assert listed_runs(page, qtbot) == [
         ("SN-000003", "INCOMPLETE"),
         ("SN-000001", "PASS"),
         ("SN-000002", "FAULT"),
@@ -200,7 +200,7 @@ def test_latest_run_is_listed_first(page: HistoryPage, runs: dict[str, Path], qt
 
 
 def test_search_filters_while_typing(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     search = page.findChild(QLineEdit, "history_search_edit")
     qtbot.keyClicks(search, "000001")
     qtbot.waitUntil(lambda: len(rows(page)) == 3, timeout=WAIT)
@@ -215,7 +215,7 @@ def test_search_filters_while_typing(page: HistoryPage, runs: dict[str, Path], q
 
 
 def test_period_filter_excludes_older_runs(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     time = page.findChild(QComboBox, "history_time_combo")
     for days, count in ((7, 3), (365, 4), (None, 5)):
         time.setCurrentIndex(time.findData(days))
@@ -223,7 +223,7 @@ def test_period_filter_excludes_older_runs(page: HistoryPage, runs: dict[str, Pa
 
 
 def test_details_give_the_reason(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     select_row(page, 1, qtbot)
     assert page.details.reason_label.text() == "Every value is inside its limits."
     assert len(page.details.trend._plot.listDataItems()[0].xData) == 3
@@ -242,7 +242,7 @@ def test_details_give_the_reason(page: HistoryPage, runs: dict[str, Path], qtbot
 
 def test_details_show_an_overridden_check_standard(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
     write_run(folder, "SN-000005", "passed", timedelta(minutes=3), standard_override="golden unit is away")
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     qtbot.waitUntil(lambda: "in order: golden unit is away" in page.details.reason_label.text(), timeout=WAIT)
 
 
@@ -251,7 +251,7 @@ def test_search_by_batch_finds_its_units_and_details_show_the_batch(
 ) -> None:
     for number in (1, 2):
         write_run(folder, f"SN-00009{number}", "passed", timedelta(minutes=number), batch="B-77", slot=f"A{number}")
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     qtbot.keyClicks(page.findChild(QLineEdit, "history_search_edit"), "b-77")
     qtbot.waitUntil(lambda: page.table.model().rowCount() == 2, timeout=WAIT)
     select_row(page, 1, qtbot)
@@ -263,23 +263,23 @@ def test_search_by_batch_finds_its_units_and_details_show_the_batch(
 def test_result_and_log_are_opened_on_other_pages(
     page: HistoryPage, runs: dict[str, Path], app: AppContext, qtbot: QtBot
 ) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     select_row(page, 1, qtbot)
-    with qtbot.waitSignal(app.open_run) as wanted:
+    with qtbot.waitSignal(app.open_run) as emitted:
         button(page, "history_result_button").click()
-    assert wanted.args == [runs["passed"]]
+    assert emitted.args == [runs["passed"]]
     select_row(page, 0, qtbot)
     assert not button(page, "history_result_button").isEnabled()
-    with qtbot.waitSignal(app.open_log) as wanted:
+    with qtbot.waitSignal(app.open_log) as emitted:
         button(page, "history_log_button").click()
-    assert wanted.args == [runs["dead"]]
+    assert emitted.args == [runs["dead"]]
 
 
 def test_folder_that_cannot_be_opened_is_shown_for_copying(
     page: HistoryPage, runs: dict[str, Path], monkeypatch: pytest.MonkeyPatch, qtbot: QtBot
 ) -> None:
     monkeypatch.setattr("calstation.gui.history.page.QDesktopServices.openUrl", lambda _: False)
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     select_row(page, 1, qtbot)
     button(page, "history_folder_button").click()
     folder = str(runs["passed"].parent)
@@ -291,11 +291,11 @@ def test_folder_that_cannot_be_opened_is_shown_for_copying(
 def test_narrow_table_hides_other_columns_before_the_stages(
     page: HistoryPage, runs: dict[str, Path], qtbot: QtBot
 ) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     table = page.findChild(QTableView, "history_table")
     for width, hidden in ((1440, True), (2400, False)):
         page.resize(width, 640)
-        qtbot.waitUntil(lambda wanted=hidden: table.isColumnHidden(4) == wanted, timeout=WAIT)
+        qtbot.waitUntil(lambda expected=hidden: table.isColumnHidden(4) == expected, timeout=WAIT)
         qtbot.waitUntil(lambda: table.columnWidth(10) >= 200, timeout=WAIT)
 
 
@@ -308,7 +308,7 @@ def test_narrow_table_hides_other_columns_before_the_stages(
 )
 def test_reason_of_a_stop_is_shown(page: HistoryPage, folder: Path, qtbot: QtBot, by: str, text: str) -> None:
     write_run(folder, "SN-000004", "stopped", timedelta(minutes=3), stop_reason=by)
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     select_row(page, 0, qtbot)
     assert page.details.reason_label.text().startswith(text)
 
@@ -318,11 +318,11 @@ def test_incomplete_run_is_resumed_or_closed(
     page: HistoryPage, runs: dict[str, Path], app: AppContext, qtbot: QtBot, signed_in: str | None
 ) -> None:
     app.operator = signed_in
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     select_row(page, 0, qtbot)
-    with qtbot.waitSignal(app.resume_run) as wanted:
+    with qtbot.waitSignal(app.resume_run) as emitted:
         button(page, "history_resume_button").click()
-    assert wanted.args == [runs["dead"]]
+    assert emitted.args == [runs["dead"]]
     button(page, "history_close_button").click()
     qtbot.waitUntil(lambda: not page.busy and not button(page, "history_close_button").isVisible(), timeout=WAIT)
     assert not button(page, "history_resume_button").isVisible()
@@ -331,7 +331,7 @@ def test_incomplete_run_is_resumed_or_closed(
 
 
 def test_failures_of_background_jobs_are_reported(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     for watch, title in (
         (page._refresher, "The runs could not be read"),
         (page._resumable_finder, "The runs could not be read"),
@@ -345,7 +345,7 @@ def test_failures_of_background_jobs_are_reported(page: HistoryPage, runs: dict[
 def test_finished_run_is_listed_immediately(
     page: HistoryPage, runs: dict[str, Path], folder: Path, app: AppContext, qtbot: QtBot
 ) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     result = write_run(folder, "SN-000009", "passed", timedelta(minutes=1))
     app.engine_link.event.emit(Finalized(Verdict.PASSED, str(result.with_suffix(".h5")), str(result), RESULT))
     qtbot.waitUntil(lambda: rows(page)[0] == ("SN-000009", "PASS"), timeout=WAIT)
@@ -369,7 +369,7 @@ def test_resume_asks_for_confirmation_on_the_operator_page(window: MainWindow, f
 def test_start_time_is_local_with_the_time_zone_in_the_tooltip(
     page: HistoryPage, runs: dict[str, Path], qtbot: QtBot
 ) -> None:
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     model = page.findChild(QTableView, "history_table").model()
     cells = [model.index(row, 2) for row in range(model.rowCount())]
     local = (NOW - timedelta(hours=2)).astimezone()

@@ -32,10 +32,10 @@ def wait(report: ProgressCallback, seconds: float) -> str:
 @pytest.fixture
 def view(app: AppContext, qtbot: QtBot) -> JobView:
     """A view with a notice bar."""
-    made = JobView(app, "sum")
-    qtbot.addWidget(made)
-    qtbot.addWidget(made.notice)
-    return made
+    job_view = JobView(app, "sum")
+    qtbot.addWidget(job_view)
+    qtbot.addWidget(job_view.notice)
+    return job_view
 
 
 def test_result_is_delivered_and_the_view_is_busy_until_then(view: JobView, qtbot: QtBot) -> None:

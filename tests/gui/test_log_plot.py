@@ -63,11 +63,11 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def page(window: MainWindow, log: Path, qtbot: QtBot) -> OfflinePage:
     """The page with the log open."""
     window.show_page("offline_page")
-    made = window.offline_page
-    made.open(log)
-    qtbot.waitUntil(lambda: made.log is not None, timeout=WAIT)
-    qtbot.waitUntil(lambda: made.plot.samples_per_column > 1, timeout=WAIT)
-    return made
+    offline_page = window.offline_page
+    offline_page.open(log)
+    qtbot.waitUntil(lambda: offline_page.log is not None, timeout=WAIT)
+    qtbot.waitUntil(lambda: offline_page.plot.samples_per_column > 1, timeout=WAIT)
+    return offline_page
 
 
 def graph(page: OfflinePage) -> pg.GraphicsView:

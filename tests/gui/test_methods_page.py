@@ -49,7 +49,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.fixture
-def chosen(window: MainWindow) -> Callable[[str], MethodPanel]:
+def select_method(window: MainWindow) -> Callable[[str], MethodPanel]:
     """Choose a method on the page."""
 
     def choose(stage: str) -> MethodPanel:
@@ -85,9 +85,9 @@ def cells(panel: MethodPanel) -> dict[str, dict[str, str]]:
 
 @pytest.mark.long
 def test_multi_position_recording_is_solved_plotted_applied_and_exported(
-    chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot, tmp_path: Path
+    select_method: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot, tmp_path: Path
 ) -> None:
-    panel = chosen("multi_position")
+    panel = select_method("multi_position")
     assert not panel.views.tabs.isTabEnabled(1)
     solved(panel, recordings["multi_position"], qtbot)
     positions, applied = panel.views.positions, panel.views.applied
@@ -123,12 +123,12 @@ def test_multi_position_recording_is_solved_plotted_applied_and_exported(
 
 @pytest.mark.long
 def test_output_of_the_connected_unit_is_shown_before_and_after_correction(
-    chosen: Callable[[str], MethodPanel],
+    select_method: Callable[[str], MethodPanel],
     recordings: dict[str, Path],
     qtbot: QtBot,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    panel = chosen("multi_position")
+    panel = select_method("multi_position")
     solved(panel, recordings["multi_position"], qtbot)
     view = panel.views.applied
     assert view is not None
@@ -180,9 +180,9 @@ def test_output_of_the_connected_unit_is_shown_before_and_after_correction(
 
 @pytest.mark.long
 def test_gimbal_recording_shows_both_solutions_in_both_languages(
-    chosen: Callable[[str], MethodPanel], qtbot: QtBot, site_folder: SiteFolder
+    select_method: Callable[[str], MethodPanel], qtbot: QtBot, site_folder: SiteFolder
 ) -> None:
-    panel = chosen("gimbal")
+    panel = select_method("gimbal")
     qtbot.mouseClick(panel.bench.make_button, Qt.MouseButton.LeftButton)
     assert panel.busy
     qtbot.waitUntil(lambda: panel.solution is not None and not panel.busy, timeout=WAIT)
@@ -214,9 +214,9 @@ def test_gimbal_recording_shows_both_solutions_in_both_languages(
 
 @pytest.mark.long
 def test_out_of_tolerance_secondary_passes_the_check_after_calibration(
-    chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
+    select_method: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
 ) -> None:
-    panel = chosen("cross_calibration")
+    panel = select_method("cross_calibration")
     solved(panel, recordings["cross_calibration"], qtbot)
     view, residuals = panel.views.check, panel.views.residuals
     assert view is not None
@@ -253,9 +253,9 @@ def test_out_of_tolerance_secondary_passes_the_check_after_calibration(
 
 @pytest.mark.long
 def test_failed_solution_is_reported_and_a_running_solution_cancelled(
-    chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
+    select_method: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
 ) -> None:
-    panel = chosen("cross_calibration")
+    panel = select_method("cross_calibration")
     panel.open(recordings["multi_position"])
     qtbot.waitUntil(lambda: not panel.busy, timeout=WAIT)
     assert panel.solution is None
@@ -264,7 +264,7 @@ def test_failed_solution_is_reported_and_a_running_solution_cancelled(
     language.use("zh_CN")
     qtbot.waitUntil(lambda: "第二个 IMU" in panel.notice.text_label.text())
     language.use("en")
-    panel = chosen("multi_position")
+    panel = select_method("multi_position")
     panel.open(recordings["multi_position"])
     assert not panel.source.isEnabled()
     panel.solver.cancel()
@@ -274,9 +274,9 @@ def test_failed_solution_is_reported_and_a_running_solution_cancelled(
 
 
 def test_log_path_is_locked_while_the_current_view_is_busy(
-    window: MainWindow, chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
+    window: MainWindow, select_method: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
 ) -> None:
-    panel, page = chosen("multi_position"), window.offline_page
+    panel, page = select_method("multi_position"), window.offline_page
     panel.open(recordings["multi_position"])
     page.reader.busy_changed.emit()
     assert not page.source.isEnabled()
@@ -293,9 +293,9 @@ def test_log_path_is_locked_while_the_current_view_is_busy(
 
 
 def test_guide_me_live_requires_a_manual_rig_and_opens_the_operator_page(
-    chosen: Callable[[str], MethodPanel], window: MainWindow, operator: Operator, qtbot: QtBot
+    select_method: Callable[[str], MethodPanel], window: MainWindow, operator: Operator, qtbot: QtBot
 ) -> None:
-    panel = chosen("multi_position")
+    panel = select_method("multi_position")
     assert not panel.live_button.isEnabled()
     assert "virtual_hand" in panel.live_button.toolTip()
     window.app.set_station(library.find("stations", "virtual_hand"))
@@ -340,8 +340,9 @@ def test_faults_of_a_recording_are_explained_in_both_languages(
     spoil: Callable[[SampleBlock], SampleBlock], recordings: dict[str, Path], qapp: QApplication
 ) -> None:
     log = open_log(recordings["multi_position"])
-    chosen = method("multi_position")
-    solver = chosen.solver(context_from_meta(log.meta), prior_from_meta(log.meta), chosen.schedule())
+    multi_position = method("multi_position")
+    schedule = multi_position.schedule()
+    solver = multi_position.solver(context_from_meta(log.meta), prior_from_meta(log.meta), schedule)
     for block in log.blocks():
         solver.feed(spoil(block))
     with pytest.raises(InputError) as error:
@@ -403,7 +404,7 @@ def test_operator_page_verdict_shows_the_product_checks() -> None:
 
 @pytest.mark.long
 def test_calibrations_by_triggers_are_shown_on_the_timeline(
-    chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], tmp_path: Path, qtbot: QtBot
+    select_method: Callable[[str], MethodPanel], recordings: dict[str, Path], tmp_path: Path, qtbot: QtBot
 ) -> None:
     path = tmp_path / "triggered.csv"
     export_csv(recordings["cross_calibration"], path)
@@ -411,7 +412,7 @@ def test_calibrations_by_triggers_are_shown_on_the_timeline(
     section = "[schedule.cross_calibration]\n"
     assert section in content
     path.with_suffix(".toml").write_text(content.replace(section, f'{section}trigger = "start_up"\n'), "utf-8")
-    panel = chosen("cross_calibration")
+    panel = select_method("cross_calibration")
     solved(panel, path, qtbot)
     view = panel.views.check
     assert view is not None
@@ -450,9 +451,9 @@ def test_live_watch_uses_the_selected_product(
 
 @pytest.mark.long
 def test_live_imu_pair_is_monitored_and_checked_on_a_button_press(
-    chosen: Callable[[str], MethodPanel], window: MainWindow, qtbot: QtBot, tmp_path: Path
+    select_method: Callable[[str], MethodPanel], window: MainWindow, qtbot: QtBot, tmp_path: Path
 ) -> None:
-    live = chosen("cross_calibration").views.live
+    live = select_method("cross_calibration").views.live
     assert live is not None
     assert not live.start_button.isEnabled()
     assert "virtual_pair" in live.start_button.toolTip()

@@ -36,7 +36,7 @@ def test_state_is_added_on_the_engineer_page(operator: Operator, log: Path) -> N
     before = analysis.result.view.finished
     assert before is not None
     assert "The accelerometer has a third-order error" in operator.says()
-    held = log.read_bytes()
+    content = log.read_bytes()
 
     operator.press("add_state_button")
     operator.until(lambda: analysis.result.view.finished is not before)
@@ -48,7 +48,7 @@ def test_state_is_added_on_the_engineer_page(operator: Operator, log: Path) -> N
     assert "a trial that replaces neither the stored result nor any register" in operator.says()
     assert "+ accel cubic" in analysis.source()
     assert not operator.widget("add_state_button", QPushButton).isVisible()
-    assert log.read_bytes() == held
+    assert log.read_bytes() == content
 
     operator.until_no_job()
     assert page.registers.target is None, "no register is written from a trial"

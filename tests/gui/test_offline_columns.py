@@ -31,16 +31,17 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> LogIndex:
 def test_requested_samples_are_sufficient(log: LogIndex, first: int, width: int, count: int) -> None:
     columns = LogColumns(log)
     last = min(START + first + width, log.facts.last_seq)
-    drawn, wanted = columns.view(START + first, last, count)
-    if wanted is not None:
+    view, request = columns.view(START + first, last, count)
+    if request is not None:
         columns.store_samples(
-            wanted, samples(ignore_progress, log.path, log.folder, log.scale, wanted.start, wanted.stop, wanted.count)
+            request,
+            samples(ignore_progress, log.path, log.folder, log.scale, request.start, request.stop, request.count),
         )
-        drawn, again = columns.view(START + first, last, count)
+        view, again = columns.view(START + first, last, count)
         assert again is None
-        assert drawn.samples < 16
-    assert len(drawn) <= count + 4
-    inside = drawn.seq[(drawn.seq >= START + first) & (drawn.seq <= last)]
+        assert view.samples < 16
+    assert len(view) <= count + 4
+    inside = view.seq[(view.seq >= START + first) & (view.seq <= last)]
     assert len(inside) >= min((last - START - first) / 2, count / 2) - 41  # the gap is 40 samples wide
 
 

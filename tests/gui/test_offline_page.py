@@ -120,13 +120,13 @@ def unlimited_mouse_rate(monkeypatch: pytest.MonkeyPatch) -> None:
 def page(app: AppContext, qtbot: QtBot) -> Iterator[OfflinePage]:
     """The page at its size in a window of 1366x768."""
     app.settings.clear()
-    made = OfflinePage(app)
-    qtbot.addWidget(made)
-    made.resize(1366, 640)
-    made.show()
-    qtbot.waitExposed(made)
-    yield made
-    for watch in (made.reader, made.solver, made.exports.watch):
+    offline_page = OfflinePage(app)
+    qtbot.addWidget(offline_page)
+    offline_page.resize(1366, 640)
+    offline_page.show()
+    qtbot.waitExposed(offline_page)
+    yield offline_page
+    for watch in (offline_page.reader, offline_page.solver, offline_page.exports.watch):
         watch.cancel()
 
 
@@ -156,9 +156,9 @@ def solve(page: OfflinePage, qtbot: QtBot) -> None:
 
 def button(page: QWidget, name: str) -> QPushButton:
     """Return a button by its name."""
-    found = page.findChild(QPushButton, name)
-    assert found is not None
-    return found
+    widget = page.findChild(QPushButton, name)
+    assert widget is not None
+    return widget
 
 
 def cells(page: OfflinePage, column: str) -> dict[str, str]:

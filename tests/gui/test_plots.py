@@ -91,8 +91,8 @@ def all_plots(window: MainWindow) -> list[pg.GraphicsView]:
     assert page is not None
     analysis = page.analysis
     views = [window, page.design.answer, *(lazy.view for lazy in analysis.views)]
-    found = dict.fromkeys(plot for view in views for plot in view.findChildren(pg.GraphicsView))
-    return [plot for plot in found if not isinstance(plot, TravelPlot)]
+    plots = dict.fromkeys(plot for view in views for plot in view.findChildren(pg.GraphicsView))
+    return [plot for plot in plots if not isinstance(plot, TravelPlot)]
 
 
 def zoom_and_reset(plot: pg.GraphicsView, box: ZoomBox) -> None:

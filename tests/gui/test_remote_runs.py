@@ -17,7 +17,7 @@ from calstation.gui.quality import QualityPage
 from calstation.gui.state import AppContext
 from calstation.records import IndexedRun, RunFilter, RunIndex, RunRecord, Verdict
 from calstation.results import History, export_runs, load_result, load_results
-from tests.gui.test_history_page import NOW, WAIT, rows, select_row, shown, write_run
+from tests.gui.test_history_page import NOW, WAIT, listed_runs, rows, select_row, write_run
 from tests.helpers import ignore_progress, raises_code
 
 pytestmark = pytest.mark.timeout(120)
@@ -74,7 +74,7 @@ def button(page: QWidget, name: str) -> QPushButton:
 
 def test_runs_of_all_stations_are_listed_and_filtered(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
     receive(folder, "line2:/home/op/runs/x.h5")
-    assert shown(page, qtbot) == [("SN-000001", "PASS"), ("SN-000001", "PASS")]
+    assert listed_runs(page, qtbot) == [("SN-000001", "PASS"), ("SN-000001", "PASS")]
     table = page.findChild(QTableView, "history_table")
     model = table.model()
     assert not table.isColumnHidden(7)
@@ -90,7 +90,7 @@ def test_runs_of_all_stations_are_listed_and_filtered(page: HistoryPage, folder:
 def test_log_stored_only_at_its_station_cannot_be_opened(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
     place = "line2:/home/op/runs/SN-000001_20260101T000000.h5"
     receive(folder, place, verdict=Verdict.INCOMPLETE)
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     log = button(page, "history_log_button")
     assert not log.isEnabled()
     assert log.toolTip() == f"The log is only at the station line 2, which keeps no archive of logs: {place}"
@@ -108,7 +108,7 @@ def test_an_archived_log_is_copied_and_opened(
     archive.parent.mkdir()
     archive.write_bytes(b"samples")
     receive(folder, str(archive))
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     here = folder / OTHER / archive.name
     with qtbot.waitSignal(app.open_log, timeout=WAIT) as wanted:
         button(page, "history_log_button").click()
@@ -127,7 +127,7 @@ def test_an_archived_log_is_copied_and_opened(
 
 def test_unavailable_archive_is_reported(page: HistoryPage, folder: Path, tmp_path: Path, qtbot: QtBot) -> None:
     receive(folder, str(tmp_path / "archive" / "gone.h5"))
-    shown(page, qtbot)
+    listed_runs(page, qtbot)
     button(page, "history_log_button").click()
     qtbot.waitUntil(page.notice.isVisible, timeout=WAIT)
     assert page.notice.title_label.text() == "The log was not opened"

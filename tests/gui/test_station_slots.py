@@ -40,7 +40,7 @@ def test_station_is_converted_to_slots_and_back_to_a_single_unit(forms: FormDriv
     before = stored("line_4")
     forms.show_section(IMU_LINK)
     forms.press("several_units_button")
-    assert forms.shown("1", "Port") == "/dev/ttyUSB0"
+    assert forms.cell_text("1", "Port") == "/dev/ttyUSB0"
     forms.press("slots_add_button")
     assert "Row 2, Port" in forms.page.imus._problems.text()
     forms.enter("2", "Port", "usb:A9XYW")
@@ -67,7 +67,7 @@ def test_operator_can_only_read_the_slots(operator: FormDriver) -> None:
     assert "engineer" in button.toolTip()
     draft = operator.page.drafts.station
     draft.rewrite(with_slots(draft.text))
-    assert operator.shown("1", "Slot") == "1"
+    assert operator.cell_text("1", "Slot") == "1"
     operator.click("1", "Slot", twice=True)
     assert operator.table.indexWidget(operator.index("1", "Slot")) is None
     assert not operator.find(QPushButton, "slots_add_button").isEnabled()

@@ -25,11 +25,11 @@ def page(app: AppContext, site_folder: SiteFolder, tmp_path: Path, qtbot: QtBot)
     """The visible page of a station that shares records."""
     site_folder.write(station={"records": {"database": f"sqlite:///{tmp_path / 'shared.sqlite'}"}})
     app.runs_folder, app.exchange_state = tmp_path, ExchangeState()
-    made = HistoryPage(app)
-    qtbot.addWidget(made)
-    made.resize(1366, 640)
-    made.show()
-    return made
+    history = HistoryPage(app)
+    qtbot.addWidget(history)
+    history.resize(1366, 640)
+    history.show()
+    return history
 
 
 def press(page: QWidget, name: str) -> None:

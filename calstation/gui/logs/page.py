@@ -328,12 +328,11 @@ class OfflinePage(Page):
         for widget in (self.range, self.stages):
             enable(widget, wait)
         enable(self.solve_button, self._why_not_solve())
-        tip = say("logs.allan_tip")
-        enable(self.allan_button, wait or ("" if self.log is not None else say("logs.open_log_first")), tip)
+        why_not = wait or ("" if self.log is not None else say("logs.open_log_first"))
+        enable(self.allan_button, why_not, say("logs.allan_tip"))
         part = self.log is not None and not self.range.is_whole_log
         self.log_button.setText(say("logs.export_range_button" if part else "logs.export_log_button"))
-        tip = say("logs.export_range_tip") if part else ""
-        enable(self.log_button, wait or ("" if self.log is not None else say("logs.open_log_first")), tip)
+        enable(self.log_button, why_not, say("logs.export_range_tip") if part else "")
         enable(self.result_button, wait or self._why_not_export_result())
         self.comparison.set_outdated(self.solved is not None and self._selection != self._solved_with)
 

@@ -1,12 +1,13 @@
 """The live monitoring of the IMUs of a station on one body."""
 
 from PySide6.QtCore import QTimer
+from PySide6.QtWidgets import QWidget
 
 from calstation.config import RunRequest, load_station
 from calstation.connection import PairProcess, PairStatus
 from calstation.errors import CalstationError
 from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
-from calstation.gui.logs.methods.pair_view import PairBars, schedule_text
+from calstation.gui.logs.methods.pair_view import schedule_text, stored_text, unit_bars
 from calstation.gui.logs.methods.plots import MethodPlot
 from calstation.gui.state import AppContext
 from calstation.gui.text import on_language_change, say
@@ -15,7 +16,7 @@ from calstation.physics import DEGREE_PER_HOUR, MICRO_G
 from calstation.results import CorrectedTrace
 
 
-class PairLiveView(PairBars):
+class PairLiveView(QWidget):
     """Starts and stops the monitoring of the station in a separate process, and shows its state."""
 
     def __init__(self, app: AppContext) -> None:
@@ -112,7 +113,7 @@ class PairLiveView(PairBars):
         self.timeline.show_progress(status.progress)
         self._show_corrected(status.corrected)
         self._clocks.setText("\n".join(self._clock_text(status, number) for number in status.alignments))
-        self._stored.setText("\n".join(map(self._stored_text, status.stored)))
+        self._stored.setText("\n".join(map(stored_text, status.stored)))
 
     def _show_corrected(self, trace: CorrectedTrace) -> None:
         """Draw the corrected output of all IMUs, that of the valid IMU in bold."""
@@ -166,8 +167,8 @@ class PairLiveView(PairBars):
         check = None
         for number in status.alignments:
             check = status.checks.get(number)
-            bars += self._unit_bars(number, check, status.static.get(number, {}))
-        return bars + self._unit_bars(0, check, {})
+            bars += unit_bars(number, check, status.static.get(number, {}))
+        return bars + unit_bars(0, check, {})
 
     def _clock_text(self, status: PairStatus, number: int) -> str:
         clock = status.alignments[number]

@@ -18,47 +18,43 @@ from calstation.results.plots import PairPlotData, PairResiduals, SecondaryPlotD
 _SENSORS = ("gyro", "accel")
 
 
-class PairBars(QWidget):
-    """Base class of the views of a check, with the rows of the sensors and the texts of stored calibrations."""
-
-    def _unit_bars(
-        self, number: int, check: Mapping[str, Any] | None, after: Mapping[str, float | None]
-    ) -> list[CheckBar]:
-        """Return the rows of a unit, 0 for the primary; `after` contains deviations after the calibration by sensor."""
-        name = say("logs.imu" if number else "logs.primary", number=number)
-        unit_check = check and check["secondary" if number else "primary"]
-        return [self._bar(name, s, unit_check and unit_check[s], after.get(s)) for s in _SENSORS]
-
-    def _bar(self, unit: str, sensor: str, check: Mapping[str, Any] | None, after: float | None) -> CheckBar:
-        """Return the row of a sensor; `after` is its deviation after a calibration, if there was one."""
-        name = f"{unit}  {term('sensor', sensor)}"
-        if check is None:
-            return CheckBar(name, 0.0, "–", "", say("logs.no_rest_to_check"), "none")
-        verdict = say("logs.within" if check["within"] else "logs.out_of_tolerance")
-        state = "good" if check["within"] else "bad"
-        if not check["within"] and after is not None:
-            good = after <= check["limit"]
-            verdict = say("logs.calibrated_now" if good else "logs.calibrated_still", value=_deviation(sensor, after))
-            state = "good" if good else "caution"
-        limit = say("logs.at_most", limit=_deviation(sensor, check["limit"]))
-        return CheckBar(
-            name, check["value"] / check["limit"], _deviation(sensor, check["value"]), limit, verdict, state
-        )
-
-    def _stored_text(self, stored: StoredPairFile) -> str:
-        if not stored.utc:
-            return say("logs.nothing_stored", number=stored.number, serial=stored.serial)
-        return say(
-            "logs.last_calibrated",
-            number=stored.number,
-            serial=stored.serial,
-            time=local_time(stored.utc),
-            values=stored.values,
-            file=stored.file,
-        )
+def unit_bars(number: int, check: Mapping[str, Any] | None, after: Mapping[str, float | None]) -> list[CheckBar]:
+    """Return the rows of a unit, 0 for the primary; `after` contains deviations after the calibration by sensor."""
+    name = say("logs.imu" if number else "logs.primary", number=number)
+    unit_check = check and check["secondary" if number else "primary"]
+    return [_bar(name, s, unit_check and unit_check[s], after.get(s)) for s in _SENSORS]
 
 
-class PairCheckView(PairBars):
+def _bar(unit: str, sensor: str, check: Mapping[str, Any] | None, after: float | None) -> CheckBar:
+    """Return the row of a sensor; `after` is its deviation after a calibration, if there was one."""
+    name = f"{unit}  {term('sensor', sensor)}"
+    if check is None:
+        return CheckBar(name, 0.0, "–", "", say("logs.no_rest_to_check"), "none")
+    verdict = say("logs.within" if check["within"] else "logs.out_of_tolerance")
+    state = "good" if check["within"] else "bad"
+    if not check["within"] and after is not None:
+        good = after <= check["limit"]
+        verdict = say("logs.calibrated_now" if good else "logs.calibrated_still", value=_deviation(sensor, after))
+        state = "good" if good else "caution"
+    limit = say("logs.at_most", limit=_deviation(sensor, check["limit"]))
+    return CheckBar(name, check["value"] / check["limit"], _deviation(sensor, check["value"]), limit, verdict, state)
+
+
+def stored_text(stored: StoredPairFile) -> str:
+    """Return the text of a stored calibration, or of a secondary without one."""
+    if not stored.utc:
+        return say("logs.nothing_stored", number=stored.number, serial=stored.serial)
+    return say(
+        "logs.last_calibrated",
+        number=stored.number,
+        serial=stored.serial,
+        time=local_time(stored.utc),
+        values=stored.values,
+        file=stored.file,
+    )
+
+
+class PairCheckView(QWidget):
     """Shows the check at rest, the replay and the stored calibrations; emits `check_requested()` to start a replay."""
 
     check_requested = Signal()
@@ -112,7 +108,7 @@ class PairCheckView(PairBars):
             self.schedule_label.setText(schedule_text(self._schedule))
             self.bars.show_bars(self._bars(self._data))
             stored = self._data.stored if self._checked is None else self._checked.stored
-            self._stored.setText("\n".join(map(self._stored_text, stored)))
+            self._stored.setText("\n".join(map(stored_text, stored)))
         self.show_progress(self.timeline.progress)
 
     def _bars(self, data: PairPlotData) -> list[CheckBar]:
@@ -127,8 +123,8 @@ class PairCheckView(PairBars):
                 check = self._checked.checks.get(secondary.number, check)
                 static = self._checked.stored[k].static
             after = {s: value for s, value in static.items() if (secondary.number, s) in calibrated}
-            bars += self._unit_bars(secondary.number, check, after)
-        return bars + self._unit_bars(0, check, {})
+            bars += unit_bars(secondary.number, check, after)
+        return bars + unit_bars(0, check, {})
 
 
 def _deviation(sensor: str, value: float) -> str:
