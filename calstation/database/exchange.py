@@ -1,12 +1,15 @@
-"""Exchange of a folder of runs with the shared database: it sends messages and receives the runs of other folders."""
+"""Exchange of a folder of runs with the shared database: its messages, the runs of other folders, and claims on units.
+
+Claims on units in progress warn two stations if both have scanned the same unit.
+"""
 
 import logging
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -14,11 +17,10 @@ from uuid import uuid4
 import sqlalchemy as sa
 from sqlalchemy.exc import DataError, DBAPIError
 
-from calstation.database.claims import claim_units, database_time, other_claims, release_units
 from calstation.database.connect import connect, database_reason, failure, sqlstate, without_password
 from calstation.database.outbox import Outbox, OutboxMessage
 from calstation.database.state import Claim
-from calstation.database.tables import log_copies, outboxes, revisions, runs, upsert
+from calstation.database.tables import claims, log_copies, outboxes, revisions, runs, upsert
 from calstation.errors import ConfigurationError
 from calstation.records import IndexedRun, from_columns
 
@@ -32,6 +34,9 @@ _TOO_LARGE, _MISSING_RUN = "54000", "23503"
 
 #: Columns of a run that the local index needs; its result JSON stays in the database.
 _INDEX_COLUMNS = [column for column in runs.c if column.name != "result"]
+
+#: Time after which a claim ends unless it is renewed, s; longer than the longest pause between two exchanges.
+EXPIRY_S = 300.0
 
 
 class Exchange:
@@ -233,10 +238,7 @@ def _store(connection: sa.Connection, outbox: str, messages: Sequence[OutboxMess
             row["revision"] = revision
         else:
             locations.append({"run": row["name"], "url": row["url"], "changed": revision})
-    name, log = (
-        sa.literal_column("excluded.name", sa.String),
-        sa.literal_column("excluded.log", sa.String),
-    )  # values of the new row
+    name, log = (sa.literal_column(f"excluded.{column}", sa.String) for column in ("name", "log"))  # of the new row
     url = sa.select(log_copies.c.url).where(log_copies.c.outbox == outbox, log_copies.c.name == name).scalar_subquery()
     upsert(connection, runs, rows["run"], log=sa.func.coalesce(url, log))
     upsert(connection, log_copies, rows["copy"])
@@ -264,3 +266,46 @@ def _indexed_run(row: sa.Row[Any]) -> IndexedRun | None:
         logger.warning("run %s of %s cannot be read and is not received: %s", row.name, row.outbox, exc)
         return None
     return replace(run, record=replace(run.record, origin=row.outbox, location=row.log))
+
+
+def claim_units(engine: sa.Engine, outbox: str, station: str, operators: Mapping[str, str | None]) -> None:
+    """Claim units for the station of an outbox, or renew its claims; `operators` are given by serial number."""
+    if not operators:
+        return
+    with engine.begin() as connection:
+        now = database_time(connection)
+        shared = {"outbox": outbox, "station": station, "claimed": now, "expires": now + timedelta(seconds=EXPIRY_S)}
+        rows = [{**shared, "serial": serial, "operator": operator} for serial, operator in operators.items()]
+        expired = claims.c.expires <= now
+        upsert(connection, claims, rows, claimed=sa.case((expired, now), else_=claims.c.claimed))
+
+
+def release_units(engine: sa.Engine, outbox: str, serials: Iterable[str]) -> None:
+    """Release the claims on units by the station of an outbox."""
+    with engine.begin() as connection:
+        connection.execute(sa.delete(claims).where(claims.c.outbox == outbox, claims.c.serial.in_(serials)))
+
+
+def other_claims(engine: sa.Engine, outbox: str) -> list[Claim]:
+    """Return the valid claims of other stations on the units that the station of an outbox has claimed.
+
+    If two stations claim a unit simultaneously and then call this function, at least one sees the other's claim.
+    """
+    with engine.connect() as connection:
+        now = database_time(connection)
+        claimed_serials = sa.select(claims.c.serial).where(claims.c.outbox == outbox, claims.c.expires > now)
+        others = (claims.c.outbox != outbox, claims.c.expires > now, claims.c.serial.in_(claimed_serials))
+        rows = connection.execute(sa.select(claims).where(*others).order_by(claims.c.claimed)).all()
+    return [Claim(row.serial, row.station, row.operator, _utc(row.claimed)) for row in rows]
+
+
+def database_time(connection: sa.Connection) -> datetime:
+    """Return the time of the database, UTC; for an SQLite file, the time of this computer."""
+    if connection.dialect.name == "sqlite":
+        return datetime.now(UTC)
+    return _utc(connection.execute(sa.select(sa.func.now())).scalar_one())
+
+
+def _utc(time: datetime) -> datetime:
+    """Return a time of the database with its time zone, which SQLite does not store."""
+    return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)

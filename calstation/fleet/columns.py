@@ -26,7 +26,7 @@ from calstation.jobs import ProgressCallback
 from calstation.judgement import End, verdict_of
 from calstation.messages import os_reason
 from calstation.physics import NAMES
-from calstation.records import Verdict, locked, read_check_ids
+from calstation.records import Categories, Verdict, estimates_by_name, locked, read_check_ids
 
 try:
     import pyarrow as pa
@@ -198,18 +198,11 @@ def _table(rows: list[Row[Any]]) -> Any:
             "error" if row.outcome == "failed" else _verdict(verdict_of(End.COMPLETED, row.passed, partial=row.partial))
             for row in rows
         ]
-    numbers = np.full((len(NAMES), 2, len(rows)), np.nan)
-    rows_by_parameters: dict[str, list[int]] = {}
-    for k, row in enumerate(rows):
-        rows_by_parameters.setdefault(row.parameters, []).append(k)
-    for text, indices in rows_by_parameters.items():
-        names = json.loads(text)
-        values = np.frombuffer(b"".join(rows[k].numbers for k in indices)).reshape(len(indices), 2, len(names))
-        for j, name in enumerate(names):
-            if name in NAMES:
-                numbers[NAMES.index(name), :, indices] = values[:, :, j]
-    for i, name in enumerate(NAMES):
-        columns[name], columns[f"{name}_sigma"] = numbers[i]
+    parameters = Categories.of([row.parameters for row in rows])
+    values, sigmas = estimates_by_name(parameters, [row.numbers for row in rows])
+    missing = np.full(len(rows), np.nan)
+    for name in NAMES:
+        columns[name], columns[f"{name}_sigma"] = values.get(name, missing), sigmas.get(name, missing)
     return pa.table([columns[name] for name in SCHEMA.names], schema=SCHEMA)
 
 

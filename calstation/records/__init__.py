@@ -80,12 +80,12 @@ from calstation.records.resolves import OnlineDifference, ResolveRecord, append_
 from calstation.records.verdict import Verdict
 
 if TYPE_CHECKING:
-    from calstation.records.run_index import RunIndex, from_columns, to_columns
+    from calstation.records.run_index import RunIndex, estimates_by_name, from_columns, to_columns
 
 
 def __getattr__(name: str) -> Any:
     """Import the index of runs when it is used: it loads SQLAlchemy, a ninth of the imports of `calstation resolve`."""
-    if name not in ("RunIndex", "from_columns", "to_columns"):
+    if name not in ("RunIndex", "estimates_by_name", "from_columns", "to_columns"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from calstation.records import run_index
 

@@ -48,7 +48,13 @@ def sample_period(time: FloatArray, nominal: float) -> float:
 
 
 def are_arrivals(seq: IntArray, time: FloatArray, period: float) -> bool:
-    """Return whether times of samples with a counter are arrival times: steps are irregular without missing samples."""
+    """Return whether times of samples with a counter are arrival times: steps are irregular without missing samples.
+
+    Parameters
+    ----------
+    seq, time : counter, and time, s, of each sample, shape (n,)
+    period : sample period, s
+    """
     steps = np.diff(time)
     irregular = (np.abs(steps - period) > _IRREGULAR * period) & (np.diff(seq) == 1)
     return bool(np.count_nonzero(irregular) > 3 + _MAX_FRACTION * len(irregular) and (steps >= 0.0).all())

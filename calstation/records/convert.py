@@ -46,11 +46,18 @@ def export_csv(
 def export_corrected(
     source: Path | None, meta: LogMeta, blocks: Iterable[SampleBlock], parameters: FloatArray, target: Path
 ) -> None:
-    """Write samples compensated with `parameters`, SI, shape (30,), to `target` (.csv or .csv.gz) and its TOML.
+    """Write compensated samples as CSV and TOML: angular rates, rad/s, and specific forces, m/s².
 
-    `source` is their log, None for samples of a connected unit. The columns of gyros and accelerometers contain angular
-    rate, rad/s, and specific force, m/s². Raises InputError if the samples cannot be read or the target cannot be
-    written.
+    Parameters
+    ----------
+    source : log of the samples; None for samples of a connected unit
+    meta, blocks : configuration and samples
+    parameters : parameters of the error model, SI, shape (30,)
+    target : file to write, .csv or .csv.gz
+
+    Raises
+    ------
+    InputError : if the samples cannot be read or the target cannot be written
     """
     _check_target(target, () if source is None else (source, meta_path(source)))
     size, constants = context_from_meta(meta).imu.count_size, compensation(parameters)

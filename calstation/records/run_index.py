@@ -263,7 +263,7 @@ class RunIndex:
         columns = zip(*map(rows.__getitem__, order.tolist()), strict=True) if rows else [()] * 12
         days_started, names, *texts, partial, standard, failed, parameters, numbers = columns
         serials, verdicts, products, stations, operators = (Categories.of(column) for column in texts)
-        values, sigmas = _estimates(Categories.of(parameters), usual_parameters, numbers)
+        values, sigmas = estimates_by_name(Categories.of(parameters), numbers, usual_parameters)
         checks = Categories.of(failed)
         of_table = [name for name in values if name.startswith(_TABLE_PREFIX)]
         table = {name.removeprefix(_TABLE_PREFIX): values.pop(name) for name in of_table}
@@ -432,12 +432,12 @@ def _store(connection: sa.Connection, rows: list[dict[str, Any]]) -> None:
     connection.execute(sa.insert(_changed).values(mark=secrets.token_hex(8)))
 
 
-def _estimates(
-    parameters: Categories[str | None], usual: str, numbers: Sequence[bytes]
+def estimates_by_name(
+    parameters: Categories[str | None], numbers: Sequence[bytes], usual: str = ""
 ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-    """Return values and sigmas by parameter from the columns of the table, NaN if a run has none.
+    """Return values and sigmas of n rows by parameter, shape (n,), from their columns; NaN if a row has none.
 
-    None in `parameters` means `usual`.
+    None in `parameters` means `usual`. See `to_columns`.
     """
     names_of = [json.loads(names_json or usual) for names_json in parameters.values]
     column = {name: j for j, name in enumerate(dict.fromkeys(name for names in names_of for name in names))}

@@ -242,7 +242,7 @@ class _ActiveOperation:
 
 
 def _run_at_rest(active: _ActiveOperation, check_cancelled: CheckCancelled) -> Settled:
-    with open_imu_session(_unreported, active.setup, check_cancelled) as unit:
+    with open_imu_session(lambda fraction, remaining_s=None, note="": None, active.setup, check_cancelled) as unit:
         active.emit(StateChanged(State.PREPARING, State.IDLE))
         unchanged = active.settle_unchanged(unit.imu)
         if unchanged is not None:
@@ -330,7 +330,3 @@ def _offering_at_rest() -> Iterator[None]:
         kind = DeviceFaultError if isinstance(error, DeviceFaultError) else ConfigurationError
         code = "transfer.at_rest_possible_after_reset" if error.resettable else "transfer.at_rest_possible"
         raise kind(code, cause=error.as_text) from error
-
-
-def _unreported(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Ignore the progress, which is reported by events."""

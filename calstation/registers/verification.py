@@ -250,7 +250,15 @@ def compare(
     context: SolveContext,
     repeatability: float,
 ) -> tuple[VerificationCheck, ...]:
-    """Compare each rest and turn of a unit's output with a reference; `repeatability` is the table's, rad."""
+    """Compare each rest and turn of a unit's output with a reference.
+
+    Parameters
+    ----------
+    data, reference : rests and turns with the current registers, and the same without them
+    registers : current registers, and those applied to the reference
+    context : site, IMU and table
+    repeatability : repeatability of the table's positions, rad, one sigma
+    """
     expected = _expected_rests(np.array(reference.rests), registers)
     imu, count = context.imu, len(expected)
     measured = np.array(data.rests[:count])

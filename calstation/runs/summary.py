@@ -58,7 +58,7 @@ def run_summary(request: RunRequest) -> RunSummary:
     """Summarise the run of a request, for any serial number. Raises ConfigurationError."""
     setup = load_configuration(request)
     check_station(setup)
-    load = setup.product.load_angle
+    load, picture = setup.product.load_angle, setup.product.picture
     geometry = setup.table.geometry()
     plans = table_task(setup).stages
     return RunSummary(
@@ -84,16 +84,11 @@ def run_summary(request: RunRequest) -> RunSummary:
         else (),
         sign_in=setup.station.sign_in,
         shift_starts=tuple(setup.station.shift_starts),
-        picture=_picture(setup),
+        picture=None if picture is None else library.find_beside(setup.sources["product"].path, picture),
         slots=setup.station.slot_names,
         orientations=tuple(orientation_matrix(slot.orientation) for slot in setup.station.slots),
         omitted=tuple(stage for stage in setup.product.stages if stage not in setup.stages),
     )
-
-
-def _picture(setup: RunConfiguration) -> Path | None:
-    name = setup.product.picture
-    return None if name is None else library.find_beside(setup.sources["product"].path, name)
 
 
 def _up(geometry: TableGeometry, step: ManualMove) -> tuple[float, float, float]:

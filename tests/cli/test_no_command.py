@@ -33,7 +33,7 @@ def test_without_a_screen_a_run_starts_after_a_message(
 
 
 @pytest.mark.skipif(not LINUX, reason="elsewhere there is always a screen")
-def test_unusable_screen_counts_as_no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unusable_screen_is_treated_as_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("QT_QPA_PLATFORM", "there-is-no-such-platform")
     assert not app.has_screen()
 

@@ -11,7 +11,7 @@ from sqlalchemy import create_engine, select, update
 
 from calstation.config import library
 from calstation.database import Claim, Exchange, Outbox, connect
-from calstation.database.claims import claim_units, other_claims
+from calstation.database.exchange import claim_units, other_claims
 from calstation.database.process import LONGEST_S
 from calstation.database.tables import claims
 from calstation.messages import event_text, sentence
@@ -101,7 +101,7 @@ def test_all_units_of_a_batch_are_claimed(url: str, folders: tuple[Path, Path]) 
     assert serials(url) == []
 
 
-def test_claim_lasts_while_the_station_holds_it(url: str, folders: tuple[Path, Path]) -> None:
+def test_claim_lasts_while_the_station_renews_it(url: str, folders: tuple[Path, Path]) -> None:
     one, two = (Exchange(folder, url, folder.name, {"SN-1": "li"}) for folder in folders)
     assert one.exchange() == []
     (since,) = [claim.since for claim in two.exchange()]

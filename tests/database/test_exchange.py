@@ -497,7 +497,7 @@ def test_an_exchange_without_changes_reads_no_rows(
         each.close()
 
 
-def test_run_with_changes_and_a_log_copy_counts_once_as_pending(stations: tuple[Path, Path]) -> None:
+def test_run_with_changes_and_a_log_copy_is_pending_once(stations: tuple[Path, Path]) -> None:
     one, _ = stations
     outbox = Outbox(one)
     for number in range(3):

@@ -211,7 +211,7 @@ def put_run(url: str, number: int, unit: tuple[Any, ...], content: Mapping[str, 
     engine.dispose()
 
 
-def test_run_results_are_a_version_and_their_latest_state_counts(url: str) -> None:
+def test_run_results_are_a_version_with_their_latest_state(url: str) -> None:
     add_outbox(url)
     add(url, *(row(unit, "2", 1) for unit in UNITS))
     put_run(url, 1, UNITS[0], numbers=np.array([9.0, 0.5]).tobytes())

@@ -44,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_every_unit_counts_once_with_its_last_judged_full_run(folder: Path) -> None:
+def test_every_unit_is_represented_by_its_last_judged_full_run(folder: Path) -> None:
     history = History(folder)
     history.refresh()
     runs = history.columns()

@@ -91,7 +91,7 @@ def test_checksum_covers_every_bit_of_a_row() -> None:
     assert row_checks(np.zeros(1, rows.dtype))[0] != 0, "never written"
 
 
-def test_missing_end_counts_as_damage_only_in_a_closed_log(tmp_path: Path, logs: dict[str, bytes]) -> None:
+def test_missing_end_is_damage_only_in_a_closed_log(tmp_path: Path, logs: dict[str, bytes]) -> None:
     for name, damaged in (
         ("left open", ()),
         ("closed", (DamagedRows(ROWS - 30, 30, FIRST + ROWS - 31, None),)),

@@ -56,7 +56,7 @@ def test_log_can_be_read_during_the_run_without_an_outcome(tmp_path: Path, meta:
     assert open_log(tmp_path / "sub.h5").outcome == "stopped"
 
 
-def test_log_counts_as_being_written_until_it_is_closed(tmp_path: Path, meta: LogMeta) -> None:
+def test_log_is_being_written_until_it_is_closed(tmp_path: Path, meta: LogMeta) -> None:
     path = tmp_path / "run.h5"
     writer = RawLogWriter(path, meta)
     for touched in (0.0, 4e9):

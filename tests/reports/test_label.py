@@ -150,7 +150,7 @@ def test_only_a_passed_full_run_has_a_label(site: Path, changes: dict[str, Any])
         printed(site, **changes)
 
 
-def test_unit_that_failed_later_gets_no_label(site: Path) -> None:
+def test_no_label_is_printed_for_a_unit_that_failed_later(site: Path) -> None:
     passed = write_result(site)
     name = "SN-000042_20990101T000000"
     later = {"outcome": "failed", "started_utc": "2099-01-01T00:00:00+00:00", "log": {"file": f"{name}.h5"}}
