@@ -238,7 +238,8 @@ def _store(connection: sa.Connection, outbox: str, messages: Sequence[OutboxMess
             row["revision"] = revision
         else:
             locations.append({"run": row["name"], "url": row["url"], "changed": revision})
-    name, log = (sa.literal_column(f"excluded.{column}", sa.String) for column in ("name", "log"))  # of the new row
+    # values of the new row
+    name, log = (sa.literal_column(f"excluded.{column}", sa.String) for column in ("name", "log"))
     url = sa.select(log_copies.c.url).where(log_copies.c.outbox == outbox, log_copies.c.name == name).scalar_subquery()
     upsert(connection, runs, rows["run"], log=sa.func.coalesce(url, log))
     upsert(connection, log_copies, rows["copy"])

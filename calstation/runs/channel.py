@@ -86,7 +86,7 @@ class Channel:
                 if message is None:
                     return
                 self._connection.send(message)
-        except Exception:  # noqa: BLE001 - whatever the error, the listener is lost
+        except Exception:  # noqa: BLE001 - after any error, the listener is lost
             self._lose()
 
     def _receive(self) -> None:
