@@ -1,4 +1,4 @@
-"""Calibration methods, one file with an object `METHOD` per method; docs/how-to/extend.md explains how to add one."""
+"""Calibration methods: each file contains an object `METHOD`; docs/how-to/extend.md explains how to add one."""
 
 from functools import cache
 from importlib import import_module

@@ -1,10 +1,11 @@
 """Cross-calibration of secondary IMUs against a primary IMU on the same body, from any common motion.
 
-On command the whole recording is fitted; with triggers, only the secondaries that are out of tolerance in a check.
+On command the whole recording is fitted; with other triggers, only secondaries that are out of tolerance in a check.
 """
 
 from collections.abc import Iterator
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -36,13 +37,13 @@ from calstation.estimation.pairs import (
 from calstation.messages import values_to_json
 from calstation.physics import PAIR_PARAMETERS, Step, TableGeometry, pair_name
 
-NOTHING = Consistency(0.0, 0.0, 0.0, 0)
-#: Sigmas above which the motion does not determine a value; for the clock offset the limit is half a sample.
-UNDETERMINED = {"secondary_gyro_matrix": 0.02, "secondary_accel_matrix": 0.02, "secondary_lever": 0.05}
+NO_OBSERVATIONS = Consistency(0.0, 0.0, 0.0, 0)
+#: Largest sigma of a determined value; the limit of the clock offset is half a sample.
+MAX_SIGMA = {"secondary_gyro_matrix": 0.02, "secondary_accel_matrix": 0.02, "secondary_lever": 0.05}
 
 #: Largest change of a value from the first to the second half of the recording, in standard deviations: noise exceeds
 #: it in one of 28 values once in 5,000 recordings.
-CHANGED = 4.5
+MAX_CHANGE = 4.5
 
 
 def plan(geometry: TableGeometry, schedule: PairSchedule) -> Iterator[Step]:
@@ -51,7 +52,7 @@ def plan(geometry: TableGeometry, schedule: PairSchedule) -> Iterator[Step]:
 
 
 class PairStage(StageSolver):
-    """Solves the whole recording, or for the parts selected by triggers."""
+    """Solves the whole recording, or the parts selected by a trigger."""
 
     def __init__(self, context: SolveContext, prior: Posterior, schedule: PairSchedule) -> None:
         if not context.secondaries:
@@ -71,13 +72,13 @@ class PairStage(StageSolver):
             self._events += self._watch.feed(block)
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the recording. Raises InputError if it is unusable."""
+        """Solve the recording. Raises InputError if it cannot be used."""
         if self._watch is None:
-            return self._all(self.buffer.data(), progress)
-        return self._watched(self._watch)
+            return self._solve_all(self.buffer.data(), progress)
+        return self._solve_watched(self._watch)
 
-    def _all(self, data: StageData, progress: Progress | None) -> Solution:
-        done: dict[int, PairResult] = {}
+    def _solve_all(self, data: StageData, progress: Progress | None) -> Solution:
+        results: dict[int, PairResult] = {}
         checks: dict[int, StaticCheck] = {}
         rest = self._calibration.last_rest(data)
         for index, secondary in enumerate(self.context.secondaries):
@@ -85,14 +86,14 @@ class PairStage(StageSolver):
                 check = self._calibration.check(data, rest, index, secondary, secondary.stored)
                 if check is not None:
                     checks[secondary.number] = check
-            done[secondary.number] = self._calibration.calibrate(
+            results[secondary.number] = self._calibration.calibrate(
                 data, index, secondary, self._schedule.choice, secondary.stored
             )
             if progress is not None:
                 progress((index + 1) / len(self.context.secondaries))
-        return self._solution(done, checks, {s.number: s.stored for s in self.context.secondaries}, data.gaps, ())
+        return self._solution(results, checks, {s.number: s.stored for s in self.context.secondaries}, data.gaps, ())
 
-    def _watched(self, watch: PairWatch) -> Solution:
+    def _solve_watched(self, watch: PairWatch) -> Solution:
         self._events += watch.finish()
         messages = [
             (f"pair_{e.kind}", {"stage": "cross_calibration", "number": e.number, "time": e.time, **e.values})
@@ -105,34 +106,35 @@ class PairStage(StageSolver):
 
     def _solution(
         self,
-        done: dict[int, PairResult],
+        results: dict[int, PairResult],
         checks: dict[int, StaticCheck],
         stored: dict[int, StoredPair],
         gaps: int,
         messages: tuple[tuple[str, dict[str, Any]], ...],
     ) -> Solution:
         estimates: dict[str, Estimate] = {}
-        for number, calibrated in done.items():
+        for number, calibrated in results.items():
             estimates.update(_estimates(number, calibrated, self.context.imu.sample_rate))
-        halves = [c.fit.halves for c in done.values()]
-        fitted = int(sum(c.fit.fitted.sum() for c in done.values()))
-        kept = [number for number in stored if number not in done]
-        outside = {number: effect_tests(c.fit.effects) for number, c in done.items()}
+        halves = [c.fit.halves for c in results.values()]
+        fitted = int(sum(c.fit.fitted.sum() for c in results.values()))
+        uncalibrated = [number for number in stored if number not in results]
+        effects = {number: effect_tests(c.fit.effects) for number, c in results.items()}
         harmful, harmless = (
-            [_of_pair(number, test) for number, tests in outside.items() if (test := tests[k]) is not None]
+            [_of_pair(number, test) for number, tests in effects.items() if (test := tests[k]) is not None]
             for k in (0, 1)
         )
-        if kept:
-            messages = (*messages, ("pair_kept", {"stage": "cross_calibration", "numbers": kept}))
+        value, halves_tests = attrgetter("value"), [_halves_test(*item) for item in results.items()]
+        if uncalibrated:
+            messages = (*messages, ("pair_kept", {"stage": "cross_calibration", "numbers": uncalibrated}))
         return Solution(
             stage="cross_calibration",
             posterior=self.prior,
             estimated=(),
-            consistency=nis_consistency(float(np.mean(halves)) * fitted, fitted, 1) if done else NOTHING,
+            consistency=nis_consistency(float(np.mean(halves)) * fitted, fitted, 1) if results else NO_OBSERVATIONS,
             gaps=gaps,
             details={
                 "secondaries": [
-                    _details(s, done.get(s.number), checks.get(s.number), stored[s.number])
+                    _details(s, results.get(s.number), checks.get(s.number), stored[s.number])
                     for s in self.context.secondaries
                 ],
                 "events": [
@@ -142,16 +144,16 @@ class PairStage(StageSolver):
             },
             messages=messages,
             estimates=estimates,
-            tests=tuple(_worst(tests) for tests in ([_steady(*item) for item in done.items()], harmful) if tests),
-            explanation=_worst(harmless) if harmless else None,
+            tests=tuple(max(tests, key=value) for tests in (halves_tests, harmful) if tests),
+            explanation=max(harmless, key=value, default=None),
         )
 
 
 def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[str, Estimate]:
     fit = calibrated.fit
     sigma = np.sqrt(np.diag(fit.covariance))
-    limits = {**UNDETERMINED, "clock_offset": 0.5 / sample_rate}
-    # if only the bias was fitted, the fixed matrix is listed too, because the bias is valid only in combination with it
+    limits = {**MAX_SIGMA, "clock_offset": 0.5 / sample_rate}
+    # a bias is valid only with the matrix, which is therefore also listed if it was not fitted
     fixed = {
         f"secondary_{s}_matrix" for s, bias in (("gyro", GYRO_BIAS), ("accel", ACCEL_BIAS)) if fit.fitted[bias].any()
     }
@@ -162,24 +164,19 @@ def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[
     }
 
 
-def _steady(number: int, calibrated: PairResult) -> ModelTest:
-    """Return the test of the value that changed most between both halves, in standard deviations of the change."""
+def _halves_test(number: int, calibrated: PairResult) -> ModelTest:
+    """Return the test of the value with the largest change between the halves, in standard deviations of the change."""
     fit = calibrated.fit
     changes = np.nan_to_num(fit.change / fit.change_sigma)
     names = [pair_name(p.name, number) for p in PAIR_PARAMETERS]
     worst = int(np.argmax(np.abs(changes)))
-    shift = {name: float(change) for name, change in zip(names, changes, strict=True) if abs(change) > CHANGED}
+    shift = {name: float(change) for name, change in zip(names, changes, strict=True) if abs(change) > MAX_CHANGE}
     values = {"parameter": names[worst]}
     unit = PAIR_PARAMETERS[worst].unit
     diagnosis = Diagnosis(
         "halves_differ", float(fit.change[worst]), float(fit.change_sigma[worst]), unit, shift, values
     )
-    return ModelTest("halves", float(abs(changes[worst])), CHANGED, "sigma", diagnosis)
-
-
-def _worst(tests: list[ModelTest]) -> ModelTest:
-    """Return the test with the largest value."""
-    return max(tests, key=lambda test: test.value)
+    return ModelTest("halves", float(abs(changes[worst])), MAX_CHANGE, "sigma", diagnosis)
 
 
 def _of_pair(number: int, test: ModelTest) -> ModelTest:
@@ -196,12 +193,16 @@ def _of_pair(number: int, test: ModelTest) -> ModelTest:
 def _details(
     secondary: Secondary, calibrated: PairResult | None, check: StaticCheck | None, stored: StoredPair
 ) -> dict[str, Any]:
-    kept = stored if calibrated is None else calibrated.stored
+    current = stored if calibrated is None else calibrated.stored
     details: dict[str, Any] = {
         "number": secondary.number,
         "serial": secondary.imu.serial,
         "check": check and check_values(check),
-        "stored": {"values": dict(kept.values), "gyro_static": kept.gyro_static, "accel_static": kept.accel_static},
+        "stored": {
+            "values": dict(current.values),
+            "gyro_static": current.gyro_static,
+            "accel_static": current.accel_static,
+        },
     }
     if calibrated is not None:
         fit = calibrated.fit

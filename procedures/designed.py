@@ -1,7 +1,7 @@
 """Designed: a list of moves of both joints, each followed by a rest; the 39-state filter estimates all parameters.
 
 After every rest, the stage ends if every sigma is below its limit times a margin. The sigmas depend on the motion and
-the noise of the profiles, not on the estimated values, so this rule does not bias the result.
+on the noise in the profiles, not on the estimated values, so this rule does not bias the result.
 """
 
 from collections.abc import Iterator

@@ -1,9 +1,9 @@
 """Excitation: revolutions about y, x, z, then z, x, y in quarter turns with rests; all parameters are estimated.
 
 The inner axis is horizontal while it rotates, so that its rotation is observable from gravity. A joint reverses its
-direction from one revolution to the next, so that its angle stays bounded. Every second move is slower, and in every
-second revolution the rests are between two body axes: a second rate and other components of gravity reveal errors
-outside the model.
+direction from one revolution to the next, so that its angle is bounded. Every second move is slower, and the rests of
+every second revolution are between two body axes: errors outside the model are observable from a second rate and from
+other components of gravity.
 """
 
 from collections.abc import Iterator
@@ -41,8 +41,8 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     """
     fast, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     rest, short = schedule.dwell_s, schedule.place_dwell_s
-    whole = QUARTERS * ((QUARTER, rest),)
-    oblique = ((0.5 * QUARTER, rest), *whole[1:], (0.5 * QUARTER, short))
+    revolution = QUARTERS * ((QUARTER, rest),)
+    oblique_revolution = ((0.5 * QUARTER, rest), *revolution[1:], (0.5 * QUARTER, short))
     joints = [0.0, 0.0]
     last: dict[int, int] = {}
     yield Move(0.0, 0.0, fast, acceleration, ("start",))
@@ -63,7 +63,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
                 joints = target
                 yield Move(joints[0], joints[1], fast, acceleration, ("into_place", name))
                 yield Dwell(short)
-            for k, (angle, dwell) in enumerate(oblique if number % 2 else whole):
+            for k, (angle, dwell) in enumerate(oblique_revolution if number % 2 else revolution):
                 rate = fast * schedule.second_rate if k % 2 else fast
                 joints[turn.joint] += way * angle
                 label = ("turn_about", name, float(np.rad2deg(angle)) * way * turn.sign)
@@ -73,15 +73,15 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
         yield RoundEnd(rounds)
 
 
-def _revolution(limits: JointLimits, joint: int, at: float, way: int) -> tuple[float, int]:
-    """Return start angle, rad, and direction of a revolution: `way` if possible, from `at` or a few quarters from it.
+def _revolution(limits: JointLimits, joint: int, start_angle: float, way: int) -> tuple[float, int]:
+    """Return the start angle, rad, and direction of a revolution, if possible `start_angle` and `way`.
 
-    If none fits, the revolution starts at the nearest possible angle. Raises ConfigurationError if the travel is too
-    short.
+    Otherwise it starts a few quarter turns away or in the other direction, or at the nearest possible angle. Raises
+    ConfigurationError if the travel is too short.
     """
     last = limits.high[joint] - QUARTERS * QUARTER
-    nearest = float(np.clip(at, limits.low[joint], last))
-    starts = [(at + quarters * QUARTER, sign) for quarters in (0, 1, -1, 2, -2) for sign in (way, -way)]
+    nearest = float(np.clip(start_angle, limits.low[joint], last))
+    starts = [(start_angle + quarters * QUARTER, sign) for quarters in (0, 1, -1, 2, -2) for sign in (way, -way)]
     for start, sign in (*starts, (nearest, 1)):
         if limits.within(joint, start) and limits.within(joint, start + sign * QUARTERS * QUARTER):
             return start, sign
@@ -94,7 +94,7 @@ def _revolution(limits: JointLimits, joint: int, at: float, way: int) -> tuple[f
 
 
 def estimates(context: SolveContext) -> tuple[str, ...]:
-    """Return the names of all 30 parameters, or of 27 without the outer lever if the table model fixes it."""
+    """Return the names of all 30 parameters, without the outer lever if it is fixed in the table model."""
     return tuple(n for n in NAMES if context.table.outer_lever == "estimated" or not n.startswith("outer"))
 
 

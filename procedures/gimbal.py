@@ -1,6 +1,6 @@
 """Gimbal: gyro misalignment from the joints of a gimbal that stabilises on corrected rates, updated after each turn.
 
-A recording is replayed: its joints give the same corrections as online. A least-squares fit must agree with them.
+A recording is replayed, and its joint angles give the same corrections as online. A least-squares fit must agree.
 """
 
 import itertools
@@ -42,13 +42,13 @@ from calstation.physics import AXES, CHANNELS, INDEX, NAMES, FloatArray, GimbalT
 from calstation.schema import EntryError
 
 ESTIMATED = tuple(f"gyro_misalign_{pair}" for pair in ("xy", "xz", "yx", "yz", "zx", "zy"))
-#: Ratio of last to first drift above which the rates were not corrected, if the turns should have halved the drift.
-STUCK = 0.7
-#: Largest difference between the iteration and least squares in sigmas of the iteration. Both use the same samples, so
-#: the variance of their difference is below the iteration's variance.
-AGREEMENT = 4.0
-#: Largest rotation about the other axes, relative to its rms in definite turns, for which a motion to zero is a turn.
-SAME_ROTATION = 3.0
+#: Largest ratio of last to first drift with corrected rates, if the turns reduce the drift at least to a half.
+MAX_DRIFT_RATIO = 0.7
+#: Largest difference between the iteration and least squares, in sigmas of the iteration. Both use the same samples, so
+#: the variance of their difference is smaller than that of the iteration.
+MAX_DIFFERENCE = 4.0
+#: Largest rotation about the other axes in a turn that ends at zero, relative to its rms in other turns.
+MAX_ROTATION_RATIO = 3.0
 
 
 class Schedule(BaseModel):
@@ -85,9 +85,9 @@ class Schedule(BaseModel):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Plan the turns of each axis and the return to zero after them; a complete axis needs no further turn.
+    """Plan the turns of each axis and the return to zero after them; the turns of a complete axis are omitted.
 
-    Raises ConfigurationError on a table, which does not stabilise on the rates of the unit, and for a schedule that the
+    Raises ConfigurationError for a table, which does not stabilise on the rates of the unit, or for a schedule that the
     gimbal cannot execute.
     """
     gimbal = geometry.gimbal
@@ -101,8 +101,8 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
             values = {"angle_deg": schedule.angle_deg, "most_deg": float(np.rad2deg(min(-low, high)))}
             raise ConfigurationError("plan.gimbal_turn_exceeds_travel", axis=name, **values)
     if rate > gimbal.rate:
-        most = float(np.rad2deg(gimbal.rate))
-        raise ConfigurationError("plan.gimbal_rate_exceeds_limit", rate_dps=schedule.rate_dps, most_dps=most)
+        limit = float(np.rad2deg(gimbal.rate))
+        raise ConfigurationError("plan.gimbal_rate_exceeds_limit", rate_dps=schedule.rate_dps, most_dps=limit)
     threshold = float(np.deg2rad(schedule.threshold_arcsec / 3600.0))
     settings = (angle, rate, schedule.dwell_s, schedule.gain, threshold, schedule.alternate)
     yield GimbalZero(schedule.dwell_s + BIAS_TIME, 0)
@@ -113,7 +113,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Schedule) -> Solution:
-    """Replay and fit the turns. Raises InputError if the recording is unusable."""
+    """Replay and fit the turns. Raises InputError if the recording cannot be used."""
     _require_channels(data)
     motions = find_motions(data, context.imu)
     _require_joints(data, motions)
@@ -128,7 +128,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     mask = np.array([name in ESTIMATED for name in NAMES])
     return Solution(
         stage="gimbal",
-        posterior=consider_update(prior, _measured(prior, solved), mask),
+        posterior=consider_update(prior, _with_observations(prior, solved), mask),
         estimated=ESTIMATED,
         consistency=nis_consistency(fit.chi2, max(round(fit.freedom), 1), 1),
         gaps=data.gaps,
@@ -152,8 +152,8 @@ def _replayed(
 ) -> tuple[GimbalIteration, dict[int, list[Motion]]]:
     """Reproduce the online iteration; return it and the turns of each axis.
 
-    A motion to zero is a turn if the corrected rates show no rotation about the other axes, as in definite turns, or a
-    return if it brings the other joints to zero: whichever fits better in sigmas.
+    A motion to zero is a turn if the corrected rates have no rotation about the other axes, and a return if it moves
+    the other joints to zero: the smaller deviation in sigmas decides.
     """
     iteration = schedule.iteration()
     turns: dict[int, list[Motion]] = {}
@@ -164,8 +164,8 @@ def _replayed(
         cross = m.cross_rotation(m.axis, iteration.correction)
         if m.to_zero:
             expected = float(np.sqrt(np.mean(np.square(stabilised)))) if stabilised else 0.0
-            zero = np.linalg.norm(m.after[other_axes(m.axis)]) * expected < cross * encoder_sigma
-            if zero and cross > SAME_ROTATION * expected:
+            fits_return = np.linalg.norm(m.after[other_axes(m.axis)]) * expected < cross * encoder_sigma
+            if fits_return and cross > MAX_ROTATION_RATIO * expected:
                 continue
         else:
             stabilised.append(cross)
@@ -175,7 +175,7 @@ def _replayed(
 
 
 def _require_all_turns(data: StageData, motions: list[Motion]) -> None:
-    """Check that no turn is missing between two motions, as happens if the following rest is too short."""
+    """Check that no turn is missing between two motions, for example because the following rest is too short."""
     for m, following in itertools.pairwise(motions):
         jump = float(np.abs(following.before - m.after).max())
         if jump > MIN_JOINT_TURN and np.abs(following.before).max() > MIN_JOINT_TURN:
@@ -194,20 +194,20 @@ def _require_channels(data: StageData) -> None:
 
 
 def _require_joints(data: StageData, motions: list[Motion]) -> None:
-    """Check that the gyros measure the turns about the same axes and by the same angles as the joints."""
+    """Check that the gyros measure the same axes and angles of the turns as the joints."""
     for m in motions:
         if m.axis is None:
             continue
-        turned = data.gyro[m.start : m.stop].sum(axis=0) * data.dt
-        seen = int(np.argmax(np.abs(turned)))
+        rotation = data.gyro[m.start : m.stop].sum(axis=0) * data.dt
+        gyro_axis = int(np.argmax(np.abs(rotation)))
         span = {"first": int(data.seq[m.start]), "last": int(data.seq[m.stop - 1])}
-        if seen != m.axis:
-            raise InputError("recording.joint_axes_swapped", joint=AXES[m.axis], gyro=AXES[seen], **span)
-        ratio = float(turned[seen] / m.angle)
+        if gyro_axis != m.axis:
+            raise InputError("recording.joint_axes_swapped", joint=AXES[m.axis], gyro=AXES[gyro_axis], **span)
+        ratio = float(rotation[gyro_axis] / m.angle)
         if ratio < 0.0:
-            raise InputError("recording.joint_sign", axis=AXES[seen], **span)
+            raise InputError("recording.joint_sign", axis=AXES[gyro_axis], **span)
         if not 0.8 < ratio < 1.25:
-            raise InputError("recording.joint_unit", axis=AXES[seen], ratio=ratio, **span)
+            raise InputError("recording.joint_unit", axis=AXES[gyro_axis], ratio=ratio, **span)
 
 
 @dataclass(frozen=True)
@@ -231,8 +231,8 @@ def _axis_solution(
 ) -> _AxisSolution:
     """Propagate the noise of every drift through the recursion.
 
-    A commanded pure rotation makes the column of N parallel to the axis, so off the diagonal K = M / (1 + scale). The
-    part of the initial error (from least squares) that remains after the last turn is added to the uncertainty.
+    For a pure rotation the column of N is parallel to the axis, so the off-diagonal elements are K = M / (1 + scale).
+    The part of the initial error (from least squares) that remains after the last turn is added to the uncertainty.
     """
     noise, name = filter_noise(context), AXES[course.axis]
     encoder = context.table.encoder_sigma**2
@@ -269,9 +269,9 @@ def _axis_solution(
 
 
 def _require_corrected(course: AxisTurns, solved: _AxisSolution) -> None:
-    """Check that the drifts decreased as the gain predicts; otherwise the rates were not corrected with K."""
+    """Check that the drifts decreased as predicted from the gain; otherwise the rates were not corrected with K."""
     first, last = (float(np.linalg.norm(course.drifts[k])) for k in (0, -1))
-    if solved.remaining < 0.5 * STUCK and last > STUCK * first and last > 6.0 * solved.drift_sigma:
+    if solved.remaining < 0.5 * MAX_DRIFT_RATIO and last > MAX_DRIFT_RATIO * first and last > 6.0 * solved.drift_sigma:
         raise InputError(
             "recording.rates_not_corrected",
             axis=AXES[course.axis],
@@ -284,14 +284,14 @@ def _require_corrected(course: AxisTurns, solved: _AxisSolution) -> None:
 def _require_agreement(solved: _AxisSolution, fit: GimbalFit) -> None:
     """Check that the misalignments from the iteration and from least squares agree within their sigmas."""
     for (name, value), sigma in zip(solved.values.items(), solved.sigma, strict=True):
-        at_once = float(fit.posterior.mean[INDEX[name]])
-        if abs(value - at_once) > AGREEMENT * sigma:
-            compared = {"iteration": value, "sigma": sigma, "least_squares": at_once}
+        least_squares = float(fit.posterior.mean[INDEX[name]])
+        if abs(value - least_squares) > MAX_DIFFERENCE * sigma:
+            compared = {"iteration": value, "sigma": sigma, "least_squares": least_squares}
             in_arcsec = {f"{key}_arcsec": float(np.rad2deg(v) * 3600) for key, v in compared.items()}
             raise InputError("recording.gimbal_disagrees", name=name, **in_arcsec)
 
 
-def _measured(prior: Posterior, solved: list[_AxisSolution]) -> Posterior:
+def _with_observations(prior: Posterior, solved: list[_AxisSolution]) -> Posterior:
     """Update the prior with the observed misalignments (Kalman update)."""
     posterior = prior
     for axis in solved:
@@ -324,9 +324,9 @@ def _messages(iteration: GimbalIteration, schedule: Schedule) -> tuple[tuple[str
     messages: list[tuple[str, dict[str, Any]]] = []
     for course in iteration.courses:
         angle = float(np.mean(np.abs(course.angles)))
-        most = largest_gain(schedule.order, course.axis, angle)
-        if schedule.gain >= most:
-            values = {"stage": "gimbal", "axis": AXES[course.axis], "gain": schedule.gain, "limit": most}
+        limit = largest_gain(schedule.order, course.axis, angle)
+        if schedule.gain >= limit:
+            values = {"stage": "gimbal", "axis": AXES[course.axis], "gain": schedule.gain, "limit": limit}
             messages.append(("gimbal_unstable", values))
     missing = [a for k, a in enumerate(AXES) if k not in {c.axis for c in iteration.courses}]
     if missing:

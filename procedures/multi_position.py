@@ -1,7 +1,7 @@
 """Multi-position: joint calibration of gyros and accelerometers on a simple or manual rig without accurate angles.
 
-Rests and motions are found from the data alone. Gravity makes the rotation of every body axis about the horizontal
-observable.
+Rests and motions are detected in the data. The rotation of every body axis about the horizontal is observable from
+gravity.
 """
 
 from collections.abc import Iterator
@@ -38,8 +38,8 @@ GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign", "accel_bias", "accel_scale
 ESTIMATED = tuple(p.name for p in PARAMETERS if p.group in GROUPS)
 #: Outer and inner joint angle, rad.
 Pose = tuple[float, float]
-#: Time that an operator needs to read an instruction and to release a rail, s.
-HESITATION = 3.0
+#: Time in which an operator reads an instruction and releases a rail, s.
+READING_TIME = 3.0
 
 
 class Schedule(BaseModel):
@@ -52,8 +52,7 @@ class Schedule(BaseModel):
     rate_dps: float = Field(20.0, gt=0.0, le=360.0)
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
     manual: bool = False  #: Whether an operator, guided by the program, turns the rails at about `rate_dps`.
-    #: A shorter rest than this is a pause during a motion instead of a position.
-    shortest_rest_s: float = Field(1.0, ge=0.5, le=60.0)
+    shortest_rest_s: float = Field(1.0, ge=0.5, le=60.0)  #: Shortest rest at a position instead of a pause.
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
@@ -83,24 +82,24 @@ def _poses(geometry: TableGeometry, schedule: Schedule) -> Iterator[Pose]:
 
 def _manual_steps(schedule: Schedule, poses: list[Pose]) -> Iterator[Step]:
     """Yield a step for each position; positions equal to the preceding one are omitted."""
-    way: list[Pose] = [(0.0, 0.0)]
+    visited: list[Pose] = [(0.0, 0.0)]
     for pose in poses:
-        if max(abs(a - b) for a, b in zip(pose, way[-1], strict=True)) > 1e-6:
-            way.append(pose)
-    for index, pose in enumerate(way, start=1):
-        before = way[max(index - 2, 0)]
-        far = max(abs(a - b) for a, b in zip(pose, before, strict=True))
-        turning = far / float(np.deg2rad(schedule.rate_dps))
+        if max(abs(a - b) for a, b in zip(pose, visited[-1], strict=True)) > 1e-6:
+            visited.append(pose)
+    for index, pose in enumerate(visited, start=1):
+        before = visited[max(index - 2, 0)]
+        distance = max(abs(a - b) for a, b in zip(pose, before, strict=True))
+        travel_time = distance / float(np.deg2rad(schedule.rate_dps))
         rest = schedule.rest_s if index > 1 else schedule.initial_rest_s
-        yield ManualMove(*pose, rest, turning + HESITATION if index > 1 else 0.0, index, len(way))
+        yield ManualMove(*pose, rest, travel_time + READING_TIME if index > 1 else 0.0, index, len(visited))
 
 
 def _around(geometry: TableGeometry, joint: int, step: float) -> Iterator[float]:
     """Yield joint angles, rad, for one revolution and back to 0, or to both ends of a shorter travel."""
-    whole = round(2.0 * np.pi / step)
+    steps = round(2.0 * np.pi / step)
     for way in (1.0, -1.0):
-        if geometry.limits.within(joint, way * whole * step):
-            yield from (way * k * step for k in (*range(whole + 1), *range(whole - 1, -1, -1)))
+        if geometry.limits.within(joint, way * steps * step):
+            yield from (way * k * step for k in (*range(steps + 1), *range(steps - 1, -1, -1)))
             return
     low, high = geometry.limits.low[joint], geometry.limits.high[joint]
     up, down = int((high + 1e-9) // step), int((-low + 1e-9) // step)
@@ -110,7 +109,7 @@ def _around(geometry: TableGeometry, joint: int, step: float) -> Iterator[float]
 
 
 def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Schedule) -> Solution:
-    """Solve the stage from its rests and motions. Raises InputError if the recording is unusable."""
+    """Solve the stage from its rests and motions. Raises InputError if the recording cannot be used."""
     shortest = schedule.shortest_rest_s
     still = find_stillness(data, context.imu, shortest)
     links = valid_links(data, still, context.imu, context.site.local_gravity, prior, shortest)

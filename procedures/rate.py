@@ -1,7 +1,7 @@
 """Rate: gyro scale factors from whole turns about each gyro axis in both directions, measured by the table encoders.
 
-Mounting, table axes, misalignments and every encoder reading at rest are unknowns with a prior. Without encoder angles,
-a turn must be verified to be a whole number of revolutions: by gravity in the same direction before and after it, or,
+The mounting, the table axes, the misalignments and the encoder errors at rest are unknowns with a prior. Without
+encoder angles, a whole number of revolutions is verified by equal directions of gravity before and after a turn, or,
 about the vertical, by the prior of the scale factor.
 """
 
@@ -54,16 +54,16 @@ from calstation.physics import (
 ESTIMATED = tuple(f"gyro_scale_{axis}" for axis in "xyz")
 #: Groups of parameters on which a turn depends.
 GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign")
-#: A rotation between two rests smaller than this, rad, is a positioning move.
+#: Smallest rotation of a turn, rad; a smaller rotation between two rests is a positioning move.
 SMALLEST_TURN = np.deg2rad(300.0)
 #: Largest deviation of a rotation from a whole number of turns, rad.
-WHOLE = np.deg2rad(5.0)
-#: Smallest sine of the angle between a turn's axis and the vertical for which gravity verifies a whole turn.
-SEEN_BY_GRAVITY = 0.5
-#: Largest deviation from a whole number of turns for which this number is certain.
-CERTAIN_WITHIN = 0.25
+MAX_TURN_DEVIATION = np.deg2rad(5.0)
+#: Smallest sine of the angle between a turn's axis and the vertical for which a turn is verified by gravity.
+MIN_SINE = 0.5
+#: Largest deviation from a whole number for which the number of turns is unambiguous, in turns.
+MAX_UNCERTAIN_TURNS = 0.25
 #: Largest deviation of a turn from a whole turn, in standard deviations.
-VERIFIED_WITHIN = 3.0
+MAX_SIGMAS = 3.0
 #: Sigma of the table axes relative to the profile, rad: non-orthogonality and wobble.
 AXIS_SIGMA = np.deg2rad(0.1)
 #: Interval over which rate and force are averaged to compute effects outside the model, s.
@@ -84,9 +84,9 @@ class Schedule(BaseModel):
 class Turn:
     """A rotation by whole turns between two rests."""
 
-    start: int  #: Sample in the middle of the rest before the rotation.
-    stop: int  #: Sample in the middle of the rest after the rotation.
-    end: int  #: Sample at which the rotation has ended.
+    start: int  #: Index of the sample in the middle of the rest before the rotation.
+    stop: int  #: Index of the sample in the middle of the rest after the rotation.
+    end: int  #: Index of the first sample after the rotation.
     total: FloatArray  #: Integral of the raw rate, rad, shape (3,).
     joint: int  #: Index of the joint: 0 outer, 1 inner.
     angles: FloatArray  #: Encoder angles before and after, rad, shape (2, 2).
@@ -112,16 +112,16 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def _first_rotation(geometry: TableGeometry, joint: int, sign: int, at: float, turns: int) -> tuple[float, float]:
-    """Return start angle nearest `at` and first rotation, rad; positive about the body axis if the travel allows.
+    """Return the start angle nearest `at` and the first rotation, which is positive if the travel permits it, rad.
 
     Raises ConfigurationError if the travel is too short for the turns.
     """
-    limits, way = geometry.limits, 2.0 * np.pi * turns * sign
+    limits, rotation = geometry.limits, 2.0 * np.pi * turns * sign
     low, high = limits.low[joint], limits.high[joint]
-    for first in (way, -way):
+    for first in (rotation, -rotation):
         if limits.within(joint, at + first):
             return at, first
-    if high - low < abs(way):
+    if high - low < abs(rotation):
         raise ConfigurationError(
             "plan.turns_exceed_travel",
             turns=turns,
@@ -129,106 +129,14 @@ def _first_rotation(geometry: TableGeometry, joint: int, sign: int, at: float, t
             axis=JOINTS[joint],
             travel_deg=float(np.rad2deg(high - low)),
         )
-    return float(np.clip(at, low - min(way, 0.0), high - max(way, 0.0))), way
+    return float(np.clip(at, low - min(rotation, 0.0), high - max(rotation, 0.0))), rotation
 
 
 def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Schedule) -> Solution:
-    """Solve the stage from its whole turns. Raises InsufficientDataError if some are missing."""
+    """Solve the stage from its whole turns. Raises InsufficientDataError if turns are missing."""
     context = with_measured_noise(context, rest_noise(data, context, prior.gyro_bias))
     turns, assumed = find_turns(data, context, prior)
     _require_turns(turns, data.gaps)
-    return _solve(data, turns, context, prior, assumed)
-
-
-def find_turns(data: StageData, context: SolveContext, prior: Posterior) -> tuple[list[Turn], bool]:
-    """Find whole turns between rests; also return whether, without encoder angles, they were assumed to be whole."""
-    geometry = context.table.geometry
-    turns, assumed, rest_count = [], False, 0
-    for segment in data.segments:
-        still = find_rests(data, context.imu, prior.gyro_bias, [segment])
-        for number, ((a0, a1), (b0, b1)) in enumerate(itertools.pairwise(still)):
-            start, stop = (a0 + a1) // 2, (b0 + b1) // 2
-            duration = (stop - start) * data.dt
-            total = data.gyro[start:stop].sum(axis=0) * data.dt
-            turned = total - duration * 0.5 * (data.gyro[a0:a1].mean(axis=0) + data.gyro[b0:b1].mean(axis=0))
-            if np.linalg.norm(turned) < SMALLEST_TURN:
-                continue
-            before, after = mean_angles(data, a0, a1), mean_angles(data, b0, b1)
-            if before is None or after is None:
-                assumed = True
-                _require_whole(data, (a0, a1), (b0, b1), turned, context, prior)
-                before, after, joint = _whole_turn(geometry, turned)
-            else:
-                joint = int(np.argmax(np.abs(after - before)))
-            way = after[joint] - before[joint]
-            if abs(way - 2.0 * np.pi * np.round(way / (2.0 * np.pi))) < WHOLE and abs(way) > SMALLEST_TURN:
-                rest = (rest_count + number, rest_count + number + 1)
-                turns.append(Turn(start, stop, b0, total, joint, np.vstack([before, after]), rest, duration))
-        rest_count += len(still)
-    return turns, assumed
-
-
-def _require_whole(
-    data: StageData,
-    before: tuple[int, int],
-    after: tuple[int, int],
-    turned: FloatArray,
-    context: SolveContext,
-    prior: Posterior,
-) -> None:
-    """Raise InsufficientDataError unless gravity or the prior of the scale factor verifies a rotation by whole turns.
-
-    `before` and `after` are the rests, `turned` is the measured rotation between them, rad.
-    """
-    size, gravity = float(np.linalg.norm(turned)), context.site.local_gravity
-    scale = group_indices("gyro_scale")[int(np.argmax(np.abs(turned)))]
-    turns = size / (2.0 * np.pi)
-    whole = round(turns / (1.0 + prior.mean[scale]))
-    beyond = 2.0 * np.pi * abs(turns - whole * (1.0 + prior.mean[scale]))
-    first, second = (data.accel[a:b].mean(axis=0) for a, b in (before, after))
-    seen = float(np.linalg.norm(np.cross(turned / size, first / np.linalg.norm(first))))
-    noise = sum(rest_mean_variance(context, (b - a) * data.dt) for a, b in (before, after)) / gravity**2
-    stops = 2.0 * context.table.encoder_sigma**2
-    if seen > SEEN_BY_GRAVITY:
-        away = float(np.linalg.norm(second - first)) / gravity / seen
-        tolerance = VERIFIED_WITHIN * float(np.sqrt(stops + 3.0 * noise / seen**2))
-        verified = away < tolerance and beyond < 2.0 * np.pi * CERTAIN_WITHIN
-    else:
-        away = beyond
-        tolerance = VERIFIED_WITHIN * float(np.hypot(2.0 * np.pi * whole * prior.sigma[scale], np.sqrt(stops)))
-        verified = away < tolerance < np.pi
-    if verified:
-        return
-    values = {"turns": turns, "away_deg": float(np.rad2deg(away)), "tolerance_deg": float(np.rad2deg(tolerance))}
-    where = data.seq_range(before[1], after[0])
-    if seen > SEEN_BY_GRAVITY:
-        raise InsufficientDataError("solve.turn_against_gravity", **where, **values)
-    raise InsufficientDataError("solve.turn_unproven", whole=whole, **where, **values)
-
-
-def _whole_turn(geometry: TableGeometry, turned: FloatArray) -> tuple[FloatArray, FloatArray, int]:
-    """Return joint angles before and after, rad, and joint, of the whole turns nearest to a measured rotation."""
-    axis = np.eye(3)[int(np.argmax(np.abs(turned)))]
-    body_turn = geometry.body_turn(axis, 0.0)
-    before = np.array([0.0, body_turn.inner or 0.0])
-    after = before.copy()
-    angle = float(turned @ axis) * body_turn.sign
-    after[body_turn.joint] += 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
-    return before, after, body_turn.joint
-
-
-def _require_turns(turns: list[Turn], gaps: int) -> None:
-    missing = []
-    for axis in range(3):
-        for sign, way in ((1.0, "+"), (-1.0, "-")):
-            if not any(np.argmax(np.abs(t.total)) == axis and sign * t.total[axis] > 0.0 for t in turns):
-                missing.append(f"{way}{'xyz'[axis]}")
-    if missing:
-        note = Text.of("solve.gaps_cost_turns", gaps=gaps) if gaps else ""
-        raise InsufficientDataError("solve.no_whole_turn", missing=missing, turns=len(turns), gaps_note=note)
-
-
-def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Posterior, assumed: bool) -> Solution:
     table, site = context.table, context.site
     geometry, orientation = table.geometry, np.array(table.orientation)
     noise = filter_noise(context)
@@ -256,9 +164,9 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Pos
         before, after = angles[:, 0] + encoder[first], angles[:, 1] + encoder[second]
         angle = np.take_along_axis(after - before, joint, axis=1)
         bent = axis_rotations(table.inner_axis, -0.5 * (before + after)[:, INNER]) @ outer_axis
-        turned = angle * np.where(joint == INNER, inner_axis, bent)
+        rotation = angle * np.where(joint == INNER, inner_axis, bent)
         earth_b = level + np.cos(nuisance[3]) * north + np.sin(nuisance[3]) * east
-        return np.asarray((turned + earth_b) @ (M @ mount).T + bias * duration).ravel()
+        return np.asarray((rotation + earth_b) @ (M @ mount).T + bias * duration).ravel()
 
     observed = np.concatenate([t.total for t in turns])
     bias_drift = 2.0 * noise.bias_drift[0] ** 2 / BIAS_DRIFT_TIME
@@ -293,6 +201,94 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Pos
         sensitivity=sensitivity,
         messages=result.messages + ((("turns_assumed_whole", {"stage": "rate"}),) if assumed else ()),
     )
+
+
+def find_turns(data: StageData, context: SolveContext, prior: Posterior) -> tuple[list[Turn], bool]:
+    """Find the whole turns between rests; also return whether encoder angles were missing."""
+    geometry = context.table.geometry
+    turns, assumed, rest_count = [], False, 0
+    for segment in data.segments:
+        still = find_rests(data, context.imu, prior.gyro_bias, [segment])
+        for number, ((a0, a1), (b0, b1)) in enumerate(itertools.pairwise(still)):
+            start, stop = (a0 + a1) // 2, (b0 + b1) // 2
+            duration = (stop - start) * data.dt
+            total = data.gyro[start:stop].sum(axis=0) * data.dt
+            rotation = total - duration * 0.5 * (data.gyro[a0:a1].mean(axis=0) + data.gyro[b0:b1].mean(axis=0))
+            if np.linalg.norm(rotation) < SMALLEST_TURN:
+                continue
+            before, after = mean_angles(data, a0, a1), mean_angles(data, b0, b1)
+            if before is None or after is None:
+                assumed = True
+                _require_whole(data, (a0, a1), (b0, b1), rotation, context, prior)
+                before, after, joint = _whole_turn(geometry, rotation)
+            else:
+                joint = int(np.argmax(np.abs(after - before)))
+            way = after[joint] - before[joint]
+            if abs(way - 2.0 * np.pi * np.round(way / (2.0 * np.pi))) < MAX_TURN_DEVIATION and abs(way) > SMALLEST_TURN:
+                rest = (rest_count + number, rest_count + number + 1)
+                turns.append(Turn(start, stop, b0, total, joint, np.vstack([before, after]), rest, duration))
+        rest_count += len(still)
+    return turns, assumed
+
+
+def _require_whole(
+    data: StageData,
+    before: tuple[int, int],
+    after: tuple[int, int],
+    rotation: FloatArray,
+    context: SolveContext,
+    prior: Posterior,
+) -> None:
+    """Raise InsufficientDataError unless a rotation by whole turns is verified by gravity or the scale factor prior.
+
+    `before` and `after` are the rests, `rotation` is the measured rotation between them, rad.
+    """
+    size, gravity = float(np.linalg.norm(rotation)), context.site.local_gravity
+    scale = group_indices("gyro_scale")[int(np.argmax(np.abs(rotation)))]
+    turns = size / (2.0 * np.pi)
+    whole = round(turns / (1.0 + prior.mean[scale]))
+    deviation_from_whole = 2.0 * np.pi * abs(turns - whole * (1.0 + prior.mean[scale]))
+    first, second = (data.accel[a:b].mean(axis=0) for a, b in (before, after))
+    sine = float(np.linalg.norm(np.cross(rotation / size, first / np.linalg.norm(first))))
+    noise = sum(rest_mean_variance(context, (b - a) * data.dt) for a, b in (before, after)) / gravity**2
+    stops = 2.0 * context.table.encoder_sigma**2
+    if sine > MIN_SINE:
+        deviation = float(np.linalg.norm(second - first)) / gravity / sine
+        tolerance = MAX_SIGMAS * float(np.sqrt(stops + 3.0 * noise / sine**2))
+        verified = deviation < tolerance and deviation_from_whole < 2.0 * np.pi * MAX_UNCERTAIN_TURNS
+    else:
+        deviation = deviation_from_whole
+        tolerance = MAX_SIGMAS * float(np.hypot(2.0 * np.pi * whole * prior.sigma[scale], np.sqrt(stops)))
+        verified = deviation < tolerance < np.pi
+    if verified:
+        return
+    values = {"turns": turns, "away_deg": float(np.rad2deg(deviation)), "tolerance_deg": float(np.rad2deg(tolerance))}
+    where = data.seq_range(before[1], after[0])
+    if sine > MIN_SINE:
+        raise InsufficientDataError("solve.turn_against_gravity", **where, **values)
+    raise InsufficientDataError("solve.turn_unproven", whole=whole, **where, **values)
+
+
+def _whole_turn(geometry: TableGeometry, rotation: FloatArray) -> tuple[FloatArray, FloatArray, int]:
+    """Return joint angles before and after, rad, and joint index of the whole turns nearest to a measured rotation."""
+    axis = np.eye(3)[int(np.argmax(np.abs(rotation)))]
+    body_turn = geometry.body_turn(axis, 0.0)
+    before = np.array([0.0, body_turn.inner or 0.0])
+    after = before.copy()
+    angle = float(rotation @ axis) * body_turn.sign
+    after[body_turn.joint] += 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
+    return before, after, body_turn.joint
+
+
+def _require_turns(turns: list[Turn], gaps: int) -> None:
+    missing = []
+    for axis in range(3):
+        for sign, way in ((1.0, "+"), (-1.0, "-")):
+            if not any(np.argmax(np.abs(t.total)) == axis and sign * t.total[axis] > 0.0 for t in turns):
+                missing.append(f"{way}{'xyz'[axis]}")
+    if missing:
+        note = Text.of("solve.gaps_cost_turns", gaps=gaps) if gaps else ""
+        raise InsufficientDataError("solve.no_whole_turn", missing=missing, turns=len(turns), gaps_note=note)
 
 
 def _effects(data: StageData, turn: Turn, effects: StageEffects) -> FloatArray:

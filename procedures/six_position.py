@@ -1,8 +1,8 @@
-"""Six positions: each accelerometer axis up and down; the magnitude of gravity gives scale factors and biases.
+"""Six positions: scale factors and biases from the magnitude of gravity with each accelerometer axis up and down.
 
-The faces are not assumed to be level: the direction of gravity in b is an unknown at every rest. Six faces determine
-three scale factors and three biases without redundancy. Four oblique positions, the corners of a tetrahedron, provide a
-test: the sum of the magnitude of gravity over them depends neither on misalignments nor on biases.
+The faces need not be level: the direction of gravity in b is an unknown at every rest. Six faces determine three scale
+factors and three biases without redundancy. Four oblique positions, the corners of a tetrahedron, are a test: the sum
+of the magnitude of gravity over them depends neither on misalignments nor on biases.
 """
 
 from collections.abc import Iterator, Sequence
@@ -49,12 +49,12 @@ GROUPS = ("accel_bias", "accel_scale", "accel_misalign", "accel_quadratic")
 FREE_DIRECTION_SIGMA = 1.0
 #: Body directions that point up in the oblique positions, in order.
 OBLIQUE = ((-1, 1, -1), (-1, -1, 1), (1, -1, -1), (1, 1, 1))
-#: Largest angle between gravity and an axis at a face, rad; other rests are used in the fit but are not faces.
-ON_FACE = np.deg2rad(30.0)
+#: Largest angle between gravity and an axis at a face, rad; other rests are used only in the fit.
+MAX_FACE_ANGLE = np.deg2rad(30.0)
 
 
 class Schedule(BaseModel):
-    """Angles in degrees, rates in °/s and °/s², times in s."""
+    """Durations of rests (s), and rate and acceleration of moves (°/s, °/s²)."""
 
     model_config = ConfigDict(extra="forbid")
     dwell_s: float = Field(30.0, ge=2.0, le=600.0, description="rest in every position")
@@ -65,19 +65,20 @@ class Schedule(BaseModel):
 
 @dataclass(frozen=True)
 class Position:
-    """A rest: samples, mean raw specific force (m/s², shape (3,)) and its variance, encoder angles (rad) or None."""
+    """A rest of a stage."""
 
-    start: int
-    stop: int
-    force: FloatArray
-    variance: float
-    angles: FloatArray | None
+    start: int  #: Index of the first sample.
+    stop: int  #: Index after the last sample.
+    force: FloatArray  #: Mean raw specific force, m/s², shape (3,).
+    variance: float  #: Variance of each component of `force`, (m/s²)².
+    angles: FloatArray | None  #: Encoder angles, rad, shape (2,); None if they were not polled.
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     """Plan z up, z down, y up, y down, x up, x down, the oblique positions, and z up again.
 
-    Each position uses the nearest joint angles. A difference between the first and the last rest indicates drift.
+    The joints move to the nearest angles of each position. A difference between the first and the last rest indicates
+    drift.
     """
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     pose = (0.0, 0.0)
@@ -104,37 +105,6 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     context = with_measured_noise(context, rest_noise(data, context, prior.gyro_bias))
     positions = find_positions(data, context, prior)
     _require_faces(positions, prior)
-    return _solve(data, positions, context, prior)
-
-
-def find_positions(data: StageData, context: SolveContext, prior: Posterior) -> list[Position]:
-    """Find the rests of a stage in its data and compute their mean force."""
-    rests: Sequence[tuple[int, int]]
-    if data.has_gyros:
-        rests = find_rests(data, context.imu, prior.gyro_bias)
-    else:
-        rests = find_stillness(data, context.imu).rests
-    return [
-        Position(a, b, *rest_force(data, context, a, b), mean_angles(data, a, b))
-        for a, b in rests
-        if (b - a) * data.dt >= SHORTEST_REST
-    ]
-
-
-def _require_faces(positions: list[Position], prior: Posterior) -> None:
-    inverse, bias = compensation(prior.mean).accel_inverse, group_vector(prior.mean, "accel_bias")
-    seen = set()
-    for p in positions:
-        up = inverse @ (p.force - bias)
-        axis = int(np.argmax(np.abs(up)))
-        if abs(up[axis]) > np.cos(ON_FACE) * np.linalg.norm(up):
-            seen.add(("+" if up[axis] > 0 else "-") + "xyz"[axis])
-    missing = [f for f in ("+x", "-x", "+y", "-y", "+z", "-z") if f not in seen]
-    if missing:
-        raise InsufficientDataError("solve.missing_faces", seconds=SHORTEST_REST, missing=missing, rests=len(positions))
-
-
-def _solve(data: StageData, positions: list[Position], context: SolveContext, prior: Posterior) -> Solution:
     gravity, geometry, tilt = context.site.local_gravity, context.table.geometry, context.table.tilt_sigma
     constants = compensation(prior.mean)
     directions, tangents, nuisance, sigma = [], [], [], []
@@ -191,6 +161,33 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
         sensitivity=sensitivity,
         messages=result.messages,
     )
+
+
+def find_positions(data: StageData, context: SolveContext, prior: Posterior) -> list[Position]:
+    """Find the rests of a stage and compute their mean forces."""
+    rests: Sequence[tuple[int, int]]
+    if data.has_gyros:
+        rests = find_rests(data, context.imu, prior.gyro_bias)
+    else:
+        rests = find_stillness(data, context.imu).rests
+    return [
+        Position(a, b, *rest_force(data, context, a, b), mean_angles(data, a, b))
+        for a, b in rests
+        if (b - a) * data.dt >= SHORTEST_REST
+    ]
+
+
+def _require_faces(positions: list[Position], prior: Posterior) -> None:
+    inverse, bias = compensation(prior.mean).accel_inverse, group_vector(prior.mean, "accel_bias")
+    faces = set()
+    for p in positions:
+        up = inverse @ (p.force - bias)
+        axis = int(np.argmax(np.abs(up)))
+        if abs(up[axis]) > np.cos(MAX_FACE_ANGLE) * np.linalg.norm(up):
+            faces.add(("+" if up[axis] > 0 else "-") + "xyz"[axis])
+    missing = [f for f in ("+x", "-x", "+y", "-y", "+z", "-z") if f not in faces]
+    if missing:
+        raise InsufficientDataError("solve.missing_faces", seconds=SHORTEST_REST, missing=missing, rests=len(positions))
 
 
 def _tangents(direction: FloatArray) -> FloatArray:

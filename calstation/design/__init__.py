@@ -1,6 +1,6 @@
-"""Schedules of the method `designed`: search for the shortest one, and analysis of the effects that it detects.
+"""Search for the shortest schedule of the method `designed`, and analysis of the effects that it detects.
 
-Sigmas come from the run's own plan and filter; no code in this package drives a table.
+The sigmas are computed with the plan and the filter of a run; this package does not drive a table.
 """
 
 from calstation.design.design import STAGE, Design, DesignRequest, Variation, designed_product, save_design

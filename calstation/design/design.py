@@ -28,9 +28,9 @@ _RATE, _ACCELERATION = 0.85, 0.75
 _RANGE = 0.8
 #: Limit of the product's gravity check in sigmas of the force at a rest.
 _GRAVITY_SIGMAS = 4.0
-#: Suffix of the name of a product with a designed stage.
+#: Suffix of the names of products with a designed stage.
 _DESIGNED = ", designed"
-#: Checks that refer to the rests of one stage.
+#: Checks of the rests of one stage.
 _OF_RESTS = ("improvement_at_rest", "level")
 
 #: Angles of the outer and the inner joint, °, and the rest at these angles, s.
@@ -67,7 +67,7 @@ class DesignRequest:
     station: Path | None = None  #: Station file; None for the default.
     product: Path | None = None  #: Product file; None for the default.
     margin: float = 0.8  #: Fraction of its limit that no sigma may exceed.
-    #: Duration of the stage, s, for which the smallest sigmas are searched; None for the shortest schedule.
+    #: Duration of the stage for which the smallest sigmas are searched, s; None for the shortest schedule.
     duration: float | None = None
     as_present: bool = False  #: Whether to match the sigmas of the product's current stages instead of its limits.
     time_limit: float | None = None  #: Time for the search, s; None for the usual effort.
@@ -79,7 +79,7 @@ class DesignRequest:
 
 @dataclass(frozen=True)
 class Variation:
-    """A condition that differs from the planned one, and the time at which every target is reached."""
+    """A condition other than the planned one, and the time at which every target is reached."""
 
     name: str  #: ``mounting``, ``heading`` or ``noise``.
     value: float  #: Rotation of the mounting, rad; heading, rad; ratio of the noise.
@@ -91,9 +91,9 @@ class Variation:
 class Design(Reached):
     """A schedule and its properties; `sigma` is the sigma after the planned moves."""
 
-    moves: tuple[Move, ...]  #: Moves; the last ones are a reserve.
+    moves: tuple[Move, ...]  #: Planned moves and reserve.
     planned: int  #: Number of moves after which the targets are reached.
-    min_moves: int  #: Number of moves that are always made, because the product's diagnosis needs them.
+    min_moves: int  #: Number of moves that are always executed, because the product's diagnosis requires them.
     rate_dps: float
     acceleration_dps2: float
     duration: float  #: Duration of the planned moves, s.
@@ -108,7 +108,7 @@ class Design(Reached):
     rests: tuple[float, ...]  #: Durations of the planned rests, s.
     gravity_rest: float | None  #: Shortest rest, s, suitable for the product's gravity check; None without this check.
     latitude_sigma: float | None  #: Sigma of the latitude measured by the gyros, rad; None if they do not resolve it.
-    noise_seen: float  #: Smallest relative error of the assumed noise that the innovations detect.
+    noise_seen: float  #: Smallest relative error of the assumed noise that is detected in the innovations.
     seconds: float  #: Duration of the search, s.
 
     def schedule(self) -> dict[str, Any]:
@@ -149,14 +149,9 @@ class Design(Reached):
             "gravity_rest_s": self.gravity_rest,
             "latitude_sigma_rad": self.latitude_sigma,
             "noise_seen": self.noise_seen,
-            "hidden": [{**vars(limit), "size": _finite(limit.size)} for limit in self.hidden],
+            "hidden": [{**vars(h), "size": h.size if np.isfinite(h.size) else None} for h in self.hidden],
             "search_s": self.seconds,
         }
-
-
-def _finite(value: float) -> float | None:
-    """Return a number, or None for an infinite one, which JSON does not support."""
-    return value if np.isfinite(value) else None
 
 
 def speeds(setup: RunConfiguration, request: DesignRequest) -> tuple[float, float]:
@@ -190,7 +185,7 @@ def gravity_rest(product: ProductConfig, context: SolveContext) -> float | None:
 
 
 def stages_duration(setup: RunConfiguration) -> float | None:
-    """Return the duration of all stages without targets, s; None if this table cannot execute them."""
+    """Return the duration of all stages without their targets, s; None if this table cannot execute them."""
     try:
         return sum(plan_time(s.steps(), s.rule, (0.0, 0.0), setup.table.settle_s) for s in table_task(setup).stages)
     except ConfigurationError:

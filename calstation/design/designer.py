@@ -1,4 +1,4 @@
-"""Design of a schedule for a product on a station: sets up the search, and tries its result with the run's solver."""
+"""Design of a schedule for a product on a station: search, and verification of the result with the solver of a run."""
 
 import time
 from collections.abc import Iterator
@@ -32,11 +32,12 @@ from calstation.results import compute_preview, one_blas_thread
 from calstation.sequencer import check_limits
 from procedures import method
 
-#: A joint moves at most this far from home, °, even if its travel is longer, because of cables and the way back.
+#: Largest angle of a joint from home, °, even if its travel is longer, because of cables and the way back.
 _FARTHEST_DEG = 360.0
 #: Angles by which a joint turns in a move, in lattice units: if the travel allows a full turn, and otherwise.
 _TURNS, _SHORT_TURNS = (-8, -4, -2, -1, 0, 1, 2, 4, 8), (-6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6)
-#: Beam widths: the first yields a result quickly, the last one is repeated; number of beams if no time limit is set.
+#: Beam widths, of which the first gives a result quickly and the last is repeated, and number of beams without a time
+#: limit.
 _WIDTHS, _BEAMS = (6, 24, 48, 96, 192), 2
 #: Width of the beam that adds the reserve.
 _RESERVE_WIDTH = 8
@@ -44,19 +45,19 @@ _RESERVE_WIDTH = 8
 _EXCHANGES = 1500
 #: Largest number of corrections for the difference between segments and filter.
 _CORRECTIONS = 4
-#: Accepted ratio of detectable to required effect size, allowing for the error of the segment approximation.
+#: Largest ratio of detectable to required effect size, with a tolerance for the error of the segment approximation.
 _MAX_DETECTION_RATIO = 1.02
 #: Number of rests used by the product's gravity check.
 _GRAVITY_RESTS = 3
-#: Fractions of the work up to the first beam, and up to the checks.
+#: Fractions of the work before the first beam, and before the verification.
 _PROBED, _SEARCHED = 0.02, 0.9
-#: Search for the smallest sigmas in a given time: factor by which each step reduces the targets, and number of steps.
+#: Factor by which each step of the search for the smallest sigmas reduces the targets, and number of steps.
 _TARGET_REDUCTION, _STEPS = 0.95, 8
-#: The first beam of this search has unreachable targets and thus shows what is possible in the time.
+#: Factor on the targets of the first beam of this search, which are unreachable.
 _OUT_OF_REACH = 0.05
 #: Factor on the targets that compensates for the difference between segments and filter.
 _TARGET_TIGHTENING = 0.97
-#: The reserve takes at most this many times the duration of the schedule.
+#: Longest duration of schedule and reserve, in durations of the schedule.
 _LONGEST_RESERVE = 4.0
 
 
@@ -121,7 +122,7 @@ class _Designer:
         return np.where([name in estimated for name in NAMES], last.sigma, np.inf)
 
     def _target_sigmas(self) -> FloatArray:
-        """Return the target sigmas of the stage, shape (30,): the limits times the margin, less gravity's part."""
+        """Return the target sigmas of the stage, shape (30,): the limits times the margin without the gravity error."""
         relative = self._context.site.relative_gravity_sigma
         targets = without_gravity(self._margin * self._limits, relative)
         for i in np.flatnonzero(targets <= 0.0):
@@ -149,13 +150,13 @@ class _Designer:
         rounded = np.ceil if up else np.floor
         return int(rounded(outer)), int(rounded(inner))
 
-    def _refuse(self, code: str, index: int, least: float) -> Never:
+    def _refuse(self, code: str, index: int, achievable: float) -> Never:
         unit, size = DISPLAY[PARAMETERS[index].group]
         limit = self._limits[index] / size
-        raise ConfigurationError(code, parameter=NAMES[index], limit=limit, least=least / size, unit=unit)
+        raise ConfigurationError(code, parameter=NAMES[index], limit=limit, least=achievable / size, unit=unit)
 
     def run(self) -> Design:
-        """Search, correct the result, add the reserve, and check everything."""
+        """Search a schedule, correct it, add the reserve, and verify it."""
         request = self._request
         if request.duration is None:
             stops, factor = self._corrected(self._shortest()), 1.0
@@ -198,7 +199,7 @@ class _Designer:
         )
 
     def _min_moves(self, stops: Stops) -> int:
-        """Return the number of moves that detect the diagnosed effects and contain enough rests for the check."""
+        """Return the number of moves that detect the product's effects and contain enough rests for its check."""
         problem, ends = self._problem(), np.array(states(self._library, stops))
         detects_effects = np.all(problem.ratios(ends)[:, COUNT:] <= _MAX_DETECTION_RATIO, axis=1)
         enough_rests = np.array([problem.rests_enough(stops[:k]) for k in range(1, len(stops) + 1)])
@@ -226,7 +227,7 @@ class _Designer:
         return best
 
     def _refuse_unreachable(self, ratios: FloatArray) -> Never:
-        """Raise the error for targets that are not reached within an hour, given the ratios of the sigmas to them."""
+        """Raise the error for targets that are not reached within an hour, given the ratios of the sigmas."""
         parameter = int(np.argmax(ratios[:COUNT]))
         if ratios[parameter] > 1.0:
             self._refuse("design.unreachable", parameter, float(ratios[parameter] * self._goal[parameter]))
@@ -283,7 +284,7 @@ class _Designer:
         self._report(_PROBED + (_SEARCHED - _PROBED) * done, note=f"{best:.1f}")
 
     def _corrected(self, stops: Stops) -> Stops:
-        """Return a schedule that also reaches the targets in the filter, which differs slightly from the segments."""
+        """Return a schedule that reaches the targets in the filter, which differs slightly from the segments."""
         factor = 1.0
         for _ in range(_CORRECTIONS):
             *_, (_, sigma) = self._trial.after_moves(_moves(stops))
@@ -320,7 +321,7 @@ class _Designer:
         factor, worst = _OUT_OF_REACH, np.inf
         best: Stops = ()
         for step in range(_STEPS):
-            # The first beam is narrow and never ended early: only at its end does it contain long schedules.
+            # The first beam is narrow and not stopped early, because it contains long schedules only at its end.
             beam = Beam(self._problem(factor), _WIDTHS[min(step, 1)], duration, self._front)
             for seconds, _ in beam.run():
                 self._report(_SEARCHED * (step + seconds / duration) / (2 * _STEPS), note=_ratio(worst))
@@ -330,10 +331,10 @@ class _Designer:
             if not points:
                 raise ConfigurationError("design.too_short", seconds=duration)
             _, ratio, stops = min(points, key=lambda point: point[1])
-            better = ratio <= _TARGET_REDUCTION * worst
+            improved = ratio <= _TARGET_REDUCTION * worst
             if ratio < worst:
                 worst, best = ratio, stops
-            if not better or self._should_stop():
+            if not improved or self._should_stop():
                 break
             factor = _TARGET_REDUCTION * worst
         for step in range(_STEPS):

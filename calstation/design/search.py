@@ -1,8 +1,8 @@
-"""Search for the shortest schedule that reaches target sigmas: a beam over time, then exchanges of single moves.
+"""Search for the shortest schedule that reaches target sigmas: a beam search over time, then exchanges of single moves.
 
-Every state of the beam is a schedule that ends at a time and a position; among schedules that end at about the same
-time, only the best are continued. They are ranked by the sum over the parameters of ln(sigma / target) where it is
-positive. The exchanges then change, insert, remove or swap moves and rests (simulated annealing).
+Every node of the beam is a schedule that ends at a time and a position; among schedules that end at about the same
+time, only the best are continued. They are compared by the sum of the positive ln(sigma / target) over the parameters.
+The exchanges then change, insert, remove or swap moves and rests (simulated annealing).
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,10 +24,10 @@ _RESTS = (1, 3, 8, 24, 60)
 _TIMES = 400
 #: The first rest, for alignment, in units of `REST_UNIT`.
 FIRST_REST = 12
-#: Number of moves of the random walk that shows what is achievable, and its longest duration, s.
+#: Number of moves of the random walk that determines what is achievable, and its longest duration, s.
 _WALK, _HOUR = 30, 3600.0
-#: Rests of the walks, in units of `REST_UNIT`: long ones suit the accelerometers, many moves the gyros. Every walk is
-#: also tried with the faces of the body alone, which suit the scale factors.
+#: Rests of the walks, in units of `REST_UNIT`: long ones favour the accelerometers, many moves the gyros. Every walk is
+#: also tried with the faces of the body only, which favour the scale factors.
 _WALK_RESTS = ((2, 10, 40), (40, 60), (120,))
 #: Number of schedules evaluated per exchange step.
 _BATCH = 48
@@ -58,7 +58,7 @@ class Problem:
     long_rests: int = 0  #: Number of required long rests.
 
     def ratios(self, information: FloatArray) -> FloatArray:
-        """Return sigmas over targets, shape (n, c), from information at the ends of n schedules."""
+        """Return the ratios of the sigmas to their targets, shape (n, c), from the information at n schedule ends."""
         return sigmas(information, self.library.states) / self.targets
 
     def allowed(self, position: Position) -> bool:
@@ -74,7 +74,7 @@ class Problem:
         )
 
     def rests_enough(self, stops: Sequence[Stop]) -> bool:
-        """Return whether enough rests are long."""
+        """Return whether the schedule contains the required long rests."""
         return sum(stop.rest >= self.long_rest for stop in stops) >= self.long_rests
 
     def next_positions(self, position: Position) -> Iterator[Position]:
@@ -88,7 +88,7 @@ class Problem:
 
 @dataclass(slots=True)
 class _Node:
-    """A schedule of the beam: its last stop, and the preceding node."""
+    """A schedule of the beam: its last stop and the preceding node."""
 
     information: FloatArray | None
     position: Position
@@ -113,7 +113,7 @@ class _Node:
 
 @dataclass
 class Front:
-    """Smallest worst ratio of a sigma to its limit for each duration, and its schedule."""
+    """Pareto front: the smallest worst ratio of a sigma to its limit for each duration, and its schedule."""
 
     _best: dict[int, tuple[float, float, Stops]] = field(default_factory=dict)
 
@@ -133,12 +133,12 @@ class Front:
 
 
 def remaining_log_ratio(ratios: FloatArray) -> FloatArray:
-    """Return the remaining log ratio, shape (n,), for ratios of sigmas to targets, shape (n, c)."""
+    """Return the sum of the positive logarithms of ratios of sigmas to targets, shape (n, c), as shape (n,)."""
     return np.asarray(np.log(np.maximum(ratios, 1.0)).sum(axis=1))
 
 
 class Beam:
-    """The search from a first rest, or from the end of another schedule."""
+    """Beam search from a first rest, or from the end of another schedule."""
 
     def __init__(self, problem: Problem, width: int, longest: float, front: Front | None = None) -> None:
         self._problem, self._width, self._longest, self._front = problem, width, longest, front
@@ -149,7 +149,7 @@ class Beam:
     def run(self, before: tuple[Stops, FloatArray, float] | None = None) -> Iterator[tuple[float, Stops | None]]:
         """Yield the time reached, s, with None, and finally the time and the stops of the result, or None.
 
-        `before` are the stops to continue, the information after them and their duration.
+        `before` contains the stops to continue, the information after them, and their duration, s.
         """
         if before is None:
             state = self._problem.library.begin((0, 0), FIRST_REST)
@@ -240,7 +240,7 @@ class Beam:
 def reachable(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
     """Return the shortest random walk that reaches all targets within `_HOUR`, and the ratios after it, shape (c,).
 
-    If none does, return None and the ratios of the closest one.
+    If there is none, return None and the ratios of the closest walk.
     """
     faces = replace(problem, turns=tuple(turn for turn in problem.turns if turn % 2 == 0))
     possible = [each for each in (problem, faces) if any(each.next_positions((0, 0)))]
@@ -254,7 +254,7 @@ def reachable(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
 def _walk(problem: Problem, pattern: Sequence[int], seed: int) -> tuple[Stops, FloatArray]:
     """Return a random walk with a pattern of rests, and the ratios after it.
 
-    The walk is repeated until all targets are reached or an hour has passed, so that its information is joined quickly.
+    The walk is repeated until all targets are reached or an hour has passed.
     """
     rng, library = np.random.default_rng(seed), problem.library
     positions = [(0, 0)]
@@ -302,7 +302,7 @@ def states(library: SegmentLibrary, stops: Stops) -> list[FloatArray]:
 
 
 class Exchange:
-    """Improvement of a schedule by changes of single moves and rests; deterministic for a seed."""
+    """Improves a schedule by changes of single moves and rests; deterministic for a seed."""
 
     def __init__(self, problem: Problem, stops: Stops, seed: int) -> None:
         self._problem, self._rng = problem, np.random.default_rng(seed)
@@ -317,7 +317,7 @@ class Exchange:
         self._states, self._times = states(self._library, stops), durations(self._library, stops)
 
     def run(self, steps: int) -> Iterator[float]:
-        """Yield the completed fraction; `best` and `time` are the best result so far."""
+        """Run the exchange steps and yield the completed fraction; `best` and `time` are the best result so far."""
         problem, rng = self._problem, self._rng
         if len(self._stops) < 2:
             return
@@ -333,15 +333,15 @@ class Exchange:
             ends, times = self._ends(cut, candidates)
             remaining = remaining_log_ratio(problem.ratios(ends))
             costs = times + price * remaining
-            chosen = int(np.argmin(costs))
+            best_candidate = int(np.argmin(costs))
             improved = np.flatnonzero((remaining <= 0.0) & (times < self.time + (-1e-9 if self.reached else 1e-9)))
             if len(improved):
                 self.reached = True
                 first = int(improved[np.argmin(times[improved])])
                 self.best, self.time = candidates[first], float(times[first])
-            if costs[chosen] < cost + heat * rng.exponential():
-                cost = float(costs[chosen])
-                self._set_stops(candidates[chosen])
+            if costs[best_candidate] < cost + heat * rng.exponential():
+                cost = float(costs[best_candidate])
+                self._set_stops(candidates[best_candidate])
 
     def _random_change(self, cut: int) -> Stops | None:
         """Return the schedule with a random change at or after stop `cut`, or None if the table cannot execute it."""
@@ -378,7 +378,7 @@ class Exchange:
         return targets[int(self._rng.integers(len(targets)))]
 
     def _ends(self, cut: int, candidates: Sequence[Stops]) -> tuple[FloatArray, FloatArray]:
-        """Return the information at the ends of schedules that agree before stop `cut`, and their durations, s."""
+        """Return the information at the ends of schedules with equal stops before `cut`, and their durations, s."""
         library = self._library
         state = np.repeat(self._states[cut - 1][None], len(candidates), axis=0)
         times = np.full(len(candidates), self._times[cut - 1])

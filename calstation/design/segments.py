@@ -1,4 +1,4 @@
-"""Information from table moves and rests, computed once with the run's own filter and then joined to schedules."""
+"""Information matrices of moves and rests, computed once with the filter of a run and then joined to schedules."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -44,7 +44,7 @@ class Conditions:
 
 
 class SegmentLibrary:
-    """Information about parameters and effects, and durations, of moves and rests on the lattice."""
+    """Information matrices for parameters and effects, and durations, of moves and rests on the lattice."""
 
     def __init__(self, conditions: Conditions) -> None:
         self._conditions = conditions
@@ -54,12 +54,12 @@ class SegmentLibrary:
         self._rests: dict[tuple[int, int, int], FloatArray] = {}
 
     def begin(self, position: Position, rest: int) -> FloatArray:
-        """Return the information about states and parameters, shape (m + 30, m + 30), after the first rest."""
+        """Return the information matrix of states and parameters, shape (m + 30, m + 30), after the first rest."""
         segment, _ = self._pass(position, [Dwell(rest * REST_UNIT)])
         return np.asarray(advance_information(segment.start[None], segment.motion[None])[0])
 
     def move(self, at: Position, to: Position) -> tuple[FloatArray, float]:
-        """Return information and duration, s, of a move with its settling and the shortest rest."""
+        """Return the information matrix and duration, s, of a move, its settling and the shortest rest."""
         key = (at[0] % _TURN, at[1] % _TURN, to[0] - at[0], to[1] - at[1])
         if key not in self._moves:
             conditions = self._conditions
@@ -70,7 +70,7 @@ class SegmentLibrary:
         return self._moves[key]
 
     def rest(self, at: Position, units: int) -> FloatArray:
-        """Return the information of a rest."""
+        """Return the information matrix of a rest."""
         key = (at[0] % _TURN, at[1] % _TURN, units)
         if key not in self._rests:
             if units == 1:
@@ -81,7 +81,7 @@ class SegmentLibrary:
         return self._rests[key]
 
     def _pass(self, at: Position, steps: Sequence[Step]) -> tuple[Segment, float]:
-        """Return the information of steps and their duration, s."""
+        """Return the information matrices of steps and their duration, s."""
         c, joints = self._conditions, (at[0] * _LATTICE, at[1] * _LATTICE)
         samples = PlannedSamples(c.context, c.prior.mean, c.mount, joints)
         blocks = list(samples.run(Dwell(_BEGIN), _BEGIN, "designed"))

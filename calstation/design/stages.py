@@ -1,4 +1,4 @@
-"""Shortening of a product's stages: faster moves, shorter rests, fewer turns and rounds, within its limits."""
+"""Shortening of a product's stages within its limits by faster moves, shorter rests, and fewer turns and rounds."""
 
 import time
 from collections.abc import Iterator
@@ -71,7 +71,7 @@ class _Shortening:
         self._report, self._request = report, request
         self._start_time = time.monotonic()
         self._run = RunRequest(SERIAL, request.station, request.product, out=Path("nowhere"))
-        #: The current stages match their own sigmas exactly, up to rounding.
+        #: The current stages reach their sigmas exactly, except for rounding errors.
         self._margin = 1.0 + 1e-9 if request.as_present else request.margin
         setup = load_configuration(self._run)
         check_manual_rig(setup)
@@ -87,7 +87,7 @@ class _Shortening:
         self._limits = np.where(estimated, required, np.inf)
 
     def run(self) -> ShorterStages:
-        """Reduce one value at a time, starting with the one that saves most time."""
+        """Reduce one value at a time, beginning with the reduction that saves most time."""
         fields = {stage: {field.name for field in schedule_fields(stage)} for stage in self._schedules}
         values: Values = {
             stage: {name: speed for name, speed in self._speeds.items() if name in names}
@@ -123,7 +123,7 @@ class _Shortening:
         return None
 
     def _reduced(self, values: Values, factor: float) -> Iterator[tuple[tuple[str, str, float], Values]]:
-        """Yield every change of one rest or count by a factor, and the values with it."""
+        """Yield every reduction of one rest or count by a factor, and the values after it."""
         for stage, schedule in self._schedules.items():
             for field in schedule_fields(stage):
                 rest = field.name.endswith("dwell_s")

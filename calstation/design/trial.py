@@ -31,7 +31,7 @@ _HEADINGS = tuple(np.deg2rad([90.0, 200.0]))
 
 @dataclass(frozen=True)
 class Condition:
-    """A condition that differs from the planned one; `name` and `value` as in `Variation`."""
+    """A condition other than the planned one; `name` and `value` are as in `Variation`."""
 
     name: str
     value: float
@@ -40,7 +40,7 @@ class Condition:
 
 
 class Trial:
-    """Executes the moves of a schedule without devices."""
+    """Simulates the moves of a schedule."""
 
     def __init__(self, meta: LogMeta, geometry: TableGeometry, settle: float, rate: float, acceleration: float) -> None:
         """Create a trial from a log configuration; `settle` is in s, `rate` and `acceleration` in °/s and °/s²."""
@@ -71,7 +71,7 @@ class Trial:
     def _blocks(
         self, moves: Moves, context: SolveContext, mount: FloatArray
     ) -> Iterator[tuple[float, SampleBlock | None]]:
-        """Yield time and samples, and None after every move and its rest."""
+        """Yield the time and samples of every move and its rest, followed by the time and None."""
         samples = PlannedSamples(context, self._prior.mean, mount)
         time = 0.0
         for step in method(STAGE).plan(self._geometry, self._schedule(moves)):
@@ -84,7 +84,7 @@ class Trial:
                     yield time, block
 
     def solve(self, moves: Moves) -> tuple[Solution, tuple[EffectLimit, ...]]:
-        """Solve the moves as a run does; return also the size of each effect that the moves cannot detect."""
+        """Solve the moves like a run; also return the size of each effect that the moves cannot detect."""
         chain = StageChain(self._meta)
         chain.start(STAGE)
         blocks = [block for _, block in self._blocks(moves, self._context, self.mount) if block is not None]
@@ -95,7 +95,7 @@ class Trial:
     def _hidden(self, blocks: Sequence[SampleBlock]) -> tuple[EffectLimit, ...]:
         """Return the largest undetectable size of every constant effect, and of every group with a changing effect.
 
-        The noise is that of the profiles, because these samples have none.
+        The noise is that of the profiles, because the samples are free of noise.
         """
         names = method(STAGE).estimates(self._context)
         mask = np.array([name in names for name in NAMES])
@@ -111,7 +111,7 @@ class Trial:
         return tuple(largest.values())
 
     def conditions(self) -> Iterator[Condition]:
-        """Yield conditions that differ from the planned ones."""
+        """Yield conditions other than the planned one."""
         site, imu, table = self._context.site, self._context.imu, self._context.table
         for mount in self._mounts:
             yield Condition("mounting", float(np.linalg.norm(mount)), self._context, mount)

@@ -1,4 +1,4 @@
-"""Interface of a calibration method: its plan, its solver and the parameters that it estimates."""
+"""Interface of the calibration methods: plan, solver and estimated parameters."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
@@ -32,7 +32,7 @@ from calstation.physics import CHANNELS, NAMES, FloatArray, IntArray, Step, Tabl
 #: Number of rests or moves that a message lists.
 MAX_NAMED = 3
 
-#: Callback that receives the progress from 0 to 1, never decreasing.
+#: Callback with the progress from 0 to 1, which never decreases.
 Progress = Callable[[float], None]
 
 
@@ -41,7 +41,7 @@ class Innovations:
     """Innovations of a stage's observations."""
 
     seq: IntArray  #: Sequence number at the end of each observation, shape (m,).
-    normalised: FloatArray  #: Components in units of their sigmas, shape (m, 3); NaN where there is nothing to test.
+    normalised: FloatArray  #: Components in units of their sigmas, shape (m, 3); NaN if a component is not tested.
     white: bool = True  #: Whether the components are independent of each other.
 
 
@@ -56,7 +56,7 @@ class Ranking:
 
 @dataclass(frozen=True)
 class Estimate:
-    """An SI estimate that is not one of the 30 parameters; `determined` is False if the data do not determine it."""
+    """An estimate, SI, that is not one of the 30 parameters; `determined` is False if the data do not determine it."""
 
     value: float
     sigma: float
@@ -69,26 +69,26 @@ class Solution:
     """Result of solving a stage."""
 
     stage: str
-    posterior: Posterior  #: Joint posterior of the 30 parameters; in a chain, with the error of gravity.
+    posterior: Posterior  #: Joint posterior of the 30 parameters; in a chain, including the gravity error.
     estimated: tuple[str, ...]  #: Names of the parameters that the stage estimated.
     consistency: Consistency  #: Innovation test of the stage.
     gaps: int = 0  #: Number of gaps and resets.
     observability: Mapping[str, Any] = field(default_factory=dict)  #: See `ObservabilityAnalysis.result`, JSON values.
     details: Mapping[str, Any] = field(default_factory=dict)  #: Other results such as residuals, JSON values.
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: Messages for the user, (message id, values).
-    innovations: Innovations | None = None  #: For diagnostics; not part of a result file.
+    innovations: Innovations | None = None  #: Innovations for diagnostics, which are not part of a result file.
     estimates: Mapping[str, Estimate] = field(default_factory=dict)  #: Other estimated values, by contract name.
-    evidence: Evidence | None = None  #: Rests and motions of the stage, if the product's checks need them.
+    evidence: Evidence | None = None  #: Rests and motions of the stage, if the product's checks require them.
     latitude: LatitudeEstimate | None = None  #: Latitude from the gyros at all rests so far, if accurate enough.
-    sensitivity: Sensitivity | None = None  #: Response to effects outside the model; None if it is not known.
+    sensitivity: Sensitivity | None = None  #: Sensitivity to effects outside the model; None if it is not known.
     tests: tuple[ModelTest, ...] = ()  #: Tests of the model; each becomes a check of the result.
-    explanation: ModelTest | None = None  #: A failed test that is harmless, but may explain why other checks fail.
+    explanation: ModelTest | None = None  #: A failed but harmless test that may explain the failure of other checks.
     diagnosis: Diagnosis | None = None  #: Location of the excess if the innovations fail their test.
-    local_scores: ScoreFunction | None = None  #: For diagnostics: score tests of errors during parts of the stage.
+    local_scores: ScoreFunction | None = None  #: Score tests for errors during parts of the stage, for diagnostics.
 
 
 def stage_residuals(solution: Solution, data: StageData, rests: RestResiduals) -> StageResiduals:
-    """Return the residuals of a solved stage per rest and move; without any row if the method has no innovations."""
+    """Return the residuals of a solved stage by rest and move; empty if the method has no innovations."""
     innovations = solution.innovations
     if innovations is None:
         return StageResiduals()
@@ -158,7 +158,7 @@ class StageSolver(ABC):
 
     @abstractmethod
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the stored stage; slow solvers report `progress`. Raises InputError or InsufficientDataError."""
+        """Solve the stored stage; a slow solver calls `progress`. Raises InputError or InsufficientDataError."""
 
 
 class BatchStage(StageSolver):
@@ -175,17 +175,17 @@ class BatchStage(StageSolver):
         self._solve, self._schedule = solve, schedule
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the stored stage; it is too fast for progress reports."""
+        """Solve the stored stage without progress reports."""
         data = self.buffer.data()
         solution = self._solve(data, self.context, self.prior, self._schedule)
         return with_diagnosis(solution, data, self.context)
 
 
 class RepeatedSchedule(BaseModel):
-    """Stop rule of a repeated plan: it ends when the first of these conditions is met or the operator ends it.
+    """Stop rule of a repeated plan, which ends when the first of these conditions is met or the operator ends it.
 
-    A condition that is not given has no effect: without `rounds`, only a duration or targets end the plan. Without any
-    condition, the plan ends after the default number of rounds.
+    An unset condition has no effect: without `rounds`, only a duration or targets end the plan. Without any condition,
+    the plan ends after the default number of rounds.
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -210,14 +210,14 @@ class Method:
 
     name: str  #: Stage name in docs/contract.md, which is also the file name.
     schedule: type[BaseModel]  #: Pydantic model of the schedule, with defaults.
-    #: (geometry, schedule) -> steps, in joint angles within the table's limits; a repeated plan is endless
-    #: and ends each round with `RoundEnd`.
+    #: (geometry, schedule) -> steps, with joint angles within the table's limits; a repeated plan is endless, with a
+    #: `RoundEnd` after each round.
     plan: Callable[[TableGeometry, Any], Iterator[Step]]
     solver: Callable[[SolveContext, Posterior, Any], StageSolver]  #: (context, prior, schedule) -> solver
     #: (context) -> names of the parameters that the stage estimates
     estimates: Callable[[SolveContext], tuple[str, ...]]
-    #: Whether the solver finds the steps in the data, so that it can solve a whole recording even if the column 'stage'
-    #: does not name the method.
+    #: Whether the solver detects the steps in the data and can solve a whole recording, even if the column 'stage' does
+    #: not contain the method's name.
     needs_no_table: bool = False
     on_gimbal: bool = False  #: Whether the plan is for a gimbal instead of a table.
     without_gyros: bool = False  #: Whether the solver can use recordings of accelerometers alone.

@@ -21,7 +21,6 @@ from calstation.records import (
     ImprovementAtRest,
     Level,
     MotionAngle,
-    Positions,
     Previous,
 )
 
@@ -169,7 +168,9 @@ class _Acceptance:
         for evidence in self._evidence:
             if rule.stage not in (None, evidence.stage):
                 continue
-            for first, second in _pairs(len(evidence.rests), rule.positions):
+            successive = itertools.pairwise(range(len(evidence.rests)))
+            positions = None if rule.positions is None else sorted(set(rule.positions))
+            for first, second in successive if positions is None else itertools.combinations(positions, 2):
                 where = Where(stage=evidence.stage, rest=first, to=second)
                 turn = turn_between(evidence, first, second, parameters) if second < len(evidence.rests) else None
                 if turn is not None and turn.path >= MIN_TURN:
@@ -204,11 +205,6 @@ class _Acceptance:
         if ratios:
             worst = max(ratios, key=lambda name: ratios[name])
             yield self._check("excitation", ratios[worst], rule.sigma_ratio_below, "1", Where(worst))
-
-
-def _pairs(count: int, positions: Positions | None) -> Iterator[tuple[int, int]]:
-    """Return the pairs of consecutive rests among `count`, or all pairs of `positions`."""
-    return itertools.pairwise(range(count)) if positions is None else itertools.combinations(sorted(set(positions)), 2)
 
 
 def _value_then_where(row: tuple[Any, ...]) -> tuple[Any, ...]:

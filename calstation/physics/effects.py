@@ -1,7 +1,7 @@
-"""Effects outside the 30-parameter model: one entry of `EFFECTS` each, from which everything else finds them.
+"""Effects outside the 30-parameter model, which are defined only by the entries of `EFFECTS`.
 
-A new effect needs an entry here, texts, documentation and an independent truth of the bench: see "An effect of the
-error model" in docs/how-to/extend.md. Tests over `EFFECTS` check them.
+A new effect requires an entry, texts, documentation and an independent truth of the bench, which tests verify for all
+`EFFECTS`; see "An effect of the error model" in docs/how-to/extend.md.
 
 Sources: IEEE Std 952-2020 and 1293-2018 (error models of gyros and accelerometers); Cai, Yang, Song, Wang, *Measurement
 Science and Technology* 27 (2016) 095005 (g-sensitivity and cross-coupling on a two-axis table).
@@ -48,15 +48,15 @@ class Effect:
 
     cause: str  #: Name; code of the families ``cause`` and ``group`` of the message catalogue.
     unit: str  #: Unit of its sizes, SI.
-    #: Expected standard deviation of a size; None for the parameter's sigma before calibration. Without it, a regressor
-    #: that is little more than noise would get an absurd size.
+    #: Prior standard deviation of a size; None for the parameter's sigma before calibration. Without a prior, the size
+    #: for a regressor that is little more than noise would be absurd.
     plausible: float | None
     components: tuple[str, ...]  #: Names of the components: axes or pairs of axes, or "".
     #: Function (motion) -> channel errors per unit of a size, shape (n, r).
     regressors: Callable[[Motion], FloatArray]
     terms: tuple[Term, ...]  #: Errors of the channels.
-    is_state: bool = False  #: Whether the model of a unit may contain it; otherwise it is only tested.
-    between_sensors: bool = False  #: Whether it relates gyros and accelerometers to each other.
+    is_state: bool = False  #: Whether a unit's model may contain it; otherwise it is only tested.
+    between_sensors: bool = False  #: Whether it depends on both gyros and accelerometers.
     #: Parameter that each component changes during the stage, by 1 per unit of its size; empty for a constant effect.
     parameters: tuple[str, ...] = ()
     begin: float = 0.0  #: Time in the stage before which its errors are zero, s.
@@ -75,7 +75,7 @@ class Effect:
         return errors
 
     def parameter_of(self, component: int) -> str:
-        """Return the parameter that a component changes, "" for a constant effect."""
+        """Return the parameter that a component changes; "" for a constant effect."""
         return self.parameters[component] if self.parameters else ""
 
 

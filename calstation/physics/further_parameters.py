@@ -58,7 +58,7 @@ def pair_name(name: str, number: int) -> str:
 
 
 def further_parameter(name: str) -> FurtherParameter | None:
-    """Return the parameter outside the 30 with a name, which may contain an IMU number; None if the name is unknown."""
+    """Return the further parameter with a name, which may contain an IMU number; None if the name is unknown."""
     return _FURTHER.get(name.translate(_NO_DIGITS))
 
 
@@ -69,5 +69,5 @@ def group_of(name: str) -> str:
 
 
 def entry_of(entries: Mapping[str, T], name: str) -> T | None:
-    """Return the entry for a parameter from entries by parameter or group name: its own, or else its group's."""
+    """Return the entry of a parameter, or of its group, from entries by name; None if there is neither."""
     return entries.get(name, entries.get(group_of(name)))

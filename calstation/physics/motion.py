@@ -31,7 +31,7 @@ class RoundEnd:
 
 @dataclass(frozen=True)
 class ManualMove:
-    """Ask the operator to turn both rails of a manual rig to approximately these angles and leave it at rest."""
+    """Ask the operator to turn the rails of a manual rig to approximately these angles and to leave it at rest."""
 
     outer: float  #: Target angle of the outer rail, rad, cumulative.
     inner: float  #: Target angle of the inner rail, rad, cumulative.
@@ -43,7 +43,7 @@ class ManualMove:
 
 @dataclass(frozen=True)
 class GimbalZero:
-    """Return all joints of a gimbal to zero and lock them for at least `rest` s, which gives the gyro bias."""
+    """Return all joints of a gimbal to zero, and lock them for at least `rest` s to measure the gyro bias."""
 
     rest: float  #: s
     index: int  #: Number of complete axes, 0 at the start.
@@ -51,7 +51,7 @@ class GimbalZero:
 
 @dataclass(frozen=True)
 class GimbalTurn:
-    """The next turn of the iteration about a body axis, if the axis is not complete: rest, turn, rest, correct K."""
+    """The next turn about a body axis unless the axis is complete: rest, turn, rest and correction of K."""
 
     axis: int  #: Index of the body axis.
     index: int  #: Number of this turn about the axis, from 1.

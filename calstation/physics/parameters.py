@@ -1,9 +1,10 @@
-"""The 30 parameters of the error model: names, order, units and matrix elements.
+"""The 30 parameters of the error model (names, order, units and matrix elements), and the order of the 39 error states.
 
     gyro   measured = (I + M_g) ω + b_g + noise                 M_g full 3×3
     accel  measured = (I + M_a) f + K2 ∘ f² + b_a + noise       M_a lower triangular
 
-Values are relative to the nominal scale in the IMU's profile.
+Values are relative to the nominal scale in the IMU's profile. The states are φ, δv, δp and the errors of the
+parameters, which start at `PARAMETER_START`; the slice of a parameter group refers to a vector of the 30 parameters.
 """
 
 from collections.abc import Mapping
@@ -17,7 +18,7 @@ AXES = "xyz"
 #: Channels of an IMU, in the order of its samples.
 CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in AXES)
 
-#: A parameter or state is observable when its sigma is below this fraction of its prior sigma.
+#: Largest ratio of the sigma of an observable parameter or state to its prior sigma.
 OBSERVABLE = 0.9
 
 
@@ -76,7 +77,7 @@ def parameter_indices(name: str) -> list[int]:
 
 
 def targets_reached(sigma: FloatArray, targets: Mapping[str, float]) -> bool:
-    """Return whether every element of `sigma` (shape (30,), SI) with a target is at or below it."""
+    """Return whether every sigma with a target is at most equal to it; `sigma` has the shape (30,), SI."""
     return all(sigma[i] <= limit for name, limit in targets.items() for i in parameter_indices(name))
 
 
@@ -92,3 +93,29 @@ def group_matrix(values: FloatArray, *groups: str) -> FloatArray:
 def group_vector(values: FloatArray, group: str) -> FloatArray:
     """Return the parameters of a three-component group, shape (3,)."""
     return np.asarray(values)[group_indices(group)].astype(np.float64)
+
+
+#: Attitude error φ, velocity error δv and position error δp.
+PHI, DV, DP = slice(0, 3), slice(3, 6), slice(6, 9)
+#: φ, δv and δp.
+NAVIGATION = slice(0, DP.stop)
+PARAMETER_START = DP.stop
+STATES = PARAMETER_START + COUNT
+#: States of the parameters.
+PARAMETER_STATES = slice(PARAMETER_START, STATES)
+
+(
+    GYRO_BIAS,
+    GYRO_SCALE,
+    GYRO_MISALIGN,
+    ACCEL_BIAS,
+    ACCEL_SCALE,
+    ACCEL_MISALIGN,
+    ACCEL_QUADRATIC,
+    INNER_LEVER,
+    OUTER_LEVER,
+) = (slice(group_indices(group)[0], group_indices(group)[-1] + 1) for group in GROUPS)
+#: Parameters on which the angular rate depends.
+GYROS = slice(GYRO_BIAS.start, GYRO_MISALIGN.stop)
+#: Parameters on which the specific force depends: all but the outer lever arm.
+SENSORS = slice(GYRO_BIAS.start, INNER_LEVER.stop)

@@ -54,7 +54,7 @@ def rotate(rotvec: FloatArray, C: FloatArray) -> None:
 def axis_rotation(axis: FloatArray | tuple[float, float, float], angle: float) -> FloatArray:
     """Return the right-handed rotation by `angle`, rad, about a unit `axis`, shape (3, 3)."""
     x, y, z = axis
-    # not compiled, because loading the first compiled function takes most of a second at the start of a program
+    # not compiled, because loading the first compiled function delays the start of a program by most of a second
     return _rodrigues(float(x) * angle, float(y) * angle, float(z) * angle)
 
 

@@ -1,6 +1,6 @@
 """Compiled strapdown navigation at the sample rate, with the transition matrix of its errors.
 
-The error states (`states`) are φ, δv, δp and the 30 parameters, where
+The error states (`parameters`) are φ, δv, δp and the 30 parameters, where
 `C_true = (I + [φ×]) C_computed`, `v_true = v + δv`. With ω, f compensated with the assumed parameters:
 
     φ̇  = −Ω×φ + C δω                 δv̇ = −[C f×] φ − 2Ω×δv + C δf              δṗ = δv
@@ -22,12 +22,12 @@ import numpy as np
 
 from calstation.physics.arrays import FloatArray
 from calstation.physics.imu_model import Compensation
-from calstation.physics.parameters import COUNT
-from calstation.physics.states import (
+from calstation.physics.parameters import (
     ACCEL_BIAS,
     ACCEL_MISALIGN,
     ACCEL_QUADRATIC,
     ACCEL_SCALE,
+    COUNT,
     DP,
     DV,
     GYRO_BIAS,
@@ -72,7 +72,7 @@ def interval_work() -> IntervalWork:
     return IntervalWork(np.eye(STATES), np.eye(3), np.zeros(3), np.zeros(3), np.zeros((3, COUNT)), np.zeros(3))
 
 
-#: A vector in registers: an array for each would cost more than the computation.
+#: A vector in registers; allocating arrays would take longer than the computation.
 Vector = tuple[float, float, float]
 #: Rows of a matrix in registers.
 Matrix = tuple[Vector, Vector, Vector]
@@ -171,7 +171,7 @@ def increments(c: Compensation, dt: float, gyro: FloatArray, accel: FloatArray) 
     """Compute the motion of n samples from their raw mean rates, rad/s and m/s², shape (n, 3), `dt` s apart."""
     count = len(gyro)
     rate, rotation, velocity = np.empty((count, 3)), np.empty((count, 9)), np.empty((count, 3))
-    # separate loop, because samples that do not depend on each other are computed at the same time
+    # a separate loop, because the compiler vectorises samples that are independent of each other
     for k in range(count):
         omega = _angular_rate(c, gyro, k)
         force = _specific_force(c, accel, k, omega)
@@ -338,7 +338,7 @@ def _rate_columns(c: Compensation, omega: Vector, C: FloatArray, out: FloatArray
 
 @nb.njit(cache=True)
 def _size_effect_columns(c: Compensation, omega: Vector, C: FloatArray, out: FloatArray) -> None:
-    """Write C ∂f/∂p of the gyro parameters, shape (3, ≥ 12): the size effect turns an error of ω into one of f."""
+    """Write C ∂f/∂p of the gyro parameters, on which f depends by the size effect, shape (3, ≥ 12)."""
     x, y, z = omega
     lever, g = c.inner_lever, c.gyro_inverse
     for i in range(3):

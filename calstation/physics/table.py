@@ -1,4 +1,4 @@
-"""Two-axis table geometry for arbitrary axis directions: attitudes, and joint moves that rotate about a body axis.
+"""Geometry of a two-axis table with arbitrary axes: attitudes, and joint moves that rotate about a body axis.
 
 `C_bn = Rz(-azimuth) · R(outer_axis, outer) · R(inner_axis, inner) · orientation`. The joint angles that point a body
 direction upward solve Paden-Kahan subproblem 2 (Murray, Li, Sastry, *A Mathematical Introduction to Robotic
@@ -159,8 +159,7 @@ class TableGeometry:
     def level_inner(self, near: tuple[float, float]) -> float:
         """Return the outer angle, rad, nearest `near`, that makes the inner axis horizontal.
 
-        Rotations about it are then observable from gravity. Returns the outer angle of `near` if no outer angle
-        achieves this.
+        Rotations about it are then observable from gravity. Return the outer angle of `near` if there is no such angle.
         """
         w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
         # height of R(w1, o) w2 = a + b cos o + c sin o
@@ -173,7 +172,7 @@ class TableGeometry:
         return min(options, key=lambda o: (abs(o - near[OUTER]), -o))
 
     def vertical_joint(self, near: tuple[float, float]) -> tuple[int, tuple[float, float]]:
-        """Return the joint that rotates about the vertical, and the pose (outer, inner; rad) for that rotation."""
+        """Return the joint that rotates about the vertical, and the pose (outer, inner) for this rotation, rad."""
         if _parallel(np.array(self.outer_axis), UP):
             return OUTER, near
         return INNER, self._platform_up(np.array(self.inner_axis) / np.linalg.norm(self.inner_axis), near)
@@ -185,7 +184,7 @@ class TableGeometry:
 
 
 def orientation_matrix(name: str) -> Orientation:
-    """Return the rotation from b to the platform's axes of one of `ORIENTATIONS`, see there."""
+    """Return the rotation from b to the platform's axes for one of `ORIENTATIONS`."""
     x, z = (np.eye(3)[AXES.index(axis[1])] * (1.0 if axis[0] == "+" else -1.0) for axis in (name[:2], name[2:]))
     rows = (x, np.cross(z, x), z)
     return tuple(tuple(float(part) + 0.0 for part in row) for row in rows)  # type: ignore[return-value]

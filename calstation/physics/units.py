@@ -13,7 +13,7 @@ ARCSECOND = DEGREE / 3600.0
 DEGREE_PER_HOUR = DEGREE / 3600.0
 STANDARD_GRAVITY = 9.80665
 MICRO_G = 1e-6 * STANDARD_GRAVITY
-#: Spaces as wide as a digit and as a decimal point.
+#: Spaces of the width of a digit and of a decimal point.
 FIGURE_SPACE, POINT_SPACE = "\u2007", "\u2008"
 
 #: Display unit of a quantity that is not one of the 30 parameters, and its size in SI, by its SI unit.
@@ -37,7 +37,7 @@ _BY_UNIT: dict[str, tuple[str, float]] = {
     "1": ("ppm", 1e-6),
 }
 
-#: Display unit of each parameter group and its size in SI: that of its SI unit, with three exceptions.
+#: Display unit of each parameter group and its size in SI, which follow from its SI unit with three exceptions.
 DISPLAY: dict[str, tuple[str, float]] = {
     **{p.group: _BY_UNIT[p.unit] for p in PARAMETERS},
     **{p.group: _BY_UNIT[p.unit] for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)},
@@ -87,7 +87,7 @@ def in_unit(value: float, size: float) -> str:
 
 
 def from_unit(value: float, size: float) -> float:
-    """Convert a value in a unit of `size` in SI to SI; up to 12 digits survive a round trip through `in_unit`."""
+    """Convert a value in a unit of `size` in SI to SI; `in_unit` and `from_unit` preserve up to 12 digits."""
     return float(f"{value * size:.15g}")
 
 
@@ -101,7 +101,7 @@ def number(value: float, sigma: float) -> str:
 
 
 def aligned(numbers: Sequence[str]) -> list[str]:
-    """Pad numbers on the right with figure and punctuation spaces so that their decimal points align."""
+    """Pad numbers on the right with figure and punctuation spaces, so that their decimal points are aligned."""
     decimals = [len(text.partition(".")[2]) for text in numbers]
     points = any("." in text for text in numbers)
     max_decimals = max(decimals, default=0)

@@ -101,7 +101,7 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
         chain.prior.sigma,
         chain.solutions[-1].posterior.sigma,
         budget,
-        chain.effects_tested,
+        chain.model_tests.effects_tested,
         recorder.invalid,
         tuple(_warnings(log)),
         next((e["values"] for e in log.events if e.get("event") == "Message" and e.get("id") == "identified"), {}),

@@ -1,4 +1,4 @@
-"""The solver chain, re-solving of logs, the result model, history and hand-over; no devices, no estimators."""
+"""The solver chain, solving of logs, results, history and hand-over, without devices and estimators."""
 
 from calstation.estimation.common import EXCESSIVE, NOTABLE, PositionResidual
 from calstation.results.building import Ending, build_result, solved_parameters

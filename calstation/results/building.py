@@ -1,4 +1,4 @@
-"""Building of a result from a run's solutions and their judgement."""
+"""Creation of a result from the solutions of a run and their judgement."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from calstation.results.result import SCHEMA, CalibrationUsed, CyclePhase, Param
 
 @dataclass(frozen=True)
 class Ending:
-    """The end of a run, or of the solution of its log."""
+    """Data of a result that depend on the end of a run, or on the solution of its log."""
 
     verdict: Verdict
     log_file: str
@@ -39,7 +39,7 @@ class Ending:
 def build_result(
     meta: LogMeta, prior: Posterior, solutions: Sequence[Solution], judgement: Judgement, ending: Ending
 ) -> Result:
-    """Build the result of a run from its solutions in order, and the posterior before the first stage."""
+    """Build the result of a run from its solutions, in order, and the posterior before the first stage."""
     run, facts, error = meta.run, ending.facts, ending.error
     first, last = ending.first_seq, ending.last_seq
     stages = [solution.stage for solution in solutions]
@@ -59,6 +59,11 @@ def build_result(
         "batch": run.batch if run else None,
         "slot": run.slot if run else None,
     }
+    tests = {
+        "conformity": judgement.conformity,
+        "consistency": {s.stage: StageConsistency.of(s.consistency) for s in solutions},
+        "observability": {s.stage: plain(s.observability) for s in solutions if s.observability},
+    }
     return Result.model_validate(
         {
             "schema": SCHEMA,
@@ -71,7 +76,7 @@ def build_result(
             "unobservable": unobservable(prior, solutions),
             "checks": judgement.checks,
             "not_compared": judgement.not_compared,
-            **(_tests(solutions, judgement) if judgement.tested else {"tested": False}),
+            **(tests if judgement.tested else {"tested": False}),
             "details": {s.stage: plain(s.details) for s in solutions if s.details},
             "outcome": "resolved" if ending.solved_again else ending.verdict.outcome,
             "advice": ending.advice,
@@ -96,15 +101,6 @@ def build_result(
             **{key: value for key, value in optional.items() if value is not None},
         }
     )
-
-
-def _tests(solutions: Sequence[Solution], judgement: Judgement) -> dict[str, Any]:
-    """Return the sections of a result that judge its values or test data and model."""
-    return {
-        "conformity": judgement.conformity,
-        "consistency": {s.stage: StageConsistency.of(s.consistency) for s in solutions},
-        "observability": {s.stage: plain(s.observability) for s in solutions if s.observability},
-    }
 
 
 def _calibration(meta: LogMeta, prior: Posterior, solutions: Sequence[Solution]) -> CalibrationUsed | None:

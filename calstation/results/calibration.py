@@ -1,4 +1,4 @@
-"""The current calibration of a unit: the joint estimate of its last verified run, used as prior of a partial run."""
+"""Current calibration of a unit: the joint estimate of its last verified run, which is the prior of a partial run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ _YEAR = timedelta(days=365.25)
 
 @dataclass(frozen=True)
 class Calibration:
-    """A joint estimate of a unit's parameters, SI, before its registers are applied, and the run that made it."""
+    """A joint estimate of a unit's parameters, SI, before registers are applied, and the run that computed it."""
 
     section: CalibrationSection
     posterior: Posterior
@@ -29,9 +29,9 @@ class Calibration:
     def prior(self, setup: RunConfiguration, meta: LogMeta) -> LogMeta:
         """Return the configuration `meta` of a partial run of this unit with the calibration as its prior.
 
-        The estimate is aged by the stability in the IMU profile. If the registers are applied to the stream, the prior
-        contains the remaining errors after their correction. The outer lever belongs to the mounting and keeps the
-        prior in `meta`.
+        The covariance is increased by the stability in the IMU profile. If the registers are applied to the stream, the
+        prior contains the remaining errors after their correction. The outer lever depends on the mounting and keeps
+        the prior in `meta`.
         """
         run = meta.run
         if run is None:
@@ -60,11 +60,10 @@ class Calibration:
 def current_calibration(
     history: History, setup: RunConfiguration, registers_read: Mapping[str, float] | None
 ) -> tuple[Calibration | None, Message]:
-    """Find the latest passed run of the unit that wrote and verified the registers that the unit currently holds.
+    """Return the unit's latest calibration with verified registers that equal its current ones, and a message about it.
 
-    `registers_read`, read from the unit by parameter, SI, must equal the stored values. With None, as
-    in a preview, the unit is assumed to hold the registers of its latest calibration. Return the calibration and the
-    message that reports it; without a calibration, return None and the reason.
+    `registers_read`, the unit's current registers by parameter, SI, must equal the stored values. With None, as in a
+    preview, they are assumed to be those of the latest calibration. Without a calibration, return None and the reason.
     """
     entries, serial, imu = setup.register_map, setup.request.serial, setup.log_meta().imu
     reason = Message("prior_no_calibration", {"serial": serial})
@@ -88,9 +87,9 @@ def current_calibration(
 
 
 def estimate_of(posterior: Posterior, registers: Mapping[str, float]) -> JointEstimate:
-    """Return the joint estimate for the result; `registers` are those applied to the stream, SI, {} if there are none.
+    """Return the joint estimate of the unit's parameters before registers are applied, for the result.
 
-    The estimate refers to the unit's parameters before registers are applied.
+    `registers` are the registers applied to the stream, SI, {} if there are none.
     """
     offset, matrix = composition(registers)
     mean, covariance = offset + matrix @ posterior.mean, matrix @ posterior.covariance @ matrix.T

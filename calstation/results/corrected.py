@@ -34,7 +34,7 @@ class CorrectedStream:
     def __init__(self, meta: LogMeta) -> None:
         context = context_from_meta(meta)
         self._imu, self._primary = context.imu, compensation(prior_from_meta(meta).mean)
-        self._secondaries = {s.number: SecondaryCorrection(s, self._primary) for s in context.secondaries}
+        self.secondaries = {s.number: SecondaryCorrection(s, self._primary) for s in context.secondaries}
         self.source: str | None = None  #: Name of the IMU whose output is valid; None if there is none.
         self.switch_overs = 0
         self.calibrations: dict[int, int] = {}  #: Number of the calibration in use, from 0, by IMU.
@@ -44,7 +44,7 @@ class CorrectedStream:
         """Update the state from the watch; return the changes as kind, number of the IMU or 0, and values."""
         changes: list[tuple[str, int, dict[str, Any]]] = []
         started, self.unaligned = bool(self.calibrations), watch.unaligned
-        for number, secondary in self._secondaries.items():
+        for number, secondary in self.secondaries.items():
             stored = watch.stored[number]
             if number not in self.calibrations or secondary.stored is not stored:
                 secondary.use(stored)
@@ -61,7 +61,7 @@ class CorrectedStream:
     def in_use(self) -> dict[str, dict[str, Any]]:
         """Return the number and values of the calibration in use, by name of the IMU."""
         return {
-            f"imu{number}": {"calibration": count, "values": dict(self._secondaries[number].stored.values)}
+            f"imu{number}": {"calibration": count, "values": dict(self.secondaries[number].stored.values)}
             for number, count in self.calibrations.items()
         }
 
@@ -73,7 +73,7 @@ class CorrectedStream:
             reason = "primary_off"
         else:
             return PRIMARY, "primary_valid"
-        for number in self._secondaries:
+        for number in self.secondaries:
             verdicts = watch.verdicts.get(number)
             if verdicts and "out_of_tolerance" not in verdicts.values() and number not in watch.silent:
                 return f"imu{number}", reason
@@ -83,13 +83,9 @@ class CorrectedStream:
         """Return rate, rad/s, and specific force, m/s², of every IMU by name, shape (n, 3), NaN where missing."""
         raw = np.where(block.valid[:, None], block.counts, np.nan) * self._imu.count_size
         output = {PRIMARY: compensate(self._primary, raw[:, :3], raw[:, 3:])}
-        for index, (number, secondary) in enumerate(self._secondaries.items()):
+        for index, (number, secondary) in enumerate(self.secondaries.items()):
             output[f"imu{number}"] = secondary.correct(block.others[:, index])
         return output
-
-    def clock_offset(self, number: int) -> float:
-        """Return the time to add to the times of a secondary's samples, s."""
-        return self._secondaries[number].clock_offset
 
 
 class CorrectedOutput:
@@ -150,7 +146,7 @@ class CorrectedOutput:
         for number, calibration in self._stream.calibrations.items():
             state = {
                 "calibration": calibration,
-                "clock_offset_s": self._stream.clock_offset(number),
+                "clock_offset_s": self._stream.secondaries[number].clock_offset,
                 "aligned": number not in self._stream.unaligned,
             }
             frame[f"imu{number}"] = {**state, **frame[f"imu{number}"]}

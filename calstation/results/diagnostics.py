@@ -37,7 +37,7 @@ class StageDiagnostics:
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """Diagnostics of all stages of a log, in the order in which they were solved."""
+    """Diagnostics of all stages of a log in the order in which they were solved."""
 
     log: Path
     serial: str
@@ -51,10 +51,7 @@ def diagnose(
     first_seq: int | None = None,
     last_seq: int | None = None,
 ) -> Diagnostics:
-    """Job: solve a log again and return the details that its result omits.
-
-    Parameters and exceptions are as in `resolve`.
-    """
+    """Job: solve a log again and return its diagnostics; parameters and exceptions are as in `resolve`."""
     log = open_log(path)
     expected = len(stages or (log.meta.run.stages if log.meta.run is not None else ()))
     started: dict[str, None] = {}
@@ -79,7 +76,7 @@ def stage_diagnostics(
     last_seq: int | None = None,
     progress: Callable[[float, str], None] = lambda done, stage: None,
 ) -> tuple[StageDiagnostics, ...]:
-    """Read a solved log again and return the details of its stages, in the order in which they were solved."""
+    """Read a solved log again and return the diagnostics of its stages in the order in which they were solved."""
     context = context_from_meta(log.meta)
     solutions = {solution.stage: solution for solution in chain.solutions}
     diagnosed: dict[str, StageDiagnostics] = {}

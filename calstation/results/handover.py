@@ -1,6 +1,6 @@
-"""Delivery of the result of every run to the factory's system, exactly once, as a JSON file and a CSV line.
+"""Delivery of the result of every run to the factory's system exactly once, as a JSON file and a CSV line.
 
-A run is pending from its start until its result is delivered, whatever its outcome; a later run may deliver it.
+A run is pending from its start until its result is delivered, regardless of its outcome; a later run may deliver it.
 """
 
 import csv
@@ -31,7 +31,7 @@ PENDING = ".handover"
 _WAIT_TIME = 10.0
 
 _LOCK_TIMEOUT = 5.0
-#: Number of bytes at the end of the CSV that are searched for a line from an interrupted delivery.
+#: Number of bytes at the end of the CSV that are searched for the line of an interrupted delivery.
 _TAIL = 65_536
 
 #: Columns of the CSV except the last, `result`, which names the JSON file in the same folder.
@@ -53,7 +53,7 @@ COLUMNS: dict[str, Callable[[Result], Any]] = {
 
 @dataclass(frozen=True)
 class Delivery:
-    """Outcome of a delivery: number of results delivered, number still pending, and the reason."""
+    """Outcome of a delivery: numbers of delivered and of pending results, and the reason of a failure."""
 
     folder: Path
     done: int
@@ -78,9 +78,9 @@ class HandOver:
         return self._thread
 
     def finish(self) -> None:
-        """Deliver all pending results, and emit a message if some remain or earlier ones were delivered.
+        """Deliver all pending results; emit a message if some are still pending or earlier ones were delivered.
 
-        It waits at most 10 s of host time for a delivery in progress, and another 10 s for its own.
+        It waits at most `_WAIT_TIME` for a delivery in progress, and as long for the new one.
         """
         if self._thread is not None:
             self._thread.join(_WAIT_TIME)
@@ -115,14 +115,14 @@ def deliver_pending(report: ProgressCallback, runs: Path, station: Path | None) 
 
 
 def _target(runs: Path, station_path: Path, station: StationConfig) -> tuple[Path, bool]:
-    """Return the hand-over folder and whether it may be created, which is not allowed for a missing network share."""
+    """Return the hand-over folder, and whether it may be created, unlike a missing network share."""
     if station.handover is None:
         return runs.absolute().parent / "handover", True
     return station_path.absolute().parent / Path(station.handover.folder).expanduser(), False
 
 
 def _pending(runs: Path) -> list[str]:
-    """Return the stems of the pending runs, oldest first; drop those without any file."""
+    """Return the stems of the pending runs, the oldest first; remove pending runs without any file."""
     names = []
     for entry in (runs / PENDING).glob("*"):
         with suppress(FileNotFoundError):  # another process has already delivered it
@@ -159,13 +159,13 @@ def _deliver(runs: Path, folder: Path, create: bool) -> Delivery:
 def _hand_over(runs: Path, name: str, folder: Path) -> None:
     content = (runs / f"{name}.json").read_bytes()
     write_atomic(folder / f"{name}.json", content)
-    with suppress(ValueError):  # JSON from another program does not get a line
+    with suppress(ValueError):  # a JSON file of another program has no line
         _append(folder, name, Result.from_json(json.loads(content)))
     (runs / PENDING / name).unlink(missing_ok=True)
 
 
 def _append(folder: Path, name: str, result: Result) -> None:
-    """Append the run's line in one write, after the header in a new file; do not repeat an existing line."""
+    """Append the run's line unless it exists, and before it the header in a new file, in one write."""
     cells = [*(_cell(column(result)) for column in COLUMNS.values()), f"{name}.json"]
     with ExitStack() as stack:
         try:

@@ -1,4 +1,4 @@
-"""Inspection of a recording: its contents, rate and gaps, and the methods that can solve it."""
+"""Inspection of a recording: its contents, sample rate and gaps, and the methods that can solve it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +19,8 @@ class Inspection:
 
     serial: str
     facts: LogFacts
-    rate: float  #: Samples per second by its clock, or by a line fitted to the arrival times; NaN for one sample.
-    configured_rate: float  #: Samples per second of its configuration.
+    rate: float  #: Sample rate from its clock, or from a line fitted to the arrival times, Hz; NaN for one sample.
+    configured_rate: float  #: Sample rate of its configuration, Hz.
     #: Root mean square deviation of the arrival times from the sample clock, s; 0 if the recording has a clock.
     jitter: float
     missing: int  #: Number of samples missing in gaps.
@@ -31,7 +31,7 @@ class Inspection:
 
 
 def inspect_recording(path: Path) -> Inspection:
-    """Read a log or a CSV and try its stages, or the methods that need no table if it names no stages.
+    """Read a log or a CSV and solve its stages, or solve it with the methods that need no table if it has no stages.
 
     Raises InputError if it cannot be read.
     """

@@ -1,4 +1,4 @@
-"""Jobs: solving a range of a log with progress, and exporting logs, results and runs."""
+"""Jobs that solve a range of a log with progress, or export logs, results and runs."""
 
 import json
 import math
@@ -20,7 +20,7 @@ from calstation.results.result import Result, in_sigma, write_json
 #: Measured cost of solving a sample relative to reading it; filters take several passes.
 _BATCH, _FILTER = {"rate": 2.5, "six_position": 1.0}, 10.0
 
-#: First columns of exported runs; the values and sigmas of the parameters follow.
+#: First columns of exported runs, before the values and sigmas of the parameters.
 _RUN_COLUMNS = (
     "serial",
     "started_utc",
@@ -84,7 +84,7 @@ def drop_partial(report: ProgressCallback, target: Path) -> None:
 
 
 def export_result(report: ProgressCallback, result: Result, stored: Result | None, target: Path) -> Path:
-    """Job: write a result as JSON, or to a ``.csv`` file its parameters next to those stored by the run, if any.
+    """Job: write a result as JSON, or its parameters and the stored ones of the run to a ``.csv`` file.
 
     Raises ConfigurationError if the file cannot be written.
     """
@@ -102,9 +102,9 @@ def export_result(report: ProgressCallback, result: Result, stored: Result | Non
 def export_runs(report: ProgressCallback, folder: Path, conditions: RunFilter, target: Path) -> Path:
     """Job: export the runs of a folder that meet all conditions, the latest first; a failure leaves no file.
 
-    A ``.csv`` file has a row per run with its values and sigmas, SI, from the index; any other file has a list of their
-    result JSONs, without the runs that have no result. Raises InputError if a result cannot be read, ConfigurationError
-    if the file cannot be written.
+    A ``.csv`` file contains a row per run with its values and sigmas, SI, from the index; any other file contains a
+    list of the result JSONs, without the runs that have no result. Raises InputError if a result cannot be read, or
+    ConfigurationError if the file cannot be written.
     """
     history = History(folder)
     runs = history.indexed(conditions)
@@ -125,7 +125,7 @@ def export_runs(report: ProgressCallback, folder: Path, conditions: RunFilter, t
 
 
 def _run_results(history: History, runs: Sequence[IndexedRun]) -> Iterator[str]:
-    """Yield the text of a list of result JSONs in pieces; incomplete runs that were not closed have none."""
+    """Yield the text of a list of result JSONs in pieces, without incomplete runs that were not closed."""
     begin = "["
     for run in runs:
         if run.record.verdict is not Verdict.INCOMPLETE or run.record.result is not None:
@@ -136,7 +136,7 @@ def _run_results(history: History, runs: Sequence[IndexedRun]) -> Iterator[str]:
 
 
 def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[str]:
-    """Return the header row, then the row of each run."""
+    """Yield the header row and the row of each run."""
     solved = dict.fromkeys(name for run in runs for name in run.values)
     names = [*(name for name in NAMES if name in solved), *(name for name in solved if name not in INDEX)]
     yield csv_line([*_RUN_COLUMNS, *(column for name in names for column in (name, f"{name}_sigma"))])

@@ -35,7 +35,7 @@ def override_required(report: ProgressCallback, path: Path) -> ConfirmationRequi
 
 
 def override_result(report: ProgressCallback, path: Path, why: str, first: Person, second: Person | None) -> Override:
-    """Job: release the unit of a failed result; the audit trail is written to disk before the result is changed.
+    """Job: release the unit of a failed result; the audit trail is written before the result is changed.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
     if not why:
         raise InputError("override.no_reason")
     people = confirm("override", *_files(_failed(path), path), first, second)
-    with audit_writer(site_folder()) as audit:  # of two concurrent releases, the second finds the first one
+    with audit_writer(site_folder()) as audit:  # the second of two concurrent releases is then rejected
         result = _failed(path)
         about = {"serial": result.serial, "result": path.name, "log_sha256": result.log.sha256, "pin": people.pin}
         event = audit.append_event("override", people.by, why, confirmed_by=people.confirmed_by, **about)
@@ -64,7 +64,7 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
 
 
 def is_release_recorded(result: Result) -> bool:
-    """Return whether the site's audit trail is intact and contains the release of a result. Raises InputError."""
+    """Return whether the site's audit trail is intact and contains the release of a result; may raise InputError."""
     trail = read_audit(audit_path(site_folder()))
     events = (event for event in trail.entries if event.event == "override")
     same = (event for event in events if event.values.get("log_sha256") == result.log.sha256)
@@ -93,11 +93,10 @@ def _files(result: Result, path: Path) -> tuple[ProductConfig, StationConfig]:
 def run_files(
     files: Mapping[str, FileSection], path: Path, texts: Mapping[str, str]
 ) -> tuple[ProductConfig, StationConfig]:
-    """Return product and station of a run.
+    """Return the product of a run, and the current station of the site, or the run's station if there is none.
 
-    The product is the one used by the run, the station the current one of the site, if it exists. `files` names the
-    files of the run, `texts` are the texts in its log, both by kind. Raises InputError, naming `path`, if a file is
-    neither in the log nor at the site.
+    `files` are the files of the run, and `texts` their texts in its log, both by kind. Raises InputError for `path` if
+    a file is neither in the log nor at the site.
     """
     product = _file("product", ProductConfig, files.get("product"), path, texts.get("product"))
     station = files.get("station")
@@ -106,7 +105,7 @@ def run_files(
 
 
 def _file(kind: str, model: type[T], file_section: FileSection | None, path: Path, text: str | None) -> T:
-    """Parse the text of a file of a run; if missing, read the library file of that name. Raises InputError."""
+    """Parse the text of a file of a run, or the library file of that name without a text. Raises InputError."""
     if text is not None:
         return validate(model, tomllib.loads(text), path, InputError)
     if file_section is None or file_section.name not in library.names(f"{kind}s"):

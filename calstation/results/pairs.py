@@ -56,7 +56,7 @@ class PairConsumer(Protocol):
 
 @dataclass(frozen=True)
 class PairWatchResult:
-    """All events, and the last check, its verdicts and the stored calibration of each secondary by number.
+    """Events of a watch, and the last check, verdicts and stored calibration of each secondary by number.
 
     `silent` are the IMUs that were silent at the end, 0 for the primary.
     """
@@ -69,19 +69,19 @@ class PairWatchResult:
 
     @property
     def within(self) -> bool:
-        """Whether every sensor was checked, is within tolerance or has been calibrated, and no result was lost."""
+        """Whether every sensor was checked and is within tolerance or was calibrated, and all results were stored."""
         if self.checks.keys() != self.stored.keys() or self.silent:
             return False
-        sound = all(verdict != "out_of_tolerance" for sensors in self.verdicts.values() for verdict in sensors.values())
-        kept = all(event.kind != "not_stored" for event in self.events)
-        return sound and kept and not any(c.primary_out_of_tolerance for c in self.checks.values())
+        verdicts = [verdict for sensors in self.verdicts.values() for verdict in sensors.values()]
+        failed = "out_of_tolerance" in verdicts or any(event.kind == "not_stored" for event in self.events)
+        return not failed and not any(c.primary_out_of_tolerance for c in self.checks.values())
 
 
 class PairSession:
     """Monitors IMUs on one body, from a log or live, and stores the calibrations of its secondaries.
 
-    A pair without a file in `folder` starts with the values in `meta`. Raises InputError if `meta` has no secondary or
-    an invalid schedule; `source` names it in messages. `submit` executes the fits, see `PairWatch`.
+    A pair without a file in `folder` starts with the values in `meta`. `source` is the name of the log in messages, and
+    `submit` executes the fits, see `PairWatch`. Raises InputError if `meta` has no secondary or an invalid schedule.
     """
 
     def __init__(self, meta: LogMeta, folder: Path, source: str | Path, submit: Submit = call_now) -> None:
@@ -90,11 +90,9 @@ class PairSession:
             raise InputError("solution.in_log", file=source, what=Text("solution.one_imu"))
         schedule = validate(PairSchedule, meta.schedule.get(STAGE, {}), f"schedule of {STAGE}", InputError)
         primary, self.meta, self.schedule = meta.imu.serial, meta, schedule
-        secondaries = tuple(
-            replace(s, stored=found if (found := load_pair(folder, primary, s.imu.serial)).values else s.stored)
-            for s in context.secondaries
-        )
-        serials = {s.number: s.imu.serial for s in secondaries}
+        serials = {s.number: s.imu.serial for s in context.secondaries}
+        pairs = [(s, load_pair(folder, primary, s.imu.serial)) for s in context.secondaries]
+        secondaries = tuple(replace(s, stored=pair) if pair.values else s for s, pair in pairs)
 
         def store(number: int, pair: StoredPair) -> None:
             store_pair(folder, primary, serials[number], pair)
@@ -131,7 +129,7 @@ class PairSession:
 
 
 def pair_report(watched: PairWatchResult, alignments: Mapping[int, Alignment] | None = None) -> dict[str, Any]:
-    """Return the JSON of a watch; `alignments` contains the clocks of secondaries that were monitored live."""
+    """Return the report of a watch as JSON values; `alignments` are the clocks of secondaries monitored live."""
     return {
         "schema": "calstation.watch/1",
         "passed": watched.within,
@@ -155,7 +153,7 @@ def pair_report(watched: PairWatchResult, alignments: Mapping[int, Alignment] | 
 def watch_log(
     path: Path, folder: Path, command: bool = False, consumers: Sequence[PairConsumer] = ()
 ) -> PairWatchResult:
-    """Replay a log from start to end in blocks of a second, with the calibrations in `folder`.
+    """Replay a log in blocks of a second with the calibrations in `folder`.
 
     With `command`, the pair is checked at the first rest, regardless of the triggers in the log's schedule. Raises
     InputError or ConfigurationError if the log cannot be used.
@@ -186,7 +184,7 @@ class PairProgress:
     events: tuple[WatchEvent, ...]  #: Events so far.
 
     def to_note(self) -> str:
-        """Return the progress as the note of a job."""
+        """Return the progress as the text of a job's progress note."""
         events = [(h.kind, h.time, h.number, values_to_json(h.values)) for h in self.events]
         return json.dumps([self.time, self.duration, self.state, self.motion, events])
 

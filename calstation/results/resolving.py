@@ -1,4 +1,4 @@
-"""Solves a stored log again with the same solver chain as a run; loads finished runs for analysis."""
+"""Solving of a stored log with the same solver chain as a run, and loading of finished runs for analysis."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -74,13 +74,13 @@ def resolve(
 ) -> Resolved:
     """Solve a log, or a CSV with its TOML, between two sequence numbers (both included, unwrapped).
 
-    Without `stages`, stages of the log that lack data are skipped; the result can then fail but not pass. Damaged rows
-    are treated as gaps and reported by the message ``log_damaged``. `progress` is called periodically. With
-    `residuals`, the log is read a second time for the residuals per rest and move. `states` are estimated in addition
-    to the states of the log's model; the result then lists them and is not compared with the stored one. Without
-    `diagnostics`, only the parameters are solved, with bit-identical values; the result then has no verdict.
+    Without `stages`, stages of the log with insufficient data are skipped; the result can then fail, but not pass.
+    Damaged rows are treated as gaps and reported by the message ``log_damaged``. `progress` is called periodically.
+    With `residuals`, the log is read a second time for the residuals by rest and move. `states` are estimated in
+    addition to the states of the log's model; the result then lists them and is not compared with the stored one.
+    Without `diagnostics`, only the parameters are solved, with bit-identical values; the result then has no verdict.
 
-    The solution is recorded next to the log; if that fails, the message ``resolve_unrecorded`` reports it.
+    The solution is recorded next to the log; the message ``resolve_unrecorded`` reports a failure to do so.
 
     Raises InputError or ConfigurationError if the log cannot be used or solved.
     """
@@ -170,7 +170,7 @@ def resolve_log(
 
 
 def _compare_online(meta: LogMeta, solutions: Sequence[Solution], stored: Result | None) -> list[Check]:
-    """Return the check of the parameters against those of the run, if the product has one."""
+    """Return the check of the parameters against those of the run; [] if the product has none."""
     section = meta.product.checks if meta.product is not None else None
     if section is None or stored is None:
         return []

@@ -1,6 +1,6 @@
-"""Typed result of a run or of a log solved again, read from and written to the result JSON of the contract.
+"""Result of a run or of a log solved again, which is read from and written to the result JSON of the contract.
 
-A new column of the result is a field here, which `build_result` in `building.py` fills; see docs/how-to/extend.md.
+A new entry of the result is a field here, which `build_result` in `building.py` sets; see docs/how-to/extend.md.
 """
 
 import json
@@ -31,7 +31,7 @@ CheckField = Annotated[
 
 
 class Parameter(ResultSection):
-    """A solved parameter, SI, and the last stage that estimated it."""
+    """Estimate of a parameter, SI, and the last stage that estimated it."""
 
     value: Number
     sigma: Number
@@ -53,7 +53,7 @@ class StageConsistency(ResultSection):
     nis_mean: Number
     nis_low: Number
     nis_high: Number
-    passed: bool | None  #: None if the stage had nothing to test.
+    passed: bool | None  #: None if the stage tested no observation.
     warning: bool
 
     @classmethod
@@ -89,16 +89,16 @@ class JointEstimate(ResultSection):
 
 
 class CalibrationUsed(ResultSection):
-    """The current calibration used as prior of a partial run."""
+    """Current calibration of the unit, which was the prior of a partial run."""
 
-    log: str  #: File name of the log of that run.
+    log: str  #: File name of the log of the calibration's run.
     started_utc: str
-    #: Unobservable parameters whose values come from it.
+    #: Unobservable parameters whose values are those of the calibration.
     not_improved: list[str] = Field(default_factory=list)
 
 
 class Verification(ResultSection):
-    """One comparison of the unit's output after the transfer with the output expected from its registers."""
+    """Comparison of a quantity of the unit's output after the transfer with its value expected from the registers."""
 
     name: str
     value: Number
@@ -113,8 +113,8 @@ class Registers(ResultSection):
 
     old: dict[str, Number] = Field(default_factory=dict)
     new: dict[str, Number] | None = None  #: None if nothing was written.
-    verified: bool = False  #: Whether the unit's output was compared and agrees.
-    #: Estimate of the parameters from which verified registers were written, before registers are applied.
+    verified: bool = False  #: Whether the unit's output agrees with the new registers.
+    #: Estimate of the parameters before registers are applied, from which verified registers were computed.
     estimate: JointEstimate | None = None
     proof: list[Verification] = Field(default_factory=list)  #: The comparisons of the output.
     proved_on: str | None = None  #: Basis of the verification: ``corrected_output`` or ``read_back``.
@@ -122,7 +122,7 @@ class Registers(ResultSection):
 
 
 class DamagedRange(ResultSection):
-    """Rows of the log that could not be read: their number, and the first and last missing sequence number."""
+    """Unreadable rows of the log: their number, and the first and last missing sequence number."""
 
     rows: int
     seq: str
@@ -140,7 +140,7 @@ class LogSection(ResultSection):
 
 
 class CyclePhase(ResultSection):
-    """A phase of the run's cycle and its duration, s: device time, or host time while the station computes."""
+    """A phase of the run's cycle and its duration, s, in device time, or in host time during computation."""
 
     phase: str  #: Name in the catalogue family ``cycle``.
     stage: str = ""  #: Stage of a phase ``stage`` or ``solving``.
@@ -148,7 +148,7 @@ class CyclePhase(ResultSection):
 
 
 class LatitudeUnknown(ResultSection):
-    """An inconsistent stage and its configured latitude, degrees, which no rest confirmed."""
+    """An inconsistent stage, and its configured latitude in degrees, which no rest has confirmed."""
 
     stage: str
     latitude: float
@@ -167,7 +167,7 @@ class Software(ResultSection):
 
 
 class Result(ResultSection):
-    """A result as defined in the contract; missing sections have their defaults."""
+    """A result as defined in the contract; missing entries have their defaults."""
 
     schema_name: Literal["calstation.result/1"] = Field(alias="schema")
     unit: Unit
@@ -230,7 +230,7 @@ class Result(ResultSection):
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Result":
-        """Read a result JSON. Raises ValueError for anything else."""
+        """Read a result JSON. Raises ValueError if the data are not a result."""
         try:
             return cls.model_validate(data)
         # pydantic does not catch these errors for a malformed check
@@ -249,7 +249,7 @@ class Result(ResultSection):
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict with which the result was made."""
+        """Verdict of the result."""
         if self.outcome == "resolved":
             return verdict_of(End.COMPLETED, self.passed, partial=self.partial)
         ended = self.outcome in ("passed", "failed")
@@ -257,12 +257,12 @@ class Result(ResultSection):
 
     @property
     def released(self) -> bool:
-        """Whether the unit failed and was released by an engineer nevertheless."""
+        """Whether the unit failed, but was released."""
         return self.override is not None
 
     @property
     def badge(self) -> str:
-        """The verdict as displayed in the window: ``released`` for a failed run whose unit was released."""
+        """Verdict displayed in the window: ``released`` for a failed run whose unit was released."""
         return "released" if self.released else self.verdict
 
     @property
@@ -291,13 +291,13 @@ class Result(ResultSection):
 
     @property
     def missing_state(self) -> Check | None:
-        """The most significant failed check whose cause another state of the model would describe, or None."""
+        """The most significant failed check whose cause can be an additional state of the model, or None."""
         failed = [c for c in self.failed_checks if c.diagnosis is not None and c.diagnosis.cause in EFFECT_STATES]
         return max(failed, key=lambda check: check.value, default=None)
 
     @property
     def failed_stages(self) -> set[str]:
-        """Stages that produced a failing value."""
+        """Stages with a failed value."""
         names: set[str] = set()
         for check in self.failed_checks:
             names |= {check.subject, check.where.stage, check.where.parameter}
@@ -306,7 +306,7 @@ class Result(ResultSection):
 
     @property
     def end_reason(self) -> str | None:
-        """The reason why the run was stopped or ended in a fault, in English."""
+        """Reason why the run was stopped or ended in a fault, in English."""
         return self.error or self.stop_reason
 
     @property
@@ -318,16 +318,16 @@ class Result(ResultSection):
 
     @property
     def verified(self) -> bool:
-        """Whether registers were written and the unit's output agrees with them."""
+        """Whether registers were written and agree with the unit's output."""
         return self.registers is not None and self.registers.verified
 
 
 def in_sigma(later: Parameter, earlier: Parameter, *, independent: bool = False) -> float:
     """Return the difference of two estimates of a parameter, later minus earlier, in sigmas of the difference.
 
-    If one estimate uses part of the other's data, the sigma of the difference is at most the larger sigma
-    (J. A. Hausman, *Specification Tests in Econometrics*, Econometrica 46(6), 1978, lemma 2.1), which is then used;
-    with `independent` data, the sigmas are added in quadrature.
+    If one estimate uses part of the other's data, the sigma of the difference is at most the larger sigma (J. A.
+    Hausman, *Specification Tests in Econometrics*, Econometrica 46(6), 1978, lemma 2.1), which is used; for
+    `independent` data, the sigmas are added in quadrature.
     """
     difference = later.value - earlier.value
     sigma = math.hypot(later.sigma, earlier.sigma) if independent else max(later.sigma, earlier.sigma)
@@ -335,7 +335,7 @@ def in_sigma(later: Parameter, earlier: Parameter, *, independent: bool = False)
 
 
 def online_difference(offline: Result, online: Result) -> OnlineDifference:
-    """Return the largest difference between the parameters solved offline and online in the run."""
+    """Return the largest difference between the parameters solved offline and in the run."""
     both = [{name: (p.value, p.sigma) for name, p in each.parameters.items()} for each in (offline, online)]
     common = [name for name in offline.parameters if name in online.parameters]
     sigmas = {name: abs(in_sigma(offline.parameters[name], online.parameters[name])) for name in common}
@@ -357,7 +357,7 @@ def load_result(path: Path) -> Result:
 
 def plain(value: Any) -> Any:
     """Convert numbers and containers to JSON types; a non-finite number becomes null."""
-    if type(value) is float:  # most values; testing them for the other types would take longest
+    if type(value) is float:  # fast path for most values
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}

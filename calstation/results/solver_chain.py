@@ -72,7 +72,7 @@ class StageChain:
         #: Parameters that compensate the effect of the registers, which yields the uncalibrated output.
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
         imu = self._context.imu
-        self._model = ModelTests(self.prior, states)
+        self.model_tests = ModelTests(self.prior, states)
         self._resting = RestOutput(imu) if diagnostics and resolves_earth_rate(imu) else None
         self._table_rests: list[TableRests] = []
 
@@ -126,7 +126,7 @@ class StageChain:
         if self._diagnostics:
             solution = self._with_tests(solution, solver.buffer)
         else:
-            solution = replace(self._model.with_states(solution), observability={}, tests=())
+            solution = replace(self.model_tests.with_states(solution), observability={}, tests=())
         self._gravity = gravity_sensitivity(self._solved, solved, solution.estimated, self._gravity)
         self._solved, self.posterior = solved, solution.posterior
         gravity = self._context.site.relative_gravity_sigma
@@ -142,7 +142,7 @@ class StageChain:
             solution = replace(solution, evidence=evidence)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.posterior))
-        solution = self._model.add_tests(solution, self.solutions, self.posterior)
+        solution = self.model_tests.add_tests(solution, self.solutions, self.posterior)
         solution = self._data_tests.add_tests(solution, buffer.block(), data)
         if not data.joints.size:  # a gimbal has three joints, and no stationary base
             self._table_rests.append(table_rests(data, self._context, solution.posterior))
@@ -151,11 +151,6 @@ class StageChain:
     def table(self) -> dict[str, TableQuantity]:
         """Return the table geometry determined from the rests of the solved stages; {} if there are too few rests."""
         return table_axes(self._table_rests, self._context, self.posterior)
-
-    @property
-    def effects_tested(self) -> bool:
-        """Whether a solved stage was tested for effects outside the error model."""
-        return self._model.effects_tested
 
     def skip_stage(self, reason: Text) -> None:
         """Skip the started stage; the next one starts with the posterior of the previous one."""

@@ -1,6 +1,6 @@
-"""Code that uses the true values of the virtual bench or injects faults: studies, soak tests, fault plans, recordings.
+"""Studies, soak tests, fault plans and recordings, which use the true values of the virtual bench or inject faults.
 
-Production packages do not import it: they load the bench of a station with a section `[bench]` by its name.
+Production packages do not import this package: they load the bench of a station with a section `[bench]` by its name.
 """
 
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording, record_on_bench, recordings_folder

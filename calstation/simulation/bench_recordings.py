@@ -1,6 +1,6 @@
 """Simulated recordings without a rate table: a manual rig, several IMUs on one body, a gimbal.
 
-Each recording is a raw log as written by a station with such hardware, together with its true parameters.
+Each recording is a raw log like that of a station with such hardware, and has true parameters.
 """
 
 import json
@@ -118,23 +118,11 @@ def _write(path: Path, meta: LogMeta, block: SampleBlock) -> LogFacts:
     return writer.close("recorded")
 
 
-def _block(stage: str, time: FloatArray, counts: FloatArray, **more: Any) -> SampleBlock:
-    n = len(time)
-    return SampleBlock(
-        stage=stage,
-        time=time,
-        counts=counts,
-        angles=np.full((n, 2), np.nan),
-        valid=np.ones(n, np.bool_),
-        temperature=np.full(n, np.nan),
-        **{"seq": np.arange(n), "step": np.zeros(n, np.int64), **more},
-    )
-
-
 def _manual_rig(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, Any]]:
     imu = _unit(grade, seed)
     samples, _ = record(imu, _RIG, around(), seed)
-    return _write(path, _meta(imu, grade), _block("multi_position", samples.time, samples.counts)), _truth(imu)
+    block = SampleBlock.without_table("multi_position", np.arange(len(samples.time)), samples.time, samples.counts)
+    return _write(path, _meta(imu, grade), block), _truth(imu)
 
 
 def _pair(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, Any]]:
@@ -154,7 +142,7 @@ def _pair(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, 
         schedule={"cross_calibration": _PAIR_SCHEDULE},
     )
     time = np.arange(1, len(counts) + 1) / SAMPLE_RATE
-    block = _block("cross_calibration", time, counts, others=others)
+    block = SampleBlock.without_table("cross_calibration", np.arange(len(time)), time, counts, others=others)
     return _write(path, meta, block), _pair_truth(pair_truth(primary, secondary))
 
 
@@ -169,18 +157,13 @@ def _pair_truth(truth: dict[str, FloatArray]) -> dict[str, float]:
     return values
 
 
-def _gimbal_block(samples: GimbalSamples) -> SampleBlock:
-    joints = snap_angles(samples.joints)
-    return _block("gimbal", samples.time, samples.counts, seq=samples.seq, step=samples.step, joints=joints)
-
-
 def turn_gimbal(
     bench: GimbalBench, schedule: Any, imu: ImuModel, store: Callable[[SampleBlock], None]
 ) -> GimbalIteration:
-    """Turn the bench's gimbal in closed loop with the method, until it ends; return the iteration.
+    """Run the method on the bench's gimbal in closed loop; return the iteration.
 
-    `schedule` is that of the method gimbal; `store` is called with the samples of each motion and rest. Raises
-    InputError if a turn is not found in the joints.
+    `schedule` is the schedule of the method gimbal; `store` is called with the samples of each motion and rest. Raises
+    InputError if a turn is not detected in the joints.
     """
     iteration: GimbalIteration = schedule.iteration()
     dwell = schedule.dwell_s
@@ -188,7 +171,8 @@ def turn_gimbal(
     blocks: list[SampleBlock] = []
 
     def take(samples: GimbalSamples) -> None:
-        blocks.append(_gimbal_block(samples))
+        columns = {"step": samples.step, "joints": snap_angles(samples.joints)}
+        blocks.append(SampleBlock.without_table("gimbal", samples.seq, samples.time, samples.counts, **columns))
         store(blocks[-1])
 
     locked = bench.lock(dwell + BIAS_TIME)

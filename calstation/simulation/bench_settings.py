@@ -1,4 +1,4 @@
-"""Settings of the virtual bench of a station, from the files of a run and from its request."""
+"""Settings of a station's virtual bench, from the files and the request of a run."""
 
 import random
 import zlib
@@ -26,7 +26,7 @@ _OF_THE_FIRST = ("serial", "orders")
 #: Settings that secondaries on one body share with the primary.
 _OF_THE_BODY = ("seed", "speed", "body", "grade", "instability", "imu_transport", "ready_time_s")
 
-#: Bench settings in the form of JSON, see `BenchConfig`.
+#: Bench settings as JSON values, see `BenchConfig`.
 Settings = dict[str, Any]
 
 
@@ -35,7 +35,8 @@ def bench_config(*setups: RunConfiguration) -> Settings:
     first, *others = (_unit_config(setup, bench_settings(setup)) for setup in setups)
     if not others:
         return first
-    other_units = [{"clock_drift_ppm": _clock_drift(unit["seed"]), **unit, "orders": []} for unit in others]
+    drifts = (random.Random(unit["seed"]).uniform(-_CLOCK_DRIFT, _CLOCK_DRIFT) for unit in others)
+    other_units = [{"clock_drift_ppm": d, **unit, "orders": []} for d, unit in zip(drifts, others, strict=True)]
     numbers = [setup.number for setup in setups]
     # the first unit contains the fault orders for all of them
     secondaries = [{**unit, "unit": number} for unit, number in zip(other_units, numbers[1:], strict=True)]
@@ -111,7 +112,3 @@ def _gimbal(table: TableProfile) -> Settings:
         return {}
     travel = float(np.rad2deg(max(abs(end) for ends in gimbal.travel for end in ends)))
     return {"joint_order": gimbal.order, "joint_travel_deg": travel}
-
-
-def _clock_drift(seed: int) -> float:
-    return random.Random(seed).uniform(-_CLOCK_DRIFT, _CLOCK_DRIFT)

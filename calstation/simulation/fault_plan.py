@@ -1,4 +1,4 @@
-"""Fault plans for the virtual bench: the faults of a run, each at a stage, step or time.
+"""Fault plans for the virtual bench: the faults of a run, each in a stage, in a step or at a time.
 
 `docs/reference/faults.md` describes the file and every kind of fault.
 """
@@ -38,7 +38,7 @@ _VALUES = {"mounted_otherwise": 20.0, "wrong_latitude": 10.0, "wrong_gravity": 0
 #: Kinds that change the bench from the start; they have no `stage`, `step` or `time_s`.
 SET_UP = tuple(_SET_UP)
 
-#: Kinds that affect the computer: the engine's process is killed, the disk is full, the run folder disappears.
+#: Kinds that affect the computer: the engine's process is killed, the disk is full, or the run folder disappears.
 HOST = ("engine_killed", "disk_full", "runs_folder_gone")
 
 KINDS: tuple[str, ...] = (*ORDERS, *SET_UP, *HOST)
@@ -51,7 +51,7 @@ class PlannedFault(StrictModel):
     """One `[[fault]]` table of a plan.
 
     The fault occurs `time_s` seconds of device time (a number or a range) after the start of the `stage`, of its
-    `step`, or after power-on. A capture of the unit's output for a register transfer counts as a stage: "reference"
+    `step`, or after power-on. The captures of the unit's output for a register transfer are also stages: "reference"
     before the transfer, "verifying" after it.
     """
 
@@ -100,12 +100,12 @@ class FaultPlan(StrictModel):
     fault: list[PlannedFault] = Field(default_factory=list)
 
     def times(self) -> list[float]:
-        """Return the time of each fault, s; a time given as a range is drawn at random."""
+        """Return the time of each fault, s, drawn at random if the plan contains a range."""
         generator = random.Random(self.seed)
         return [generator.uniform(*f.time_s) if isinstance(f.time_s, list) else f.time_s for f in self.fault]
 
     def adjust(self, setup: RunConfiguration) -> RunConfiguration:
-        """Return the configuration with the planned errors in its station file and bench settings."""
+        """Return the configuration with the planned errors of station file and bench settings."""
         latitude_error = sum(self._value(fault) for fault in self.fault if fault.kind == "wrong_latitude")
         station = setup.station
         site = station.site.model_copy(update={"latitude_deg": station.site.latitude_deg + latitude_error})
@@ -113,7 +113,7 @@ class FaultPlan(StrictModel):
         return replace(setup, bench_overrides=self._overrides(bench_settings(setup), setup.number))
 
     def _overrides(self, settings: Mapping[str, Any], number: int) -> dict[str, Any]:
-        """Return the bench settings of a unit that faults change from the start, and the orders for later faults."""
+        """Return the bench settings of a unit that are changed from the start, and the orders for later faults."""
         changes: dict[str, Any] = {}
         orders = list(settings.get("orders", []))
         for fault, time in zip(self.fault, self.times(), strict=True):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class BenchHooks(RunHooks):
-    """Injects the faults of the run's plan and moves a simulated manual rig; see `station_hooks`."""
+    """Injects the faults of the run's plan, and moves a simulated manual rig; see `station_hooks`."""
 
     def __init__(self) -> None:
         self._clock: BenchClock | None = None
@@ -34,7 +34,7 @@ class BenchHooks(RunHooks):
         return with_faults(setup)
 
     def listener(self, setup: RunConfiguration, folder: Path, emit: Emit) -> Emit:
-        """Return an event sink that calls `emit`, moving the rig before each event and injecting faults after it."""
+        """Return an event sink that moves the rig, calls `emit` and injects faults for every event."""
         plan = fault_plan(setup)
 
         def emit_with_faults(event: Event) -> None:

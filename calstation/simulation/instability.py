@@ -1,13 +1,12 @@
-"""Increase of an excitation stage's errors by bias instability, from the filter's gains and the bench's true noise.
+"""Increase of the errors of an excitation stage by bias instability, given the filter's gains and the bench's noise.
 
-The filter models flicker noise by one Gauss-Markov process per bias. The resulting error follows from linear algebra:
-with the filter's gains K, the error e of its estimate (true bias drift counted as 0) and the bank of processes β that
-drives the true biases obey
+The filter models flicker noise by one Gauss-Markov process per bias. With the filter's gains K, the error e of its
+estimate (without the true bias drift) and the processes β that drive the true biases are
 
     e⁺ = (I − KH)(F e − [F_b; 0] β) + K H_b β⁺ + noise,      β⁺ = A β + ν,
 
-and their joint covariance is propagated here (Gelb, *Applied Optimal Estimation*, 1974, section 7.2: sensitivity of a
-suboptimal filter). No quantity is fitted to the study's errors.
+and their joint covariance is propagated (Gelb, *Applied Optimal Estimation*, 1974, section 7.2: sensitivity of a
+suboptimal filter). No quantity is fitted to the errors of the study.
 """
 
 import numpy as np
@@ -20,7 +19,7 @@ from calstation.physics import NAMES, NAVIGATION, PARAMETER_STATES, STATES, Floa
 
 
 class MismatchedCovariance:
-    """Joint covariance of the filter's error and the true bias processes, propagated over one pass of the filter."""
+    """Joint covariance of the filter's error and the true bias processes over one pass of the filter."""
 
     def __init__(self, run: ReferencePass, context: SolveContext) -> None:
         imu = context.imu
@@ -34,7 +33,7 @@ class MismatchedCovariance:
         self.P = block_diag(start, np.diag(variance))
 
     def advance(self, run: ReferencePass) -> None:
-        """Propagate over one group of observations with the transition, gain and Jacobian just used by `run`."""
+        """Propagate over one group of observations with the last transition, gain and Jacobian of `run`."""
         group, root = run.group, run.last_updates.root[0]
         gain = np.linalg.solve(root.T, run.last_updates.gain[0]).T
         decay = np.exp(-len(group.z) // 3 * run.stride * run.dt / self._times)

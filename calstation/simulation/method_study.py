@@ -20,11 +20,11 @@ KIND_OF: dict[str, Kind] = {"multi_position": "hand", "cross_calibration": "pair
 def run_method_study(
     stage: str, grade: GradeName, seeds: int, progress: Callable[[int, int], None] = lambda done, count: None
 ) -> dict[str, Any]:
-    """Study one method; return JSON data. `progress` is called with the number of units done and the total.
+    """Study one method; return JSON data. `progress` is called with the numbers of finished units and of all units.
 
-    The data give for each group the rms sigma (SI), the rms of error/sigma over units and axes with its 99.9 % band,
-    the largest error/sigma, and whether the rms is within the band. At most three axes per group count for the band,
-    because they share the motion. Raises ConfigurationError if there is no recording for the method.
+    The data contain for each group the rms sigma (SI), the rms of error/sigma over units and axes with its 99.9 % band,
+    the largest error/sigma, and whether the rms is within the band. At most three axes per group are counted for the
+    band, because they have the same motion. Raises ConfigurationError if there is no recording for the method.
     """
     if stage not in KIND_OF:
         raise ConfigurationError("study.unknown_method", method=stage, methods=list(KIND_OF))

@@ -1,4 +1,4 @@
-"""Plan of each run of a soak test (devices, unit and faults), and the files that configure it."""
+"""Plans of the runs of a soak test (devices, unit and faults), and the files that configure them."""
 
 import random
 from collections.abc import Iterator, Mapping
@@ -28,10 +28,9 @@ _DEFAULT_DEVICES = "default"
 
 @cache
 def devices() -> Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]]:
-    """Return devices of the station by name: weight in the random draw, changes to the station and the product file.
+    """Return the devices by name: weight in the random draw, and changes of the station and product files.
 
-    Besides the default devices, these are every other shipped table with two driven axes, and the unit of every other
-    protocol.
+    They are the default devices, every other shipped table with two driven axes, and the unit of every other protocol.
     """
     choices: dict[str, tuple[int, dict[str, Any], dict[str, Any]]] = {
         _DEFAULT_DEVICES: (8, {}, {}),
@@ -47,7 +46,7 @@ def devices() -> Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]]:
     return choices
 
 
-#: Faults (kind, value) that a run survives: with only these, the run of a good unit must end with a verdict.
+#: Faults (kind, value) that a run tolerates: with only these, the run of a good unit must end with a verdict.
 MILD: tuple[tuple[str, float | None], ...] = (
     ("corrupt_frames", 3),
     ("drop_frames", 3),
@@ -83,7 +82,7 @@ STAGE_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("engine_killed", None),
 )
 
-#: Faults (kind, value) that are present from the start, have their own trigger, or come from the observing process.
+#: Faults (kind, value) that are present from the start, have a trigger, or are caused by the observing process.
 OTHER_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("brown_out_write", 20),
     ("brown_out_commit", 70),
@@ -98,7 +97,7 @@ OTHER_FAULTS: tuple[tuple[str, float | None], ...] = (
 #: Kinds that are also injected during the captures around a register transfer.
 _IN_CAPTURES = ("reset_imu", "drop_frames")
 
-#: Kinds of faults that come from the process that observes the run.
+#: Kinds of faults that the process observing the run causes.
 FROM_LISTENER = ("operator_stop", "window_killed")
 #: Latest time of a fault after the start of its stage, device time, s.
 _LATEST_TIME = 20.0
@@ -152,7 +151,7 @@ def write_request(planned: Planned, folder: Path, stages: tuple[str, ...]) -> Ru
     if stages:
         limits = {name: {"within": limit["within"]} for name, limit in product["limits"].items()}
         product |= {"name": "soak", **_SHORT, "limits": limits, "stages": list(stages)}
-        product.pop("checks", None)  # they name omitted stages, and apply to the full schedule
+        product.pop("checks", None)  # the checks refer to omitted stages and to the full schedule
     names = tuple(product["stages"])
     faults = [_fault(kind, value, names, generator) for kind, value in planned.faults if kind not in FROM_LISTENER]
     _write(folder / "station.toml", station)

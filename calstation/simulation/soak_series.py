@@ -1,4 +1,4 @@
-"""Consecutive calibrations on the virtual bench with random faults, evaluated against the bench's truth."""
+"""Consecutive calibrations on the virtual bench with random faults, and their evaluation with the bench's truth."""
 
 import random
 import time
@@ -16,10 +16,10 @@ from calstation.sequencer import Command, StepStarted
 from calstation.simulation.soak_judge import RunEvaluation, judge_run, resident_mb
 from calstation.simulation.soak_plan import STAGES, Planned, plans, write_request
 
-#: Host time after which a run with short schedules counts as hung, s; with full schedules, ten times this.
+#: Longest host time of a run with short schedules, s; ten times as long with full schedules.
 _HANG_TIMEOUT = 300.0
 
-#: Memory growth of a process allowed in addition to 10 %, MB: code and caches are loaded on first use.
+#: Permitted growth of a process's memory in addition to 10 %, MB, because code and caches are loaded on first use.
 _ALLOWED_GROWTH = 20.0
 
 
@@ -82,7 +82,7 @@ class Soak:
 def soak(
     runs: int, seed: int, folder: Path, *, full: bool, on_run: Callable[[Soak], None], stopping: Callable[[], bool]
 ) -> Soak:
-    """Run consecutive calibrations, with full schedules if `full`, or else short ones.
+    """Run consecutive calibrations with short schedules, or with full ones if `full`.
 
     Faults and units are drawn from `seed`. `on_run` is called after each run; `stopping` returns whether to stop before
     the next one. Raises ConfigurationError if the folder already contains runs.
@@ -106,7 +106,7 @@ def soak(
 
 
 def _observe(request: RunRequest, planned: Planned, patience: float) -> tuple[bool, float]:
-    """Run the engine; return whether it failed to end within `patience`, s, and its peak memory, MB."""
+    """Run the engine; return whether it exceeded `patience`, s, and its peak memory, MB."""
     kinds = [kind for kind, _ in planned.faults]
     moment = random.Random(planned.seed).randrange(2, 15)
     steps, memory = 0, 0.0

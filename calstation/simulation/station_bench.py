@@ -63,7 +63,7 @@ class VirtualBench(StationBench):
     def with_recorded_unit(self, recording: Path, setup: RunConfiguration) -> RunConfiguration:
         """Return the configuration with the unit of a recording in the fixture. Raises InputError.
 
-        Its true errors follow from the seed of its run, or are those of the truth file next to the recording.
+        Its true errors are determined by the seed of its run, or by the truth file next to the recording.
         """
         meta = open_log(recording).meta
         seed = None if meta.run is None else meta.run.seed
@@ -86,7 +86,7 @@ BENCH = VirtualBench()
 
 
 def _product_like(imu: ImuSection, request: RunRequest) -> Path | None:
-    """Return the product whose IMU noise equals the recorded unit's; the requested product is tried first."""
+    """Return the product with the IMU noise of the recorded unit; the requested product is tried first."""
     for path in (request.product, *(library.find("products", name) for name in library.names("products"))):
         with suppress(ConfigurationError):
             noise = load_configuration(replace(request, product=path)).imu.noise

@@ -1,6 +1,6 @@
-"""Monte Carlo study: errors against the truth, normalised by sigmas and by the bound, for many units and tables.
+"""Monte Carlo study: errors for many units and tables, normalised by sigmas and by the bound.
 
-The solvers use the priors and noise from which the bench draws; `docs/explanation/study.md` explains tests and bands.
+The solvers use the distributions from which the bench draws; `docs/explanation/study.md` explains tests and bands.
 """
 
 from collections.abc import Callable, Iterator
@@ -223,7 +223,7 @@ def block_of(s: Simulated) -> SampleBlock:
 def _solve(
     case: Case, truth: BenchTruth, context: SolveContext, data: dict[str, SampleBlock], schedules: Schedules
 ) -> UnitResult:
-    """Solve the stages of a case as a run does, and its bound: the same stages linearised at the truth.
+    """Solve the stages of a case like a run, and compute its bound: the same stages linearised at the truth.
 
     Optional states increase the bound by the same amount as the covariance.
     """

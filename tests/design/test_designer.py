@@ -110,9 +110,9 @@ def test_schedules_for_other_tables_run_on_the_bench(tmp_path, monkeypatch, tabl
     changed(tmp_path, "tables", "bench", *table)
     station = changed(tmp_path, "stations", "virtual_bench", ('profile = "bench"', 'profile = "bench_changed"'))
     shipped = library.find("products", "mems_c")
-    found = design_schedule(ignore, DesignRequest(station, shipped, time_limit=1.0))
+    output = design_schedule(ignore, DesignRequest(station, shipped, time_limit=1.0))
     product = tmp_path / "product.toml"
-    product.write_text(designed_product(read_text(shipped), found), encoding="utf-8")
+    product.write_text(designed_product(read_text(shipped), output), encoding="utf-8")
     events: list[object] = []
     execute(RunRequest("M-1", station, product, out=tmp_path / "runs"), events.append, Control())
     ended = events[-1]
@@ -137,8 +137,8 @@ def test_longer_duration_gives_smaller_sigmas():
 @pytest.mark.long
 def test_stages_of_a_product_are_shortened_within_its_limits():
     product = library.find("products", "mems_c")
-    found = shorten_stages(ignore, DesignRequest(product=product))
-    assert found.duration < 0.5 * found.present
-    assert found.worst <= 0.8
-    assert np.isfinite(found.sigma).all()
-    assert check("products", shorter_product(read_text(product), found)) == []
+    output = shorten_stages(ignore, DesignRequest(product=product))
+    assert output.duration < 0.5 * output.present
+    assert output.worst <= 0.8
+    assert np.isfinite(output.sigma).all()
+    assert check("products", shorter_product(read_text(product), output)) == []

@@ -92,10 +92,10 @@ def test_schedule_is_extended_from_its_end(problem):
 
 
 def test_unreachable_targets_are_reported_with_the_achievable_ratios(problem):
-    found, shown = reachable(problem, 0)
-    assert found is not None
+    result, shown = reachable(problem, 0)
+    assert result is not None
     assert shown.max() <= 1.0
-    assert ratios(problem, found) == pytest.approx(shown, rel=1e-3)
+    assert ratios(problem, result) == pytest.approx(shown, rel=1e-3)
     none, left = reachable(replace(problem, targets=1e-3 * problem.targets), 0)
     assert none is None
     assert left.max() > 1.0
@@ -103,8 +103,8 @@ def test_unreachable_targets_are_reported_with_the_achievable_ratios(problem):
 
 def test_search_handles_travel_shorter_than_a_quarter_turn(problem):
     eighth = replace(problem, low=(-1, -1), high=(1, 1), turns=(-1, 0, 1), targets=1e-6 * problem.targets)
-    found, left = reachable(eighth, 0)
-    assert found is None
+    result, left = reachable(eighth, 0)
+    assert result is None
     assert np.isfinite(left).all()
 
 

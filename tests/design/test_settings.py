@@ -38,9 +38,9 @@ def test_schedule_is_designed_for_a_table_with_a_fixed_lever_arm(tmp_path, monke
     changed(tmp_path, "tables", "bench", ('outer_lever = "estimated"', 'outer_lever = "fixed"'))
     station = changed(tmp_path, "stations", "virtual_bench", ('profile = "bench"', 'profile = "bench_changed"'))
     product = library.find("products", "mems_c")
-    found = design_schedule(ignore, DesignRequest(station, product, time_limit=1.0))
-    assert np.isinf(found.limits[-3:]).all()
-    assert found.worst <= 0.801
+    result = design_schedule(ignore, DesignRequest(station, product, time_limit=1.0))
+    assert np.isinf(result.limits[-3:]).all()
+    assert result.worst <= 0.801
 
 
 def test_run_uses_the_targets_of_the_design(tmp_path):
@@ -67,5 +67,5 @@ def test_run_uses_the_targets_of_the_design(tmp_path):
 @pytest.mark.long
 def test_designed_product_drops_targets_of_other_stages(tmp_path):
     product = changed(tmp_path, "products", "mems_c", ("stages = ", "targets = { gyro_scale = 1.0 }\nstages = "))
-    found = design_schedule(ignore, DesignRequest(product=product, time_limit=1.0))
-    assert "gyro_scale = 1.0" not in designed_product(read_text(product), found)
+    result = design_schedule(ignore, DesignRequest(product=product, time_limit=1.0))
+    assert "gyro_scale = 1.0" not in designed_product(read_text(product), result)

@@ -32,18 +32,18 @@ def two_stages(random: np.random.Generator, change: float = 0.0) -> tuple[Poster
 
 def test_probabilities_of_consistent_stages_are_uniform() -> None:
     random = np.random.default_rng(1)
-    found = [stage_agreement(*two_stages(random), NAMES[:3]) for _ in range(400)]
-    assert all(f is not None and f.group == "gyro_bias" for f in found)
-    shares = np.histogram([f.probability for f in found if f], bins=4, range=(0.0, 1.0))[0] / 400
+    agreement = [stage_agreement(*two_stages(random), NAMES[:3]) for _ in range(400)]
+    assert all(f is not None and f.group == "gyro_bias" for f in agreement)
+    shares = np.histogram([f.probability for f in agreement if f], bins=4, range=(0.0, 1.0))[0] / 400
     np.testing.assert_allclose(shares, 0.25, atol=5.0 * np.sqrt(0.25 * 0.75 / 400))
 
 
 def test_changed_parameter_group_is_reported() -> None:
-    found = stage_agreement(*two_stages(np.random.default_rng(2), change=10.0), NAMES)
-    assert found is not None
-    assert (found.group, found.probability < 1e-6) == ("gyro_bias", True)
-    assert max(found.parameter_shift, key=lambda name: abs(found.parameter_shift[name])) == "gyro_bias_y"
-    assert found.parameter_shift["gyro_bias_y"] == pytest.approx(7.0, abs=3.5)
+    agreement = stage_agreement(*two_stages(np.random.default_rng(2), change=10.0), NAMES)
+    assert agreement is not None
+    assert (agreement.group, agreement.probability < 1e-6) == ("gyro_bias", True)
+    assert max(agreement.parameter_shift, key=lambda name: abs(agreement.parameter_shift[name])) == "gyro_bias_y"
+    assert agreement.parameter_shift["gyro_bias_y"] == pytest.approx(7.0, abs=3.5)
 
 
 def test_stage_without_information_is_not_compared() -> None:

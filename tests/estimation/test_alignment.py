@@ -119,8 +119,8 @@ def test_east_gyro_bias_rotates_the_heading_by_its_ratio_to_earth_rate():
     attitude = np.eye(3)
     level_rate, up = rotation_rate(LATITUDE), np.array([0.0, 0.0, 9.8])
     north = RATE * np.cos(LATITUDE)
-    found, sigma = gyrocompass(level_rate + np.array([1e-6, 0.0, 0.0]), up, LATITUDE, posterior())
-    assert rotation_vector(found @ attitude.T)[2] == pytest.approx(1e-6 / north, rel=1e-3)
+    result, sigma = gyrocompass(level_rate + np.array([1e-6, 0.0, 0.0]), up, LATITUDE, posterior())
+    assert rotation_vector(result @ attitude.T)[2] == pytest.approx(1e-6 / north, rel=1e-3)
     assert sigma == pytest.approx(1e-6 / north)
 
 
@@ -131,8 +131,8 @@ def test_heading_is_ambiguous_at_the_pole():
 
 def test_every_long_segment_is_aligned_one_sample_from_each_gap():
     data = at_rest(TURNED, angles=ANGLES, segments=((0, 400), (400, 420), (420, 1000)))
-    found = starts(data, CONTEXT, posterior())
-    assert [(s.begin, s.end) for s in found] == [(0, 399), (421, 1000)]
+    result = starts(data, CONTEXT, posterior())
+    assert [(s.begin, s.end) for s in result] == [(0, 399), (421, 1000)]
 
 
 def test_segments_without_rest_are_not_aligned():

@@ -32,14 +32,16 @@ def test_score_test_equals_the_estimate_of_the_augmented_model() -> None:
             NAMES,
         )
         posterior = Posterior(posterior.mean + K @ y, posterior.covariance - K @ h @ posterior.covariance)
-    found = next(f for f in tests.evidence(posterior) if f.cause == "time_skew")
+    result = next(f for f in tests.evidence(posterior) if f.cause == "time_skew")
     augmented, plausible = np.hstack([H, constant[:, -1:]]), 0.02
     normal = augmented.T @ augmented * 1e8 + np.diag([*SIGMA**-2.0, plausible**-2.0])
     solution = np.linalg.solve(normal, augmented.T @ observed * 1e8)
-    assert (found.size, found.sigma) == pytest.approx((solution[-1], np.sqrt(np.linalg.inv(normal)[-1, -1])), rel=1e-5)
+    assert (result.size, result.sigma) == pytest.approx(
+        (solution[-1], np.sqrt(np.linalg.inv(normal)[-1, -1])), rel=1e-5
+    )
     expected = (solution[:COUNT] - posterior.mean) / posterior.sigma
     np.testing.assert_allclose(
-        [found.parameter_shift[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max()
+        [result.parameter_shift[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max()
     )
 
 
@@ -86,17 +88,17 @@ def test_drift_is_estimated_across_the_stages_of_a_run() -> None:
             NAMES,
         )
         posterior = Posterior(posterior.mean + K @ y, posterior.covariance - K @ h @ posterior.covariance)
-    found = next(f for f in tests.evidence(posterior) if f.cause == "drift_throughout" and f.parameter in names)
+    result = next(f for f in tests.evidence(posterior) if f.cause == "drift_throughout" and f.parameter in names)
     augmented = np.hstack([H, regressors])
     normal = augmented.T @ augmented * 1e8 + np.diag([*SIGMA**-2.0, *np.repeat(SIGMA[i], 2) ** -2.0])
     solution, sigma = np.linalg.solve(normal, augmented.T @ observed * 1e8), np.sqrt(np.diag(np.linalg.inv(normal)))
     best = COUNT + int(np.argmax(np.abs(solution[COUNT:]) / sigma[COUNT:]))
-    assert (found.size, found.sigma) == pytest.approx((solution[best], sigma[best]), rel=1e-5)
+    assert (result.size, result.sigma) == pytest.approx((solution[best], sigma[best]), rel=1e-5)
     at_end = solution[:COUNT].copy()
     at_end[i] += solution[COUNT:].reshape(3, 2).sum(axis=1)
     expected = (at_end - posterior.mean) / posterior.sigma
     np.testing.assert_allclose(
-        [found.parameter_shift[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max()
+        [result.parameter_shift[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max()
     )
 
 
@@ -129,8 +131,8 @@ SHORT = {"excitation": {"dwell_s": 5.0, "rounds": 1}}
 
 
 def test_effect_is_reported_with_its_size_and_parameter_shifts() -> None:
-    found, errors, _ = solved(1, "accel_cubic", 2e-6, SHORT, ("excitation",))
-    first = found[0]
+    result, errors, _ = solved(1, "accel_cubic", 2e-6, SHORT, ("excitation",))
+    first = result[0]
     assert (first.cause, first.component, first.excess > 30.0) == ("accel_cubic", "x", True)
     assert first.size == pytest.approx(2e-6, rel=0.1)
     worst = max(first.parameter_shift, key=lambda name: abs(first.parameter_shift[name]))
@@ -151,11 +153,11 @@ SIZES = {
 @pytest.mark.parametrize("cause", SIZES)
 def test_every_significant_effect_is_listed_first(cause: str) -> None:
     size, component = SIZES[cause]
-    found, errors, _ = solved(2, cause, size, {}, DEFAULT_STAGES, component)
-    assert found[0].excess > 30.0
+    result, errors, _ = solved(2, cause, size, {}, DEFAULT_STAGES, component)
+    assert result[0].excess > 30.0
     alike = {"gyro_asymmetry", "gyro_square"}  # the same at one rate
-    assert found[0].cause in (alike if cause in alike else {cause})
-    shift = found[0].parameter_shift
+    assert result[0].cause in (alike if cause in alike else {cause})
+    shift = result[0].parameter_shift
     worst = max(shift, key=lambda name: abs(shift[name]))
     assert errors[INDEX[worst]] == pytest.approx(-shift[worst], abs=4.5 + 0.1 * abs(shift[worst]))
 
@@ -163,8 +165,8 @@ def test_every_significant_effect_is_listed_first(cause: str) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [3, 4])
 def test_no_effect_is_found_for_an_ideal_unit(seed: int) -> None:
-    found, errors, nis = solved(seed, "time_skew", 0.0, {}, DEFAULT_STAGES)
-    assert found[0].excess < 20.0
+    result, errors, nis = solved(seed, "time_skew", 0.0, {}, DEFAULT_STAGES)
+    assert result[0].excess < 20.0
     assert np.abs(errors).max() < 4.5
     assert np.all(nis < 3.2)
 

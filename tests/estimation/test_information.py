@@ -71,15 +71,15 @@ def test_joining_segments_is_associative(setting):
     for _ in range(3):
         stepwise = advance_information(stepwise, part[None])
     for triple in (left, right):
-        found = sigmas(advance_information(segment.start[None], triple[None]), m)
-        np.testing.assert_allclose(found, sigmas(stepwise, m), rtol=1e-6)
+        output = sigmas(advance_information(segment.start[None], triple[None]), m)
+        np.testing.assert_allclose(output, sigmas(stepwise, m), rtol=1e-6)
 
 
 def test_undetectable_effect_sizes_agree_with_the_score_tests(setting):
     context, prior, data, start = setting
     effects = tuple(c for c in EFFECTS if c.cause in ("gyro_asymmetry", "accel_cubic", "g_sensitivity"))
     segment = segment_information(ClosedLoopFilter(context, prior, prior.mean), data, start, context, effects)
-    found = sigmas(advance_information(segment.start[None], segment.motion[None]), segment.states)[0, COUNT:]
+    output = sigmas(advance_information(segment.start[None], segment.motion[None]), segment.states)[0, COUNT:]
     mask = np.ones(COUNT, dtype=bool)
     result = solve_navigation(data, context, prior, mask)
     tests = EffectTests(prior.sigma)
@@ -87,4 +87,4 @@ def test_undetectable_effect_sizes_agree_with_the_score_tests(setting):
     limits = [
         x.size for c in effects for x in tests.limits(result.posterior, 1.0) if x.cause == c.cause and not x.stage
     ]
-    np.testing.assert_allclose(found, limits, rtol=0.02)
+    np.testing.assert_allclose(output, limits, rtol=0.02)

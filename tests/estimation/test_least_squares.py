@@ -83,29 +83,29 @@ def test_redundancy_with_free_unknowns_equals_the_least_squares_residual(seed):
     observed = random.normal(size=len(H)) * 3.0
     weight = np.linalg.inv(N)
     residual = observed - H @ np.linalg.solve(H.T @ weight @ H, H.T @ weight @ observed)
-    found = redundant_part(H @ P @ H.T, N, observed)
-    assert found.freedom == len(H) - H.shape[1]
-    assert found.total == pytest.approx(residual @ weight @ residual, rel=1e-4)
+    output = redundant_part(H @ P @ H.T, N, observed)
+    assert output.freedom == len(H) - H.shape[1]
+    assert output.total == pytest.approx(residual @ weight @ residual, rel=1e-4)
 
 
 @given(SEEDS)
 def test_redundancy_with_known_parameters_uses_every_observation(seed):
     H, P, N, random = redundancy_case(seed, width=1e-6)
     observed = random.normal(size=len(H)) * 3.0
-    found = redundant_part(H @ P @ H.T, N, observed)
-    assert found.freedom == len(H)
-    assert found.total == pytest.approx(observed @ np.linalg.solve(N, observed), rel=1e-6)
+    output = redundant_part(H @ P @ H.T, N, observed)
+    assert output.freedom == len(H)
+    assert output.total == pytest.approx(observed @ np.linalg.solve(N, observed), rel=1e-6)
 
 
 def test_equal_numbers_of_unknowns_and_observations_leave_no_redundancy():
     H, P, N, random = redundancy_case(4, 14, width=1e4)
-    found = redundant_part(H @ P @ H.T, N, random.normal(size=14))
-    assert found.freedom == 0
-    assert found.total == 0.0
-    assert np.all(np.isnan(found.normalised))
-    assert found.consistency.count == 0
-    assert found.consistency.passed
-    assert not found.consistency.warning
+    output = redundant_part(H @ P @ H.T, N, random.normal(size=14))
+    assert output.freedom == 0
+    assert output.total == 0.0
+    assert np.all(np.isnan(output.normalised))
+    assert output.consistency.count == 0
+    assert output.consistency.passed
+    assert not output.consistency.warning
 
 
 @pytest.mark.long
@@ -116,10 +116,10 @@ def test_redundancy_bounds_contain_999_of_1000_cases(width):
     outside, total = 0, 0.0
     for _ in range(4000):
         observed = H @ prior @ random.normal(size=H.shape[1]) + noise @ random.normal(size=len(H))
-        found = redundant_part(H @ P @ H.T, N, observed)
-        outside += not found.consistency.passed or found.consistency.warning
-        total += found.consistency.nis_mean
-    assert total / 4000 == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / found.freedom / 4000))
+        output = redundant_part(H @ P @ H.T, N, observed)
+        outside += not output.consistency.passed or output.consistency.warning
+        total += output.consistency.nis_mean
+    assert total / 4000 == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / output.freedom / 4000))
     assert outside <= 14  # expected 4, Poisson
 
 
@@ -131,11 +131,11 @@ def test_every_tested_innovation_has_a_variance_of_one(unknowns):
     H[1:, 0] = 0.0  # nothing else shows the first unknown
     explained, noise = H @ P @ H.T, np.diag(np.diag(N))
     root = np.sqrt(noise)
-    found = np.stack(
+    output = np.stack(
         [redundant_part(explained, noise, unit).normalised for unit in root], axis=1
     )  # linear in its noise
-    assert np.isnan(found[0]).all()
-    np.testing.assert_allclose(np.linalg.norm(found[1:], axis=1), 1.0, rtol=1e-6)
+    assert np.isnan(output[0]).all()
+    np.testing.assert_allclose(np.linalg.norm(output[1:], axis=1), 1.0, rtol=1e-6)
 
 
 def test_random_nuisance_parameters_count_as_noise():
@@ -145,13 +145,13 @@ def test_random_nuisance_parameters_count_as_noise():
     def model(p, n):
         return p[0] + n
 
-    found = [
+    output = [
         map_estimate("test", model, observed, noise, prior, np.zeros(2), np.ones(2), ALL, noisy).redundancy
         for noisy in (slice(0, 0), slice(0, 2))
     ]
-    assert [f.freedom for f in found] == [0, 1]
+    assert [f.freedom for f in output] == [0, 1]
     # the difference of two readings with a sigma of 1 each
-    assert found[1].total == pytest.approx(16.0 / 2.0, rel=1e-5)
+    assert output[1].total == pytest.approx(16.0 / 2.0, rel=1e-5)
 
 
 def test_exactly_known_parameters_do_not_change():
@@ -227,15 +227,15 @@ def test_consider_posterior_equals_schmidts_update(seed, count):
     prior = correlated_prior(random)
     H, noise, observed = random.normal(size=(12, COUNT)), random.uniform(0.1, 1.0, 12), random.normal(size=12)
     full = map_estimate("test", lambda p, n: H @ p, observed, noise, prior, np.zeros(0), np.zeros(0), ALL).posterior
-    found = consider_update(prior, full, estimated)
+    output = consider_update(prior, full, estimated)
     mean, covariance = schmidt(prior, H, noise, observed, estimated)
-    assert found.mean == pytest.approx(mean, abs=1e-5)
-    assert found.covariance == pytest.approx(covariance, abs=1e-5)
+    assert output.mean == pytest.approx(mean, abs=1e-5)
+    assert output.covariance == pytest.approx(covariance, abs=1e-5)
     kept = ~estimated
-    assert np.array_equal(found.mean[kept], prior.mean[kept])
-    assert np.array_equal(np.diag(found.covariance)[kept], np.diag(prior.covariance)[kept])
-    assert np.linalg.eigvalsh(found.covariance).min() > -1e-9
-    assert np.array_equal(found.covariance, found.covariance.T)
+    assert np.array_equal(output.mean[kept], prior.mean[kept])
+    assert np.array_equal(np.diag(output.covariance)[kept], np.diag(prior.covariance)[kept])
+    assert np.linalg.eigvalsh(output.covariance).min() > -1e-9
+    assert np.array_equal(output.covariance, output.covariance.T)
 
 
 def test_consider_posterior_has_the_correct_limit_cases():

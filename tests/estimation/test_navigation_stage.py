@@ -150,10 +150,10 @@ def test_unknown_start_attitude_is_found_from_the_data(nav_stage, azimuth, angle
 def test_all_passes_linearise_about_the_prior_if_no_parameter_is_estimated(nav_stage, solution):
     known = Posterior(nav_stage.truth.parameters, nav_stage.prior.covariance)
     data = stage_data([nav_stage.block], nav_stage.context.imu)
-    found = solve_navigation(data, nav_stage.context, known, np.zeros(COUNT, np.bool_))
-    assert found.converged
-    np.testing.assert_array_equal(found.point, known.mean)
-    assert found.posterior.sigma == pytest.approx(solution.posterior.sigma, rel=0.02)
+    output = solve_navigation(data, nav_stage.context, known, np.zeros(COUNT, np.bool_))
+    assert output.converged
+    np.testing.assert_array_equal(output.point, known.mean)
+    assert output.posterior.sigma == pytest.approx(solution.posterior.sigma, rel=0.02)
 
 
 def passes_of(stage, prior, monkeypatch, fits):
@@ -167,25 +167,25 @@ def passes_of(stage, prior, monkeypatch, fits):
     monkeypatch.setattr(relinearise, "MAX_FIRST_NIS", fits)
     monkeypatch.setattr(NavigationPass, "steps", watched)
     data = stage_data([stage.block], stage.context.imu)
-    found = solve_navigation(data, stage.context, prior, np.ones(COUNT, np.bool_))
+    output = solve_navigation(data, stage.context, prior, np.ones(COUNT, np.bool_))
     monkeypatch.undo()
-    return ways, found
+    return ways, output
 
 
 def test_consistent_first_pass_is_not_repeated_in_closed_loop(nav_stage, monkeypatch):
-    ways, found = passes_of(nav_stage, nav_stage.prior, monkeypatch, relinearise.MAX_FIRST_NIS)
+    ways, output = passes_of(nav_stage, nav_stage.prior, monkeypatch, relinearise.MAX_FIRST_NIS)
     both_ways, both = passes_of(nav_stage, nav_stage.prior, monkeypatch, 0.0)
     assert ways == [True, True]
     assert both_ways == [True, False, True]
     # far below the accuracy to which a solution is iterated
-    assert np.abs((found.posterior.mean - both.posterior.mean) / both.posterior.sigma).max() < 1e-3
+    assert np.abs((output.posterior.mean - both.posterior.mean) / both.posterior.sigma).max() < 1e-3
 
 
 def test_diverged_closed_loop_pass_is_discarded(nav_stage, solution, monkeypatch):
     one_pass = relinearise._Relinearisation.one_pass
 
-    def astray(self, kind, point, found, attitudes):
-        run, ends = one_pass(self, kind, point, found, attitudes)
+    def astray(self, kind, point, output, attitudes):
+        run, ends = one_pass(self, kind, point, output, attitudes)
         if kind is ReferencePass:
             return run, ends
         return SimpleNamespace(history=SimpleNamespace(nis=np.array([np.nan]))), ends
@@ -193,15 +193,15 @@ def test_diverged_closed_loop_pass_is_discarded(nav_stage, solution, monkeypatch
     monkeypatch.setattr(relinearise, "MAX_FIRST_NIS", 0.0)
     monkeypatch.setattr(relinearise._Relinearisation, "one_pass", astray)
     data = stage_data([nav_stage.block], nav_stage.context.imu)
-    found = solve_navigation(data, nav_stage.context, nav_stage.prior, np.ones(COUNT, np.bool_))
-    np.testing.assert_array_equal(found.posterior.mean, solution.posterior.mean)
+    output = solve_navigation(data, nav_stage.context, nav_stage.prior, np.ones(COUNT, np.bool_))
+    np.testing.assert_array_equal(output.posterior.mean, solution.posterior.mean)
 
 
 def test_inconsistent_first_pass_is_repeated_in_closed_loop(nav_stage, monkeypatch):
     wrong = nav_stage.prior.mean.copy()
     wrong[INDEX["gyro_scale_z"]] += 0.05  # a quarter turn ends 4.5° away
     posterior = Posterior(wrong, nav_stage.prior.covariance + np.diag((wrong - nav_stage.prior.mean) ** 2))
-    ways, found = passes_of(nav_stage, posterior, monkeypatch, relinearise.MAX_FIRST_NIS)
+    ways, output = passes_of(nav_stage, posterior, monkeypatch, relinearise.MAX_FIRST_NIS)
     assert ways[:3] == [True, False, True]
-    assert found.converged
-    assert np.abs(errors_in_sigma(found.posterior, nav_stage.truth)).max() < 4.0
+    assert output.converged
+    assert np.abs(errors_in_sigma(output.posterior, nav_stage.truth)).max() < 4.0

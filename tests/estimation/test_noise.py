@@ -99,18 +99,18 @@ def test_mean_of_a_rest_has_the_predicted_variance(velocity_sigma):
     )
     velocity = random.normal(0.0, velocity_sigma, (60001, 3))
     accel = np.diff(velocity, axis=0) / 0.1 + random.normal(0.0, 1e-4 / np.sqrt(0.1), (60000, 3))
-    found, degrees = scatter(accel, 200, 1)
+    measured, degrees = scatter(accel, 200, 1)
     low, high = chi2.ppf([0.0005, 0.9995], degrees) / degrees
-    assert low < found / rest_mean_variance(context, 20.0) < high
+    assert low < measured / rest_mean_variance(context, 20.0) < high
 
 
 def test_mean_of_a_rest_on_a_vibrating_base_has_the_predicted_variance():
     truth = BenchConfig(grade="nav", seed=4, sample_rate_hz=100.0, instability=False).truth()
     samples = Simulator(truth, 4).run([Dwell(2000.0)], "six_position")
     context = context_of(truth)
-    found, degrees = scatter(stage_data([block_of(samples)], context.imu).accel, 1000, 10)
+    measured, degrees = scatter(stage_data([block_of(samples)], context.imu).accel, 1000, 10)
     low, high = chi2.ppf([0.0005, 0.9995], degrees) / degrees
-    assert low < found / rest_mean_variance(context, 10.0) < high
+    assert low < measured / rest_mean_variance(context, 10.0) < high
 
 
 def noise_of(seconds: float = 3000.0, **settings: object) -> RestNoise:
@@ -122,24 +122,24 @@ def noise_of(seconds: float = 3000.0, **settings: object) -> RestNoise:
 
 
 def test_noise_at_rest_matches_the_profile():
-    found = noise_of()
-    for ratio in (*found.gyro, *found.accel, found.velocity):
+    measured = noise_of()
+    for ratio in (*measured.gyro, *measured.accel, measured.velocity):
         assert ratio.excess == pytest.approx(1.0)
         assert np.all(np.abs(ratio.value - 1.0) < ratio.limit - 1.0)
 
 
 @pytest.mark.parametrize("velocity_sigma", [1e-5, 1e-3])
 def test_sensor_noise_is_separated_from_table_vibration(velocity_sigma):
-    found = noise_of(velocity_sigma=velocity_sigma, effects={"gyro_noise": 3.0, "accel_noise": 10.0})
-    for ratio, factor in ((found.gyro[0], 3.0), (found.accel[0], 10.0)):
+    measured = noise_of(velocity_sigma=velocity_sigma, effects={"gyro_noise": 3.0, "accel_noise": 10.0})
+    for ratio, factor in ((measured.gyro[0], 3.0), (measured.accel[0], 10.0)):
         assert ratio.excess == pytest.approx(factor, rel=0.15)
-    assert found.velocity.excess == pytest.approx(1.0)
+    assert measured.velocity.excess == pytest.approx(1.0)
 
 
 def test_low_frequency_noise_is_detected_at_the_longer_averaging_time():
-    found = noise_of(effects={"gyro_random_walk_dph_sqrt_h": 500.0})
-    assert np.all(found.gyro[1].value > 1.5 * found.gyro[0].value)
-    assert found.worst()[1:] in [("gyro_x", 4.0), ("gyro_y", 4.0), ("gyro_z", 4.0)]
+    measured = noise_of(effects={"gyro_random_walk_dph_sqrt_h": 500.0})
+    assert np.all(measured.gyro[1].value > 1.5 * measured.gyro[0].value)
+    assert measured.worst()[1:] in [("gyro_x", 4.0), ("gyro_y", 4.0), ("gyro_z", 4.0)]
 
 
 @pytest.mark.parametrize(("velocity_sigma", "quiet"), [(1e-3, False), (1e-5, True)])

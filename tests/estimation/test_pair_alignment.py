@@ -50,9 +50,9 @@ class Pair:
                 if not self.silent[k]:
                     seq = np.arange(first, first + count)
                     self.aligner.feed(k, seq, counts, np.full(count, self.now))
-            block, found = self.aligner.take(self.now)
+            block, result = self.aligner.take(self.now)
             self.blocks.append(block)
-            aligned += found
+            aligned += result
         return aligned
 
     def error(self) -> tuple[float, float]:
@@ -69,8 +69,8 @@ def test_interpolation_is_exact_for_polynomials_and_keeps_gaps():
     at = np.array([10.25, 20.5, 33.0])
     assert interpolate(counts, at) == pytest.approx(np.column_stack([at**3, 2.0 * at]), rel=1e-12)
     counts[30] = np.nan
-    found = interpolate(counts, np.array([20.5, 28.5, 3.0, 57.0]))
-    assert np.isnan(found).all(axis=1).tolist() == [False, True, True, True]
+    result = interpolate(counts, np.array([20.5, 28.5, 3.0, 57.0]))
+    assert np.isnan(result).all(axis=1).tolist() == [False, True, True, True]
 
 
 def test_clock_offset_is_measured_despite_bias_scale_factor_and_misalignment():

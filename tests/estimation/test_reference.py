@@ -45,8 +45,8 @@ def reference(truth, data, attitude, tilt_sigma=0.02):
 
 def test_reference_follows_the_effect_of_gyro_noise(motion):
     truth, data, attitudes = motion
-    found = reference(truth, data, attitudes[0])
-    errors = Rotation.from_matrix(found.attitude @ attitudes.transpose(0, 2, 1)).as_rotvec()
+    result = reference(truth, data, attitudes[0])
+    errors = Rotation.from_matrix(result.attitude @ attitudes.transpose(0, 2, 1)).as_rotvec()
     walked = truth.imu.gyro_arw * np.sqrt(len(data) / 200.0)
     # levelled all the way by 1 mm/s of velocity every 0.1 s, while the heading walks off as its noise does
     assert np.sqrt(np.mean(errors[:, :2] ** 2)) < 0.3 * walked
@@ -56,9 +56,9 @@ def test_reference_follows_the_effect_of_gyro_noise(motion):
 def test_reference_corrects_a_wrong_start_attitude_without_jumps(motion):
     truth, data, attitudes = motion
     tilted = Rotation.from_rotvec([0.01, -0.02, 0.0]).as_matrix() @ attitudes[0]
-    found = reference(truth, data, tilted)
+    result = reference(truth, data, tilted)
     right = reference(truth, data, attitudes[0])
-    off = Rotation.from_matrix(found.attitude @ right.attitude.transpose(0, 2, 1)).as_rotvec()
+    off = Rotation.from_matrix(result.attitude @ right.attitude.transpose(0, 2, 1)).as_rotvec()
     assert np.abs(off[:, :2]).max() < 1e-4
 
 
@@ -66,5 +66,5 @@ def test_reference_corrects_a_wrong_start_attitude_without_jumps(motion):
 def test_reference_is_a_rotation_for_any_start_attitude(motion, tilt):
     truth, data, attitudes = motion
     tilted = Rotation.from_rotvec([tilt, -tilt, 0.0]).as_matrix() @ attitudes[0]
-    found = reference(truth, data, tilted, tilt_sigma=0.2).attitude
-    assert found @ found.transpose(0, 2, 1) == pytest.approx(np.tile(np.eye(3), (len(found), 1, 1)), abs=1e-9)
+    result = reference(truth, data, tilted, tilt_sigma=0.2).attitude
+    assert result @ result.transpose(0, 2, 1) == pytest.approx(np.tile(np.eye(3), (len(result), 1, 1)), abs=1e-9)

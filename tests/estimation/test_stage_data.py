@@ -96,10 +96,10 @@ def moving(count, *turns):
     return gyro
 
 
-def assert_rests(found, true, shortest=100):
+def assert_rests(rests, true, shortest=100):
     """Assert that every rest is found without motion and with at most `shortest` samples missing."""
-    assert len(found) == len(true)
-    for (a, b), (c, d) in zip(found, true, strict=True):
+    assert len(rests) == len(true)
+    for (a, b), (c, d) in zip(rests, true, strict=True):
         assert c <= a <= c + shortest
         assert d - shortest <= b <= d
 
@@ -111,8 +111,8 @@ def test_rests_lie_between_the_rotations():
 
 def test_rest_extends_to_the_end_of_its_segment():
     data = stage_data([block(1200, gyro=moving(1200, (300, 500)))], RATE_IMU)
-    found = find_rests(data, RATE_IMU, (NO_BIAS, 0.0), [(0, 1200)])
-    assert (found[0][0], found[-1][1]) == (0, 1200)
+    rests = find_rests(data, RATE_IMU, (NO_BIAS, 0.0), [(0, 1200)])
+    assert (rests[0][0], rests[-1][1]) == (0, 1200)
 
 
 def test_rests_do_not_extend_across_segments():

@@ -51,9 +51,9 @@ def prior() -> Posterior:
     return Posterior(np.zeros(COUNT), np.diag(np.full(COUNT, 1e-2) ** 2))
 
 
-def checked(rules: dict, found: Solution, previous=None) -> dict[str, Check]:
+def checked(rules: dict, checks: Solution, previous=None) -> dict[str, Check]:
     section = ChecksSection.model_validate(rules)
-    return {c.name: c for c in acceptance(section, context(), prior(), [found], previous or {})}
+    return {c.name: c for c in acceptance(section, context(), prior(), [checks], previous or {})}
 
 
 def rests(*forces) -> Evidence:
@@ -64,12 +64,12 @@ def test_gravity_check_uses_the_worst_compensated_rest():
     # z reads 0.03 too much, which the bias found takes away but for 0.001; x is off by 0.004
     evidence = rests([0.0, 0.0, G + 0.031], [0.0, 0.0, -G + 0.03], [G + 0.004, 0.0, 0.03])
     check = checked({"gravity_at_rest": {"within": 5e-3}}, solution(evidence, accel_bias_z=0.03))
-    found = check["gravity_at_rest"]
-    assert found.value == pytest.approx(0.004, abs=1e-6)
-    assert str(found.where) == "multi_position rest 2"
-    assert found.passed
-    assert not found.near_miss
-    assert found.margin == pytest.approx(0.001, abs=1e-6)
+    checks = check["gravity_at_rest"]
+    assert checks.value == pytest.approx(0.004, abs=1e-6)
+    assert str(checks.where) == "multi_position rest 2"
+    assert checks.passed
+    assert not checks.near_miss
+    assert checks.margin == pytest.approx(0.001, abs=1e-6)
     tight = checked({"gravity_at_rest": {"within": 4.5e-3}}, solution(evidence, accel_bias_z=0.03))
     assert tight["gravity_at_rest"].near_miss
     missed = checked({"gravity_at_rest": {"within": 3e-3}}, solution(evidence, accel_bias_z=0.03))
@@ -94,17 +94,17 @@ def test_improvement_is_judged_by_its_ratio():
     assert (chosen.limit, chosen.unit) == (0.5, "1")
     worse = solution(evidence, accel_bias_z=-0.02)
     assert not checked({"improvement_at_rest": {"below": 0.5, "positions": [0]}}, worse)["improvement_at_rest"].passed
-    found = checked(rule, better)["improvement_at_rest_floor"]
-    assert not found.passed
-    assert found.where == Where(stage="multi_position", rest=2)
+    checks = checked(rule, better)["improvement_at_rest_floor"]
+    assert not checks.passed
+    assert checks.where == Where(stage="multi_position", rest=2)
 
 
 def test_improvement_floor_applies_only_to_small_errors_and_is_shown():
     evidence = rests([0.0, 0.0, G + 0.030], [0.0, 0.0, -G + 0.030], [0.0, G, 0.0])
     rule = {"improvement_at_rest": {"below": 0.5, "or_within": 1e-4}}
-    found = checked(rule, solution(evidence, accel_bias_z=0.02))
-    assert found["improvement_at_rest"].value == pytest.approx(1.0 / 3.0, abs=1e-6)
-    floor = found["improvement_at_rest_floor"]
+    checks = checked(rule, solution(evidence, accel_bias_z=0.02))
+    assert checks["improvement_at_rest"].value == pytest.approx(1.0 / 3.0, abs=1e-6)
+    floor = checks["improvement_at_rest_floor"]
     assert floor.passed
     assert floor.value == pytest.approx(2e-5, rel=0.05)
     assert (floor.limit, floor.unit) == (1e-4, "m/s²")
@@ -121,28 +121,28 @@ def test_improvement_is_relative_to_the_uncalibrated_output():
     mean[INDEX["accel_bias_z"]] = 0.03
     section = ChecksSection.model_validate({"improvement_at_rest": {"below": 0.5}})
     before = Posterior(mean, prior().covariance)
-    (found,) = acceptance(section, context(), before, [solution(evidence, accel_bias_z=0.03)], {})
-    assert (found.name, found.passed) == ("improvement_at_rest", True)
-    assert found.value < 1e-6
+    (checks,) = acceptance(section, context(), before, [solution(evidence, accel_bias_z=0.03)], {})
+    assert (checks.name, checks.passed) == ("improvement_at_rest", True)
+    assert checks.value < 1e-6
 
 
 def test_level_checks_horizontal_and_vertical_components():
     evidence = rests([0.02, -0.05, G + 0.0045], [0.0, 0.0, -G])
     rule = {"level": {"horizontal_within": 0.04, "vertical_within": 0.005}}
-    found = checked(rule, solution(evidence))
-    assert found["level_horizontal"].value == pytest.approx(0.05)
-    assert not found["level_horizontal"].passed
-    assert found["level_vertical"].value == pytest.approx(0.0045)
-    assert found["level_vertical"].near_miss
+    checks = checked(rule, solution(evidence))
+    assert checks["level_horizontal"].value == pytest.approx(0.05)
+    assert not checks["level_horizontal"].passed
+    assert checks["level_vertical"].value == pytest.approx(0.0045)
+    assert checks["level_vertical"].near_miss
 
 
 def test_level_is_judged_in_the_axes_of_the_platform():
     # body +y is along platform z, body -z along platform x
     evidence = rests([-0.02, G + 0.0045, 0.05])
     section = ChecksSection.model_validate({"level": {"horizontal_within": 0.06, "vertical_within": 0.005}})
-    found = {c.name: c for c in acceptance(section, context("-z+y"), prior(), [solution(evidence)], {})}
-    assert found["level_horizontal"].value == pytest.approx(0.05)
-    assert found["level_vertical"].value == pytest.approx(0.0045)
+    checks = {c.name: c for c in acceptance(section, context("-z+y"), prior(), [solution(evidence)], {})}
+    assert checks["level_horizontal"].value == pytest.approx(0.05)
+    assert checks["level_vertical"].value == pytest.approx(0.0045)
 
 
 def test_motions_are_compared_with_the_encoder_if_available():
@@ -154,13 +154,13 @@ def test_motions_are_compared_with_the_encoder_if_available():
         (motion(turn, scale=1e-3),),
     )
     rule = {"motion_angle": {"within": 5e-4, "below": 0.3}}
-    found = checked(rule, solution(evidence, gyro_scale_x=0.9e-3))
-    assert found["motion_angle"].value == pytest.approx(1e-4 * turn, rel=0.02)
-    assert found["motion_angle"].passed
-    assert found["motion_angle"].where == Where(stage="excitation", rest=0, to=1)
-    assert found["motion_improvement"].value == pytest.approx(0.1, rel=0.02)
-    assert found["motion_improvement"].limit == 0.3
-    assert found["motion_improvement"].passed
+    checks = checked(rule, solution(evidence, gyro_scale_x=0.9e-3))
+    assert checks["motion_angle"].value == pytest.approx(1e-4 * turn, rel=0.02)
+    assert checks["motion_angle"].passed
+    assert checks["motion_angle"].where == Where(stage="excitation", rest=0, to=1)
+    assert checks["motion_improvement"].value == pytest.approx(0.1, rel=0.02)
+    assert checks["motion_improvement"].limit == 0.3
+    assert checks["motion_improvement"].passed
     untouched = checked(rule, solution(evidence))
     assert not untouched["motion_angle"].passed
     assert not untouched["motion_improvement"].passed
@@ -170,9 +170,9 @@ def test_manual_motions_are_compared_with_gravity():
     turn = np.pi / 2.0
     evidence = Evidence("multi_position", (rest([0.0, 0.0, G]), rest([0.0, G, 0.0])), (motion(turn, scale=2e-3),))
     rule = {"motion_angle": {"within": 1e-3, "below": 0.5}}
-    found = checked(rule, solution(evidence, gyro_scale_x=2e-3))
-    assert found["motion_angle"].value < 1e-5
-    assert found["motion_improvement"].passed
+    checks = checked(rule, solution(evidence, gyro_scale_x=2e-3))
+    assert checks["motion_angle"].value < 1e-5
+    assert checks["motion_improvement"].passed
     assert checked(rule, solution(evidence))["motion_angle"].value == pytest.approx(2e-3 * turn, rel=0.02)
 
 
@@ -192,10 +192,10 @@ def chain(reference: str = "encoders", broken: bool = False) -> Evidence:
 def test_any_two_positions_are_compared_with_all_motions_between_them(reference):
     evidence, turn = chain(reference), np.pi / 3.0
     rule = {"motion_angle": {"within": 1.0, "positions": [3, 0]}}
-    found = checked(rule, solution(evidence))["motion_angle"]
-    assert found.value == pytest.approx(3e-3 * turn, rel=0.01)
-    assert found.where == Where(stage="multi_position", rest=0, to=3)
-    assert str(found.where) == "multi_position rest 0 to 3"
+    checks = checked(rule, solution(evidence))["motion_angle"]
+    assert checks.value == pytest.approx(3e-3 * turn, rel=0.01)
+    assert checks.where == Where(stage="multi_position", rest=0, to=3)
+    assert str(checks.where) == "multi_position rest 0 to 3"
     every = checked({"motion_angle": {"within": 1.0, "positions": [0, 1, 3]}}, solution(evidence))["motion_angle"]
     assert every.value == pytest.approx(3e-3 * turn, rel=0.01)
     neighbours = checked({"motion_angle": {"within": 1.0}}, solution(evidence))["motion_angle"]
@@ -203,7 +203,7 @@ def test_any_two_positions_are_compared_with_all_motions_between_them(reference)
     better = checked(rule, solution(evidence, gyro_scale_x=1e-3))["motion_angle"]
     assert better.value < 1e-5
     lost = checked(rule, solution(chain(reference, broken=True)))["motion_angle"]
-    assert (lost.passed, lost.where) == (False, found.where)
+    assert (lost.passed, lost.where) == (False, checks.where)
     assert np.isnan(lost.value)
 
 
@@ -217,9 +217,9 @@ def test_any_two_positions_are_compared_with_all_motions_between_them(reference)
     ],
 )
 def test_missing_rest_named_in_a_rule_fails_its_checks(rules, where):
-    found = checked(rules, solution(chain()))
-    assert found
-    for check in found.values():
+    checks = checked(rules, solution(chain()))
+    assert checks
+    for check in checks.values():
         assert (check.passed, check.near_miss, str(check.where)) == (False, False, where)
         assert np.isnan(check.value)
     other = {name: {**rule, "stage": "six_position"} for name, rule in rules.items()}
@@ -228,9 +228,9 @@ def test_missing_rest_named_in_a_rule_fails_its_checks(rules, where):
 
 def test_gravity_can_be_the_reference_despite_encoders():
     wrong = Evidence("multi_position", tuple(replace(r, angles=np.zeros(2)) for r in chain().rests), chain().motions)
-    found = solution(wrong, gyro_scale_x=1e-3)
-    assert checked({"motion_angle": {"within": 1.0}}, found)["motion_angle"].value > 1.0
-    assert checked({"motion_angle": {"within": 1.0, "reference": "gravity"}}, found)["motion_angle"].value < 1e-5
+    checks = solution(wrong, gyro_scale_x=1e-3)
+    assert checked({"motion_angle": {"within": 1.0}}, checks)["motion_angle"].value > 1.0
+    assert checked({"motion_angle": {"within": 1.0, "reference": "gravity"}}, checks)["motion_angle"].value < 1e-5
 
 
 @pytest.mark.parametrize("turns", [0.2, 0.9, 1.0, 2.5])
@@ -248,18 +248,18 @@ def test_angle_between_positions_excludes_earth_rate(turns):
 def test_change_since_the_last_calibration_reports_the_worst_parameter():
     rule = {"previous": {"change_within": {"gyro_bias": 1e-6, "accel_scale_z": 1e-5}}}
     current = solution(gyro_bias_x=1e-6, gyro_bias_y=-3e-6, accel_scale_z=1e-5)
-    found = checked(rule, current, {"gyro_bias_x": 9e-7, "gyro_bias_y": -1e-6, "accel_scale_z": 8e-6})
-    assert found["previous gyro_bias"].value == pytest.approx(2e-6)
-    assert found["previous gyro_bias"].where == Where("gyro_bias_y")
-    assert not found["previous gyro_bias"].passed
-    assert found["previous accel_scale_z"].passed
+    checks = checked(rule, current, {"gyro_bias_x": 9e-7, "gyro_bias_y": -1e-6, "accel_scale_z": 8e-6})
+    assert checks["previous gyro_bias"].value == pytest.approx(2e-6)
+    assert checks["previous gyro_bias"].where == Where("gyro_bias_y")
+    assert not checks["previous gyro_bias"].passed
+    assert checks["previous accel_scale_z"].passed
     assert checked(rule, current) == {}
 
 
 def test_excitation_check_requires_sufficient_sigma_reduction():
-    found = checked({"excitation": {"sigma_ratio_below": 0.05}}, solution(estimated=("gyro_bias_x",)))
-    assert found["excitation"].value == pytest.approx(0.01)
-    assert found["excitation"].passed
+    checks = checked({"excitation": {"sigma_ratio_below": 0.05}}, solution(estimated=("gyro_bias_x",)))
+    assert checks["excitation"].value == pytest.approx(0.01)
+    assert checks["excitation"].passed
     assert not checked({"excitation": {"sigma_ratio_below": 0.005}}, solution())["excitation"].passed
 
 
@@ -267,12 +267,12 @@ def test_offline_result_must_equal_the_online_result():
     row = {"value": 1.0, "sigma": 0.1, "stage": "rate"}
     section = ChecksSection.model_validate({"offline_online": {"within_sigmas": 0.0}})
     assert offline_online(section, {"a": row}, {"a": row})[0].passed
-    (found,) = offline_online(section, {"a": row, "b": row}, {"a": {**row, "value": 1.05}, "b": row})
-    assert found.value == pytest.approx(0.5)
-    assert (found.passed, found.where) == (False, Where("a"))
+    (checks,) = offline_online(section, {"a": row, "b": row}, {"a": {**row, "value": 1.05}, "b": row})
+    assert checks.value == pytest.approx(0.5)
+    assert (checks.passed, checks.where) == (False, Where("a"))
     assert offline_online(section, {"a": row}, {"a": {**row, "stage": "excitation"}}) == []
-    (found,) = offline_online(section, {"a": row, "b": row}, {"a": row, "b": {**row, "value": np.nan}})
-    assert (found.passed, found.where) == (False, Where("b"))
+    (checks,) = offline_online(section, {"a": row, "b": row}, {"a": row, "b": {**row, "value": np.nan}})
+    assert (checks.passed, checks.where) == (False, Where("b"))
 
 
 def test_no_check_is_made_without_data():

@@ -92,8 +92,8 @@ def test_product_risks_agree_with_the_integrals_of_jcgm_106(rule: str, spread: f
     far = 1.0 + 12.0 * spread
     accept = sum(integral(lambda y: norm.pdf(y, 0.0, spread) * accepted(y), *e) for e in ((-far, -1.0), (1.0, far)))
     reject = integral(lambda y: norm.pdf(y, 0.0, spread) * (1.0 - accepted(y)), -1.0, 1.0)
-    found = product_risks(Measurement(0.0, sigma), LIMITS, spread, rule)
-    assert found == pytest.approx((accept, reject), rel=1e-6, abs=1e-12)
+    output = product_risks(Measurement(0.0, sigma), LIMITS, spread, rule)
+    assert output == pytest.approx((accept, reject), rel=1e-6, abs=1e-12)
 
 
 @pytest.mark.parametrize("rule", ["simple", "guard_band"])
@@ -116,8 +116,8 @@ def test_risks_of_a_precise_measurement_agree_with_the_first_order_formula(
 def test_uninformative_measurement_gives_the_decision_of_its_prior(mean: float, accepted: bool, sigma: float) -> None:
     conforming = float(norm.cdf(1.0, 0.0, 0.4) - norm.cdf(-1.0, 0.0, 0.4))
     expected = (1.0 - conforming, 0.0) if accepted else (0.0, conforming)
-    found = product_risks(Measurement(mean, sigma, mean, 0.5), LIMITS, 0.4, "simple")
-    assert found == pytest.approx(expected, abs=1e-12)
+    output = product_risks(Measurement(mean, sigma, mean, 0.5), LIMITS, 0.4, "simple")
+    assert output == pytest.approx(expected, abs=1e-12)
 
 
 def test_product_risks_of_an_estimate_with_a_prior_agree_with_a_simulation() -> None:
@@ -128,9 +128,9 @@ def test_product_risks_of_an_estimate_with_a_prior_agree_with_a_simulation() -> 
     data = y + rng.normal(0.0, sigma_data, y.size)
     estimate = (data / sigma_data**2 + mean / prior**2) / precision
     accepted, inside = np.abs(estimate) <= 1.0, np.abs(y) <= 1.0
-    found = product_risks(Measurement(0.0, sigma, mean, prior), LIMITS, spread, "simple")
-    assert found[0] == pytest.approx(np.mean(accepted & ~inside), abs=1e-3)
-    assert found[1] == pytest.approx(np.mean(~accepted & inside), abs=1e-3)
+    output = product_risks(Measurement(0.0, sigma, mean, prior), LIMITS, spread, "simple")
+    assert output[0] == pytest.approx(np.mean(accepted & ~inside), abs=1e-3)
+    assert output[1] == pytest.approx(np.mean(~accepted & inside), abs=1e-3)
 
 
 def test_overlapping_guard_bands_accept_nothing() -> None:
@@ -157,12 +157,12 @@ def solution(**values: tuple[float, float]) -> Solution:
     return Solution("excitation", Posterior(mean, np.diag(sigma**2)), NAMES, Consistency(1.0, 0.9, 1.1, 100))
 
 
-def judged(meta: LogMeta, found: Solution) -> Result:
+def judged(meta: LogMeta, output: Solution) -> Result:
     prior = prior_from_meta(meta)
-    judgement = judge(meta, prior, (found,))
+    judgement = judge(meta, prior, (output,))
     verdict = verdict_of(End.COMPLETED, judgement.passed, partial=judgement.partial)
     ending = Ending(verdict, "a.h5", LogFacts(0, 99, 100, 0, None, 64 * "0"))
-    result = build_result(meta, prior, (found,), judgement, ending)
+    result = build_result(meta, prior, (output,), judgement, ending)
     assert Result.from_json(json.loads(json.dumps(result.to_json()))) == result
     return result
 
@@ -177,22 +177,22 @@ NEAR_THE_LIMIT = {"gyro_bias_x": (0.00518, 2e-5)}
 
 def test_acceptance_limits_equal_the_limits_without_a_decision_rule() -> None:
     result = judged(configuration(), solution(**NEAR_THE_LIMIT))
-    check, found = within(result, "gyro_bias_x"), result.conformity.parameters["gyro_bias_x"]
+    check, output = within(result, "gyro_bias_x"), result.conformity.parameters["gyro_bias_x"]
     assert (check.passed, check.acceptance, "acceptance" in check.to_json()) == (True, None, False)
-    assert (result.conformity.rule, found.accepted, found.acceptance) == ("simple", True, (-0.0052, 0.0052))
-    assert found.probability == pytest.approx(norm.cdf(-1.0), rel=1e-9)
-    assert (found.spread, found.false_accept, found.false_reject) == (None, None, None)
+    assert (result.conformity.rule, output.accepted, output.acceptance) == ("simple", True, (-0.0052, 0.0052))
+    assert output.probability == pytest.approx(norm.cdf(-1.0), rel=1e-9)
+    assert (output.spread, output.false_accept, output.false_reject) == (None, None, None)
 
 
 def test_guard_band_rejects_values_within_two_sigma_of_the_limit() -> None:
     result = judged(configuration(rule="guard_band"), solution(**NEAR_THE_LIMIT))
-    check, found = within(result, "gyro_bias_x"), result.conformity.parameters["gyro_bias_x"]
+    check, output = within(result, "gyro_bias_x"), result.conformity.parameters["gyro_bias_x"]
     assert result.passed is False
     assert check.to_json()["limit"] == [-0.0052, 0.0052]
     assert check.to_json()["acceptance"] == pytest.approx([-0.00516, 0.00516])
     assert check.margin == pytest.approx(-2e-5)
-    assert not found.accepted
-    assert found.probability == pytest.approx(norm.cdf(1.0), rel=1e-9)  # that a good unit was refused
+    assert not output.accepted
+    assert output.probability == pytest.approx(norm.cdf(1.0), rel=1e-9)  # that a good unit was refused
     assert within(result, "gyro_bias_y").near_miss is False
     assert Check.from_json(check.to_json()) == check
 
@@ -207,10 +207,10 @@ def test_guard_band_wider_than_the_limits_fails_with_its_cause() -> None:
 
 def test_group_spread_gives_the_product_risks() -> None:
     meta = configuration(spread={"gyro_bias": 0.002, "gyro_bias_y": 0.001})
-    found = judged(meta, solution(**NEAR_THE_LIMIT)).conformity.parameters
-    assert (found["gyro_bias_x"].spread, found["gyro_bias_y"].spread) == (0.002, 0.001)
-    assert 0.0 < found["gyro_bias_x"].false_accept < 1e-3
-    assert found["accel_bias_x"].false_accept is None
+    output = judged(meta, solution(**NEAR_THE_LIMIT)).conformity.parameters
+    assert (output["gyro_bias_x"].spread, output["gyro_bias_y"].spread) == (0.002, 0.001)
+    assert 0.0 < output["gyro_bias_x"].false_accept < 1e-3
+    assert output["accel_bias_x"].false_accept is None
 
 
 def test_unknown_name_or_zero_spread_is_refused() -> None:

@@ -49,8 +49,8 @@ def test_rotations_at_exactly_the_peak_rate_are_not_reported_as_clipped(grade, o
         imu = replace(imu, output="rate", gyro_lsb=imu.gyro_lsb * RATE, accel_lsb=imu.accel_lsb * RATE)
     for seed in range(4):
         # a unit may also be quieter than its profile
-        found = clipping_test(*turns(imu, seed, level=np.inf, noise=noise), imu)
-        assert found.value < 0.5 * MISSING_SAMPLES, found
+        test_result = clipping_test(*turns(imu, seed, level=np.inf, noise=noise), imu)
+        assert test_result.value < 0.5 * MISSING_SAMPLES, test_result
 
 
 @pytest.mark.parametrize("level", [0.9, 0.99, 1.0])
@@ -58,12 +58,12 @@ def test_rotations_at_exactly_the_peak_rate_are_not_reported_as_clipped(grade, o
 def test_gyro_that_clips_near_the_peak_rate_is_detected(grade, level):
     imu = IMUS[grade]
     counts, time = turns(imu, 1, level=level * PEAK, scale=2e-5)
-    found = clipping_test(counts, time, imu)
-    assert found.value > MISSING_SAMPLES
-    values = found.diagnosis.values
+    test_result = clipping_test(counts, time, imu)
+    assert test_result.value > MISSING_SAMPLES
+    values = test_result.diagnosis.values
     assert values["channel"] == "gyro z"
     assert abs(values["level"]) == pytest.approx(20.0 * level, rel=1e-3)
-    assert values["count"] == np.sum(counts[:, 2] == np.rint(found.diagnosis.size / imu.count_size[2]))
+    assert values["count"] == np.sum(counts[:, 2] == np.rint(test_result.diagnosis.size / imu.count_size[2]))
     assert 10.0 < values["first"] < values["last"] < time[-1]
 
 
@@ -134,10 +134,10 @@ def test_temperature_coefficients_are_estimated_from_the_rests():
     sigma = np.full(k, 1e-5), np.full(k, 1e-8)
     rests = RestResiduals(seq[::100], seq[99::100], up, up[:, :2], force, vertical, vertical, *sigma)
     samples = replace(block(seq / 100.0), temperature=np.repeat(warmth, 100))
-    found = temperature_coefficients(rests, samples, 9.8)["per_degree"]
+    test_result = temperature_coefficients(rests, samples, 9.8)["per_degree"]
     expected = dict(zip(("x", "y", "z"), zip(bias, scale, drift, strict=True), strict=True))
     for axis, values in expected.items():
         for name, value in zip(("accel_bias", "accel_scale", "gyro_bias"), values, strict=True):
-            row = found[f"{name}_{axis}"]
+            row = test_result[f"{name}_{axis}"]
             assert row["value"] == pytest.approx(value, abs=4.0 * row["sigma"])
             assert row["sigma"] < abs(value)

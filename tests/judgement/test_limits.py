@@ -32,7 +32,7 @@ def limit(**fields: object) -> Limit:
 
 
 def test_value_and_sigma_are_compared_and_a_parameter_precedes_its_group() -> None:
-    found = solution(
+    output = solution(
         "rate",
         ("gyro_scale_x", "gyro_scale_y"),
         {"gyro_scale_x": (2e-3, 1e-6), "gyro_scale_y": (-2e-3, 1e-4)},
@@ -42,7 +42,7 @@ def test_value_and_sigma_are_compared_and_a_parameter_precedes_its_group() -> No
         "gyro_scale_y": limit(within=[-3e-3, 0.0]),
         "accel_bias": limit(within=1.0),
     }
-    checks = {c.name: c for c in check_limits(limits, PRIOR, [found])}
+    checks = {c.name: c for c in check_limits(limits, PRIOR, [output])}
     assert not checks["gyro_scale_x within"].passed
     assert checks["gyro_scale_x sigma below"].passed
     assert checks["gyro_scale_y within"].passed
@@ -54,50 +54,52 @@ def test_value_and_sigma_are_compared_and_a_parameter_precedes_its_group() -> No
 
 
 def test_parameter_that_kept_its_prior_sigma_is_unobservable_and_fails() -> None:
-    found = solution("rate", ("gyro_bias_x", "gyro_scale_x"), {"gyro_scale_x": (0.0, 1e-3), "gyro_bias_x": (0.0, 0.95)})
-    assert unobservable(PRIOR, [found]) == ["gyro_bias_x"]
-    assert not check_limits({"gyro_bias": limit(within=1.0)}, PRIOR, [found])[-1].passed
+    output = solution(
+        "rate", ("gyro_bias_x", "gyro_scale_x"), {"gyro_scale_x": (0.0, 1e-3), "gyro_bias_x": (0.0, 0.95)}
+    )
+    assert unobservable(PRIOR, [output]) == ["gyro_bias_x"]
+    assert not check_limits({"gyro_bias": limit(within=1.0)}, PRIOR, [output])[-1].passed
 
 
-def ranked(found: Solution, **steps: int | None) -> Solution:
+def ranked(output: Solution, **steps: int | None) -> Solution:
     """Return the solution with an observability analysis in which these states become observable in these steps."""
-    return replace(found, observability={"states": {name: {"step": step} for name, step in steps.items()}})
+    return replace(output, observability={"states": {name: {"step": step} for name, step in steps.items()}})
 
 
 def test_unobservable_parameter_is_listed_even_if_correlation_reduced_its_sigma() -> None:
     names = ("gyro_bias_x", "gyro_bias_y")
     sharp = dict.fromkeys(names, (0.0, 0.1))
-    found = ranked(solution("excitation", names, sharp), gyro_bias_x=None, gyro_bias_y=3)
-    assert unobservable(PRIOR, [found]) == ["gyro_bias_x"]
-    assert unobservable(PRIOR, [found, ranked(solution("azimuth_flip", names, sharp), gyro_bias_x=2)]) == []
-    assert unobservable(PRIOR, [solution("rate", names, sharp), found]) == []
+    output = ranked(solution("excitation", names, sharp), gyro_bias_x=None, gyro_bias_y=3)
+    assert unobservable(PRIOR, [output]) == ["gyro_bias_x"]
+    assert unobservable(PRIOR, [output, ranked(solution("azimuth_flip", names, sharp), gyro_bias_x=2)]) == []
+    assert unobservable(PRIOR, [solution("rate", names, sharp), output]) == []
 
 
 def test_limits_of_unobservable_parameters_are_not_checked() -> None:
     names = ("gyro_bias_x", "gyro_bias_y")
     values = dict.fromkeys(names, (0.0, 0.1))
-    found = ranked(solution("excitation", names, values), gyro_bias_x=None, gyro_bias_y=3)
+    output = ranked(solution("excitation", names, values), gyro_bias_x=None, gyro_bias_y=3)
     limits = {"gyro_bias": limit(within=1.0, sigma_below=1.0), "accel_bias_x": limit(within=1.0)}
-    checks = check_limits(limits, PRIOR, [found])
+    checks = check_limits(limits, PRIOR, [output])
     claims = [(c.kind, c.subject) for c in checks if c.subject in names]
     assert claims == [("within", "gyro_bias_y"), ("sigma_below", "gyro_bias_y")]
     assert not checks[-1].passed
-    assert not_compared(limits, PRIOR, [found]) == ["gyro_bias_x", "gyro_bias_z", "accel_bias_x"]
+    assert not_compared(limits, PRIOR, [output]) == ["gyro_bias_x", "gyro_bias_z", "accel_bias_x"]
 
 
 def test_stage_without_redundancy_has_no_consistency_check() -> None:
-    found = Solution("six_position", PRIOR, (), Consistency(0.0, 0.0, 0.0, 0))
-    assert [c.kind for c in check_limits({}, PRIOR, [found])] == ["unobservable"]
-    assert StageConsistency.of(found.consistency).passed is None
-    (solved,) = solution_events(found)
+    output = Solution("six_position", PRIOR, (), Consistency(0.0, 0.0, 0.0, 0))
+    assert [c.kind for c in check_limits({}, PRIOR, [output])] == ["unobservable"]
+    assert StageConsistency.of(output.consistency).passed is None
+    (solved,) = solution_events(output)
     assert isinstance(solved, StageSolved)
     assert solved.consistency["passed"] is None
 
 
 def test_innovations_above_their_bounds_fail_and_below_them_pass() -> None:
     for mean, passed in ((1.2, False), (0.8, True)):
-        found = Solution("rate", PRIOR, (), Consistency(mean, 0.9, 1.1, 100))
-        assert check_limits({}, PRIOR, [found])[0].passed is passed
+        output = Solution("rate", PRIOR, (), Consistency(mean, 0.9, 1.1, 100))
+        assert check_limits({}, PRIOR, [output])[0].passed is passed
 
 
 def test_parameter_is_assigned_to_the_last_stage_that_estimated_it() -> None:

@@ -19,7 +19,7 @@ from calstation.physics import (
     group_indices,
     group_matrix,
     group_vector,
-    states,
+    parameters,
 )
 
 CONTRACT = """
@@ -114,8 +114,8 @@ def test_every_group_has_a_display_unit():
 def test_order_of_the_states_follows_from_the_parameters() -> None:
     assert (39, 9, slice(0, 3)) == (STATES, PARAMETER_START, PHI)
     for group in GROUPS:
-        members = np.arange(COUNT)[getattr(states, group.upper())]
+        members = np.arange(COUNT)[getattr(parameters, group.upper())]
         assert members.tolist() == group_indices(group)
     assert PARAMETER_START + OUTER_LEVER.stop == STATES
     others = [i for i, p in enumerate(PARAMETERS) if p.group != "outer_lever"]
-    assert np.arange(COUNT)[states.SENSORS].tolist() == others
+    assert np.arange(COUNT)[parameters.SENSORS].tolist() == others

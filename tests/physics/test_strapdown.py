@@ -214,8 +214,8 @@ def test_transition_blocks_are_the_derivatives_of_the_navigation(motion, span, a
     for group, chosen in columns.items():
         for rows in (slice(0, 3), slice(3, 6)):
             change = numeric[rows][:, chosen] - identity[rows][:, chosen]
-            found = F[rows][:, chosen] - identity[rows][:, chosen]
-            assert np.linalg.norm(found - change) < accuracy * np.linalg.norm(change) + 1e-5, group
+            result = F[rows][:, chosen] - identity[rows][:, chosen]
+            assert np.linalg.norm(result - change) < accuracy * np.linalg.norm(change) + 1e-5, group
 
 
 def test_position_rows_are_the_integral_of_the_velocity_rows(motion):
@@ -247,6 +247,6 @@ def test_instantaneous_rate_and_force_derivatives_agree_with_compensation(motion
         step[i] = parameter.prior_sigma * 1e-3
         high = compensate(compensation(truth.parameters + step), gyro[600:601], accel[600:601])
         low = compensate(compensation(truth.parameters - step), gyro[600:601], accel[600:601])
-        for found, a, b in ((rate_jacobian, high[0], low[0]), (force_jacobian, high[1], low[1])):
+        for result, a, b in ((rate_jacobian, high[0], low[0]), (force_jacobian, high[1], low[1])):
             exact = (a - b)[0] / (2.0 * step[i])
-            assert found[:, i] == pytest.approx(exact, abs=2e-4 * max(np.linalg.norm(exact), 1e-4)), parameter.name
+            assert result[:, i] == pytest.approx(exact, abs=2e-4 * max(np.linalg.norm(exact), 1e-4)), parameter.name

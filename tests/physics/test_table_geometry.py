@@ -82,8 +82,8 @@ def test_azimuth_is_the_heading_of_y_clockwise_from_north():
     ],
 )
 def test_default_table_points_every_face_up(direction, pose):
-    found = TableGeometry().pose_up(np.array(direction, dtype=float), pose)
-    assert found == pytest.approx(pose, abs=1e-9)
+    result = TableGeometry().pose_up(np.array(direction, dtype=float), pose)
+    assert result == pytest.approx(pose, abs=1e-9)
 
 
 @given(tables(), DIRECTIONS, ANGLES, ANGLES)
@@ -117,10 +117,10 @@ def test_orthogonal_table_with_a_level_outer_axis_points_any_direction_up(direct
 @given(near=ANGLES, outer=ANGLES, azimuth=ANGLES, turn=st.floats(0.01, 3.0))
 def test_body_turn_rotates_the_body_about_its_axis_with_the_correct_sign(axis, near, outer, azimuth, turn):
     table = TableGeometry()
-    found = table.body_turn(axis, near)
-    inner = near if found.inner is None else found.inner
+    result = table.body_turn(axis, near)
+    inner = near if result.inner is None else result.inner
     after = [outer, inner]
-    after[found.joint] += found.sign * turn
+    after[result.joint] += result.sign * turn
     C0, C1 = table.body_to_level(outer, inner, azimuth), table.body_to_level(*after, azimuth)
     # C1 = C0 Exp(turn · axis): a positive turn is right-handed about the body axis as the body sees it
     assert rotation_vector(C0.T @ C1) == pytest.approx(axis * turn, abs=1e-9)
@@ -130,7 +130,7 @@ def test_body_turn_rotates_the_body_about_its_axis_with_the_correct_sign(axis, n
 @given(tables(), DIRECTIONS, ANGLES, st.floats(0.01, 3.0))
 def test_body_turn_works_for_any_reachable_axes(table, axis, near, turn):
     try:
-        found = table.body_turn(axis, near)
+        result = table.body_turn(axis, near)
     except ConfigurationError:
         w1, w2 = np.array(table.outer_axis), np.array(table.inner_axis)
         # the inner joint carries the axis round a cone about w2; it meets neither +w1 nor −w1
@@ -138,9 +138,9 @@ def test_body_turn_works_for_any_reachable_axes(table, axis, near, turn):
         assert min(reach) > np.deg2rad(5.0) - 1e-6
         assert min(angle_between(w2, axis), np.pi - angle_between(w2, axis)) > np.deg2rad(0.5) - 1e-6
         return
-    inner = near if found.inner is None else found.inner
+    inner = near if result.inner is None else result.inner
     after = [0.3, inner]
-    after[found.joint] += found.sign * turn
+    after[result.joint] += result.sign * turn
     turned = rotation_vector(table.body_to_home(0.3, inner).T @ table.body_to_home(*after))
     assert np.linalg.norm(turned) == pytest.approx(turn, abs=1e-9)
     assert angle_between(turned, axis) < np.deg2rad(5.0) + 1e-9
@@ -148,20 +148,20 @@ def test_body_turn_works_for_any_reachable_axes(table, axis, near, turn):
 
 @pytest.mark.parametrize("near", [-3.0, 0.1, 4.0])
 def test_body_turn_chooses_the_nearer_inner_angle(near):
-    found = TableGeometry().body_turn(np.array([0.0, 1.0, 0.0]), near)
+    result = TableGeometry().body_turn(np.array([0.0, 1.0, 0.0]), near)
     both = [abs(near - (s * np.pi / 2 + 2 * np.pi * k)) for s in (1, -1) for k in (-1, 0, 1)]
-    assert abs(found.inner - near) == pytest.approx(min(both), abs=1e-9)
+    assert abs(result.inner - near) == pytest.approx(min(both), abs=1e-9)
 
 
 @given(travels(), st.integers(0, 1), ANGLES, ANGLES)
 def test_nearest_angle_is_the_closest_equivalent_angle_within_the_travel(limits, joint, angle, near):
-    found = TableGeometry(limits=limits).nearest(joint, angle, near)
-    assert limits.within(joint, found)
-    turns = (found - angle) / (2.0 * np.pi)
+    result = TableGeometry(limits=limits).nearest(joint, angle, near)
+    assert limits.within(joint, result)
+    turns = (result - angle) / (2.0 * np.pi)
     assert turns == pytest.approx(round(turns), abs=1e-9)
     others = [angle + 2.0 * np.pi * k for k in range(-5, 6)]
     allowed = [o for o in others if limits.low[joint] <= o <= limits.high[joint]]
-    assert abs(found - near) <= min(abs(o - near) for o in allowed) + 1e-9
+    assert abs(result - near) <= min(abs(o - near) for o in allowed) + 1e-9
 
 
 def test_nearest_angle_lies_within_the_travel_from_any_distance():
@@ -198,17 +198,17 @@ def test_parallel_axes_cannot_rotate_about_other_axes():
 
 @given(tables(), ANGLES, ANGLES)
 def test_level_inner_makes_the_inner_axis_horizontal_if_possible(table, outer, inner):
-    found = table.level_inner((outer, inner))
+    result = table.level_inner((outer, inner))
     w1, w2 = np.array(table.outer_axis), np.array(table.inner_axis)
-    height = (table.body_to_home(found, inner) @ w2)[2]
+    height = (table.body_to_home(result, inner) @ w2)[2]
     # the inner axis sweeps heights cos(polar ± between); level is among them where they differ in sign
     polar, between = angle_between(w1, UP), angle_between(w1, w2)
     sweep = np.cos(polar + between), np.cos(polar - between)
     if sweep[0] < -1e-6 and sweep[1] > 1e-6:
         assert height == pytest.approx(0.0, abs=1e-9)
-        assert abs(found - outer) <= np.pi + 1e-9
+        assert abs(result - outer) <= np.pi + 1e-9
     elif sweep[0] * sweep[1] > 1e-6:
-        assert found == outer
+        assert result == outer
 
 
 def test_level_inner_of_the_default_table_is_the_nearer_quarter_turn():

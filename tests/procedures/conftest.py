@@ -26,14 +26,14 @@ def solve_chain():
     def chain(grade, seed, **bench):
         truth = BenchConfig(grade=grade, seed=seed, sample_rate_hz=100.0, **bench).truth()
         simulator = Simulator(truth, seed)
-        found = SimpleNamespace(truth=truth, prior=prior_of(truth), samples={}, priors={}, solutions={})
-        posterior = found.prior
+        unit = SimpleNamespace(truth=truth, prior=prior_of(truth), samples={}, priors={}, solutions={})
+        posterior = unit.prior
         for stage in STAGES:
-            found.samples[stage] = simulate(simulator, truth, stage)
-            found.priors[stage] = posterior
-            found.solutions[stage] = solved(truth, posterior, [block_of(found.samples[stage])])
-            posterior = found.solutions[stage].posterior
-        return found
+            unit.samples[stage] = simulate(simulator, truth, stage)
+            unit.priors[stage] = posterior
+            unit.solutions[stage] = solved(truth, posterior, [block_of(unit.samples[stage])])
+            posterior = unit.solutions[stage].posterior
+        return unit
 
     return chain
 

@@ -50,8 +50,8 @@ def test_errors_of_many_pairs_agree_with_their_sigmas():
     errors = []
     for seed in range(9):
         primary, secondary = pair(100 + seed)
-        found = solved(recording(primary, [secondary], seed), context_of(primary, [secondary]), known(primary))
-        errors.append((vector(found) - truth_of(primary, secondary)) / vector(found, "sigma"))
+        solution = solved(recording(primary, [secondary], seed), context_of(primary, [secondary]), known(primary))
+        errors.append((vector(solution) - truth_of(primary, secondary)) / vector(solution, "sigma"))
     for group in GROUPS:
         columns = [k for k, p in enumerate(PAIR_PARAMETERS) if p.group == group]
         count = 9 * min(len(columns), 3)
@@ -62,9 +62,9 @@ def test_errors_of_many_pairs_agree_with_their_sigmas():
 
 def test_clock_offset_is_found_with_subsample_accuracy(mems):
     primary, secondary, block = mems
-    found = solved(block, context_of(primary, [secondary]), known(primary)).estimates["clock_offset"]
-    assert abs(found.value - secondary.offset) < 4.0 * found.sigma
-    assert found.sigma < 1e-5
+    solution = solved(block, context_of(primary, [secondary]), known(primary)).estimates["clock_offset"]
+    assert abs(solution.value - secondary.offset) < 4.0 * solution.sigma
+    assert solution.sigma < 1e-5
     assert abs(secondary.offset) > 1e-3
 
 
@@ -163,18 +163,20 @@ def test_effect_indistinguishable_from_a_parameter_is_not_reported(mems):
         noise = np.repeat([imu.gyro_arw, imu.accel_vrw], 3) * np.sqrt(RATE)
         of[:] = (np.hstack([rates, forces]) + noise * random.normal(size=(len(upright), 6))) / unit
     moved = replace(upright, counts=counts, others=others)
-    found = solved(moved, context, known(primary), lever=False, clock_offset=False)
-    assert all(test.value < test.limit for test in found.tests)
-    assert found.explanation is None
+    solution = solved(moved, context, known(primary), lever=False, clock_offset=False)
+    assert all(test.value < test.limit for test in solution.tests)
+    assert solution.explanation is None
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("choice", [{"model": "bias"}, {"model": "scale"}, {"clock_offset": False}])
 def test_terms_excluded_from_the_fit_are_not_reported_as_effects(mems, choice):
     primary, secondary, block = mems
-    found = solved(block, context_of(primary, [secondary]), known(primary), **choice)
+    solution = solved(block, context_of(primary, [secondary]), known(primary), **choice)
     named = [
-        test.diagnosis for test in (*found.tests, found.explanation) if test is not None and test.kind == "effects"
+        test.diagnosis
+        for test in (*solution.tests, solution.explanation)
+        if test is not None and test.kind == "effects"
     ]
     if "model" in choice:
         assert not named
@@ -184,16 +186,16 @@ def test_terms_excluded_from_the_fit_are_not_reported_as_effects(mems, choice):
 def test_effect_without_influence_on_the_parameters_passes(mems):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
-    found = solved(with_error(block, context, lambda w, f: gyro(1e-5 * f)), context, known(primary))
-    assert all(test.value < test.limit for test in found.tests)
-    assert found.explanation.diagnosis.values["effect"] == "g_sensitivity"
+    solution = solved(with_error(block, context, lambda w, f: gyro(1e-5 * f)), context, known(primary))
+    assert all(test.value < test.limit for test in solution.tests)
+    assert solution.explanation.diagnosis.values["effect"] == "g_sensitivity"
 
 
 def test_secondary_mounted_upside_down_is_calibrated():
     primary, secondary = pair(4)
     turned = replace(secondary, mounting=Mounting(rotation(np.array([np.pi, 0.02, 0.01])), secondary.mounting.arm))
-    found = solved(recording(primary, [turned], 4), context_of(primary, [turned]), known(primary))
-    error = (vector(found) - truth_of(primary, turned)) / vector(found, "sigma")
+    solution = solved(recording(primary, [turned], 4), context_of(primary, [turned]), known(primary))
+    error = (vector(solution) - truth_of(primary, turned)) / vector(solution, "sigma")
     assert np.abs(error).max() < 5.0
 
 
@@ -210,12 +212,12 @@ def test_partial_models_are_fitted(what):
         unit.parameters[group_indices("gyro_bias")] += shift * 0.004
         unit.parameters[group_indices("accel_bias")] -= shift * 0.06
     alike = SecondaryTruth(other, Mounting(np.eye(3), np.zeros(3)), 0.004)
-    found = solved(recording(primary, [alike], 5), context_of(primary, [alike]), known(primary), model=what)
-    truth, sigma = truth_of(primary, alike), vector(found, "sigma")
+    solution = solved(recording(primary, [alike], 5), context_of(primary, [alike]), known(primary), model=what)
+    truth, sigma = truth_of(primary, alike), vector(solution, "sigma")
     fitted = sigma > 0.0
     assert fitted.sum() == {"bias": 7, "scale": 13}[what]
-    assert np.abs((vector(found) - truth)[fitted] / sigma[fitted]).max() < 4.5
-    assert found.estimates["secondary_gyro_matrix_xy"].value == 0.0
+    assert np.abs((vector(solution) - truth)[fitted] / sigma[fitted]).max() < 4.5
+    assert solution.estimates["secondary_gyro_matrix_xy"].value == 0.0
 
 
 @pytest.mark.long
@@ -223,12 +225,14 @@ def test_parameters_of_several_secondaries_have_distinct_names():
     primary, first = pair(6)
     _, second = pair(7)
     block = recording(primary, [first, second], 6)
-    found = solved(block, context_of(primary, [first, second]), known(primary))
-    assert {"secondary_gyro_bias_x", "clock_offset", "secondary3_gyro_bias_x", "clock_offset3"} < set(found.estimates)
+    solution = solved(block, context_of(primary, [first, second]), known(primary))
+    assert {"secondary_gyro_bias_x", "clock_offset", "secondary3_gyro_bias_x", "clock_offset3"} < set(
+        solution.estimates
+    )
     for number, secondary in ((2, first), (3, second)):
         truth = truth_of(primary, secondary)
         for k, p in enumerate(PAIR_PARAMETERS):
-            estimate = found.estimates[pair_name(p.name, number)]
+            estimate = solution.estimates[pair_name(p.name, number)]
             assert abs(estimate.value - truth[k]) < 5.0 * estimate.sigma, (number, p.name)
             assert further_parameter(pair_name(p.name, number)) is p
 
@@ -452,10 +456,10 @@ def test_motion_before_a_realignment_is_discarded_even_during_a_fit(mems):
 def test_sensor_stays_out_of_tolerance_if_no_rest_verifies_its_calibration(mems, monkeypatch):
     primary, secondary, block = mems
     watch = watch_of(primary, [secondary])
-    found = PairCalibration.calibrate
+    solution = PairCalibration.calibrate
 
     def unproved(*arguments):
-        return replace(found(*arguments), static={"gyro": None, "accel": None})
+        return replace(solution(*arguments), static={"gyro": None, "accel": None})
 
     monkeypatch.setattr(PairCalibration, "calibrate", unproved)
     assert run(watch, block)[-1].kind == "calibrated"
@@ -512,7 +516,7 @@ def test_solution_does_not_depend_on_the_blocks(mems):
 
 def test_secondary_within_tolerance_is_not_changed(mems):
     primary, secondary, block = mems
-    found = solved(
+    solution = solved(
         block,
         context_of(primary, [secondary]),
         known(primary),
@@ -520,10 +524,10 @@ def test_secondary_within_tolerance_is_not_changed(mems):
         secondary_gyro=LOOSE,
         secondary_accel=LOOSE,
     )
-    assert found.estimates == {}
-    assert found.messages[-1][0] == "pair_kept"
-    assert found.consistency.passed
-    shown = found.details["secondaries"][0]["check"]["secondary"]
+    assert solution.estimates == {}
+    assert solution.messages[-1][0] == "pair_kept"
+    assert solution.consistency.passed
+    shown = solution.details["secondaries"][0]["check"]["secondary"]
     assert shown["gyro"]["within"]
 
 
@@ -599,9 +603,9 @@ def test_gaps_and_missing_values_exclude_only_their_rows(mems):
         },
         others=others[keep],
     )
-    found = solved(kept, context_of(primary, [secondary]), known(primary))
-    assert found.gaps == 1
-    assert np.abs((vector(found) - truth_of(primary, secondary)) / vector(found, "sigma")).max() < 5.0
+    solution = solved(kept, context_of(primary, [secondary]), known(primary))
+    assert solution.gaps == 1
+    assert np.abs((vector(solution) - truth_of(primary, secondary)) / vector(solution, "sigma")).max() < 5.0
 
 
 def test_cross_calibration_on_a_table_is_refused():

@@ -38,10 +38,10 @@ def test_errors_of_many_gimbals_agree_with_their_sigmas(grade, seeds):
     iterated, at_once = [], []
     for seed in range(seeds):
         imu = unit(50 + seed, grade)
-        found = solved(recorded(imu, seed)[1], imu, grade)
+        solution = solved(recorded(imu, seed)[1], imu, grade)
         truth = imu.parameters[PLACES]
-        iterated.append((found.posterior.mean[PLACES] - truth) / found.posterior.sigma[PLACES])
-        squares = [found.details["least_squares"][name] for name in ESTIMATED]
+        iterated.append((solution.posterior.mean[PLACES] - truth) / solution.posterior.sigma[PLACES])
+        squares = [solution.details["least_squares"][name] for name in ESTIMATED]
         at_once.append([(s["value"] - t) / s["sigma"] for s, t in zip(squares, truth, strict=True)])
     low, high = chi2.ppf([0.0005, 0.9995], 6 * seeds) / (6 * seeds)
     assert low < np.mean(np.square(iterated)) < high
@@ -59,27 +59,27 @@ def test_return_to_zero_does_not_affect_the_previous_rotation():
 
 def test_replayed_recording_gives_the_applied_corrections(loop):
     imu, iteration, block = loop
-    found = solved(block, imu)
-    for axis, course in zip(found.details["axes"], iteration.courses, strict=True):
+    solution = solved(block, imu)
+    for axis, course in zip(solution.details["axes"], iteration.courses, strict=True):
         assert axis["corrections"] == [k.tolist() for k in course.corrections]
         assert axis["angles"] == pytest.approx(course.angles, abs=np.deg2rad(2.0))
-    assert found.estimated == ESTIMATED
-    assert found.messages == ()
+    assert solution.estimated == ESTIMATED
+    assert solution.messages == ()
 
 
 def test_drifts_converge_as_predicted_and_agree_with_least_squares(loop):
     imu, _, block = loop
-    found = solved(block, imu)
-    for axis in found.details["axes"]:
+    solution = solved(block, imu)
+    for axis in solution.details["axes"]:
         size = [np.linalg.norm(d) for d in axis["drifts"]]
         assert size[-1] < 0.3 * size[0]
         assert 0.15 < axis["contraction"] < 0.35
         assert axis["turns"] < 10
     for name, i in zip(ESTIMATED, PLACES, strict=True):
-        at_once = found.details["least_squares"][name]
-        assert at_once["sigma"] < found.posterior.sigma[i]
-        apart = found.posterior.mean[i] - at_once["value"]
-        assert abs(apart) < 4.0 * np.hypot(found.posterior.sigma[i], at_once["sigma"])
+        at_once = solution.details["least_squares"][name]
+        assert at_once["sigma"] < solution.posterior.sigma[i]
+        apart = solution.posterior.mean[i] - at_once["value"]
+        assert abs(apart) < 4.0 * np.hypot(solution.posterior.sigma[i], at_once["sigma"])
 
 
 @pytest.mark.parametrize("angle", [10.0, 30.0, 60.0])
@@ -111,8 +111,8 @@ def test_iteration_converges_within_the_gain_range_and_diverges_beyond(share, co
 def test_unstable_gain_is_reported(loop):
     imu = unit(13, "tactical")
     _, block = recorded(imu, 13, gain=3.0, iterations=4)
-    found = solved(block, imu, "tactical", gain=3.0, iterations=4)
-    unstable = [values for key, values in found.messages if key == "gimbal_unstable"]
+    solution = solved(block, imu, "tactical", gain=3.0, iterations=4)
+    unstable = [values for key, values in solution.messages if key == "gimbal_unstable"]
     assert [t["axis"] for t in unstable] == ["x"]  # the middle joint's range ends at 2.73, the others' at 3.73
 
 
@@ -177,11 +177,11 @@ def test_every_rotation_of_a_series_is_used(sequence, turns, grade):
     imu = unit(21, grade)
     settings = {"threshold_arcsec": 0.0, **sequence}
     iteration, block = recorded(imu, 21, **settings)
-    found = solved(block, imu, grade, **settings)
-    assert [axis["turns"] for axis in found.details["axes"]] == [turns] * 3
-    for axis, course in zip(found.details["axes"], iteration.courses, strict=True):
+    solution = solved(block, imu, grade, **settings)
+    assert [axis["turns"] for axis in solution.details["axes"]] == [turns] * 3
+    for axis, course in zip(solution.details["axes"], iteration.courses, strict=True):
         assert axis["corrections"] == [k.tolist() for k in course.corrections]
-    error = (found.posterior.mean - imu.parameters)[PLACES] / found.posterior.sigma[PLACES]
+    error = (solution.posterior.mean - imu.parameters)[PLACES] / solution.posterior.sigma[PLACES]
     assert np.abs(error).max() < 4.0
 
 
@@ -250,8 +250,8 @@ def test_polled_joint_angles_are_sufficient(loop):
     imu, _, block = loop
     polled = block.joints.copy()
     polled[np.arange(len(polled)) % 5 > 0] = np.nan
-    found = solved(altered(block, joints=polled), imu)
-    error = (found.posterior.mean - imu.parameters)[PLACES] / found.posterior.sigma[PLACES]
+    solution = solved(altered(block, joints=polled), imu)
+    error = (solution.posterior.mean - imu.parameters)[PLACES] / solution.posterior.sigma[PLACES]
     assert np.abs(error).max() < 4.0
 
 

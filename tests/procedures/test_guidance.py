@@ -33,10 +33,10 @@ def followed(block, imu, wanted=1.0, size=17):
 def test_every_rest_and_every_motion_is_reported(mems):
     imu, block = mems
     guide, states = followed(block, imu)
-    found = solved(block, context_of(imu), prior_of("mems"))
+    result = solved(block, context_of(imu), prior_of("mems"))
     assert states[:4] == ["waiting", "still", "enough", "moving"]
     assert "repeat" not in states
-    rests = found.details["positions"]
+    rests = result.details["positions"]
     assert len(guide.now.positions) == pytest.approx(len(rests), abs=1)
     ups = np.array([r["up"] for r in rests])[: len(guide.now.positions)]
     assert np.abs(guide.now.positions[: len(ups)] - ups).max() < 0.05
@@ -58,9 +58,9 @@ def test_guidance_does_not_depend_on_the_blocks(mems):
 
 def test_result_applied_to_data_gives_the_magnitude_of_gravity(mems):
     imu, block = mems
-    found = solved(block, context_of(imu), prior_of("mems")).posterior.mean
+    result = solved(block, context_of(imu), prior_of("mems")).posterior.mean
     shown = before_after(
-        block.part(0, 900), context_of(imu).imu, prior_of("mems").mean, found, QUICK.field.up_force[2], 50
+        block.part(0, 900), context_of(imu).imu, prior_of("mems").mean, result, QUICK.field.up_force[2], 50
     )
     assert len(shown.time) == 18
     assert np.abs(shown.length_after.mean()) < 0.2 * np.abs(shown.length_before.mean())

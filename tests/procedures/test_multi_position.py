@@ -58,10 +58,10 @@ def test_errors_of_many_recordings_agree_with_their_sigmas(grade, seeds):
     errors, nees = [], []
     for seed in range(seeds):
         imu = unit(grade, 100 + seed)
-        found = solved(recording(imu, seed), context_of(imu), prior_of(grade)).posterior
-        error = (found.mean - imu.parameters)[MASK]
-        errors.append(error / found.sigma[MASK])
-        nees.append(error @ np.linalg.solve(found.covariance[np.ix_(MASK, MASK)], error))
+        output = solved(recording(imu, seed), context_of(imu), prior_of(grade)).posterior
+        error = (output.mean - imu.parameters)[MASK]
+        errors.append(error / output.sigma[MASK])
+        nees.append(error @ np.linalg.solve(output.covariance[np.ix_(MASK, MASK)], error))
     for group in GROUPS:
         columns = [k for k, name in enumerate(ESTIMATED) if name.rpartition("_")[0] == group]
         # a wider interval, because the axes of a group are correlated: all are observed by the same gravity
@@ -74,12 +74,12 @@ def test_errors_of_many_recordings_agree_with_their_sigmas(grade, seeds):
 def test_every_sigma_is_much_smaller_than_the_prior(mems):
     imu, block = mems
     prior = prior_of("mems")
-    found = solved(block, context_of(imu), prior)
-    assert np.all(found.posterior.sigma[MASK] < 0.1 * prior.sigma[MASK])
-    assert np.array_equal(found.posterior.mean[~MASK], prior.mean[~MASK])
-    assert found.consistency.passed
-    assert found.messages == ()
-    assert len(found.details["positions"]) == len(found.details["motions"]) + 1
+    output = solved(block, context_of(imu), prior)
+    assert np.all(output.posterior.sigma[MASK] < 0.1 * prior.sigma[MASK])
+    assert np.array_equal(output.posterior.mean[~MASK], prior.mean[~MASK])
+    assert output.consistency.passed
+    assert output.messages == ()
+    assert len(output.details["positions"]) == len(output.details["motions"]) + 1
 
 
 @pytest.mark.long
@@ -92,8 +92,8 @@ def test_uncalibrated_stream_may_have_large_biases(mems):
     wide = prior_of("mems").sigma
     wide[group_indices("gyro_bias")], wide[group_indices("accel_bias")] = 0.1, 2.0
     prior = replace(prior_of("mems"), covariance=np.diag(wide**2))
-    found = solved(recording(worse, 5), context_of(worse), prior).posterior
-    assert np.abs((found.mean - far) / found.sigma)[MASK].max() < 4.5
+    output = solved(recording(worse, 5), context_of(worse), prior).posterior
+    assert np.abs((output.mean - far) / output.sigma)[MASK].max() < 4.5
 
 
 @pytest.mark.long
@@ -105,11 +105,11 @@ def test_noise_above_the_profile_enlarges_the_sigmas(mems):
         context,
         imu=replace(context.imu, gyro_arw=0.2 * imu.gyro_arw, gyro_bias_instability=0.0, accel_bias_instability=0.0),
     )
-    found = solved(recording(imu, 6, rough), quiet, prior_of("mems"))
-    assert np.abs((found.posterior.mean - imu.parameters) / found.posterior.sigma)[MASK].max() < 5.0
-    assert [key for key, _ in found.messages] == ["noisier_than_profile"]
-    assert found.details["scatter"]["force"] > 1e-3
-    assert found.consistency.passed
+    output = solved(recording(imu, 6, rough), quiet, prior_of("mems"))
+    assert np.abs((output.posterior.mean - imu.parameters) / output.posterior.sigma)[MASK].max() < 5.0
+    assert [key for key, _ in output.messages] == ["noisier_than_profile"]
+    assert output.details["scatter"]["force"] > 1e-3
+    assert output.consistency.passed
 
 
 #: An octant between positions: with a sextant, the fourth power of a cosine looks like its square.
@@ -128,16 +128,16 @@ def test_unmodelled_effect_that_resembles_noise_is_reported(mems, cause, size, c
     imu, _ = mems
     prior, context = prior_of("mems"), context_of(imu)
     recorded = recording(imu, 5, step=OCTANT)
-    sound, found = (
+    sound, output = (
         solved(block, context, prior)
         for block in (recorded, with_effect(recorded, context, imu.parameters, cause, size, component))
     )
     assert not effects_of(sound, prior)
-    assert tuple(key for key, _ in found.messages) == ("noisier_than_profile",)
-    (first, *_) = effects_of(found, prior)
+    assert tuple(key for key, _ in output.messages) == ("noisier_than_profile",)
+    (first, *_) = effects_of(output, prior)
     assert first.cause == cause
     assert first.size == pytest.approx(size, abs=4.5 * first.sigma)
-    changed = (found.posterior.mean - sound.posterior.mean) / found.posterior.sigma
+    changed = (output.posterior.mean - sound.posterior.mean) / output.posterior.sigma
     worst = max(first.parameter_shift, key=lambda name: abs(first.parameter_shift[name]))
     assert changed[INDEX[worst]] == pytest.approx(
         -first.parameter_shift[worst], abs=1.0 + 0.1 * abs(first.parameter_shift[worst])
@@ -158,7 +158,7 @@ def effects_of(solution: Solution, prior: Posterior) -> list[EffectEvidence]:
     """Return the effects found in a solution, the most significant first."""
     tests = EffectTests(prior.sigma)
     tests.add(solution.stage, solution.sensitivity, solution.estimated)
-    return [found for found in tests.evidence(solution.posterior) if found.excess > MAX_EXCESS]
+    return [output for output in tests.evidence(solution.posterior) if output.excess > MAX_EXCESS]
 
 
 def test_plan_also_runs_on_a_motorised_table():
@@ -168,11 +168,11 @@ def test_plan_also_runs_on_a_motorised_table():
     samples = Simulator(truth, 8).run(chosen.plan(geometry_of(truth), schedule), "multi_position")
     solver = chosen.solver(table_context(truth), table_prior(truth), schedule)
     solver.feed(block_of(samples))
-    found = solver.finish()
-    assert np.abs((found.posterior.mean - truth.parameters) / found.posterior.sigma)[MASK].max() < 4.5
-    assert np.all(found.posterior.sigma[MASK] < 0.2 * table_prior(truth).sigma[MASK])
+    output = solver.finish()
+    assert np.abs((output.posterior.mean - truth.parameters) / output.posterior.sigma)[MASK].max() < 4.5
+    assert np.all(output.posterior.sigma[MASK] < 0.2 * table_prior(truth).sigma[MASK])
     assert (
-        len(found.details["positions"])
+        len(output.details["positions"])
         == 1 + sum(isinstance(s, Dwell) for s in chosen.plan(geometry_of(truth), schedule)) - 1
     )
 
@@ -281,8 +281,8 @@ def test_unusable_recording_is_refused_with_its_fault(mems, change, code, words)
 @pytest.mark.long
 def test_motion_that_contradicts_gravity_is_excluded_and_reported(mems):
     imu, block = mems
-    found = solved(block, context_of(imu), prior_of("mems"))
-    motion = found.details["motions"][7]
+    output = solved(block, context_of(imu), prior_of("mems"))
+    motion = output.details["motions"][7]
 
     def lose(counts):
         counts[motion["first_seq"] : motion["last_seq"], :3] = counts[:1, :3]
@@ -307,8 +307,8 @@ def test_recordings_without_rest_or_motion_are_refused(mems):
 @pytest.mark.long
 def test_motions_across_gaps_are_not_used(mems):
     imu, block = mems
-    found = solved(block, context_of(imu), prior_of("mems"))
-    positions = found.details["positions"]
+    output = solved(block, context_of(imu), prior_of("mems"))
+    positions = output.details["positions"]
     keep = np.ones(len(block), dtype=bool)
     for k in (3, 9):  # what lies between these rests and the next was thrown away and the counter mended
         keep[positions[k]["last_seq"] - 20 : positions[k + 1]["first_seq"] + 20] = False
@@ -322,7 +322,7 @@ def test_motions_across_gaps_are_not_used(mems):
     after = solved(spliced, context_of(imu), prior_of("mems"))
     assert len(after.details["cuts"]) == 2
     assert ("recording_cut", {"stage": "multi_position", "count": 2}) in after.messages
-    assert len(after.details["motions"]) == len(found.details["motions"]) - 2
+    assert len(after.details["motions"]) == len(output.details["motions"]) - 2
     assert np.abs((after.posterior.mean - imu.parameters) / after.posterior.sigma)[MASK].max() < 4.5
 
 
@@ -334,9 +334,9 @@ def test_manual_recording_agrees_with_its_authors():
         ("accel_bias", (-0.0288, -0.2312, -0.1387), (-0.0290, -0.2310, -0.1413)),
     ):
         tolerance = 5e-4 if name == "accel_scale" else 5e-3
-        found = np.array([result["parameters"][f"{name}_{a}"]["value"] for a in "xyz"])
-        assert found == pytest.approx(faces, abs=tolerance)
-        assert found == pytest.approx(modulus, abs=tolerance)
+        output = np.array([result["parameters"][f"{name}_{a}"]["value"] for a in "xyz"])
+        assert output == pytest.approx(faces, abs=tolerance)
+        assert output == pytest.approx(modulus, abs=tolerance)
     # its faces are cut together and its turns are about the vertical: nothing in it determines the gyros
     lost = result["unobservable"]
     assert all(name in lost for name in ESTIMATED if name.startswith(("gyro_scale", "gyro_misalign")))

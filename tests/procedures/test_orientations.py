@@ -58,15 +58,15 @@ def test_reoriented_unit_is_calibrated_as_accurately_as_an_aligned_unit(
     aligned: SimpleNamespace, orientation: str
 ) -> None:
     truth, context = unit(orientation)
-    found = calibrated(truth, context, prior_of(truth), STAGES)
-    errors = errors_in_sigma(found.posterior, truth)
+    solution = calibrated(truth, context, prior_of(truth), STAGES)
+    errors = errors_in_sigma(solution.posterior, truth)
     assert np.abs(errors).max() < 4.0
     assert np.sqrt(np.mean(errors**2)) < 1.5
     for stage in ("excitation", "azimuth_flip"):
-        consistency = found.solutions[stage].consistency
+        consistency = solution.solutions[stage].consistency
         assert consistency.nis_low < consistency.nis_mean < consistency.nis_high
     # axes of the unit change places on the platform, which does not treat all of them equally
-    ratio = found.posterior.sigma / aligned.posterior.sigma
+    ratio = solution.posterior.sigma / aligned.posterior.sigma
     assert ratio.min() > 0.5
     assert ratio.max() < 2.0
 
@@ -76,10 +76,10 @@ def test_reoriented_unit_is_calibrated_as_accurately_as_an_aligned_unit(
 def test_rotations_and_positions_are_found_in_every_orientation(orientation: str) -> None:
     truth, context = unit(orientation)
     prior = prior_of(truth)
-    found = calibrated(truth, context, prior, ("rate", "six_position"))
-    assert np.abs(errors_in_sigma(found.posterior, truth)).max() < 4.0
+    solution = calibrated(truth, context, prior, ("rate", "six_position"))
+    assert np.abs(errors_in_sigma(solution.posterior, truth)).max() < 4.0
     for group in ("gyro_scale", "accel_scale", "accel_bias"):
-        assert np.all(found.posterior.sigma[group_indices(group)] < 0.3 * prior.sigma[group_indices(group)]), group
+        assert np.all(solution.posterior.sigma[group_indices(group)] < 0.3 * prior.sigma[group_indices(group)]), group
 
 
 @pytest.mark.parametrize("orientation", ["+x+z", "-y+z", "+z-x"])
@@ -121,6 +121,6 @@ def test_a_large_nominal_lever_arm_is_solved_with_its_usual_sigma() -> None:
     prior = prior_of(truth)
     mean = prior.mean.copy()
     mean[lever] = nominal
-    found = calibrated(truth, context, Posterior(mean, prior.covariance), STAGES)
-    assert np.abs(errors_in_sigma(found.posterior, truth)).max() < 4.0
-    assert np.abs(found.posterior.mean - parameters)[INDEX["outer_lever_x"]] < 2e-3
+    solution = calibrated(truth, context, Posterior(mean, prior.covariance), STAGES)
+    assert np.abs(errors_in_sigma(solution.posterior, truth)).max() < 4.0
+    assert np.abs(solution.posterior.mean - parameters)[INDEX["outer_lever_x"]] < 2e-3

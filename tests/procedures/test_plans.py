@@ -53,10 +53,10 @@ def limits(draw):
     return JointLimits(low=low, high=high)
 
 
-def assert_within(found, steps):
+def assert_within(result, steps):
     for move in moves_of(steps):
-        assert found.within(0, move.outer)
-        assert found.within(1, move.inner)
+        assert result.within(0, move.outer)
+        assert result.within(1, move.inner)
 
 
 def test_every_procedure_file_defines_a_method_of_its_name():
@@ -93,10 +93,10 @@ def test_every_move_is_followed_by_its_rest(stage):
 
 @pytest.mark.parametrize("table", TABLES, ids=IDS)
 def test_six_positions_point_each_face_up_once_and_repeat_the_first(table):
-    found = [move for move in moves_of(steps_of("six_position", table)) if move.label[0] == "face_up"]
-    faces = [move.label[1] for move in found]
+    result = [move for move in moves_of(steps_of("six_position", table)) if move.label[0] == "face_up"]
+    faces = [move.label[1] for move in result]
     assert faces == ["+z", "-z", "+y", "-y", "+x", "-x", "+z"]
-    for move, face in zip(found, faces, strict=True):
+    for move, face in zip(result, faces, strict=True):
         up = table.body_to_home(move.outer, move.inner).T @ UP
         assert up == pytest.approx(BODY[face[1]] * (1.0 if face[0] == "+" else -1.0), abs=1e-9)
 
@@ -104,8 +104,8 @@ def test_six_positions_point_each_face_up_once_and_repeat_the_first(table):
 @pytest.mark.parametrize("table", TABLES, ids=IDS)
 def test_oblique_positions_cancel_biases_and_misalignments(table):
     steps = steps_of("six_position", table)
-    found = [move for move in moves_of(steps) if move.label[0] == "oblique"]
-    up = np.array([table.body_to_home(move.outer, move.inner).T @ UP for move in found])
+    result = [move for move in moves_of(steps) if move.label[0] == "oblique"]
+    up = np.array([table.body_to_home(move.outer, move.inner).T @ UP for move in result])
     assert np.abs(up) == pytest.approx(np.full((4, 3), 3.0**-0.5), abs=1e-9)
     assert up.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
     assert up.T @ up == pytest.approx(4.0 / 3.0 * np.eye(3), abs=1e-9)
@@ -144,8 +144,8 @@ def test_excitation_rotates_about_y_x_z_z_x_y_and_then_reverses(table):
 
 @pytest.mark.parametrize("table", TABLES, ids=IDS)
 def test_excitation_rests_between_body_axes_in_every_second_revolution(table):
-    found = moves_of(steps_of("excitation", table, 1))
-    up = np.abs([table.body_to_home(move.outer, move.inner).T @ UP for move in found if move.label[0] == "turn_about"])
+    result = moves_of(steps_of("excitation", table, 1))
+    up = np.abs([table.body_to_home(move.outer, move.inner).T @ UP for move in result if move.label[0] == "turn_about"])
     between = np.isclose(np.sort(up, axis=1), [0.0, 0.5**0.5, 0.5**0.5], atol=1e-9).all(axis=1)
     assert between.tolist() == 3 * [False, False, False, False, True, True, True, True, False]
 
@@ -221,9 +221,9 @@ def test_whole_turns_start_within_a_short_travel():
 @pytest.mark.parametrize("table", TABLES, ids=IDS)
 @pytest.mark.parametrize("turns", [1, 3])
 def test_rate_stage_rotates_each_axis_by_whole_turns_in_both_directions(table, turns):
-    found = moves_of(steps_of("rate", table, turns=turns))
+    result = moves_of(steps_of("rate", table, turns=turns))
     seen = {}
-    for before, after in pairwise(found):
+    for before, after in pairwise(result):
         if after.label[0] == "whole_turns":
             way = np.array([after.outer - before.outer, after.inner - before.inner])
             joint = int(np.argmax(np.abs(way)))
@@ -239,7 +239,7 @@ def test_rate_stage_rotates_each_axis_by_whole_turns_in_both_directions(table, t
 @pytest.mark.parametrize("table", TABLES[:2], ids=IDS[:2])
 def test_azimuth_flips_alternate_half_turns_about_the_vertical(table):
     steps = steps_of("azimuth_flip", table, 2)
-    found = moves_of(steps)[1:]
+    result = moves_of(steps)[1:]
     ways = []
     for before, after in pairwise(moves_of(steps)):
         way = np.array([after.outer - before.outer, after.inner - before.inner])
@@ -248,7 +248,7 @@ def test_azimuth_flips_alternate_half_turns_about_the_vertical(table):
         assert axis_n * way[joint] == pytest.approx([0.0, 0.0, after.label[1] * np.pi / 180.0], abs=1e-9)
         ways.append(after.label[1])
     assert ways == [180.0, -180.0, -180.0, 180.0] * 2
-    assert (found[-1].outer, found[-1].inner) == pytest.approx((moves_of(steps)[0].outer, moves_of(steps)[0].inner))
+    assert (result[-1].outer, result[-1].inner) == pytest.approx((moves_of(steps)[0].outer, moves_of(steps)[0].inner))
 
 
 def test_azimuth_flips_require_half_a_turn_in_both_directions():

@@ -49,12 +49,14 @@ def test_better_encoder_gives_a_better_scale_factor(nav_chain):
 
 def test_all_other_parameters_are_consider_parameters(chain):
     others = [i for i, name in enumerate(NAMES) if i not in SCALE]
-    found = chain.solutions["rate"]
-    assert np.array_equal(found.posterior.mean[others], chain.prior.mean[others])
-    assert np.array_equal(found.posterior.sigma[others], chain.prior.sigma[others])
-    assert found.estimated == tuple(NAMES[i] for i in SCALE)
+    solution = chain.solutions["rate"]
+    assert np.array_equal(solution.posterior.mean[others], chain.prior.mean[others])
+    assert np.array_equal(solution.posterior.sigma[others], chain.prior.sigma[others])
+    assert solution.estimated == tuple(NAMES[i] for i in SCALE)
     assert (
-        np.linalg.eigvalsh(found.posterior.covariance / np.outer(found.posterior.sigma, found.posterior.sigma)).min()
+        np.linalg.eigvalsh(
+            solution.posterior.covariance / np.outer(solution.posterior.sigma, solution.posterior.sigma)
+        ).min()
         > -1e-9
     )
 
@@ -68,10 +70,10 @@ def test_six_rotations_are_found_with_their_joints_and_angles(nav_chain):
 def test_without_encoders_rotations_are_assumed_whole_turns_and_reported(nav_chain):
     block = block_of(nav_chain.samples["rate"])
     blind = replace(block, angles=np.full_like(block.angles, np.nan))
-    found = solved(nav_chain.truth, nav_chain.prior, [blind])
-    assert [key for key, _ in found.messages] == ["turns_assumed_whole"]
-    assert np.abs(errors_in_sigma(found.posterior, nav_chain.truth)).max() < 4.0
-    assert found.posterior.sigma[SCALE] == pytest.approx(nav_chain.solutions["rate"].posterior.sigma[SCALE], rel=0.2)
+    solution = solved(nav_chain.truth, nav_chain.prior, [blind])
+    assert [key for key, _ in solution.messages] == ["turns_assumed_whole"]
+    assert np.abs(errors_in_sigma(solution.posterior, nav_chain.truth)).max() < 4.0
+    assert solution.posterior.sigma[SCALE] == pytest.approx(nav_chain.solutions["rate"].posterior.sigma[SCALE], rel=0.2)
 
 
 def blind_block(chain):

@@ -44,8 +44,8 @@ def with_force_error(chain, error):
 
 def test_six_faces_alone_have_no_redundancy(nav_chain):
     prior = nav_chain.priors["six_position"]
-    found = solved(nav_chain.truth, prior, [faces_only(nav_chain)])
-    assert found.consistency.count == 0
+    solution = solved(nav_chain.truth, prior, [faces_only(nav_chain)])
+    assert solution.consistency.count == 0
     wrong = with_force_error(nav_chain, lambda f: 5e-4 * G * (f / G) ** 3)
     unseen = solved(nav_chain.truth, prior, [wrong.part(0, len(faces_only(nav_chain)))])
     assert unseen.consistency.count == 0
@@ -91,16 +91,16 @@ def test_scale_factor_and_bias_sigmas_decrease_strongly(chain):
 
 def test_bias_keeps_the_uncertainty_of_the_second_order_term(nav_chain):
     # up and down, K2 g² is the same as a bias
-    found, gravity = nav_chain.solutions["six_position"].posterior, 9.797
+    solution, gravity = nav_chain.solutions["six_position"].posterior, 9.797
     prior = nav_chain.priors["six_position"]
     doubt = prior.sigma[QUADRATIC] * gravity**2
-    assert np.all(found.sigma[BIAS] > 0.99 * doubt)
-    assert found.sigma[BIAS] == pytest.approx(np.hypot(doubt, 5e-5), rel=0.05)
+    assert np.all(solution.sigma[BIAS] > 0.99 * doubt)
+    assert solution.sigma[BIAS] == pytest.approx(np.hypot(doubt, 5e-5), rel=0.05)
     known = prior.covariance.copy()
     known[QUADRATIC, :] = known[:, QUADRATIC] = 0.0
     sharper = Posterior(np.where(np.isin(np.arange(30), QUADRATIC), nav_chain.truth.parameters, prior.mean), known)
     certain = solved(nav_chain.truth, sharper, [block_of(nav_chain.samples["six_position"])])
-    assert np.all(certain.posterior.sigma[BIAS] < 0.3 * found.sigma[BIAS])
+    assert np.all(certain.posterior.sigma[BIAS] < 0.3 * solution.sigma[BIAS])
     assert np.abs(errors_in_sigma(certain.posterior, nav_chain.truth)[BIAS]).max() < 4.0
 
 
@@ -115,9 +115,9 @@ def test_mounting_error_of_one_degree_does_not_affect_the_scale_factor(solve_cha
 def test_six_positions_are_solved_without_encoder_angles(nav_chain):
     block = block_of(nav_chain.samples["six_position"])
     blind = replace(block, angles=np.full_like(block.angles, np.nan))
-    found = solved(nav_chain.truth, nav_chain.priors["six_position"], [blind])
-    assert np.abs(errors_in_sigma(found.posterior, nav_chain.truth)).max() < 4.0
-    assert np.all(found.posterior.sigma[SCALE] < 0.1 * nav_chain.prior.sigma[SCALE])
+    solution = solved(nav_chain.truth, nav_chain.priors["six_position"], [blind])
+    assert np.abs(errors_in_sigma(solution.posterior, nav_chain.truth)).max() < 4.0
+    assert np.all(solution.posterior.sigma[SCALE] < 0.1 * nav_chain.prior.sigma[SCALE])
 
 
 def test_wrong_gravity_changes_the_scale_factor_one_to_one(nav_chain):
@@ -130,10 +130,10 @@ def test_wrong_gravity_changes_the_scale_factor_one_to_one(nav_chain):
 
 def test_all_other_parameters_are_consider_parameters(chain):
     others = [i for i in range(30) if i not in SCALE + BIAS]
-    before, found = chain.priors["six_position"], chain.solutions["six_position"]
-    assert np.array_equal(found.posterior.mean[others], before.mean[others])
-    assert found.posterior.sigma[others] == pytest.approx(before.sigma[others], rel=1e-12)
-    assert set(found.estimated) == {NAMES[i] for i in SCALE + BIAS}
+    before, solution = chain.priors["six_position"], chain.solutions["six_position"]
+    assert np.array_equal(solution.posterior.mean[others], before.mean[others])
+    assert solution.posterior.sigma[others] == pytest.approx(before.sigma[others], rel=1e-12)
+    assert set(solution.estimated) == {NAMES[i] for i in SCALE + BIAS}
 
 
 @pytest.mark.parametrize(("place", "face"), [(0, "+z"), (1, "-z"), (2, "+y"), (3, "-y"), (4, "+x"), (5, "-x")])

@@ -102,12 +102,12 @@ def test_range_with_table_motion_is_refused(motion: Callable[[np.ndarray, np.nda
     first, last = longest_rest(no_progress, log)
     assert first >= 2100
     assert last == 5999
-    found = allan_deviation(no_progress, log, first, last)
-    assert set(found.curves) == {f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"}
-    for curve in found.curves.values():
+    result = allan_deviation(no_progress, log, first, last)
+    assert set(result.curves) == {f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"}
+    for curve in result.curves.values():
         assert curve.random_walk == pytest.approx(WALK, rel=0.1)
-    assert found.profile is None
-    assert found.quantisation == (0.0, 0.0)  # of a rate output it is white noise
+    assert result.profile is None
+    assert result.quantisation == (0.0, 0.0)  # of a rate output it is white noise
 
 
 def test_range_without_gyros_gives_only_accelerometers_and_a_short_range_none(tmp_path: Path) -> None:

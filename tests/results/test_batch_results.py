@@ -14,10 +14,10 @@ from calstation.results import Ending, Result, build_result
 def built(meta: LogMeta) -> Result:
     """Return the result of a solved log with this configuration."""
     posterior = Posterior(np.zeros(COUNT), np.diag(np.full(COUNT, 1e-18)))
-    found = Solution("excitation", posterior, NAMES, Consistency(1.0, 0.9, 1.1, 100))
+    output = Solution("excitation", posterior, NAMES, Consistency(1.0, 0.9, 1.1, 100))
     prior = prior_from_meta(meta)
     ending = Ending(Verdict.FAILED, "a.h5", LogFacts(0, 99, 100, 0, None, 64 * "0"))
-    return build_result(meta, prior, (found,), judge(meta, prior, (found,)), ending)
+    return build_result(meta, prior, (output,), judge(meta, prior, (output,)), ending)
 
 
 def test_result_has_the_batch_and_slot_of_the_log() -> None:

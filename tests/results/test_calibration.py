@@ -42,31 +42,31 @@ def setup(site_folder: SiteFolder, profile: str = "bench_nav") -> RunConfigurati
     return load_configuration(replace(site_folder.request("azimuth_flip"), serial="SN-000042"))
 
 
-def held(setup_: RunConfiguration, found: Posterior) -> dict[str, float]:
+def held(setup_: RunConfiguration, output: Posterior) -> dict[str, float]:
     """Return registers with the values of a posterior."""
     names = [name for entry in setup_.imu.registers for name in entry.parameters if name]
-    return {name: float(np.float32(found.mean[INDEX[name]])) for name in names}
+    return {name: float(np.float32(output.mean[INDEX[name]])) for name in names}
 
 
-def result(folder: Path, name: str, day: int, found: Posterior, registers: dict[str, float], **more: Any) -> None:
+def result(folder: Path, name: str, day: int, output: Posterior, registers: dict[str, float], **more: Any) -> None:
     """Write the result of a run that wrote registers."""
-    section = {"old": {}, "new": registers, "verified": True, "estimate": estimate_of(found, {}).model_dump(), **more}
+    section = {"old": {}, "new": registers, "verified": True, "estimate": estimate_of(output, {}).model_dump(), **more}
     files = {"imu": {"name": "bench_nav", "sha256": "0"}}
     outcome = "passed" if day != 9 else "failed"
     write(folder, name, "SN-000042", outcome, day, registers=section, configuration=files)
 
 
 def test_an_estimate_is_read_back(tmp_path: Path) -> None:
-    found = posterior()
-    again = from_estimate(type(estimate_of(found, {})).model_validate_json(estimate_of(found, {}).model_dump_json()))
-    np.testing.assert_array_equal(again.mean, found.mean)
-    np.testing.assert_allclose(again.covariance, found.covariance, rtol=1e-14, atol=1e-30)
+    output = posterior()
+    again = from_estimate(type(estimate_of(output, {})).model_validate_json(estimate_of(output, {}).model_dump_json()))
+    np.testing.assert_array_equal(again.mean, output.mean)
+    np.testing.assert_allclose(again.covariance, output.covariance, rtol=1e-14, atol=1e-30)
 
 
 def test_estimate_from_corrected_output_equals_the_raw_output_estimate() -> None:
-    found, registers = posterior(), {name: 2e-3 * (-1) ** i for i, name in enumerate(NAMES[:24])}
-    estimate = from_estimate(estimate_of(found, registers))
-    remaining = dict(zip(NAMES, found.mean.tolist(), strict=True))
+    output, registers = posterior(), {name: 2e-3 * (-1) ** i for i, name in enumerate(NAMES[:24])}
+    estimate = from_estimate(estimate_of(output, registers))
+    remaining = dict(zip(NAMES, output.mean.tolist(), strict=True))
     assert dict(zip(NAMES, estimate.mean.tolist(), strict=True)) == pytest.approx(compose(registers, remaining))
     offset, matrix = composition(registers)
     values = parameter_vector({"gyro_scale_y": 0.5, "accel_bias_z": -2.0})
@@ -75,24 +75,24 @@ def test_estimate_from_corrected_output_equals_the_raw_output_estimate() -> None
 
 
 def test_prior_is_the_aged_joint_estimate(site_folder: SiteFolder) -> None:
-    configured, found = setup(site_folder), posterior()
+    configured, output = setup(site_folder), posterior()
     meta = configured.log_meta()
     assert meta.run is not None
     started = (datetime.fromisoformat(meta.run.started_utc) - timedelta(days=365)).isoformat()
     section = {"log": "a.h5", "started_utc": started}
-    aged = Calibration(CalibrationSection(**section), found, {}).prior(configured, meta)
+    aged = Calibration(CalibrationSection(**section), output, {}).prior(configured, meta)
     prior, lever = prior_from_meta(aged), group_indices("outer_lever")
     others = np.delete(np.arange(COUNT), lever)
     growth = np.zeros(COUNT)
     for group, power_up, year in (("gyro_bias", 1e-8, 5e-8), ("accel_bias", 2e-5, 2.5e-4), ("accel_scale", 1e-6, 3e-5)):
         growth[group_indices(group)] = power_up**2 + year**2 * (365 * 86400.0) / YEAR
-    np.testing.assert_array_equal(prior.mean[others], found.mean[others])
+    np.testing.assert_array_equal(prior.mean[others], output.mean[others])
     index = np.concatenate([group_indices(group) for group in ("gyro_bias", "accel_bias", "accel_scale")])
-    expected = np.diag(found.covariance)[index] + growth[index]
+    expected = np.diag(output.covariance)[index] + growth[index]
     np.testing.assert_allclose(np.diag(prior.covariance)[index], expected, rtol=1e-9)
     off = ~np.eye(COUNT, dtype=bool)
     off[lever, :] = off[:, lever] = False
-    np.testing.assert_allclose(prior.covariance[off], found.covariance[off], rtol=1e-12)
+    np.testing.assert_allclose(prior.covariance[off], output.covariance[off], rtol=1e-12)
     np.testing.assert_allclose(prior.sigma[lever], prior_from_meta(meta).sigma[lever])
     assert not prior.covariance[np.ix_(lever, others)].any()
     assert aged.run is not None
@@ -104,19 +104,19 @@ def test_prior_is_the_aged_joint_estimate(site_folder: SiteFolder) -> None:
 def test_prior_of_corrected_output_is_the_residual_error(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    configured, found = setup(site_folder), posterior()
+    configured, output = setup(site_folder), posterior()
     text = behind_registers(configured.sources["imu"].text)
     path = site_folder.folder / "after.toml"
     path.write_text(text, encoding="utf-8")
     after = replace(configured, imu=load_imu_profile(path))
-    registers = held(after, found)
+    registers = held(after, output)
     meta = after.log_meta(registers=registers)
     assert meta.run is not None
     section = CalibrationSection(log="a.h5", started_utc=meta.run.started_utc)
-    prior = prior_from_meta(Calibration(section, found, registers).prior(after, meta))
+    prior = prior_from_meta(Calibration(section, output, registers).prior(after, meta))
     left = compose(registers, dict(zip(NAMES, prior.mean.tolist(), strict=True)))
     inner = [i for i in range(COUNT) if i not in group_indices("outer_lever")]
-    np.testing.assert_allclose(parameter_vector(left)[inner], found.mean[inner], rtol=1e-12)
+    np.testing.assert_allclose(parameter_vector(left)[inner], output.mean[inner], rtol=1e-12)
     written = [INDEX[name] for name in registers]
     assert np.abs(prior.mean[written]).max() < 1e-8
 
@@ -134,11 +134,11 @@ def test_only_registers_of_a_verified_run_are_current(
     result(runs, "c", 3, first, held(configured, first), verified=False)
     result(runs, "d", 9, second, held(configured, second))
     history = refreshed(runs)
-    for found, log in ((first, "a.h5"), (second, "b.h5")):
-        calibration, message = current_calibration(history, configured, held(configured, found))
+    for output, log in ((first, "a.h5"), (second, "b.h5")):
+        calibration, message = current_calibration(history, configured, held(configured, output))
         assert calibration is not None
         assert (calibration.section.log, message.id) == (log, "prior_calibration")
-        np.testing.assert_array_equal(calibration.posterior.mean, found.mean)
+        np.testing.assert_array_equal(calibration.posterior.mean, output.mean)
     other = held(configured, first)
     other["gyro_bias_x"] = float(np.nextafter(np.float32(other["gyro_bias_x"]), np.float32(1.0)))
     none, message = current_calibration(history, configured, other)
@@ -201,8 +201,8 @@ def solution(prior: Posterior, name: str, value: float, sigma: float) -> Solutio
 @pytest.mark.parametrize(("change", "passed"), [(3e-6, True), (6e-6, False)])
 def test_unit_that_changed_since_its_calibration_fails(change: float, passed: bool) -> None:
     prior, sigma = Posterior(np.zeros(COUNT), np.eye(COUNT) * 1e-12), 0.5e-6
-    found = solution(prior, "gyro_scale_x", change, sigma)
-    checks = {check.kind: check for check in check_limits({}, prior, (found,), calibrated=("gyro_scale_x",))}
+    output = solution(prior, "gyro_scale_x", change, sigma)
+    checks = {check.kind: check for check in check_limits({}, prior, (output,), calibrated=("gyro_scale_x",))}
     assert checks["unobservable"].passed
     assert checks["change"].value == pytest.approx(change / np.sqrt(1e-12 - sigma**2))
     assert (checks["change"].passed, checks["change"].where.parameter) == (passed, "gyro_scale_x")
@@ -214,13 +214,13 @@ def test_partial_run_passes_if_it_determines_at_least_half_of_its_parameters(det
     names = ("gyro_bias_x", "gyro_bias_y", "gyro_bias_z", "gyro_scale_x")
     covariance = prior.covariance.copy()
     covariance[range(determined), range(determined)] /= 4.0
-    found = Solution("azimuth_flip", Posterior(prior.mean, covariance), names, Consistency(1.0, 0.5, 1.5, 100))
+    output = Solution("azimuth_flip", Posterior(prior.mean, covariance), names, Consistency(1.0, 0.5, 1.5, 100))
     limits = {name: Limit(sigma_below=1e-3) for name in names}
-    checks = {check.name: check for check in check_limits(limits, prior, (found,), calibrated=NAMES)}
+    checks = {check.name: check for check in check_limits(limits, prior, (output,), calibrated=NAMES)}
     assert checks["unobservable parameters"].passed is (determined == 2)
     assert checks["unobservable parameters"].value == (0 if determined == 2 else 4 - determined)
     assert [name for name in names if f"{name} sigma below" in checks] == list(names[:determined])
-    assert not_compared(limits, prior, (found,)) == unobservable(prior, (found,)) == list(names[determined:])
+    assert not_compared(limits, prior, (output,)) == unobservable(prior, (output,)) == list(names[determined:])
 
 
 def test_profile_without_stability_data_ages_by_its_prior(site_folder: SiteFolder) -> None:

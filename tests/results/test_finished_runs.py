@@ -34,9 +34,9 @@ def test_a_log_without_a_result_is_solved(tmp_path: Path, shared_runs: SharedRun
     ended = shared_runs.passed(tmp_path, "six_position")
     csv = tmp_path / "foreign.csv"
     export_csv(Path(ended.log), csv)
-    found = load_finished_run(ignore_progress, csv, tmp_path / "nowhere")
-    assert found.previous == {}
-    assert found.result.to_json()["parameters"] == ended.result["parameters"]
+    finished = load_finished_run(ignore_progress, csv, tmp_path / "nowhere")
+    assert finished.previous == {}
+    assert finished.result.to_json()["parameters"] == ended.result["parameters"]
 
 
 @pytest.mark.long

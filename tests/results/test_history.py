@@ -83,8 +83,8 @@ def test_batch_and_slot_of_a_run_are_found_without_a_result(tmp_path: Path) -> N
     shutil.copyfile(tmp_path / "x.h5", tmp_path / "c.h5")
     writer.close("stopped")
     (tmp_path / "x.h5").unlink()
-    found = refreshed(tmp_path).runs(RunFilter(batch="B-7"))
-    assert [(each.log.stem, each.batch, each.slot) for each in found] == [("c", "B-7", "A2"), ("a", "B-7", "A1")]
+    output = refreshed(tmp_path).runs(RunFilter(batch="B-7"))
+    assert [(each.log.stem, each.batch, each.slot) for each in output] == [("c", "B-7", "A2"), ("a", "B-7", "A1")]
 
 
 def test_attempts_and_last_pass_of_a_unit_are_found(three: Path) -> None:
@@ -316,10 +316,10 @@ def test_failed_checks_are_listed_only_for_judged_runs(tmp_path: Path) -> None:
     ]
     write(tmp_path, "a", "SN-1", "failed", 1, values={"gyro_bias_x": 1.5}, checks=checks)
     write(tmp_path, "b", "SN-1", "stopped", 2, checks=checks)
-    found = refreshed(tmp_path).columns()
-    assert [found.failed_checks[k] for k in (0, 1)] == [(CheckId("consistency", "rate"),), ()]
-    assert found.values["gyro_bias_x"].tolist()[0] == 1.5
-    assert found.sigmas["gyro_bias_x"].tolist()[0] == 1.0
+    output = refreshed(tmp_path).columns()
+    assert [output.failed_checks[k] for k in (0, 1)] == [(CheckId("consistency", "rate"),), ()]
+    assert output.values["gyro_bias_x"].tolist()[0] == 1.5
+    assert output.sigmas["gyro_bias_x"].tolist()[0] == 1.0
 
 
 def test_runs_count_for_all_stations_but_resume_only_where_the_log_is(three: Path) -> None:

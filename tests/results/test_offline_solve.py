@@ -25,13 +25,13 @@ from tests.helpers import Progress
 
 def result(value: float, sigma: float) -> Result:
     """Return a result with one parameter."""
-    found = {"gyro_bias_x": {"value": value, "sigma": sigma, "unit": "rad/s", "stage": "excitation"}}
+    resolved = {"gyro_bias_x": {"value": value, "sigma": sigma, "unit": "rad/s", "stage": "excitation"}}
     return Result.from_json(
         {
             "schema": "calstation.result/1",
             "unit": {"serial": "SN-1"},
             "stages": ["excitation"],
-            "parameters": found,
+            "parameters": resolved,
             "outcome": "resolved",
             "log": {"file": "log.h5"},
         }

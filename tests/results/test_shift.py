@@ -57,9 +57,9 @@ def test_only_passed_or_failed_full_runs_count(tmp_path: Path) -> None:
     write(tmp_path, "i", "GOLD", "failed", 2, check_standard=VERDICT)
     since = datetime(2026, 11, 2, 16, 0).astimezone()  # 08:00 UTC, when these runs began
     assert since.astimezone(UTC).hour == 8
-    found = count_shift(lambda *_: None, tmp_path, "bench 1", since)
-    assert found == ShiftCount(passed=2, failed=1, mean_duration=200.0)
-    assert (found.done, found.passed_share) == (3, 2 / 3)
+    count = count_shift(lambda *_: None, tmp_path, "bench 1", since)
+    assert count == ShiftCount(passed=2, failed=1, mean_duration=200.0)
+    assert (count.done, count.passed_share) == (3, 2 / 3)
     assert count_shift(lambda *_: None, tmp_path, "bench 3", since) == ShiftCount()
     assert ShiftCount().passed_share is None
 
@@ -69,5 +69,5 @@ def test_units_of_a_batch_share_the_cycle_time(tmp_path: Path) -> None:
         write(tmp_path, name, serial, "passed", 2, batch="B-1", slot=name, duration_s=seconds)
     write(tmp_path, "d", "SN-4", "failed", 2, duration_s=200.0)
     since = datetime(2026, 11, 2, 16, 0).astimezone()
-    found = count_shift(lambda *_: None, tmp_path, "bench 1", since)
-    assert found == ShiftCount(passed=3, failed=1, mean_duration=150.0)
+    count = count_shift(lambda *_: None, tmp_path, "bench 1", since)
+    assert count == ShiftCount(passed=3, failed=1, mean_duration=150.0)

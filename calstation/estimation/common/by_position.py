@@ -139,12 +139,8 @@ class PositionResidual:
         """Text that identifies the rest or move by its number, axis and angles."""
         outer, inner, turned = np.rad2deg([*self.angles, self.turned]).tolist()
         code = f"residual.{self.kind}" if np.isnan(outer) else f"residual.{self.kind}_at"
-        return Text(code, {"number": self.number, **self.axis_values, "outer": outer, "inner": inner, "turned": turned})
-
-    @property
-    def axis_values(self) -> dict[str, Any]:
-        """Value `axis` of messages."""
-        return {"axis": self.axis if self.kind == "rest" else self.axis.split("+")}
+        axis = self.axis if self.kind == "rest" else self.axis.split("+")
+        return Text(code, {"number": self.number, "axis": axis, "outer": outer, "inner": inner, "turned": turned})
 
     def to_json(self) -> dict[str, Any]:
         """Return the row as JSON values; null for NaN."""

@@ -83,18 +83,10 @@ class PlannedSamples:
         counts = np.hstack(
             [omega @ gyro.T + self._biases[0], force @ accel.T + self._quadratic * force**2 + self._biases[1]]
         )
-        n = len(counts)
-        seq = np.arange(first, first + n)
-        return SampleBlock(
-            stage=stage,
-            seq=seq,
-            time=np.asarray((seq + 1) * self._dt, dtype=np.float64),
-            counts=counts * self._per_count,
-            angles=joints[2::2],
-            step=np.full(n, self.step, dtype=np.int64),
-            valid=np.ones(n, dtype=np.bool_),
-            temperature=np.full(n, np.nan),
-        )
+        seq = np.arange(first, first + len(counts))
+        time = np.asarray((seq + 1) * self._dt, dtype=np.float64)
+        step = np.full(len(counts), self.step, dtype=np.int64)
+        return SampleBlock.without_table(stage, seq, time, counts * self._per_count, angles=joints[2::2], step=step)
 
     def _rates(self, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the mean of ω_nb over each sample, rad/s, and its rate of change, rad/s², each shape (n, 3).

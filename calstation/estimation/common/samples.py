@@ -40,21 +40,26 @@ class SampleBlock:
     def __len__(self) -> int:
         return len(self.seq)
 
+    @classmethod
+    def without_table(
+        cls, stage: str, seq: IntArray, time: FloatArray, counts: FloatArray, **columns: np.ndarray
+    ) -> "SampleBlock":
+        """Return a block of valid samples without moves, encoder angles and temperatures except those in `columns`."""
+        n = len(seq)
+        defaults = {
+            "angles": np.full((n, 2), np.nan),
+            "step": np.zeros(n, np.int64),
+            "valid": np.ones(n, np.bool_),
+            "temperature": np.full(n, np.nan),
+        }
+        return cls(stage, seq, time, counts, **{**defaults, **columns})
+
     def part(self, start: int, stop: int) -> "SampleBlock":
         """Return samples `start` to `stop` as a block of array views."""
         return SampleBlock(self.stage, *(getattr(self, name)[start:stop] for name in COLUMNS))
 
 
-_NOTHING = SampleBlock(
-    "",
-    np.empty(0, np.int64),
-    np.empty(0),
-    np.empty((0, 6)),
-    np.empty((0, 2)),
-    np.empty(0, np.int64),
-    np.empty(0, np.bool_),
-    np.empty(0),
-)
+_EMPTY = SampleBlock.without_table("", np.empty(0, np.int64), np.empty(0), np.empty((0, 6)))
 #: Names of the columns of a block, the optional ones last.
 COLUMNS = tuple(f.name for f in fields(SampleBlock) if f.name != "stage")
 
@@ -67,7 +72,7 @@ def has_gyros(output: FloatArray) -> bool:
 def join_blocks(blocks: list[SampleBlock]) -> SampleBlock:
     """Join consecutive blocks into one with the stage of the first; a single block is returned unchanged."""
     if len(blocks) <= 1:
-        return blocks[0] if blocks else _NOTHING
+        return blocks[0] if blocks else _EMPTY
     return SampleBlock(blocks[0].stage, *(np.concatenate([getattr(b, name) for b in blocks]) for name in COLUMNS))
 
 

@@ -49,7 +49,7 @@ class LiveFilter:
     def __init__(self, context: SolveContext, prior: Posterior) -> None:
         self._context, self._prior = context, prior
         self._filter = ClosedLoopFilter(context, prior, prior.mean)
-        self._observability = ObservabilityAnalysis(context, prior, prior.mean)
+        self.observability = ObservabilityAnalysis(context, prior, prior.mean)
         self._pending: list[SampleBlock] = []
         self._aligned = False
 
@@ -74,14 +74,10 @@ class LiveFilter:
             while consumed + run.group_size * run.stride < last:
                 run.observe(data, consumed, run.group_size)
                 consumed += run.group_size * run.stride
-        self._observability.add(data, run.take_history())
+        self.observability.add(data, run.take_history())
         if len(data):
             self._pending = blocks_from(self._pending, int(data.seq[consumed]))
         return run.posterior.sigma
-
-    def ranking(self) -> Ranking | None:
-        """Return the observability at the last call of `sigma`."""
-        return self._observability.ranking()
 
 
 class NavigationStage(StageSolver):
@@ -117,12 +113,14 @@ class NavigationStage(StageSolver):
             return sigma
         data = self.buffer.data()
         if self._measured_noise is None or self._measured_noise[0] != len(data):
-            self._measured_noise = len(data), self._noise_excess(data)
+            measured = rest_noise(data, self.context, self.prior.gyro_bias)
+            gyro = gyro_excess(data, self.context, self.prior.gyro_bias)
+            self._measured_noise = len(data), max(measured.worst()[0], float(measured.velocity.excess[0]), gyro)
         return np.asarray(sigma * self._measured_noise[1])
 
     def ranking(self) -> Ranking | None:
         """Return the observability at the last call of `sigma`; None before the first observation."""
-        return self._live.ranking()
+        return self._live.observability.ranking()
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage. Raises InsufficientDataError if it has no rest for alignment."""
@@ -161,12 +159,6 @@ class NavigationStage(StageSolver):
             local_scores=partial(local_scores, updates=result.updates, index=result.history.index),
         )
         return with_diagnosis(solution, data, self.context)
-
-    def _noise_excess(self, data: StageData) -> float:
-        """Return the factor by which the noise at rest exceeds the profiles' noise, at least 1."""
-        measured = rest_noise(data, self.context, self.prior.gyro_bias)
-        excess = measured.worst()[0], float(measured.velocity.excess[0])
-        return max(*excess, gyro_excess(data, self.context, self.prior.gyro_bias))
 
     def _sensitivity(
         self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult

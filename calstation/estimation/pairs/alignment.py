@@ -384,15 +384,5 @@ def _averaged(values: FloatArray, count: int) -> FloatArray:
 
 
 def _block(index: IntArray, rate: float, counts: FloatArray, others: FloatArray) -> SampleBlock:
-    n = len(index)
-    return SampleBlock(
-        stage="cross_calibration",
-        seq=index,
-        time=(index + 1) / rate,
-        counts=counts,
-        angles=np.full((n, 2), np.nan),
-        step=np.zeros(n, np.int64),
-        valid=np.asarray(np.isfinite(counts).all(axis=1)),
-        temperature=np.full(n, np.nan),
-        others=others,
-    )
+    valid = np.asarray(np.isfinite(counts).all(axis=1))
+    return SampleBlock.without_table("cross_calibration", index, (index + 1) / rate, counts, valid=valid, others=others)

@@ -2,7 +2,6 @@
 
 from typing import Literal
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from calstation.estimation.pairs.fit import Model, PairChoice
@@ -67,11 +66,6 @@ class PairSchedule(BaseModel):
     def choice(self) -> PairChoice:
         """Terms to fit."""
         return PairChoice(self.model, self.model, self.lever and self.model == "full", self.clock_offset)
-
-    @property
-    def moving(self) -> float:
-        """Smallest difference from the rate at rest during motion, rad/s."""
-        return float(np.deg2rad(self.moving_dps))
 
     def threshold(self, unit: Literal["primary", "secondary"], sensor: str) -> Threshold:
         """Return the largest permitted deviation of a sensor at rest."""

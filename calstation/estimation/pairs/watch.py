@@ -125,7 +125,8 @@ class PairWatch:
     def _moving(self, block: SampleBlock) -> float:
         """Return the duration of motion in a block, s."""
         rate = block.counts[block.valid, :3] * self._imu.count_size[:3] - self._rest
-        return float(np.count_nonzero(np.linalg.norm(rate, axis=1) > self._schedule.moving)) / self._imu.sample_rate
+        moving = np.linalg.norm(rate, axis=1) > np.deg2rad(self._schedule.moving_dps)
+        return float(np.count_nonzero(moving)) / self._imu.sample_rate
 
     @property
     def progress(self) -> float:

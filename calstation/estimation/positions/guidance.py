@@ -119,17 +119,13 @@ class PositionGuide:
             return
         at_rest = np.median(self._rates, axis=0) if self._rates else rate
         still = quiet and float(np.abs(rate - at_rest).max()) < RATE + 3.0 * noise / np.sqrt(self._width)
-        if still and not (self._windows and self._is_other_position(force)):
+        mean = self._force / max(self._windows, 1)
+        if still and not (self._windows and np.linalg.norm(force - mean) > 0.05 * np.linalg.norm(mean)):
             self._add_rest_window(force)
         else:
             self._add_moving_window()
             if self._turn is not None:
                 self._turn = self._turn @ rotation_matrix((rate - at_rest) * self._window_duration)
-
-    def _is_other_position(self, force: FloatArray) -> bool:
-        """Return whether a force differs from that of the current rest, as in another position."""
-        mean = self._force / self._windows
-        return bool(np.linalg.norm(force - mean) > 0.05 * np.linalg.norm(mean))
 
     def _add_rest_window(self, force: FloatArray) -> None:
         self._windows += 1
@@ -146,8 +142,8 @@ class PositionGuide:
         if not self._positions:
             return False
         tilt = np.arccos(np.clip(self._up @ self._positions[-1], -1.0, 1.0))
-        turned = 0.0 if self._turn is None else np.linalg.norm(rotation_vector(self._turn))
-        return bool(max(tilt, turned) < SAME_POSITION)
+        rotation = 0.0 if self._turn is None else np.linalg.norm(rotation_vector(self._turn))
+        return bool(max(tilt, rotation) < SAME_POSITION)
 
     def _add_position(self) -> None:
         """Add the current rest to the completed positions."""

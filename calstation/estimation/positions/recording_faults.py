@@ -82,11 +82,11 @@ def valid_links(
 
 def _no_rest_error(data: StageData, imu: ImuModel, gravity: float, prior: Posterior, shortest: float) -> InputError:
     """Return the error for a recording without rests, which may be due to rates in a wrong unit."""
-    for given, right, factor in GYRO_UNITS:
+    for assumed, right, factor in GYRO_UNITS:
         scaled = replace(data, gyro=data.gyro * factor)
         turns, _ = _turns(scaled, find_stillness(scaled, imu, shortest), prior)
         if turns and _contradicting(scaled, turns, prior, gravity, np.eye(3)).sum() <= MAX_CONTRADICTORY * len(turns):
-            slip = Text.of("recording.unit_slip", given=given, right=right)
+            slip = Text.of("recording.unit_slip", given=assumed, right=right)
             return InputError("recording.gyro_unit_no_rest", factor=factor, slip=slip)
     return InsufficientDataError("recording.no_rest", shortest=shortest, seconds=len(data) * data.dt)
 
@@ -130,9 +130,9 @@ def _require_gravity(data: StageData, still: Stillness, gravity: float, prior: P
 
 def _unit_slip(slips: tuple[tuple[str, str, float], ...], factor: float) -> Text | str:
     """Return the confusion of units that `factor` corrects, as a part of a sentence; "" if there is none."""
-    for given, right, correction in slips:
+    for assumed, right, correction in slips:
         if abs(np.log(factor / correction)) < 0.2:
-            return Text.of("recording.unit_slip", given=given, right=right)
+            return Text.of("recording.unit_slip", given=assumed, right=right)
     return ""
 
 
@@ -181,7 +181,9 @@ def _contradiction_error(data: StageData, turns: list[_Turn], prior: Posterior, 
     if float(np.median([t.path for t in turns])) < 0.2 * float(np.median([t.tilt for t in turns])):
         path, tilt = float(np.rad2deg(worst.path)), float(np.rad2deg(worst.tilt))
         return InputError("recording.gyros_see_no_motion", turned_deg=path, tilt_deg=tilt, **span)
-    axes = min(_signed_permutations(), key=lambda P: float(_gravity_error(data, turns, P).sum()))
+    signs, orders = itertools.product((1.0, -1.0), repeat=3), itertools.permutations(range(3))
+    permutations = [np.array(s)[:, None] * np.eye(3)[list(order)] for order, s in itertools.product(orders, signs)]
+    axes = min(permutations, key=lambda P: float(_gravity_error(data, turns, P).sum()))
     if explains(axes):
         return InputError("recording.axes_differ", swaps=_swaps(axes))
     factors = [*(slip[2] for slip in GYRO_UNITS), *FACTORS]
@@ -199,15 +201,6 @@ def _gravity_error(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray
         B, _, _ = integrate_rotation(gyro_inverse, t.bias, data.dt, data.gyro, t.link.start, t.link.stop)
         error[k] = np.arccos(np.clip((B.T @ t.before) @ t.after, -1.0, 1.0))
     return error
-
-
-def _signed_permutations() -> Iterator[FloatArray]:
-    """Yield the 48 signed permutations of three axes, shape (3, 3) each."""
-    for order in itertools.permutations(range(3)):
-        for signs in itertools.product((1.0, -1.0), repeat=3):
-            P = np.zeros((3, 3))
-            P[range(3), order] = signs
-            yield P
 
 
 def _swaps(P: FloatArray) -> list[Text]:

@@ -1,4 +1,4 @@
-"""Allan deviation of the output of an IMU at rest, and the noise derived from it (IEEE Std 952-2020, annex C)."""
+"""Allan deviation of the output of an IMU at rest, and noise parameters from it (IEEE Std 952-2020, annex C)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,30 +21,32 @@ from calstation.records import LogMeta, context_from_meta, open_log
 
 #: Number of averaging times per decade, and shortest duration, s.
 _PER_DECADE, SHORTEST = 12, 10.0
-#: Longest averaging time as a fraction of the duration: beyond it there are hardly any differences.
+#: Longest averaging time as a fraction of the duration, because there are few differences for longer ones.
 _MAX_FRACTION = 0.2
 #: Probability of the confidence band.
 _CONFIDENCE = 0.95
-#: Difference of a slope from −1/2 at which noise still counts as white, and number of slopes needed in a row.
+#: Largest difference of the slope of white noise from −1/2, and smallest number of successive slopes.
 _WHITE_SLOPE, _MIN_WHITE = 0.1, 4
 #: Allan deviation of a bias instability B at its flat minimum, in units of B.
 FLOOR = 0.664
-#: The table counts as moving if the mean output over `_WINDOW` s differs by more than this from its median, rad/s and
-#: m/s², or the encoder angles by more than this, rad.
+#: Averaging window, s, and largest deviations of a table at rest: of the mean output from its median, rad/s and m/s²,
+#: and the range of the encoder angles, rad.
 _WINDOW, _MOVING_RATE, _MOVING_FORCE, _MOVING_ANGLE = 1.0, np.deg2rad(0.2), 0.05, np.deg2rad(0.2)
 
 
 @dataclass(frozen=True)
 class AllanCurve:
-    """Overlapping Allan deviation of a channel, rad/s or m/s², and the noise derived from it."""
+    """Overlapping Allan deviation of a channel, rad/s or m/s², and the noise parameters."""
 
     tau: FloatArray  #: Averaging times, s, shape (k,).
     deviation: FloatArray  #: Shape (k,).
     low: FloatArray  #: Lower end of the 95 % confidence interval, shape (k,).
     high: FloatArray  #: Upper end of the 95 % confidence interval, shape (k,).
-    random_walk: float | None  #: Line of slope −1/2 at 1 s, rad/√s or m/s/√s; None if the curve has no such slope.
-    instability: float | None  #: Bias instability from the flat minimum, rad/s or m/s²; None if there is none yet.
-    #: Upper end of the confidence interval of the bias instability from the lowest point.
+    random_walk: (
+        float | None
+    )  #: Random walk from the slope −1/2, rad/√s or m/s/√s; None if the curve has no such slope.
+    instability: float | None  #: Bias instability from the flat minimum, rad/s or m/s²; None if it is not reached.
+    #: Upper end of the confidence interval of the bias instability at the lowest point.
     largest_instability: float
 
 
@@ -79,7 +81,7 @@ def longest_rest(report: ProgressCallback, path: Path) -> tuple[int, int]:
 
 
 def allan_deviation(report: ProgressCallback, path: Path, first_seq: int, last_seq: int) -> AllanDeviation:
-    """Job: compute the Allan deviations of a static range of a log, from its longest part without a gap.
+    """Job: compute the Allan deviations of a static range of a log from its longest part without a gap.
 
     Raises InputError if the log cannot be read, or InsufficientDataError if the table moves or the range is too short.
     """
@@ -143,19 +145,19 @@ def allan_curve(values: FloatArray, rate: float) -> AllanCurve:
 
 
 def _slopes(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the slope at every point, over half a decade of averaging times."""
+    """Return the slope at every point over half a decade of averaging times."""
     k, reach = np.arange(len(x)), _PER_DECADE // 4
     first, last = np.maximum(k - reach, 0), np.minimum(k + reach, len(x) - 1)
     return np.asarray((y[last] - y[first]) / (x[last] - x[first]))
 
 
 def _power(slope: float) -> int:
-    """Return the exponent of the power-law spectrum with this slope of its Allan deviation (NIST SP 1065, table 3)."""
+    """Return the exponent of the power-law spectrum for a slope of the Allan deviation (NIST SP 1065, table 3)."""
     return 2 if slope < -0.875 else round(float(np.clip(-2.0 * slope - 1.0, -2.0, 1.0)))
 
 
 def _random_walk(tau: FloatArray, deviation: FloatArray, slope: FloatArray, freedom: FloatArray) -> float | None:
-    """Return the value at 1 s of a line with slope −1/2 fitted to the longest part of the curve with that slope."""
+    """Return the value at 1 s of a line of slope −1/2 fitted to the longest part of the curve with this slope."""
     white = np.abs(slope + 0.5) < _WHITE_SLOPE
     start, stop = max(true_intervals(white), key=lambda part: part[1] - part[0], default=(0, 0))
     if stop - start < _MIN_WHITE:
@@ -172,7 +174,7 @@ def _read(report: ProgressCallback, blocks: list[SampleBlock], meta: LogMeta) ->
 
 
 def _moves(data: StageData) -> bool:
-    """Return whether the table moves, according to its angles or, without angles, the output of the unit."""
+    """Return whether the table moves, according to the output of the unit or the encoder angles."""
     width = round(_WINDOW / data.dt)
     count = len(data) // width
     gyro, accel = (v[: count * width].reshape(count, width, 3).mean(axis=1) for v in (data.gyro, data.accel))

@@ -1,4 +1,4 @@
-"""Plot data of a calibration applied to samples: force and rate before and after calibration, over time and at rest."""
+"""Plot data of a calibration applied to samples: force and rate before and after calibration over time and at rest."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from calstation.records import LogMeta, context_from_meta, open_log
 from calstation.results.result import Parameter
 
 _COLUMNS = 2000
-#: Minimum averaging time of the curves, s; single samples would show only noise.
+#: Shortest averaging time of the curves, s; the noise of single samples is too large.
 _AVERAGING_TIME = 0.25
 
 
@@ -48,7 +48,7 @@ class Applied:
 
 
 def before_and_after(before: Mapping[str, float], parameters: Mapping[str, Parameter]) -> tuple[FloatArray, FloatArray]:
-    """Return all parameters before and after a solution, SI, shape (30,) each; unsolved ones keep their values."""
+    """Return all parameters before and after a solution, SI, shape (30,) each; other parameters keep their values."""
     solved = {name: row.value for name, row in parameters.items() if name in NAMES}
     vectors = (np.array([values.get(name, 0.0) for name in NAMES]) for values in (before, {**before, **solved}))
     return next(vectors), next(vectors)

@@ -1,4 +1,4 @@
-"""Index of a log for the log page: min-max pyramid, marks, and single samples on demand."""
+"""Index of a log for the log page: min-max pyramid, marks, and samples on demand."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,9 +23,9 @@ from calstation.results.plots.min_max_pyramid import (
 )
 from calstation.results.result import Result
 
-#: Maximum number of stored marks of a kind; further ones are only counted.
+#: Largest number of stored marks of one kind; further marks are only counted.
 MAX_MARKS = 20_000
-#: Number of rows read before the requested ones to find the last polled angles.
+#: Number of rows read before the requested ones, for the last polled angles.
 _LOOK_BACK = 4096
 #: File with the first row and the length of each range of damaged rows, shape (n, 2).
 _DAMAGED_ROWS = "holes.npy"
@@ -49,7 +49,7 @@ class StageSpan:
 
 @dataclass(frozen=True)
 class Marks:
-    """Marks of one kind: (first, last) sequence numbers, shape (n, 2), for at most `MAX_MARKS` of `count`."""
+    """Marks of one kind: first and last sequence number, shape (n, 2), of at most `MAX_MARKS` of `count` marks."""
 
     ranges: IntArray
     count: int
@@ -136,9 +136,9 @@ def _polled(angles: FloatArray, temperature: FloatArray) -> FloatArray:
 
 
 def _hold(polled: FloatArray, seq: IntArray, before: FloatArray, last_seq: int) -> FloatArray:
-    """Hold values, shape (n, 3), from poll to poll, but not across missing samples.
+    """Repeat each polled value until the next poll, but not across missing samples; return shape (n, 3).
 
-    `before` and `last_seq` are the values and sequence number of the sample before the first.
+    `before` and `last_seq` are the values and the sequence number of the sample before the first one.
     """
     filled = np.vstack([before, polled])
     after_gap = np.diff(seq, prepend=last_seq) != 1

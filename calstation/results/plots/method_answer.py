@@ -1,4 +1,4 @@
-"""Solution of a recording with a method that needs no table, with plot data from the same samples and result."""
+"""Solution of a recording by a method that needs no table, and its plot data."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from calstation.estimation.common import SolveContext, StageData, stage_data
 from calstation.estimation.gimbal import contraction, largest_gain
 from calstation.estimation.positions import gather, gravity_errors, turn_between
 from calstation.jobs import ProgressCallback
-from calstation.physics import AXES, INDEX, NAMES, FloatArray
+from calstation.physics import AXES, INDEX, NAMES, PAIR_PARAMETERS, FloatArray, pair_name
 from calstation.records import (
     Log,
     LogMeta,
@@ -23,7 +23,7 @@ from calstation.records import (
     prior_from_meta,
     read_truth,
 )
-from calstation.results.plots.pairs import PairPlotData, pair_plot_data, stored_values
+from calstation.results.plots.pairs import PairPlotData, pair_plot_data
 from calstation.results.resolving import Resolved, resolve
 from calstation.results.result import Parameter, Result
 from calstation.schema import validate
@@ -92,7 +92,7 @@ class MethodAnswer:
     recording: Recording
     stage: str
     resolved: Resolved
-    #: Previous value and sigma of each parameter, SI; no sigma for a stored value.
+    #: Previous value and sigma of each parameter, SI; None as sigma of a stored value.
     before: Mapping[str, tuple[float, float | None]]
     schedule: Mapping[str, Any]  #: Schedule of the method, as in a product file.
     plot_data: PositionPlotData | GimbalPlotData | PairPlotData  #: Plot data of the method.
@@ -134,9 +134,12 @@ def solve_method(report: ProgressCallback, path: Path, stage: str) -> MethodAnsw
 def _plot_data(
     log: Log, stage: str, result: Result, schedule: Mapping[str, Any]
 ) -> PositionPlotData | GimbalPlotData | PairPlotData:
-    details = result.details.get(stage, {})
+    details: Mapping[str, Any] = result.details.get(stage, {})
     if stage == "gimbal":
-        return _gimbal_plot_data(details, schedule)
+        threshold = float(np.deg2rad(schedule["threshold_arcsec"] / 3600.0))
+        axes = tuple(_axis(row, str(schedule["order"]), threshold) for row in details["axes"])
+        fit = {name: (row["value"], row["sigma"]) for name, row in details["least_squares"].items()}
+        return GimbalPlotData(axes, threshold, fit)
     context, prior = context_from_meta(log.meta), prior_from_meta(log.meta)
     blocks = list(log.blocks())
     stage_blocks = [block for block in blocks if block.stage == stage]
@@ -152,7 +155,11 @@ def _plot_data(
 
 def _before(meta: LogMeta, stage: str) -> dict[str, tuple[float, float | None]]:
     if stage == "cross_calibration":
-        return {name: (value, None) for name, value in stored_values(context_from_meta(meta)).items()}
+        return {
+            pair_name(p.name, s.number): (float(s.stored.values.get(p.name, p.neutral)), None)
+            for s in context_from_meta(meta).secondaries
+            for p in PAIR_PARAMETERS
+        }
     prior = prior_from_meta(meta)
     return {name: (float(prior.mean[k]), float(prior.sigma[k])) for k, name in enumerate(NAMES)}
 
@@ -181,17 +188,8 @@ def _position_plot_data(
     )
 
 
-def _gimbal_plot_data(details: Mapping[str, Any], schedule: Mapping[str, Any]) -> GimbalPlotData:
-    threshold = float(np.deg2rad(schedule["threshold_arcsec"] / 3600.0))
-    return GimbalPlotData(
-        tuple(_axis(row, str(schedule["order"]), threshold) for row in details["axes"]),
-        threshold,
-        {name: (row["value"], row["sigma"]) for name, row in details["least_squares"].items()},
-    )
-
-
 def gimbal_turns(turns: Sequence[GimbalTurned], order: str) -> GimbalPlotData:
-    """Return the plot data of the turns of a run so far; `order` are the letters of the joints from base to body."""
+    """Return the plot data of the turns of a run so far; `order` contains the joints from base to body."""
     axes = []
     for axis in dict.fromkeys(turn.axis for turn in turns):
         about_axis = [turn for turn in turns if turn.axis == axis]

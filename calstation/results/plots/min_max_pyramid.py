@@ -1,7 +1,7 @@
-"""Min-max pyramid of a log: files with the lowest and highest values of its channels over bins of samples.
+"""Min-max pyramid of a log: files with the lowest and highest values of its channels in bins of samples.
 
-Three levels of bins are stored; columns between them are merged while reading, so that at most 16 times the drawn data
-is read, regardless of the log's length.
+Three levels of bins are stored; bins are merged while reading, so that at most 16 times the drawn data are read,
+regardless of the log's length.
 """
 
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ class Columns:
 
 
 def merge_columns(seq: IntArray, low: Values, high: Values, group: int, samples: int) -> Columns:
-    """Merge groups of `group` bins into columns; `samples` is the bin width, `seq`, `low`, `high` are the bins."""
+    """Merge each `group` of bins (`seq`, `low`, `high`) into a column; `samples` is the number of samples per bin."""
     if group == 1 or len(seq) == 0:
         return Columns(seq, low, high, samples)
     complete = len(seq) // group * group
@@ -95,7 +95,7 @@ class _Level:
 
 
 class PyramidWriter:
-    """Writes the files from consecutive samples; with `keep_samples`, also the samples if a log lacks random access."""
+    """Writes the files from consecutive samples, and with `keep_samples` also the samples, for random access."""
 
     def __init__(self, folder: Path, keep_samples: bool) -> None:
         self._levels = [_Level(folder, samples) for samples in BINS]
@@ -143,7 +143,7 @@ class MinMaxPyramid:
             level -= 1
             start, stop = self._range(level, first_seq, last_seq)
         group = bins_per_column(stop - start, count)
-        start = max(0, (start - 1) // group * group)  # columns stay the same while a view is dragged
+        start = max(0, (start - 1) // group * group)  # the columns do not change while a view is dragged
         stop = min(self._bins[BINS[level]], stop + group)
         seq, values = self._seq(BINS[level], start, stop), self._values(BINS[level], start, stop)
         return merge_columns(seq, values[:, 0], values[:, 1], group, BINS[level])

@@ -24,7 +24,7 @@ from calstation.estimation.pairs import (
     signals,
 )
 from calstation.messages import values_from_json
-from calstation.physics import PAIR_PARAMETERS, Compensation, FloatArray, compensation, pair_name
+from calstation.physics import Compensation, FloatArray, compensation
 from calstation.records import load_pair, pair_path
 
 #: Number of time bins of the residuals.
@@ -33,7 +33,7 @@ _COLUMNS = 800
 
 @dataclass(frozen=True)
 class PairResiduals:
-    """Residuals of a secondary's sensor relative to the primary, rms per time bin."""
+    """Rms residuals of a secondary's sensor relative to the primary by time bin."""
 
     time: FloatArray  #: Bin centres, time since the start of the recording, s, shape (k,).
     before: FloatArray  #: Rms with the stored calibration, rad/s or m/s², shape (k,).
@@ -102,15 +102,6 @@ def pair_plot_data(
         tuple(events),
         float(data.time[-1]) - begin,
     )
-
-
-def stored_values(context: SolveContext) -> dict[str, float]:
-    """Return the stored values of a recording's secondaries by contract name, SI; missing ones are neutral."""
-    return {
-        pair_name(p.name, s.number): float(s.stored.values.get(p.name, p.neutral))
-        for s in context.secondaries
-        for p in PAIR_PARAMETERS
-    }
 
 
 def stored_pairs(context: SolveContext, folder: Path) -> tuple[StoredPairFile, ...]:
