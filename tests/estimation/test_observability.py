@@ -140,13 +140,13 @@ def test_observability_of_a_solution_can_be_written_as_json(nav_stage):
 
 def test_live_observability_converges_to_the_observability_of_the_solution(nav_stage, passed):
     live = LiveFilter(nav_stage.context, nav_stage.prior)
-    assert live.ranking() is None
+    assert live.observability.ranking() is None
     block, ranks = nav_stage.block, {}
     edges = np.flatnonzero(np.diff(block.step)) + 1
     for piece in cut(block, [int(e) for e in edges]):
         live.feed(piece)
         live.sigma()
-        ranking = live.ranking()
+        ranking = live.observability.ranking()
         assert ranking is not None
         ranks[ranking.step] = ranking
     _, _, output = passed

@@ -51,7 +51,7 @@ from calstation.estimation.common.noise import (
     with_measured_noise,
 )
 from calstation.estimation.common.planned import PlannedSamples, profile
-from calstation.estimation.common.residuals import RestResiduals, before_after, rest_residuals
+from calstation.estimation.common.residuals import RestResiduals, compensated_means, rest_residuals
 from calstation.estimation.common.samples import SampleBlock, blocks_from, has_gyros, join_blocks, snap_angles
 from calstation.estimation.common.sequence import SequenceError, SequenceUnwrapper, unwrap_counter
 from calstation.estimation.common.stage import (

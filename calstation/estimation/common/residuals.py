@@ -1,4 +1,4 @@
-"""Residuals at every rest, and the output compensated with the parameters before and after calibration.
+"""Residuals at every rest, and compensation of mean outputs.
 
 At rest the magnitude of the specific force equals gravity, and the rate components along it and perpendicular to it
 equal the vertical and the horizontal earth rate.
@@ -94,30 +94,13 @@ def rest_residuals(data: StageData, context: SolveContext, posterior: Posterior)
     return RestResiduals(seq[:, 0], seq[:, 1], table[:, :3], table[:, 3:5], *table[:, 5:].T)
 
 
-@dataclass(frozen=True)
-class BeforeAfter:
-    """The same n samples compensated with the parameters before and after calibration."""
+def compensated_means(
+    block: SampleBlock, imu: ImuModel, parameters: FloatArray, stride: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return rate, rad/s, and specific force, m/s², of the means of groups of `stride` samples, shape (n, 3) each.
 
-    time: FloatArray  #: s, shape (n,)
-    rate_before: FloatArray  #: rad/s, shape (n, 3)
-    rate_after: FloatArray  #: rad/s, shape (n, 3)
-    force_before: FloatArray  #: m/s², shape (n, 3)
-    force_after: FloatArray  #: m/s², shape (n, 3)
-    length_before: FloatArray  #: Magnitude of the force minus gravity, which is its error at rest, m/s², shape (n,).
-    length_after: FloatArray  #: As `length_before`, after calibration, m/s², shape (n,).
-
-
-def before_after(
-    block: SampleBlock, imu: ImuModel, before: FloatArray, after: FloatArray, gravity: float, stride: int = 1
-) -> BeforeAfter:
-    """Compensate a block with two parameter vectors, SI, shape (30,), after averaging groups of `stride` samples."""
+    `parameters` are the parameters of the compensation, SI, shape (30,); an incomplete last group is omitted.
+    """
     count = len(block) // stride
     raw = (block.counts[: count * stride] * imu.count_size).reshape(count, stride, 6).mean(axis=1)
-    rates, forces, lengths = [], [], []
-    for parameters in (before, after):
-        omega, force = compensate(compensation(parameters), raw[:, :3], raw[:, 3:])
-        rates.append(omega)
-        forces.append(force)
-        lengths.append(np.linalg.norm(force, axis=1) - gravity)
-    time = block.time[: count * stride].reshape(count, stride).mean(axis=1)
-    return BeforeAfter(time, *rates, *forces, *lengths)
+    return compensate(compensation(parameters), raw[:, :3], raw[:, 3:])

@@ -10,7 +10,7 @@ from calstation.errors import InsufficientDataError
 from calstation.estimation.common import (
     SHORTEST_REST,
     SampleBlock,
-    before_after,
+    compensated_means,
     find_stillness,
     join_blocks,
     stage_data,
@@ -82,23 +82,25 @@ class ImuOutput:
             raise InsufficientDataError("solution.in_log", file=self.path, what=error.as_text)
         gravity = context.site.local_gravity
         stride = max(1, round(_AVERAGING_TIME * context.imu.sample_rate), len(block) // _COLUMNS)
-        curves = before_after(block, context.imu, before, after, gravity, stride)
+        count = len(block) // stride
+        curves = [compensated_means(block, context.imu, p, stride) for p in (before, after)]
         start = float(data.time[0])
         lengths, rates = [], []
         for a, b in rests:
             first, last = int(block.seq.searchsorted(data.seq[a])), int(block.seq.searchsorted(data.seq[b - 1]))
-            rest = before_after(block.part(first, last + 1), context.imu, before, after, gravity, last + 1 - first)
-            lengths.append([float(rest.length_before[0]), float(rest.length_after[0])])
-            rates.append([float(np.linalg.norm(r[0])) for r in (rest.rate_before, rest.rate_after)])
+            rest = block.part(first, last + 1)
+            means = [compensated_means(rest, context.imu, p, len(rest)) for p in (before, after)]
+            lengths.append([float(np.linalg.norm(force, axis=1)[0] - gravity) for _, force in means])
+            rates.append([float(np.linalg.norm(rate[0])) for rate, _ in means])
         length_rms, rate_rms = (np.sqrt(np.mean(np.square(v), axis=0)) for v in (lengths, rates))
         return Applied(
             path=self.path,
             serial=context.imu.serial,
-            time=curves.time - start,
-            length_before=curves.length_before,
-            length_after=curves.length_after,
-            rate_before=np.linalg.norm(curves.rate_before, axis=1),
-            rate_after=np.linalg.norm(curves.rate_after, axis=1),
+            time=block.time[: count * stride].reshape(count, stride).mean(axis=1) - start,
+            length_before=np.linalg.norm(curves[0][1], axis=1) - gravity,
+            length_after=np.linalg.norm(curves[1][1], axis=1) - gravity,
+            rate_before=np.linalg.norm(curves[0][0], axis=1),
+            rate_after=np.linalg.norm(curves[1][0], axis=1),
             rests=np.array([[data.time[a] - start, data.time[b - 1] - start] for a, b in rests]),
             rest_length=np.array(lengths),
             rest_rate=np.array(rates),
