@@ -96,7 +96,7 @@ class OperatorPage(Page):
             on_language_change(self, show)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Prepare for a scan and, at the first time, offer to resume interrupted runs."""
+        """Prepare for a scan; when first shown, also offer to resume interrupted runs."""
         super().showEvent(event)
         self._update_products()
         if not self._opened:

@@ -94,9 +94,9 @@ class RunStatus(QObject):
         return self.run_summary is not None and self.run_summary.by_hand
 
     @property
-    def on_gimbal(self) -> bool:
-        """Whether the run is on a gimbal."""
-        return self.run_summary is not None and bool(self.run_summary.joint_order)
+    def joint_order(self) -> str:
+        """Order of the joints of a gimbal, letters from base to body; "" for a table."""
+        return "" if self.run_summary is None else self.run_summary.joint_order
 
     @property
     def in_slots(self) -> bool:

@@ -58,7 +58,7 @@ class StageState:
 
     name: str
     duration: float  #: Planned duration, s of device time.
-    #: waiting, active, solving, good, bad, outside (a value exceeds its limit), stopped or fault; kept for a transfer.
+    #: waiting, active, solving, good, bad, outside (a value exceeds its limit), stopped, fault, or kept (not written).
     state: str = "waiting"
     fraction: float = 0.0
     remaining: float = 0.0  #: Remaining device time, s.

@@ -56,7 +56,7 @@ class Preparation(QFrame):
         on_language_change(self, self._refresh)
 
     def _refresh(self) -> None:
-        steps = _MANUAL_STEPS if self._run.by_hand else _GIMBAL_STEPS if self._run.on_gimbal else _STEPS
+        steps = _MANUAL_STEPS if self._run.by_hand else _GIMBAL_STEPS if self._run.joint_order else _STEPS
         message = self._run.latest[1] if self._run.latest is not None else ""
         if self._run.state == "starting":
             self._current = 0
@@ -100,7 +100,7 @@ class LiveView(QWidget):
     def start(self) -> None:
         """Prepare for a new run."""
         run_summary = self._run.run_summary
-        self.table.set_order("" if run_summary is None else run_summary.joint_order)
+        self.table.set_order(self._run.joint_order)
         self.table.clear()
         self._turns = []
         self._traces.start()
@@ -123,8 +123,7 @@ class LiveView(QWidget):
                 self.table.show_motion(event)
             case GimbalTurned():
                 self._turns.append(event)
-                order = "" if self._run.run_summary is None else self._run.run_summary.joint_order
-                self.gimbal.show_data(gimbal_turns(self._turns, order))
+                self.gimbal.show_data(gimbal_turns(self._turns, self._run.joint_order))
                 self.refresh()
             case PositionGuided():
                 self.position.show_position(event)
