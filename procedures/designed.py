@@ -42,7 +42,7 @@ class Schedule(RepeatedSchedule):
     acceleration_dps2: float = Field(60.0, gt=0.0, le=1000.0, description="acceleration of every move")
     stop_at_limits: bool = Field(True, description="end when every sigma is below its limit times the margin")
     margin: float = Field(0.8, gt=0.0, le=1.0, description="fraction of its limit that every sigma must reach")
-    least_moves: int = Field(1, ge=1, description="number of moves before the sigmas may end the stage")
+    least_moves: int = Field(1, ge=1, description="minimum number of moves before the stop rule may end the stage")
     rounds: int = Field(0, ge=0, description="largest number of moves; 0: all")
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Exchange of a folder of runs with the shared database: its messages, the runs of other folders, and claims on units.
+"""Synchronisation of a runs folder with the shared database: messages sent, runs received, and claims on units.
 
 Claims on units in progress warn two stations if both have scanned the same unit.
 """
@@ -40,12 +40,12 @@ EXPIRY_S = 300.0
 
 
 class Exchange:
-    """Exchange of one folder; its connection is kept between passes."""
+    """Data exchange between one runs folder and the database; the connection stays open between exchanges."""
 
     def __init__(self, folder: Path, url: str, station: str, claimed: Mapping[str, str | None] = {}) -> None:
         """Create the exchange; `claimed` contains the operator of each unit to claim, by serial number."""
         self._url, self._station = url, station
-        #: Operators of the units that every exchange claims, by serial number; they replace the previous claims.
+        #: Units that every exchange claims, as operators by serial number; claims on all other units are released.
         self.claimed = claimed
         self.complete = False  #: Whether the last exchange was complete; if not, the next one continues.
         self._claimed_serials: set[str] = set()  #: Serial numbers of units that are claimed in the database.

@@ -63,7 +63,7 @@ class Effect:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Contract names of the sizes, one per component."""
+        """Public names of the sizes, one per component."""
         return tuple(f"{self.cause}_{component}".rstrip("_") for component in self.components)
 
     def errors(self, motion: Motion) -> FloatArray:

@@ -14,7 +14,7 @@ T = TypeVar("T")
 class FurtherParameter:
     """A scalar parameter that is not one of the 30."""
 
-    name: str  #: Contract name without the number of the IMU, e.g. ``secondary_gyro_matrix_xy``.
+    name: str  #: Public name without the number of the IMU, e.g. ``secondary_gyro_matrix_xy``.
     unit: str  #: SI unit as written in files.
     group: str  #: Name without the axes.
     neutral: float = 0.0  #: Value for a secondary that is identical to the primary.

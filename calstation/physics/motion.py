@@ -1,4 +1,4 @@
-"""The step types of a plan, which preview, sequencer and simulation interpret."""
+"""Step types of a plan, interpreted by the preview, the sequencer and the simulation."""
 
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -51,7 +51,7 @@ class GimbalZero:
 
 @dataclass(frozen=True)
 class GimbalTurn:
-    """The next turn about a body axis unless the axis is complete: rest, turn, rest and correction of K."""
+    """The next turn about a body axis, unless the axis is complete: rest, turn, rest, then correction of matrix K."""
 
     axis: int  #: Index of the body axis.
     index: int  #: Number of this turn about the axis, from 1.

@@ -26,7 +26,7 @@ OBSERVABLE = 0.9
 class Parameter:
     """A scalar parameter of the error model."""
 
-    name: str  #: Contract name, e.g. ``gyro_misalign_xy``.
+    name: str  #: Public name, e.g. ``gyro_misalign_xy``.
     unit: str  #: SI unit as written in files.
     group: str  #: Name without the axis, e.g. ``gyro_misalign``.
     sensor: str  #: ``gyro``, ``accel`` or ``lever``.

@@ -41,7 +41,7 @@ class UnitRegisters:
 
     @property
     def values(self) -> dict[str, float]:
-        """Values by contract name, SI."""
+        """Values by parameter name, SI."""
         return {register.parameter: register.value for register in self.registers}
 
     def to_json(self) -> dict[str, Any]:
@@ -66,7 +66,7 @@ class TargetRegisters:
 
     @property
     def values(self) -> dict[str, float]:
-        """Values by contract name, SI."""
+        """Values by parameter name, SI."""
         return {register.parameter: register.value for register in self.registers}
 
 

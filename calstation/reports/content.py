@@ -33,7 +33,7 @@ Decision = Literal["passed", "failed", "not_judged"]
 class Quantity:
     """A calibrated quantity, SI."""
 
-    name: str  #: Contract name.
+    name: str  #: Public name.
     value: float
     sigma: float  #: Standard uncertainty.
     unit: str

@@ -121,7 +121,7 @@ def _correlation(solutions: Sequence[Solution]) -> dict[str, dict[str, float]]:
 
 
 def solved_parameters(solutions: Sequence[Solution]) -> dict[str, Parameter]:
-    """Return the solved parameters by contract name."""
+    """Return the solved parameters by name."""
     if not solutions:
         return {}
     posterior = solutions[-1].posterior

@@ -13,7 +13,7 @@ from calstation.estimation.navigation import ClosedLoopFilter, ReferencePass, na
 from calstation.estimation.navigation.stage import LiveFilter
 from calstation.results import one_blas_thread
 
-#: Samples of the stretch that both filters pass over: half a minute with a turn and three rests.
+#: Number of samples that both filters process: half a minute with a turn and three rests.
 STRETCH = 6000
 
 
@@ -41,7 +41,8 @@ def comparison_pass(stage, last):
 
 @pytest.mark.long
 def test_plain_filter_gives_the_same_solution(stage, monkeypatch):
-    monkeypatch.setattr(navigation_pass, "GROUP_TIME", 0.1)  # back to the reference after every observation, as there
+    monkeypatch.setattr(navigation_pass, "GROUP_TIME", 0.1)  # return to the reference after every observation, as the
+    # plain filter does
     with one_blas_thread():
         mean, covariance = comparison_pass(stage, STRETCH)
         posterior = project_pass(stage, STRETCH, ClosedLoopFilter)

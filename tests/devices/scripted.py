@@ -1,4 +1,4 @@
-"""A device that expects requests in order, as the link of an IMU driver, on a terminal or behind a TCP socket."""
+"""A scripted device that expects requests in order: an IMU driver's link, on a pseudo-terminal or on a TCP socket."""
 
 import queue
 import struct
@@ -63,7 +63,7 @@ class ScriptedDevice:
         self._bytes.put(data)
 
     def read(self, wait: float) -> bytes:
-        """Return the bytes sent, as a link."""
+        """Return bytes that the device has sent, as a link does."""
         if self.failure is not None:
             raise self.failure
         try:
@@ -72,7 +72,7 @@ class ScriptedDevice:
             return b""
 
     def write(self, data: bytes) -> None:
-        """Receive a request, as a link."""
+        """Pass a request to the device, as a link does."""
         if reply := self.answer(data):
             self.send(reply)
 

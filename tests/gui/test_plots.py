@@ -90,7 +90,7 @@ def all_plots(window: MainWindow) -> list[pg.GraphicsView]:
     page = window.findChild(EngineerPage)
     assert page is not None
     analysis = page.analysis
-    views = [window, page.design.answer, *(lazy.view for lazy in analysis.views)]
+    views = [window, page.design.result_view, *(lazy.view for lazy in analysis.views)]
     plots = dict.fromkeys(plot for view in views for plot in view.findChildren(pg.GraphicsView))
     return [plot for plot in plots if not isinstance(plot, TravelPlot)]
 

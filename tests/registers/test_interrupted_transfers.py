@@ -28,7 +28,7 @@ VALUES = {"gyro_bias_x": 2e-6, "accel_scale_y": 3e-4}
 
 
 class Workbench:
-    """A site whose unit keeps its flash, with a transfer that can be interrupted."""
+    """A site whose unit has persistent flash, and on which a transfer can be interrupted."""
 
     def __init__(self, site_folder: SiteFolder) -> None:
         self.site_folder = site_folder
@@ -140,7 +140,7 @@ def test_finished_registers_are_verified_before_the_first_stage_of_a_run(bench: 
     assert message_values(events, "transfer_settled")[0]["closing"] == "done"
     begun = [i for i, event in enumerate(events) if isinstance(event, StageStarted)]
     turns = [i for i, e in enumerate(events) if isinstance(e, StepStarted) and e.label == ("verify",)]
-    assert sum(i < begun[0] for i in turns) == 11, "twice around, then to the load position"
+    assert sum(i < begun[0] for i in turns) == 11, "two revolutions, then the load position"
     assert turns[-1] > begun[-1], "and again after the stages"
     first, second = register_journal.history(bench.runs, SERIAL)
     assert (first.closing, first.steps[-1]) == (second.closing, second.steps[-1]) == ("done", "turned")

@@ -14,7 +14,7 @@ from calstation.bench.table.machine import Refusal
 
 
 class TextController(ABC):
-    """A controller on a serial line whose requests end with LF; `mute` is the number of next lines without a reply."""
+    """A controller on a serial line whose requests end with LF; the next `mute` lines get no reply."""
 
     def __init__(self, axes: Axes, serial: str) -> None:
         self._axes, self._serial = axes, serial
@@ -187,7 +187,7 @@ class Acl(TextController):
 class Mn(TextController):
     """A subset of the $MN line protocol, $MNxxx,arguments*SS -> $ASxxx,OK,...*SS.
 
-    SS is the 8-bit sum of the characters between header and asterisk. A line with a wrong sum has no reply.
+    SS is the 8-bit sum of the characters between header and asterisk. A line with a wrong checksum gets no reply.
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:

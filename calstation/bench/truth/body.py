@@ -23,7 +23,7 @@ _AXES = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 class BodyMotion:
-    """The motion of a body, of which each episode is a rest of `rest` s followed by a motion of `motion` s."""
+    """Motion of a body as a sequence of episodes, each a rest of `rest` s followed by a motion of `motion` s."""
 
     def __init__(self, rest: float, motion: float, seed: int) -> None:
         self._rest, self._motion, self._seed = rest, motion, seed
@@ -76,7 +76,7 @@ class BodyMotion:
 
 
 def draw_mounting(random: np.random.Generator) -> Mounting:
-    """Draw the mounting of a secondary, rotated by some degrees from the primary and at most 0.17 m away from it."""
+    """Draw the mounting of a secondary, rotated a few degrees from the primary and at most 0.17 m away from it."""
     return Mounting(rotation(0.03 * random.standard_normal(3)), random.uniform(-0.1, 0.1, 3))
 
 
@@ -84,8 +84,8 @@ class BodyStream:
     """Samples of a unit on a body.
 
     begin : time at which the unit was switched on, s
-    gain : rate of the unit's clock
-    steps : times in the unit's clock, s, from which a gyro bias, rad/s, is added to all axes, shape (k, 2)
+    gain : rate of the unit's clock relative to the bench's, s/s
+    steps : rows of a time on the unit's clock, s, and the bias added to all gyros from then on, rad/s, shape (k, 2)
     """
 
     def __init__(

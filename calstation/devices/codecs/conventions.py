@@ -90,7 +90,7 @@ def to_registers(
     Parameters
     ----------
     sensor : gyro or accel
-    values : parameters by contract name, SI
+    values : parameters by name, SI
     slots : slots of the unit's registers; parameters without a slot are 0
     matrix, offset : conventions of the registers of the matrix and the offset
     """

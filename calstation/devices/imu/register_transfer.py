@@ -103,7 +103,7 @@ def transfer(
     Parameters
     ----------
     imu, registers, serial : the unit, its register map and its serial number
-    values : new values by contract name, SI; names without a register are ignored
+    values : new values by parameter name, SI; names without a register are ignored
     begin : function that records the intended change before anything is written
     old : `flash_registers` of the unit if they were just read
     """

@@ -83,7 +83,7 @@ class RegisteredImu(StreamedImu):
             return self._registers.decode({e.key: self._read_entry(e) for e in self._registers.entries})
 
     def write_registers(self, values: Mapping[str, float]) -> None:
-        """Write values by contract name, SI; other parameters are kept. Raises DeviceFaultError if out of range."""
+        """Write values by parameter name, SI; other parameters are kept. Raises DeviceFaultError if out of range."""
         missing = [name for name in self._registers.parameters if name not in values]
         present = self.read_registers() if missing else {}
         numbers = self._registers.encode({**present, **values})

@@ -34,7 +34,7 @@ class RegisterMap:
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:
-        """Contract names of all parameters that have a register."""
+        """Names of all parameters that have a register."""
         names = (parameter_of(name) for entry in self.entries for name in entry.names)
         return tuple(name for name in names if name)
 

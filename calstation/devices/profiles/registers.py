@@ -56,7 +56,7 @@ class RegisterEntry(ProfileSection):
 
     address : address of the first register
     page : page selected before access, if the unit has pages
-    parameters : contents in order: parameters by contract name, also of effects; slots of the matrix and offset in the
+    parameters : contents in order: parameters by name, also of effects; slots of the matrix and offset in the
         formula of the unit, e.g. `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that remains 0. The name of a
         group, e.g. `gyro_bias` or `gyro_matrix`, stands for all names of the group
     major : whether the group of a matrix is in row or column order

@@ -49,7 +49,7 @@ class ImuModel:
     accel_vrw: float  #: Velocity random walk, m/s/√s.
     gyro_bias_instability: float = 0.0  #: rad/s
     accel_bias_instability: float = 0.0  #: m/s²
-    gyro_quantisation: float | None = None  #: Step to which the gyro output is rounded; None for a count.
+    gyro_quantisation: float | None = None  #: Step to which the gyro output is rounded; None if it is one count.
     accel_quantisation: float | None = None  #: The same for the accelerometers.
 
     @property
@@ -104,7 +104,7 @@ class TableModel:
 class StoredPair:
     """The last cross-calibration of a secondary IMU against the primary."""
 
-    #: Pair parameters, SI, by contract name without the IMU's number; missing ones have their neutral values.
+    #: Pair parameters, SI, by name without the IMU's number; a missing one has its value for identical IMUs.
     values: Mapping[str, float] = field(default_factory=dict)
     gyro_static: float | None = None  #: Deviation at rest immediately after the calibration, rad/s.
     accel_static: float | None = None  #: Deviation at rest immediately after the calibration, m/s².

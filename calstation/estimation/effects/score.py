@@ -3,7 +3,7 @@
 The test of one additional effect of size θ requires only the estimate without it: χ² = Uᵀ I⁻¹ U with the score U = Σ Jᵀ
 S⁻¹ ν and the information I = Σ Jᵀ S⁻¹ J (C. R. Rao, *Proc. Cambridge Phil. Soc.* 44, 1948; for jumps in state-space
 models: P. de Jong, J. Penzer, *Diagnosing shocks in time series*, JASA 93(442), 1998). The estimated size is I⁻¹ U, and
-the effect causes the errors D I⁻¹ U of the parameters.
+the resulting errors of the parameters are D I⁻¹ U, with D the errors per unit of size.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,7 +16,7 @@ from calstation.estimation.effects.sensitivity import Sensitivity, drift_functio
 from calstation.physics import AXES, COUNT, EFFECTS, INDEX, Effect, FloatArray, IntArray
 
 #: A score test fails if its χ² exceeds its degrees of freedom by more than `MAX_EXCESS` and the effect shifts a
-#: parameter by more than `MIN_SHIFT` sigmas. Another effect is harmless, but may explain other failures.
+#: parameter by more than `MIN_SHIFT` sigmas. Any other significant effect is harmless, but may explain other failures.
 MAX_EXCESS, MIN_SHIFT = 30.0, 3.0
 #: Largest difference between the χ² of the likeliest effect and that of another possible cause.
 _AS_LIKELY = 10.0
@@ -74,7 +74,7 @@ def _test(evidence: EffectEvidence) -> ModelTest:
 
 @dataclass(frozen=True)
 class EffectLimit:
-    """Size of one component of an effect that a schedule cannot detect."""
+    """Detection limit of a schedule for one component of an effect."""
 
     cause: str
     component: str
@@ -106,8 +106,8 @@ class _EffectTest:
     def add_stage(self, s: Sensitivity, constant: FloatArray, direct: FloatArray | None = None) -> None:
         """Add a stage.
 
-        The effect also contributes `direct` times the columns after the parameters and `EFFECTS`. `constant` is the
-        contribution of each component of `EFFECTS` to the parameters and its own column.
+        `direct` maps the sizes of the effect to the columns of `s` after those of the parameters and of `EFFECTS`.
+        `constant` maps the components of `EFFECTS` to the parameters and to their own columns.
         """
         both, error = len(constant), self.error
         if direct is not None:
@@ -119,7 +119,7 @@ class _EffectTest:
         self.error = s.error[:, :n] @ error
 
     def add_to_parameters(self, change_per_size: FloatArray | float) -> None:
-        """Add `change_per_size` per unit of each size, shape (k,), to the parameter that the component changes."""
+        """Add the errors `change_per_size`, shape (k,), that a unit of each size causes in the parameter it changes."""
         self.error[[INDEX[name] for name in self.effect.parameters], range(len(self.score))] += change_per_size
 
     def in_units_of(self, sizes: FloatArray) -> "_EffectTest":
@@ -142,7 +142,7 @@ class _EffectTest:
     def evaluate(
         self, model_effects: "EffectEstimate", before: FloatArray, sigma: FloatArray, names: Sequence[str]
     ) -> EffectEvidence:
-        """Evaluate the test in addition to the effects in the model; `before` and `sigma` have the shape (30,)."""
+        """Evaluate the test jointly with the effects in the model; `before` and `sigma` have the shape (30,)."""
         shared = self.cross[:, model_effects.columns]
         score = self.score - shared @ model_effects.size
         information = self.information - shared @ model_effects.covariance @ shared.T
@@ -166,7 +166,7 @@ class EffectEstimate:
     """Estimate of the effects in the unit's model."""
 
     columns: IntArray  #: Indices of the components within `EFFECTS`, shape (k,).
-    names: tuple[str, ...]  #: Contract names of the components.
+    names: tuple[str, ...]  #: Names of the components, as in a result.
     units: tuple[str, ...]
     size: FloatArray  #: Shape (k,).
     covariance: FloatArray  #: Shape (k, k).

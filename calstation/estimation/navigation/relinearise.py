@@ -2,7 +2,8 @@
 
 Every pass has the same prior; only the linearisation point changes. The problem is linear in an unknown azimuth only
 near the solution, so the likeliest of several headings is refined with a narrow prior before it is estimated freely. If
-the innovations indicate more table vibration than the table's profile, the stage is solved again with that noise.
+the innovations indicate more table vibration than the table's profile specifies, the stage is solved again with the
+higher noise.
 """
 
 from dataclasses import dataclass, field, replace
@@ -56,7 +57,7 @@ MAX_VARIANCE_RATIO = 1.25
 #: Median of the χ² distribution with 3 degrees of freedom.
 _MEDIAN = 2.366
 MAX_ADJUSTMENTS = 4
-#: Smallest fraction of the profile's variance that is used: other noise remains, and rounding errors grow.
+#: Smallest fraction of the profile's variance that is used: below it, other noise dominates and rounding errors grow.
 _MIN_RATIO = 0.01
 #: Largest rate between two observations at rest, rad/s.
 REST_RATE = np.deg2rad(0.1)
@@ -185,9 +186,9 @@ class _Relinearisation:
     def iterate(self, segments: list[Start], attitudes: list[FloatArray], point: FloatArray) -> NavigationResult:
         """Repeat passes until one makes no significant change.
 
-        If the innovations of the very first pass exceed their noise, it is repeated in closed loop, and the pass with
-        the smaller innovations is used: a closed loop follows large errors of the first point, but may diverge after
-        few observations.
+        If the innovations of the first pass exceed their expected noise, it is repeated in closed loop, and the pass
+        with the smaller innovations is used. A closed loop tolerates a poor first linearisation point, but may diverge
+        after a few observations.
         """
         step = 1.0  # the rate at which steps shrink is unknown before the first pass
         for _ in range(MAX_PASSES):
@@ -239,7 +240,7 @@ class _Relinearisation:
     def _start_attitudes(
         self, run: NavigationPass, point: FloatArray, segments: list[Start], ends: list[FloatArray]
     ) -> list[FloatArray]:
-        """Compute start from end attitudes: C_end = Exp(−Ω T) C_start B, with B from the gyros and `point`."""
+        """Compute the start attitudes from the end attitudes: C_end = Exp(−Ω T) C_start B, B from gyros and `point`."""
         constants, dt = compensation(point), self.data.dt
         attitudes = []
         for start, end in zip(segments, ends, strict=True):

@@ -120,7 +120,7 @@ class VersionsView(QWidget):
     # ---- choosing and comparing
 
     def _offer(self, versions: list[str]) -> None:
-        """Offer the versions, and select the first, such as the results of the runs, and the last."""
+        """List the versions, and select the first, usually the results of the runs, and the last."""
         if versions == self._versions:
             self._show_texts()
             return

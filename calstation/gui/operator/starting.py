@@ -235,7 +235,7 @@ class RunStarter(QObject):
         return History(self._app.runs_folder).attempts(serial)
 
     def _note_next(self, *, accepted: bool | None = None) -> None:
-        """Show next to the serial field for which unit or slot the next scan is."""
+        """Show beside the serial field which unit or slot the next scan is for."""
         judged = self._app.run.ended or self._app.run.fault is not None
         note, next_slot = (say("operator.next_unit") if judged else ""), self.slots.marked
         if self.slots and not judged and not self._app.run.in_progress:

@@ -125,7 +125,7 @@ class FormField(QWidget):
         self.editor.setAccessibleDescription(text)
 
     def problem_text(self, problem: Problem) -> str:
-        """Return the sentence of a problem of this field."""
+        """Return the text of a problem with this field."""
         return problem_text(problem)
 
     def _typed(self) -> None:
@@ -213,7 +213,7 @@ def problem_text(problem: Problem) -> str:
 
 
 def choices_of(name: str, *values: Any) -> Callable[[], list[tuple[Any, str]]]:
-    """Return a function that lists values with their names from the catalogue family ``setting``, or their digits."""
+    """Return a function that lists values with their texts: numbers as digits, others from the family ``setting``."""
     return lambda: [(v, f"{v:g}" if isinstance(v, float | int) else say(f"setting.{name}_{v}")) for v in values]
 
 

@@ -1,4 +1,4 @@
-"""Protocol "framed": requests and replies in frames on the line of the stream."""
+"""Protocol "framed": request and reply frames on the serial line of the sample stream."""
 
 from typing import Annotated, Any, ClassVar
 
@@ -9,7 +9,7 @@ from calstation.devices.profiles.entries import Rules, SyncText, each_item, hex_
 from calstation.devices.profiles.imu_protocols.base import ImuProtocol
 from calstation.schema import EntryError, near_miss
 
-#: Op codes of the framed link and their usual numbers; `..._words` are for systems with their own indexing unit.
+#: Operations of the framed link and their usual op codes; `..._words` access the axes of a built-in indexing unit.
 OPS = {
     "identify": 1,
     "read": 2,
