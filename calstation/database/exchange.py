@@ -36,7 +36,7 @@ _TOO_LARGE, _MISSING_RUN = "54000", "23503"
 _INDEX_COLUMNS = [column for column in runs.c if column.name != "result"]
 
 #: Time after which a claim ends unless it is renewed, s; longer than the longest pause between two exchanges.
-EXPIRY_S = 300.0
+CLAIM_LIFETIME_S = 300.0
 
 
 class Exchange:
@@ -275,7 +275,12 @@ def claim_units(engine: sa.Engine, outbox: str, station: str, operators: Mapping
         return
     with engine.begin() as connection:
         now = database_time(connection)
-        shared = {"outbox": outbox, "station": station, "claimed": now, "expires": now + timedelta(seconds=EXPIRY_S)}
+        shared = {
+            "outbox": outbox,
+            "station": station,
+            "claimed": now,
+            "expires": now + timedelta(seconds=CLAIM_LIFETIME_S),
+        }
         rows = [{**shared, "serial": serial, "operator": operator} for serial, operator in operators.items()]
         expired = claims.c.expires <= now
         upsert(connection, claims, rows, claimed=sa.case((expired, now), else_=claims.c.claimed))

@@ -5,7 +5,7 @@ Steps and motion are in `sequencer`; a run on a virtual bench has the hooks of t
 
 from calstation.runs.engine import INTERNAL, Engine
 from calstation.runs.hooks import RunHooks, station_hooks
-from calstation.runs.incomplete import close_incomplete_job, finish_incomplete, recover_startup
+from calstation.runs.incomplete import close_incomplete_job, finish_incomplete, recover_at_startup
 from calstation.runs.preparation import prepare
 from calstation.runs.resume import Resumable, find_resumable, resumable_run
 from calstation.runs.run import execute

@@ -97,7 +97,7 @@ class StartupRecovery:
     delivery: Delivery
 
 
-def recover_startup(progress: ProgressCallback, runs: Path, station: Path | None) -> StartupRecovery:
+def recover_at_startup(progress: ProgressCallback, runs: Path, station: Path | None) -> StartupRecovery:
     """Job: finish incomplete runs, refresh the history, and deliver pending results as set in the station file."""
     incomplete = finish_incomplete(runs) if runs.is_dir() else []
     progress(0.3)

@@ -20,7 +20,7 @@ from calstation.simulation.bench_settings import bench_settings
 #: Kinds that the running bench injects.
 ORDERS: tuple[str, ...] = get_args(OrderName)
 
-_SET_UP: Mapping[str, Callable[[Mapping[str, Any], float], dict[str, Any]]] = {
+_INITIAL_CHANGES: Mapping[str, Callable[[Mapping[str, Any], float], dict[str, Any]]] = {
     "wrong_unit": lambda bench, value: {"serial": f"{bench['serial']}-OTHER"},
     "mounted_otherwise": lambda bench, value: {"mount_deg": [value, value]},
     "wrong_latitude": lambda bench, value: {"latitude_deg": bench["latitude_deg"] - value},
@@ -36,7 +36,7 @@ _OF_UNIT = ("wrong_unit", "mounted_otherwise", "never_ready", "single_bank_flash
 _VALUES = {"mounted_otherwise": 20.0, "wrong_latitude": 10.0, "wrong_gravity": 0.05}
 
 #: Kinds that change the bench from the start; they have no `stage`, `step` or `time_s`.
-SET_UP = tuple(_SET_UP)
+SET_UP = tuple(_INITIAL_CHANGES)
 
 #: Kinds that affect the computer: the engine's process is killed, the disk is full, or the run folder disappears.
 HOST = ("engine_killed", "disk_full", "runs_folder_gone")
@@ -120,7 +120,7 @@ class FaultPlan(StrictModel):
             if fault.kind in _OF_UNIT and fault.unit != number:
                 continue
             if fault.kind in SET_UP:
-                changes |= _SET_UP[fault.kind]({**settings, **changes}, self._value(fault))
+                changes |= _INITIAL_CHANGES[fault.kind]({**settings, **changes}, self._value(fault))
             elif fault.kind in ORDERS and fault.stage is None:
                 value = {} if fault.value is None else {"value": fault.value}
                 orders.append({"order": fault.kind, "at": time, "unit": fault.unit, **value})

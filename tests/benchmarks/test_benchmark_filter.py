@@ -14,7 +14,7 @@ from calstation.estimation.navigation.stage import LiveFilter
 from calstation.results import one_blas_thread
 
 #: Number of samples that both filters process: half a minute with a turn and three rests.
-STRETCH = 6000
+SAMPLE_COUNT = 6000
 
 
 def project_pass(stage, last, kind):
@@ -44,10 +44,10 @@ def test_plain_filter_gives_the_same_solution(stage, monkeypatch):
     monkeypatch.setattr(navigation_pass, "GROUP_TIME", 0.1)  # return to the reference after every observation, as the
     # plain filter does
     with one_blas_thread():
-        mean, covariance = comparison_pass(stage, STRETCH)
-        posterior = project_pass(stage, STRETCH, ClosedLoopFilter)
+        mean, covariance = comparison_pass(stage, SAMPLE_COUNT)
+        posterior = project_pass(stage, SAMPLE_COUNT, ClosedLoopFilter)
     sigma = np.sqrt(np.diag(covariance))
-    assert len(set(stage.data.step[:STRETCH])) >= 3
+    assert len(set(stage.data.step[:SAMPLE_COUNT])) >= 3
     assert posterior.sigma == pytest.approx(sigma, rel=0.01)
     assert np.abs((posterior.mean - mean) / sigma).max() < 0.05
     assert np.min(sigma / stage.prior.sigma) < 0.1
@@ -74,13 +74,13 @@ def test_compiled_filter_is_faster_than_a_plain_loop(stage, benchmark, figures, 
     table = replace(stage.context.table, velocity_interval=interval)
     stage = SimpleNamespace(**{**vars(stage), "context": replace(stage.context, table=table)})
     with one_blas_thread():
-        project_pass(stage, STRETCH, ReferencePass)
+        project_pass(stage, SAMPLE_COUNT, ReferencePass)
         begin = perf_counter()
-        comparison_pass(stage, STRETCH)
+        comparison_pass(stage, SAMPLE_COUNT)
         plain = perf_counter() - begin
-        benchmark.pedantic(project_pass, args=(stage, STRETCH, ReferencePass), rounds=5)
+        benchmark.pedantic(project_pass, args=(stage, SAMPLE_COUNT, ReferencePass), rounds=5)
     ratio = plain / benchmark.stats["min"]
-    figures(plain_us_per_sample=round(plain / STRETCH * 1e6, 1), ratio=round(ratio, 1))
+    figures(plain_us_per_sample=round(plain / SAMPLE_COUNT * 1e6, 1), ratio=round(ratio, 1))
     assert ratio > least
 
 

@@ -26,7 +26,7 @@ class ScriptedDevice:
         self.connections = 0
         self.failure: DeviceFaultError | None = None
         self.closed = threading.Event()
-        self._heard = b""
+        self._received = b""
         self._bytes: queue.SimpleQueue[bytes] = queue.SimpleQueue()
 
     @property
@@ -36,15 +36,15 @@ class ScriptedDevice:
 
     def answer(self, data: bytes) -> bytes:
         """Return the replies to received bytes."""
-        self._heard += data
+        self._received += data
         replies = b""
-        while self.pairs and self._heard.startswith(self.pairs[0][0]):
+        while self.pairs and self._received.startswith(self.pairs[0][0]):
             request, reply = self.pairs.pop(0)
-            self._heard = self._heard[len(request) :]
+            self._received = self._received[len(request) :]
             replies += reply or b""
-        if self._heard and not (self.pairs and self.pairs[0][0].startswith(self._heard)):
-            self.unexpected.append(self._heard)
-            self._heard = b""
+        if self._received and not (self.pairs and self.pairs[0][0].startswith(self._received)):
+            self.unexpected.append(self._received)
+            self._received = b""
         return replies
 
     def answer_modbus(self, data: bytes) -> bytes:

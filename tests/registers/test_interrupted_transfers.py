@@ -35,9 +35,9 @@ class Workbench:
         self.runs = site_folder.folder / "runs"
         self.request = site_folder.request("six_position")
         self.operations = RegisterOperations(site_folder.request())
-        self.healthy()
+        self.write_station()
 
-    def healthy(self, **bench: Any) -> None:
+    def write_station(self, **bench: Any) -> None:
         self.site_folder.write(flash_file=str(self.site_folder.folder / "flash.bin"), **bench)
 
     def interrupt(self, *, committed: bool, values: Mapping[str, float] = VALUES) -> register_journal.Transfer:
@@ -159,7 +159,7 @@ def test_registers_that_fail_verification_are_restored_and_the_run_ends(bench: W
 
 def test_run_does_not_finish_a_transfer_if_the_table_may_not_move(bench: Workbench) -> None:
     bench.interrupt(committed=True)
-    bench.healthy(interlock_closed=False)
+    bench.write_station(interlock_closed=False)
     events = bench.run(unfinished="finish")
     (fault,) = [event for event in events if isinstance(event, Fault)]
     assert "interlock" in fault.text

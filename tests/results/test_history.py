@@ -17,7 +17,7 @@ from calstation.records import CheckId, IndexedRun, LogMeta, RawLogWriter, RunFi
 from calstation.records.run_index import FILE
 from calstation.results import History, refresh_history
 from calstation.results import history as history_module
-from calstation.runs import find_resumable, recover_startup
+from calstation.runs import find_resumable, recover_at_startup
 from tests.check_rows import check_row
 from tests.helpers import raises_code
 from tests.records.records_samples import META, make_block
@@ -300,13 +300,13 @@ def test_startup_closes_incomplete_runs_and_delivers_results(tmp_path: Path) -> 
     (runs / "x.h5").rename(tmp_path / "going.h5")
     shutil.copyfile(tmp_path / "going.h5", runs / "x.h5")
     fractions: list[float] = []
-    tidied = recover_startup(lambda fraction, *_: fractions.append(fraction), runs, None)
+    tidied = recover_at_startup(lambda fraction, *_: fractions.append(fraction), runs, None)
     assert tidied.incomplete == (runs / "x.h5",)
     assert (tidied.delivery.folder, tidied.delivery.done) == (tmp_path / "handover", 1)
     assert (tmp_path / "handover" / "x.json").is_file()
     assert [run.verdict for run in History(runs).runs()] == ["incomplete"]
     assert fractions == sorted(fractions)
-    assert recover_startup(lambda *_: None, tmp_path / "none", None).incomplete == ()
+    assert recover_at_startup(lambda *_: None, tmp_path / "none", None).incomplete == ()
 
 
 def test_failed_checks_are_listed_only_for_judged_runs(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ class RegisteredImu(StreamedImu):
 
     def start(self, *, corrected: bool = False) -> None:
         """Start the stream, see `Imu.start`."""
-        self._switch_on(corrected=corrected)
+        self._start_stream(corrected=corrected)
         self._streaming = True
         section = self._profile.corrected
         frame = section.frame if section is not None and corrected else None
@@ -178,7 +178,7 @@ class RegisteredImu(StreamedImu):
         return nullcontext()
 
     @abstractmethod
-    def _switch_on(self, *, corrected: bool) -> None:
+    def _start_stream(self, *, corrected: bool) -> None:
         """Command the unit to start its stream."""
 
     @abstractmethod

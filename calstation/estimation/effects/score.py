@@ -19,7 +19,7 @@ from calstation.physics import AXES, COUNT, EFFECTS, INDEX, Effect, FloatArray, 
 #: parameter by more than `MIN_SHIFT` sigmas. Any other significant effect is harmless, but may explain other failures.
 MAX_EXCESS, MIN_SHIFT = 30.0, 3.0
 #: Largest difference between the χ² of the likeliest effect and that of another possible cause.
-_AS_LIKELY = 10.0
+_MAX_CHI2_DIFFERENCE = 10.0
 #: Parameter groups that are tested for jumps between two stages.
 _JUMP_GROUPS = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale")
 
@@ -56,7 +56,7 @@ def effect_tests(evidence: Sequence[EffectEvidence]) -> tuple[ModelTest | None, 
     likely = (
         effect
         for effect in evidence
-        if effect.excess > evidence[0].excess - _AS_LIKELY and (effect.excess > MAX_EXCESS) == significant
+        if effect.excess > evidence[0].excess - _MAX_CHI2_DIFFERENCE and (effect.excess > MAX_EXCESS) == significant
     )
     harmful = next((effect for effect in likely if effect.largest_shift > MIN_SHIFT), None)
     if harmful is not None:

@@ -37,7 +37,7 @@ from calstation.gui.widgets import (
 from calstation.messages import known, local_time
 
 #: Version of the results stored by the runs.
-_ONLINE = "online"
+_RUN_RESULTS = "online"
 #: Choices for the rows of the plot: parameters, or the groups of logs for the selected parameter.
 _GROUPS = {"": "history.by_parameter", **{kind: f"history.by_{kind}" for kind in GROUPS}}
 #: Maximum number of changed verdicts in the list; an export contains all.
@@ -130,7 +130,7 @@ class VersionsView(QWidget):
         self._show_texts()
 
     def _name(self, version: str) -> str:
-        return say("history.original_results") if version == _ONLINE else version
+        return say("history.original_results") if version == _RUN_RESULTS else version
 
     def _selected(self) -> tuple[str, str]:
         return self._before.currentData() or "", self._after.currentData() or ""

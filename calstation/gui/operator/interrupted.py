@@ -18,7 +18,7 @@ from calstation.runs import (
     RunSummary,
     close_incomplete_job,
     find_resumable,
-    recover_startup,
+    recover_at_startup,
     resume_question,
 )
 
@@ -39,7 +39,7 @@ class InterruptedRuns(QObject):
         self._search = app.job(self, find_resumable, self._search_done, failed=self._search_failed)
         self._closing = app.job(self, close_incomplete_job)
         self._recovery = app.job(
-            self, recover_startup, lambda done: self._show_delivery(done.delivery), failed=self._recovery_failed
+            self, recover_at_startup, lambda done: self._show_delivery(done.delivery), failed=self._recovery_failed
         )
         notice.report_failures(self._closing, "common.run_not_closed", header.focus_scan)
         app.resume_run.connect(lambda log: self.offer(log=log))

@@ -80,7 +80,7 @@ class FramedImu(RegisteredImu):
         attempts = ATTEMPTS if repeat else 1
         self.exchange(question, timeout=self._timeout, attempts=attempts, urgent=repeat)
 
-    def _switch_on(self, *, corrected: bool) -> None:
+    def _start_stream(self, *, corrected: bool) -> None:
         section = self._profile.corrected if corrected else None
         kind = 1 if section is None or section.stream is None else section.stream
         self._ask("stream", bytes([kind]))
@@ -137,7 +137,7 @@ class FramedImu(RegisteredImu):
     ) -> bytes:
         return self._send(self._question(name, payload, begins), attempts, timeout)
 
-    def _other_questions(self) -> Iterator[Question[bytes]]:
+    def _other_requests(self) -> Iterator[Question[bytes]]:
         """Yield the identity query, then register reads of decreasing length."""
         yield self._question("identify", b"", b"")
         transfers = [part for entry in self._registers.entries for part in self._transfers(entry)]

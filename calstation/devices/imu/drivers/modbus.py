@@ -32,7 +32,7 @@ class ModbusImu(RegisteredImu):
         """Return the kind of packets that reply to commands."""
         return RtuReply(profile.section_of(ModbusProtocol).unit)
 
-    def _switch_on(self, *, corrected: bool) -> None:
+    def _start_stream(self, *, corrected: bool) -> None:
         stream, section = self._section.stream, self._profile.corrected if corrected else None
         if stream is not None:
             self._word = stream.on if section is None or section.stream is None else section.stream
@@ -137,7 +137,7 @@ class ModbusImu(RegisteredImu):
     def _write(self, address: int, values: list[int], attempts: int = ATTEMPTS, timeout: float | None = None) -> None:
         self._send(_question(RtuRequest.write(self._section.unit, address, values)), attempts, timeout)
 
-    def _other_questions(self) -> Iterator[Question[bytes]]:
+    def _other_requests(self) -> Iterator[Question[bytes]]:
         """Yield reads of complete and partial text registers, which do not depend on the page."""
         longest = max(self._texts, key=lambda text: text.words)
         for words in (*(text.words for text in self._texts), *range(1, longest.words)):

@@ -48,7 +48,7 @@ class VectorNavImu(RegisteredImu):
         """Return the kind of packets that reply to commands."""
         return LineReply(profile.section_of(VectorNavProtocol))
 
-    def _switch_on(self, *, corrected: bool) -> None:
+    def _start_stream(self, *, corrected: bool) -> None:
         section = self._profile.corrected if corrected else None
         for words in self._section.start if section is None else section.start:
             self._ask(words)
@@ -83,7 +83,7 @@ class VectorNavImu(RegisteredImu):
         """Send a line and return the other fields of the reply, which repeats its command and register."""
         return self._send(self._question(words), attempts, timeout)
 
-    def _other_questions(self) -> Iterator[Question[list[str]]]:
+    def _other_requests(self) -> Iterator[Question[list[str]]]:
         for register in (*_IDENTITY, *(entry.address for entry in self._registers.entries)):
             yield self._question(f"VNRRG,{register}")
 
