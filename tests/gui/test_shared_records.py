@@ -121,7 +121,7 @@ def test_pending_records_are_shown_until_sent(
     assert "is not reachable" in operator.says()
     assert waiting in operator.says()
     refused = Text("database.runs_refused", {"count": 3, "run": "SN-9_20261101T000000", "reason": "too long"})
-    change_state(site_folder.runs, refusal=refused.to_json())
+    change_state(site_folder.runs, refusal=refused)
     operator.until(lambda: "refuses: 3; the last one is SN-9_20261101T000000: too long" in operator.says())
     operator.window.show_page("operator_page")
 

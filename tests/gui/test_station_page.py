@@ -282,7 +282,7 @@ def test_a_site_is_confirmed_on_this_computer(page_driver: PageDriver) -> None:
 
 def test_azimuth_estimated_from_the_data_is_not_stored(page_driver: PageDriver, site_folder: Any) -> None:
     page_driver.show_section(SITE)
-    page_driver.choose("azimuth_way_combo", "found")
+    page_driver.choose("azimuth_way_combo", "determined")
     page_driver.press("save_station_button")
     assert "azimuth_deg" not in saved(site_folder.station)["site"]
     page_driver.choose("azimuth_way_combo", "given")
