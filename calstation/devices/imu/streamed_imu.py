@@ -56,7 +56,7 @@ class StreamedImu(Imu):
         self._replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
         self._requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._dialogue = Dialogue(
-            self._requests.put, self._receive, self._other_requests, lambda reply, signature, refusal: refusal
+            self._requests.put, self._receive, self._other_questions, lambda reply, signature, refusal: refusal
         )
         self._exchange_lock = threading.Lock()
         self._closing = threading.Event()
@@ -116,7 +116,7 @@ class StreamedImu(Imu):
                     return content
         raise self._no_answer(timeout)
 
-    def _other_requests(self) -> Iterator[Question[object]]:
+    def _other_questions(self) -> Iterator[Question[object]]:
         """Yield questions with different signatures to which every unit of this kind replies."""
         return iter(())
 

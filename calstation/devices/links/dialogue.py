@@ -58,7 +58,7 @@ class Dialogue:
         may_belong: Callable[[Reply, Hashable, bool], bool],
     ) -> None:
         self._send, self._receive = send, receive
-        self._other_requests, self._may_belong = other_questions, may_belong
+        self._other_questions, self._may_belong = other_questions, may_belong
         #: Signatures of the replies that may still arrive, oldest first.
         self.unanswered: list[Hashable] = []
 
@@ -84,7 +84,7 @@ class Dialogue:
     def other_question(self) -> Question[object] | None:
         """Return a question to which no late reply can belong, if necessary by discarding the oldest signatures."""
         while True:
-            for question in self._other_requests():
+            for question in self._other_questions():
                 if question.signature not in self.unanswered:
                     return question
             if not self.unanswered:

@@ -201,7 +201,7 @@ class RtuUnit:
         self._received = b""
         self.lengths: dict[int, int] = {}
         self.has_replied = False
-        self.dialogue = Dialogue(self._send, self._receive, self._other_requests, self._may_belong)
+        self.dialogue = Dialogue(self._send, self._receive, self._other_questions, self._may_belong)
 
     def _send(self, data: bytes) -> None:
         self._received, self.has_replied = b"", False
@@ -218,7 +218,7 @@ class RtuUnit:
         self.has_replied |= bool(parsed)
         return [reply for reply, _ in parsed]
 
-    def _other_requests(self) -> Iterator[Question[bytes]]:
+    def _other_questions(self) -> Iterator[Question[bytes]]:
         """Yield reads of different lengths.
 
         Lengths of previous reads come before parts of the longest one, which a device might refuse.

@@ -137,7 +137,7 @@ class FramedImu(RegisteredImu):
     ) -> bytes:
         return self._send(self._question(name, payload, begins), attempts, timeout)
 
-    def _other_requests(self) -> Iterator[Question[bytes]]:
+    def _other_questions(self) -> Iterator[Question[bytes]]:
         """Yield the identity query, then register reads of decreasing length."""
         yield self._question("identify", b"", b"")
         transfers = [part for entry in self._registers.entries for part in self._transfers(entry)]

@@ -137,7 +137,7 @@ class ModbusImu(RegisteredImu):
     def _write(self, address: int, values: list[int], attempts: int = ATTEMPTS, timeout: float | None = None) -> None:
         self._send(_question(RtuRequest.write(self._section.unit, address, values)), attempts, timeout)
 
-    def _other_requests(self) -> Iterator[Question[bytes]]:
+    def _other_questions(self) -> Iterator[Question[bytes]]:
         """Yield reads of complete and partial text registers, which do not depend on the page."""
         longest = max(self._texts, key=lambda text: text.words)
         for words in (*(text.words for text in self._texts), *range(1, longest.words)):

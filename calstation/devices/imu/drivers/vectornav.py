@@ -83,7 +83,7 @@ class VectorNavImu(RegisteredImu):
         """Send a line and return the other fields of the reply, which repeats its command and register."""
         return self._send(self._question(words), attempts, timeout)
 
-    def _other_requests(self) -> Iterator[Question[list[str]]]:
+    def _other_questions(self) -> Iterator[Question[list[str]]]:
         for register in (*_IDENTITY, *(entry.address for entry in self._registers.entries)):
             yield self._question(f"VNRRG,{register}")
 
