@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from calstation.errors import ConfigurationError
 from calstation.estimation import BatchStage, Method, Solution
 from calstation.estimation.common import (
+    REST_MARGIN,
     Link,
     Posterior,
     SolveContext,
@@ -125,7 +126,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
         gaps=data.gaps,
         details=_details(data, still, rests, links, fit),
         sensitivity=fit.sensitivity,
-        messages=_messages(data, still, links, fit),
+        messages=_messages(data, still, links, fit, shortest),
     )
 
 
@@ -158,7 +159,7 @@ def _details(
 
 
 def _messages(
-    data: StageData, still: Stillness, links: tuple[Link, ...], fit: PositionFit
+    data: StageData, still: Stillness, links: tuple[Link, ...], fit: PositionFit, shortest: float
 ) -> tuple[tuple[str, dict[str, Any]], ...]:
     stage = {"stage": "multi_position"}
     messages: list[tuple[str, dict[str, Any]]] = []
@@ -166,6 +167,9 @@ def _messages(
         messages.append(("not_converged", {**stage, "passes": MAX_ITERATIONS}))
     if still.cuts:
         messages.append(("recording_cut", {**stage, "count": len(still.cuts)}))
+    if still.too_short:
+        needed = shortest + 2.0 * REST_MARGIN
+        messages.append(("short_rests_left_out", {**stage, "count": still.too_short, "needed": needed}))
     if len(links) < len(still.links):
         messages.append(("motions_left_out", {**stage, "count": len(still.links) - len(links)}))
     if not data.has_gyros:

@@ -15,7 +15,14 @@ from typing import IO, Any
 import numpy as np
 
 from calstation.errors import InputError
-from calstation.estimation.common import SampleBlock, SequenceError, SequenceUnwrapper, has_gyros, snap_angles
+from calstation.estimation.common import (
+    AngleUnwrapper,
+    SampleBlock,
+    SequenceError,
+    SequenceUnwrapper,
+    has_gyros,
+    snap_angles,
+)
 from calstation.messages import os_reason
 from calstation.physics import AXES, CHANNELS, BoolArray, FloatArray, IntArray
 from calstation.records.arrival import SampleTimes, are_arrivals, sample_period, sample_times
@@ -44,6 +51,8 @@ _TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
 CSV_SUFFIXES = tuple(suffix + compressed for suffix in _TEXT_SUFFIXES for compressed in ("", ".gz"))
 #: Number of samples that are checked for non-integer output.
 _DECIMALS_CHECKED = 200
+#: Relative error of a count size of six digits, due to which counts are not quite whole numbers.
+_LSB_ERROR = 1e-6
 _CHUNK_BYTES = 1 << 17
 
 
@@ -71,7 +80,8 @@ def _with_quantisation(path: Path, meta: LogMeta, layout: Layout) -> LogMeta:
             counts.append(block.counts[block.valid])
             if sum(map(len, counts)) >= _DECIMALS_CHECKED:
                 break
-    is_decimal = (np.concatenate([np.empty((0, 6)), *counts]) % 1.0 != 0.0).any(axis=0)
+    values = np.concatenate([np.empty((0, 6)), *counts])
+    is_decimal = (np.abs(values - np.rint(values)) > _LSB_ERROR * np.abs(values)).any(axis=0)
     sensors = {"gyro_quantisation": is_decimal[:3].any(), "accel_quantisation": is_decimal[3:].any()}
     added = {name: 0.0 for name, has_decimals in sensors.items() if has_decimals and getattr(meta.imu, name) is None}
     return meta.model_copy(update={"imu": meta.imu.model_copy(update=added)}) if added else meta
@@ -113,7 +123,7 @@ def csv_blocks(path: Path, meta: LogMeta, layout: Layout, jitter: list[float]) -
     """
     jitter.clear()
     rate, factors, secondaries = meta.imu.sample_rate_hz, unit_factors(layout, meta), len(meta.secondaries)
-    unwrapper = SequenceUnwrapper(1.0 / rate)
+    unwrapper, angles = SequenceUnwrapper(1.0 / rate), AngleUnwrapper()
     starts: set[tuple[float, ...]] = set()
     times: SampleTimes | None = None
     rows = 0
@@ -142,7 +152,7 @@ def csv_blocks(path: Path, meta: LogMeta, layout: Layout, jitter: list[float]) -
         if not rows and len(seq) > 1:
             _check_rate(path, float(np.median(np.diff(clock) / np.diff(unwrapped))), rate)
         rows += len(seq)
-        yield from table.blocks(unwrapped, clock, counts)
+        yield from table.blocks(unwrapped, clock, counts, angles)
     if not rows:
         raise InputError("csv.no_samples", file=path)
 
@@ -317,12 +327,15 @@ class _Table:
             raise self._wrong_cell("csv.cell_not_whole", name, int(np.argmax(is_wrong)))
         return values.astype(np.int64)
 
-    def blocks(self, seq: IntArray, time: FloatArray, counts: FloatArray) -> Iterator[SampleBlock]:
+    def blocks(
+        self, seq: IntArray, time: FloatArray, counts: FloatArray, unwrapper: AngleUnwrapper
+    ) -> Iterator[SampleBlock]:
         """Yield the samples of the chunk, one block per interval of a stage."""
         n = len(seq)
         angles = np.full((n, 2), np.nan)
         if ANGLES[0] in self._header:
-            angles = snap_angles(np.deg2rad(np.column_stack([self.floats(a, True) for a in ANGLES])))
+            recorded = np.deg2rad(np.column_stack([self.floats(a, True) for a in ANGLES]))
+            angles = snap_angles(unwrapper.feed(time, recorded))
         step = self.integers("step") if "step" in self._header else np.zeros(n, np.int64)
         temperature = self.floats("temp_c", True) if "temp_c" in self._header else np.full(n, np.nan)
         secondaries, joints = self._secondary_counts(n), self._joints(n)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.errors import InputError
-from calstation.estimation.common import SequenceUnwrapper, unwrap_counter
+from calstation.estimation.common import AngleUnwrapper, SequenceUnwrapper, unwrap_counter
 
 PERIOD = 0.01
 
@@ -76,3 +76,30 @@ def test_live_counter_continues_across_blocks(bits: int, first: int, steps: list
 
 def test_restarted_live_counter_counts_one_lost_sample() -> None:
     assert unwrap_counter([10, 11, 0, 1], None, 16).tolist() == [10, 11, 13, 14]
+
+
+def _table_angle(time: np.ndarray) -> np.ndarray:
+    """Return the angle of a rest, two turns at 20 °/s, a rest, two turns and 37° back, and a rest, rad."""
+    return np.deg2rad(np.interp(time, [0.0, 5.0, 41.0, 46.0, 83.85, 90.0], [10.0, 10.0, 730.0, 730.0, -27.0, -27.0]))
+
+
+@pytest.mark.parametrize("polled_every", [1, 7, 10, 100])
+@pytest.mark.parametrize("cut", [0, 1234, 4000])
+@pytest.mark.parametrize("lowest", [0.0, -180.0])
+def test_angles_modulo_a_turn_become_cumulative(polled_every: int, cut: int, lowest: float) -> None:
+    time = np.arange(1, 9001) * PERIOD
+    true = _table_angle(time)[:, None]
+    true[np.arange(len(time)) % polled_every != 0] = np.nan
+    low = np.deg2rad(lowest)
+    recorded = (true - low) % (2.0 * np.pi) + low
+    unwrapper = AngleUnwrapper()
+    found = np.concatenate([unwrapper.feed(time[k], recorded[k]) for k in (slice(cut), slice(cut, None))])
+    np.testing.assert_allclose(found, true, atol=1e-9)
+
+
+@pytest.mark.parametrize("polled_every", [1, 10, 5000])
+def test_cumulative_angles_remain_unchanged(polled_every: int) -> None:
+    time = np.arange(1, 9001) * PERIOD
+    true = _table_angle(time)[:, None]
+    true[np.arange(len(time)) % polled_every != 0] = np.nan
+    np.testing.assert_array_equal(AngleUnwrapper().feed(time, true), true)

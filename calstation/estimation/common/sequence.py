@@ -1,6 +1,7 @@
-"""Unwrapping of sample counters, which distinguishes wraps, resets and gaps (docs/contract.md, "CSV import")."""
+"""Unwrapping of angles, and of sample counters: wraps, resets and gaps (docs/contract.md, "CSV import")."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,6 +10,12 @@ from calstation.physics import FloatArray, IntArray
 
 MODULI = (2**8, 2**16, 2**32)
 _RESTART_SECONDS = 1.0
+#: Rate between two angles above which a turn was added or removed between them, rad/s; no table is as fast.
+_FASTEST = np.deg2rad(720.0)
+#: Time between two angles, s, up to which the previous rate shows that a turn was added or removed, ...
+_CONTINUOUS = 1.5
+#: ... and the change of angle, and its difference from the change at the previous rate, that show it, rad.
+_JUMP = np.deg2rad(270.0)
 
 
 class SequenceError(InputError):
@@ -102,3 +109,52 @@ def unwrap_counter(raw: Sequence[int] | IntArray, last: int | None, bits: int, l
     steps = (received - previous) % modulus
     reset = (steps > modulus // 2) & (received < modulus // 8)
     return start + np.cumsum(np.where(reset, 2, np.where(steps == 0, modulus, steps)))
+
+
+class AngleUnwrapper:
+    """Makes the angles of a table cumulative, chunk by chunk, if they are recorded modulo a whole turn.
+
+    Angles that are cumulative already do not change, even if the table turns between two polls.
+    """
+
+    def __init__(self) -> None:
+        self._columns: list[_LastAngle] = []
+
+    def feed(self, time: FloatArray, angles: FloatArray) -> FloatArray:
+        """Return the angles of the next chunk, rad, shape (n, k), NaN between polls; `time` is in s, shape (n,)."""
+        self._columns = self._columns or [_LastAngle() for _ in range(angles.shape[1])]
+        columns = [column.unwrap(time, values) for column, values in zip(self._columns, angles.T, strict=True)]
+        return np.column_stack(columns) if columns else angles
+
+
+@dataclass
+class _LastAngle:
+    """The last angle of a column that was polled."""
+
+    time: float = np.nan  #: s
+    recorded: float = np.nan  #: rad
+    rate: float = 0.0  #: Mean rate since the angle polled before it, rad/s.
+    added: float = 0.0  #: Whole turns added to the recorded angle, rad.
+
+    def unwrap(self, time: FloatArray, angles: FloatArray) -> FloatArray:
+        """Return the next angles of the column, rad, shape (n,)."""
+        polled = np.flatnonzero(np.isfinite(angles))
+        if not len(polled):
+            return angles
+        times, recorded = (
+            np.concatenate([[last], x[polled]]) for last, x in ((self.time, time), (self.recorded, angles))
+        )
+        elapsed, change = np.diff(times), np.diff(recorded)
+        shift = np.zeros(len(angles))
+        jumps = np.flatnonzero(np.abs(change) > np.pi)
+        for k in jumps:
+            rate = change[k - 1] / elapsed[k - 1] if k > 0 and elapsed[k - 1] > 0.0 else self.rate
+            unexpected = min(abs(change[k]), abs(change[k] - rate * elapsed[k])) > _JUMP
+            if abs(change[k]) > _FASTEST * elapsed[k] or (unexpected and elapsed[k] <= _CONTINUOUS):
+                shift[polled[k]] = -2.0 * np.pi * np.rint(change[k] / (2.0 * np.pi))
+                change[k] += shift[polled[k]]
+        added = self.added + np.cumsum(shift) if len(jumps) else self.added
+        self.time, self.recorded, self.added = float(times[-1]), float(recorded[-1]), self.added + float(shift.sum())
+        if elapsed[-1] > 0.0:
+            self.rate = float(change[-1] / elapsed[-1])
+        return np.asarray(angles + added)

@@ -37,6 +37,8 @@ MAX_FORCE_NOISE = 2.0
 STEADY_FORCE = 6.0
 #: ... plus this change, m/s².
 CREEP_FORCE = 0.02
+#: Duration of an interval that is too short for a rest, but no pause in a motion, relative to the shortest rest.
+NEARLY_LONG = 0.4
 #: Standard deviation of the rate at rest about the mean rate of the quietest windows, rad/s.
 RESTING_RATE_SIGMA = np.deg2rad(0.2)
 
@@ -61,6 +63,7 @@ class Stillness:
     accel_noise: float  #: White noise at rest, m/s/√s.
     rate: FloatArray  #: Mean raw rate at rest, rad/s, shape (3,).
     cuts: tuple[int, ...] = ()  #: Index of the first sample after each cut, which is not a gap in the counter.
+    too_short: int = 0  #: Number of intervals of stillness that are too short for a rest.
 
 
 def find_stillness(data: StageData, imu: ImuModel, shortest: float = SHORTEST_REST) -> Stillness:
@@ -83,17 +86,16 @@ def find_stillness(data: StageData, imu: ImuModel, shortest: float = SHORTEST_RE
     rests: list[tuple[int, int]] = []
     links: list[Link] = []
     cuts = _find_cuts(data, noise, accel_noise, resting)
+    too_short = 0
     for start, stop in data.segments:
         for part in itertools.pairwise([start, *(c for c in cuts if start < c < stop), stop]):
-            part_rests = [
-                (a, b)
-                for a, b in find_rests(data, measured_imu, (resting, RESTING_RATE_SIGMA), [part])
-                if (b - a) * data.dt >= shortest
-            ]
+            candidates = find_rests(data, measured_imu, (resting, RESTING_RATE_SIGMA), [part])
+            part_rests = [(a, b) for a, b in candidates if (b - a) * data.dt >= shortest]
+            too_short += sum(NEARLY_LONG * shortest <= (b - a) * data.dt < shortest for a, b in candidates)
             for k, ((_, end), (begin, _)) in enumerate(itertools.pairwise(part_rests), len(rests)):
                 links.append(Link(k, k + 1, end, begin))
             rests += part_rests
-    return Stillness(tuple(rests), tuple(links), noise, accel_noise, resting, cuts)
+    return Stillness(tuple(rests), tuple(links), noise, accel_noise, resting, cuts, too_short)
 
 
 def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std: FloatArray) -> Stillness:
@@ -107,6 +109,7 @@ def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std:
     width = max(round(REST_WINDOW / data.dt), 8)
     margin = round(REST_MARGIN / data.dt)
     rests: list[tuple[int, int]] = []
+    too_short = 0
     for start, stop in data.segments:
         if stop - start < 2 * width:
             continue
@@ -114,7 +117,9 @@ def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std:
         square = window_mean((data.accel[start:stop] - force.mean(axis=0)) ** 2, np.zeros(3), width)
         power = (square - (force - force.mean(axis=0)) ** 2).mean(axis=1)
         still = power < (MAX_FORCE_NOISE * noise) ** 2
-        changes = (
+        # a window next to a motion differs from one within it, which is not still anyway
+        changes = still[width:] & still[:-width]
+        changes &= (
             np.abs(force[width:] - force[:-width]).max(axis=1) > STEADY_FORCE * noise / np.sqrt(width) + CREEP_FORCE
         )
         still[width:] &= ~changes
@@ -123,7 +128,10 @@ def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std:
             a, b = start + first + margin, start + last + width - 1 - margin
             if (b - a) * data.dt >= shortest:
                 rests.append((a, b))
-    return Stillness(tuple(rests), (), imu.gyro_arw, noise * float(np.sqrt(data.dt)), np.full(3, np.nan))
+            else:
+                too_short += (b - a) * data.dt >= NEARLY_LONG * shortest
+    force_noise = noise * float(np.sqrt(data.dt))
+    return Stillness(tuple(rests), (), imu.gyro_arw, force_noise, np.full(3, np.nan), too_short=too_short)
 
 
 def _find_cuts(data: StageData, gyro_noise: float, accel_noise: float, resting: FloatArray) -> tuple[int, ...]:

@@ -10,7 +10,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
-from calstation.estimation.common import ImuModel, Link, Posterior, StageData, Stillness, find_stillness, true_intervals
+from calstation.estimation.common import (
+    REST_MARGIN,
+    ImuModel,
+    Link,
+    Posterior,
+    StageData,
+    Stillness,
+    find_stillness,
+    true_intervals,
+)
 from calstation.estimation.positions.rows import integrate_rotation
 from calstation.messages import Text
 from calstation.physics import AXES, CHANNELS, BoolArray, FloatArray, compensate, compensation, group_indices
@@ -19,8 +28,21 @@ from calstation.physics import AXES, CHANNELS, BoolArray, FloatArray, compensate
 FREEZE_TIME = 1.0
 #: Largest fraction of repeated samples of a noisy channel.
 NOISY = 0.05
+#: Smallest fraction of repeated samples of a column whose steps exceed its noise.
+COARSE = 0.5
+#: Window in which a motion changes a column, s.
+MOTION_WINDOW = 0.5
 #: Smallest length of a frozen interval, relative to the longest repetition explained by chance.
 UNLIKELY = 5.0
+#: Smallest fraction of the samples at rest with one value, of a gyro that suppresses small rates, and smallest number
+#: of its other values. A coarse gyro is also constant at rest, ...
+MIN_AT_REST, MIN_VALUES = 0.98, 50
+#: ... but its noise is below this fraction of a step, and the values adjacent to the one at rest also occur.
+MIN_NOISE, SUPPRESSED_STEPS = 0.5, 5.0
+#: Fraction of the range of a column that it crosses during a motion.
+MOTION_SHARE = 0.2
+#: Largest probability with which a coarse channel that is not frozen keeps one value in successive motions.
+CHANCE = 1e-3
 #: Lowest and highest ratio of the force at rest to gravity; other ratios indicate a wrong unit.
 PLAUSIBLE_RATIOS = (0.75, 1.33)
 #: Smallest angle between the gravity directions of different positions, rad.
@@ -67,12 +89,15 @@ def valid_links(
 
     Raises InputError or InsufficientDataError if the recording cannot be used.
     """
+    _require_small_rates(data, still, imu)
     require_changing(data, CHANNELS, np.column_stack([data.gyro, data.accel]))
     if not still.rests:
-        raise _no_rest_error(data, imu, gravity, prior, shortest)
+        raise _no_rest_error(data, imu, gravity, prior, still, shortest)
     turns, up = _turns(data, still, prior)
     _require_gravity(data, still, gravity, prior)
     if _distinct(up) < 2:
+        if still.too_short > 1:
+            raise _short_rests_error(still, shortest)
         raise InsufficientDataError("recording.one_position", rests=len(up))
     contradictory = _contradicting(data, turns, prior, gravity, compensation(prior.mean).gyro_inverse)
     if contradictory.sum() > MAX_CONTRADICTORY * len(turns):
@@ -80,7 +105,9 @@ def valid_links(
     return tuple(turn.link for turn, is_contradictory in zip(turns, contradictory, strict=True) if not is_contradictory)
 
 
-def _no_rest_error(data: StageData, imu: ImuModel, gravity: float, prior: Posterior, shortest: float) -> InputError:
+def _no_rest_error(
+    data: StageData, imu: ImuModel, gravity: float, prior: Posterior, still: Stillness, shortest: float
+) -> InputError:
     """Return the error for a recording without rests, which may be due to rates in a wrong unit."""
     for assumed, right, factor in GYRO_UNITS:
         scaled = replace(data, gyro=data.gyro * factor)
@@ -88,7 +115,38 @@ def _no_rest_error(data: StageData, imu: ImuModel, gravity: float, prior: Poster
         if turns and _contradicting(scaled, turns, prior, gravity, np.eye(3)).sum() <= MAX_CONTRADICTORY * len(turns):
             slip = Text.of("recording.unit_slip", given=assumed, right=right)
             return InputError("recording.gyro_unit_no_rest", factor=factor, slip=slip)
+    if still.too_short > 1:
+        return _short_rests_error(still, shortest)
     return InsufficientDataError("recording.no_rest", shortest=shortest, seconds=len(data) * data.dt)
+
+
+def _short_rests_error(still: Stillness, shortest: float) -> InsufficientDataError:
+    """Return the error for a recording with too few rests of sufficient duration."""
+    values = {"short": still.too_short, "rests": len(still.rests), "needed": shortest + 2.0 * REST_MARGIN}
+    return InsufficientDataError("recording.rests_too_short", **values)
+
+
+def _require_small_rates(data: StageData, still: Stillness, imu: ImuModel) -> None:
+    """Raise InputError if gyros have one value in all rests, although their noise would change it."""
+    if not data.has_gyros or not still.rests:
+        return
+    at_rest = np.concatenate([data.gyro[a:b] for a, b in still.rests])
+    noise = max(
+        imu.gyro_arw / np.sqrt(data.dt),
+        *(float(np.median([data.gyro[a:b, i].std() for a, b in still.rests])) for i in range(3)),
+    )
+    channels = []
+    for i, name in enumerate(CHANNELS[:3]):
+        values, counts = np.unique(at_rest[:, i], return_counts=True)
+        others = np.abs(np.unique(data.gyro[:, i]) - values[np.argmax(counts)])
+        others = np.sort(others[others > 0.0])
+        if counts.max() < MIN_AT_REST * counts.sum() or len(others) < MIN_VALUES:
+            continue
+        step = float(np.quantile(np.diff(np.unique(data.gyro[:, i])), 0.05))
+        if noise > MIN_NOISE * step or others[0] > SUPPRESSED_STEPS * step:
+            channels.append(name)
+    if channels:
+        raise InputError("recording.small_rates_suppressed", channels=channels)
 
 
 def require_changing(data: StageData, names: Sequence[str], values: FloatArray) -> None:
@@ -101,8 +159,10 @@ def require_changing(data: StageData, names: Sequence[str], values: FloatArray) 
 def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Iterator[tuple[str, int, int]]:
     """Yield name, first and last sample of each frozen column; `values` has the shape (n, k).
 
-    If all columns repeat their values at the same time and also elsewhere, the noise is too small for this test.
+    If all columns repeat their values at the same time and also elsewhere, the noise is too small for this test. A
+    column whose steps exceed its noise is constant at rest; it is frozen if it also keeps its value in motions.
     """
+    moves: list[tuple[int, int]] | None = None
     for channel, name in enumerate(names):
         same = np.diff(values[:, channel]) == 0.0
         if not same.any():
@@ -115,8 +175,29 @@ def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Itera
         if length * dt <= FREEZE_TIME or length <= UNLIKELY * chance:
             continue
         changing = np.delete(np.diff(values[first:last], axis=0) != 0.0, channel, axis=1).mean(axis=0)
+        if repeated >= COARSE:
+            moves = moves or _moves(values, dt)
+            if not _keeps_value(values[:, channel], moves, first, last):
+                continue
         if changing.max() > 0.5 or repeated < NOISY:
             yield name, first, last
+
+
+def _moves(values: FloatArray, dt: float) -> list[tuple[int, int]]:
+    """Return the intervals in which a column, shape (n, k), changes by a large part of its range."""
+    width = max(round(MOTION_WINDOW / dt), 2)
+    count = len(values) // width
+    parts = values[: count * width].reshape(count, width, -1)
+    change = np.ptp(parts, axis=1) > MOTION_SHARE * np.maximum(np.ptp(values, axis=0), np.finfo(np.float64).tiny)
+    return [(a * width, min((b + 1) * width, len(values))) for a, b in true_intervals(change.any(axis=1))]
+
+
+def _keeps_value(values: FloatArray, moves: list[tuple[int, int]], first: int, last: int) -> bool:
+    """Return whether a column, shape (n,), keeps its value from `first` to `last` in more moves than by chance."""
+    within = [first <= a and b <= last for a, b in moves]
+    changed = [bool(np.ptp(values[a:b]) > 0.0) for (a, b), inside in zip(moves, within, strict=True) if not inside]
+    unchanged = 1.0 - (sum(changed) + 1.0) / (len(changed) + 2.0)
+    return bool(unchanged ** sum(within) < CHANCE)
 
 
 def _require_gravity(data: StageData, still: Stillness, gravity: float, prior: Posterior) -> None:

@@ -21,6 +21,7 @@ import numba as nb
 import numpy as np
 
 from calstation.estimation.common import (
+    BIAS_DRIFT_PER_INSTABILITY,
     BIAS_DRIFT_TIME,
     Link,
     Posterior,
@@ -162,8 +163,9 @@ class PositionRows:
         self.gravity = site.local_gravity
         self.up_rate = float(rotation_rate(site.latitude)[2])
         self.north_rate = float(rotation_rate(site.latitude)[1]) / np.sqrt(2.0)
-        self.bias_drift = noise.bias_drift
-        self.has_drift = bool(np.any(noise.bias_drift))
+        # the rounding error of a rest, in the noise of the rests, is independent of that of other positions
+        self.bias_drift = np.repeat(BIAS_DRIFT_PER_INSTABILITY * context.imu.bias_instability, 3)
+        self.has_drift = bool(np.any(self.bias_drift))
         self.root = square_root(prior.covariance)
         #: Rows of a rest: specific force, and rate if there are gyros.
         self.per_rest = 6 if data.has_gyros else 3
