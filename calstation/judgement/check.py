@@ -6,12 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from calstation.estimation import Diagnosis, ModelTest
-from calstation.messages import Text, values_from_json
-from calstation.physics import display, display_by_unit
+from calstation.messages import Text
 from calstation.records import MODEL_KINDS, NEAR, CheckId, CheckKind
-
-#: Largest number of parameters listed in the message about a failed test.
-_MAX_SHIFTS = 3
 
 
 @dataclass(frozen=True)
@@ -104,19 +100,7 @@ class Check:
     @property
     def cause_text(self) -> Text | None:
         """Message about the cause of a failed model test; None for any other check."""
-        diagnosis = self.diagnosis
-        if diagnosis is None:
-            return None
-        parameter = diagnosis.values.get("parameter", "")
-        (size, unit), (sigma, _) = (
-            display(parameter, value) if parameter else display_by_unit(diagnosis.unit, value)
-            for value in (diagnosis.size, diagnosis.sigma)
-        )
-        shifts = diagnosis.parameter_shift
-        largest = sorted(shifts, key=lambda name: -abs(shifts[name]))[:_MAX_SHIFTS]
-        moves = [Text.of("cause.move", parameter=name, sigmas=shifts[name]) for name in largest]
-        size_values = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": self.subject}
-        return Text(f"cause.{diagnosis.cause}", {**size_values, **values_from_json(diagnosis.values)})
+        return None if self.diagnosis is None else self.diagnosis.text(self.subject)
 
     def to_json(self) -> dict[str, Any]:
         """Return the check as a row of the result JSON."""

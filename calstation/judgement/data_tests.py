@@ -1,4 +1,4 @@
-"""Tests of the recorded samples: clipped channels, the sample clock, and the temperature."""
+"""Tests of the recorded data: configuration, clipped channels, sample clock, heading, and temperature."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -7,8 +7,19 @@ from typing import Any
 import numba as nb
 import numpy as np
 
+from calstation.errors import InputError
 from calstation.estimation import Diagnosis, ModelTest, Solution
-from calstation.estimation.common import ImuModel, RestResiduals, SampleBlock, SolveContext, StageData, rest_residuals
+from calstation.estimation.common import (
+    ImuModel,
+    Posterior,
+    RestResiduals,
+    SampleBlock,
+    SolveContext,
+    StageData,
+    rest_residuals,
+    stage_data,
+)
+from calstation.judgement.gross_errors import gross_error, heading_test
 from calstation.physics import CHANNELS, PARAMETERS, BoolArray, FloatArray, group_indices
 from calstation.records import ChecksSection, LogMeta, SampleClockLimit, TemperatureLimit
 
@@ -31,19 +42,26 @@ _MIN_CHANGE = 0.5
 class DataTests:
     """Tests of the samples of a log's stages, in order."""
 
-    def __init__(self, meta: LogMeta, context: SolveContext) -> None:
+    def __init__(self, meta: LogMeta, context: SolveContext, prior: Posterior) -> None:
         checks = (meta.product.checks if meta.product is not None else None) or ChecksSection()
         run_error = meta.run.clock_error_ppm if meta.run is not None else None
         error = CLOCK_ERROR_PPM if run_error is None else run_error
         self._clock_within = 1e-6 * ((checks.sample_clock or SampleClockLimit()).within_ppm + error)
         self._temperature_within = (checks.temperature or TemperatureLimit()).change_within
-        self._context = context
+        self._context, self._prior = context, prior
         self._temperatures: list[float] = []
+
+    def require_configuration(self, stage: str, samples: SampleBlock, data: StageData) -> None:
+        """Raise InputError if a gross error of the configuration explains the data of a stage."""
+        error = gross_error(data, self._context, _clock_offsets(samples, self._context))
+        if error is not None:
+            raise InputError("solution.in_stage", stage=stage, what=error.text(stage))
 
     def add_tests(self, solution: Solution, samples: SampleBlock, data: StageData) -> Solution:
         """Return the solution of a stage with the tests of its samples, and their values in its details."""
         clocks = sample_clocks(samples, self._context.imu.sample_rate)
         tests = [self._clipping(samples), *self._clock(clocks)]
+        tests += heading_test(data, self._context, self._prior)
         details: dict[str, Any] = {}
         if clocks:
             details["sample_clock"] = {name: vars(clock) for name, clock in clocks.items()}
@@ -93,6 +111,19 @@ class DataTests:
         low, high = min(self._temperatures), max(self._temperatures)
         diagnosis = Diagnosis("temperature_changed", high - low, unit="K", values={"low": low, "high": high})
         return ModelTest("temperature", high - low, self._temperature_within, "K", diagnosis)
+
+
+def data_faults(samples: SampleBlock, context: SolveContext, prior: Posterior) -> list[Diagnosis]:
+    """Return the errors of samples and configuration that a stage reveals without a solution."""
+    data = stage_data([samples], context.imu)
+    error = gross_error(data, context, _clock_offsets(samples, context))
+    if error is not None:
+        return [error]
+    return [test.diagnosis for test in heading_test(data, context, prior) if not test.passed]
+
+
+def _clock_offsets(samples: SampleBlock, context: SolveContext) -> list[float]:
+    return [clock.offset for clock in sample_clocks(samples, context.imu.sample_rate).values()]
 
 
 def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: str = "") -> ModelTest:

@@ -30,6 +30,7 @@ CheckKind = Literal[
     "imu_noise",
     "clipping",
     "sample_clock",
+    "heading",
     "temperature",
     "convergence",
     "other",
@@ -39,6 +40,7 @@ CheckKind = Literal[
 MODEL_KINDS: tuple[CheckKind, ...] = (
     "clipping",
     "sample_clock",
+    "heading",
     "convergence",
     "imu_noise",
     "effects",

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from calstation.errors import InputError
-from calstation.estimation.common import has_gyros
+from calstation.estimation.common import SampleBlock, has_gyros, join_blocks
+from calstation.judgement import data_faults
 from calstation.messages import Text
-from calstation.records import Log, LogFacts, open_log
+from calstation.records import Log, LogFacts, context_from_meta, open_log, prior_from_meta
 from calstation.results.solver_chain import solve
 from procedures import method, names
 
@@ -28,6 +29,8 @@ class Inspection:
     channels: tuple[str, ...]  #: Groups of columns: gyro, accel, encoders, temperature, imu2, ..., joints.
     stages: dict[str, int]  #: Number of samples of each recorded stage, in order.
     methods: dict[str, Text | None]  #: Reason why a method cannot solve it, None if it can.
+    #: Errors of the samples, and of the configuration, that the stages reveal.
+    faults: tuple[Text, ...] = ()
 
 
 def inspect_recording(path: Path) -> Inspection:
@@ -67,6 +70,23 @@ def inspect_recording(path: Path) -> Inspection:
         channels=tuple(sorted(channels)),
         stages=stages,
         methods=_recorded(log, stages) if stages else {n: _reason(log, n) for n in names() if method(n).needs_no_table},
+        faults=recording_faults(log),
+    )
+
+
+def recording_faults(log: Log) -> tuple[Text, ...]:
+    """Return the errors of the samples, and of the configuration, that the stages of a log reveal without a solution.
+
+    Raises InputError if the log cannot be read.
+    """
+    context, prior = context_from_meta(log.meta), prior_from_meta(log.meta)
+    by_stage: dict[str, list[SampleBlock]] = {}
+    for block in log.blocks():
+        by_stage.setdefault(block.stage, []).append(block)
+    return tuple(
+        Text.of("solution.in_stage", stage=stage, what=fault.text(stage))
+        for stage, blocks in by_stage.items()
+        for fault in (data_faults(join_blocks(blocks), context, prior) if stage else ())
     )
 
 

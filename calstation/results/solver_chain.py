@@ -67,7 +67,7 @@ class StageChain:
         self._stage = ""
         checks = meta.product.checks if meta.product is not None else None
         self._gather = diagnostics and checks is not None and checks.need_samples
-        self._data_tests = DataTests(meta, self._context)
+        self._data_tests = DataTests(meta, self._context, self.prior)
         offset, matrix = composition(meta.registers)
         #: Parameters that compensate the effect of the registers, which yields the uncalibrated output.
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
@@ -114,9 +114,10 @@ class StageChain:
             raise InsufficientDataError("recording.no_gyros")
         if self._resting is not None:
             self._resting.feed(solver.buffer.block())
+        self._data_tests.require_configuration(self._stage, solver.buffer.block(), solver.buffer.data())
         try:
             solution = solver.finish(progress)
-        except np.linalg.LinAlgError as exc:
+        except (np.linalg.LinAlgError, ZeroDivisionError) as exc:
             what = Text.of("solution.diverged", detail=str(exc))
             raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
         earlier_messages = [message for earlier in self.solutions for message in earlier.messages]

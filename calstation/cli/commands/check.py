@@ -77,6 +77,7 @@ def _check_recording(path: Path, json: str | None) -> int:
         "channels": list(recording.channels),
         "temperature_c": facts.temperature,
         "stages": recording.stages,
+        "faults": [sentence(fault) for fault in recording.faults],
         "methods": {name: {"solvable": reason is None, "reason": reason} for name, reason in reasons.items()},
     }
     seconds = (facts.last_seq - facts.first_seq + 1) / recording.configured_rate
@@ -90,6 +91,7 @@ def _check_recording(path: Path, json: str | None) -> int:
         say("cli.recording_damaged" if facts.damaged else "cli.recording_invalid", **row),
         say("cli.recording_channels", **row),
         say("cli.recording_stages", stages=stages),
+        *(say("cli.recording_fault", fault=fault) for fault in recording.faults),
         *(f"{name:<18} {reason or say('cli.solvable')}" for name, reason in reasons.items()),
     ]
     emit(row, json, lines)

@@ -10,6 +10,7 @@ from calstation.cli.options import LogOutOption, StationOption, by_name, command
 from calstation.cli.show import show_line
 from calstation.cli.text import say
 from calstation.records import open_log, write_log
+from calstation.results import recording_faults
 
 app = command_group()
 
@@ -37,4 +38,7 @@ def import_(
         notes = [say("cli.import_damaged", packets=capture.failed, bytes=capture.skipped)]
         notes += [] if capture.has_site else [say("cli.import_site", station=config.name)]
     text = say("cli.imported", file=out, samples=facts.samples, gaps=facts.gaps)
-    show_line(Console(stderr=True), ", ".join([text, *notes]))
+    console = Console(stderr=True)
+    show_line(console, ", ".join([text, *notes]))
+    for fault in recording_faults(open_log(out)):
+        show_line(console, say("cli.recording_fault", fault=fault))

@@ -13,8 +13,11 @@ import numpy as np
 from scipy.special import gammaincc
 
 from calstation.estimation.common.context import Posterior
-from calstation.physics import NAMES, PARAMETERS
+from calstation.messages import Text, values_from_json
+from calstation.physics import NAMES, PARAMETERS, display, display_by_unit
 
+#: Largest number of parameters listed in the message about a failed test.
+_MAX_SHIFTS = 3
 #: Smallest relative decrease of the variance in a direction for which the change in this direction is tested.
 _MIN_DECREASE = 1e-4
 
@@ -30,6 +33,19 @@ class Diagnosis:
     #: Shift of each parameter, in its sigmas, by name.
     parameter_shift: Mapping[str, float] = field(default_factory=dict)
     values: Mapping[str, Any] = field(default_factory=dict)  #: Further values of the message, JSON values.
+
+    def text(self, stage: str) -> Text:
+        """Return the message about the cause in a stage."""
+        parameter = self.values.get("parameter", "")
+        (size, unit), (sigma, _) = (
+            display(parameter, value) if parameter else display_by_unit(self.unit, value)
+            for value in (self.size, self.sigma)
+        )
+        shifts = self.parameter_shift
+        largest = sorted(shifts, key=lambda name: -abs(shifts[name]))[:_MAX_SHIFTS]
+        moves = [Text.of("cause.move", parameter=name, sigmas=shifts[name]) for name in largest]
+        size_values = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": stage}
+        return Text(f"cause.{self.cause}", {**size_values, **values_from_json(self.values)})
 
     def to_json(self) -> dict[str, Any]:
         """Return the entries of a check in the result JSON."""
@@ -53,6 +69,12 @@ class ModelTest:
     limit: float | tuple[float, float]  #: Largest value, or (lowest, highest).
     unit: str
     diagnosis: Diagnosis
+
+    @property
+    def passed(self) -> bool:
+        """Whether the value is within its limit."""
+        low, high = self.limit if isinstance(self.limit, tuple) else (-math.inf, self.limit)
+        return low <= self.value <= high
 
 
 @dataclass(frozen=True)

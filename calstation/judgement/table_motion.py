@@ -1,0 +1,65 @@
+"""Motion of the table according to its encoders, and the mean outputs of the IMU at rest and between rests."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.common import REST_MARGIN, SHORTEST_REST, StageData
+from calstation.physics import FloatArray
+
+#: Time over which an encoder must not move, s, and its largest change in this time, rad.
+_STILL_TIME, _STILL_ANGLE = 0.25, np.deg2rad(0.02)
+
+
+@dataclass(frozen=True)
+class TableMotion:
+    """Rests of the table and the motions between them, each without a gap."""
+
+    rests: tuple[tuple[int, int], ...]  #: First sample of each rest and the one after its last.
+    angles: FloatArray  #: Outer and inner encoder angle at the rests, rad, shape (k, 2).
+    force: FloatArray  #: Mean specific force at the rests, m/s², shape (k, 3).
+    rate: FloatArray  #: Mean rate at the rests, rad/s, shape (k, 3).
+    links: tuple[tuple[int, int], ...]  #: Indices of the rests before and after each motion.
+    rotation: FloatArray  #: Integral of the rate minus its mean at the adjacent rests, rad, shape (m, 3).
+
+
+def table_motion(data: StageData) -> TableMotion | None:
+    """Return the motion of the table in a stage; None if its angles are unknown or it does not rest."""
+    polled = np.flatnonzero(np.isfinite(data.angles).all(axis=1))
+    if len(polled) < 2:
+        return None
+    rests = _rests(data, polled)
+    if not rests:
+        return None
+    angles = np.array([np.nanmean(data.angles[a:b], axis=0) for a, b in rests])
+    force = np.array([data.accel[a:b].mean(axis=0) for a, b in rests])
+    rate = np.array([data.gyro[a:b].mean(axis=0) for a, b in rests])
+    links, rotations = [], []
+    for k, ((a0, a1), (b0, b1)) in enumerate(itertools.pairwise(rests)):
+        start, stop = (a0 + a1) // 2, (b0 + b1) // 2
+        if data.seq[stop] - data.seq[start] != stop - start:
+            continue
+        at_rest = 0.5 * (rate[k] + rate[k + 1])
+        links.append((k, k + 1))
+        rotations.append((data.gyro[start:stop] - at_rest).sum(axis=0) * data.dt)
+    return TableMotion(tuple(rests), angles, force, rate, tuple(links), np.array(rotations).reshape(-1, 3))
+
+
+def _rests(data: StageData, polled: np.ndarray) -> list[tuple[int, int]]:
+    """Return the intervals in which the encoders do not move; `polled` are the samples with angles."""
+    spacing = max(round(_STILL_TIME / data.dt), 1)
+    chosen = [polled[0]]
+    for k in np.unique(polled[0] + (polled - polled[0]) // spacing * spacing)[1:]:
+        chosen.append(polled[np.searchsorted(polled, k)])
+    at = np.unique(chosen)
+    still = np.abs(np.diff(data.angles[at], axis=0)).max(axis=1) < _STILL_ANGLE
+    still &= np.diff(data.seq[at]) == np.diff(at)
+    margin, shortest = round(REST_MARGIN / data.dt), round(SHORTEST_REST / data.dt)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
+    rests = []
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        a, b = int(at[first]) + margin, int(at[last]) - margin
+        if b - a >= shortest:
+            rests.append((a, b))
+    return rests
