@@ -174,11 +174,9 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     mask = np.array([name in ESTIMATED for name in NAMES])
     zero, encoders = np.zeros(len(sigma)), slice(len(sigma) - 2 * len(rests), None)
     result = map_estimate("rate", model, observed, variance, prior, zero, sigma, mask, encoders, GROUPS)
-    sensitivity = None
-    if context.diagnostics:
-        effects = StageEffects(float(data.time[0]), len(data) * data.dt)
-        added = np.concatenate([_effects(data, t, effects) for t in turns])
-        sensitivity = effects.batch_sensitivity(result.gain, added, mask)
+    effects = StageEffects(float(data.time[0]), len(data) * data.dt)
+    added = np.concatenate([_effects(data, t, effects) for t in turns])
+    sensitivity = effects.batch_sensitivity(result.gain, added, mask)
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="rate",

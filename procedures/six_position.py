@@ -136,14 +136,12 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     mask = np.array([name in ESTIMATED for name in NAMES])
     tilts, widths = np.concatenate(nuisance), np.concatenate(sigma)
     result = map_estimate("six_position", model, observed, noise, prior, tilts, widths, mask, groups=GROUPS)
-    sensitivity = None
-    if context.diagnostics:
-        effects = StageEffects(float(data.time[0]), len(data) * data.dt)
-        time = np.array([data.seq[(p.start + p.stop) // 2] - data.seq[0] for p in positions]) * data.dt
-        force = observed.reshape(-1, 3)
-        motion = Motion.steady(np.zeros_like(force), force, time)
-        added = effects.errors(motion, np.ones(len(force), dtype=np.int64))[:, 3:].reshape(len(observed), -1)
-        sensitivity = effects.batch_sensitivity(result.gain, added, mask)
+    effects = StageEffects(float(data.time[0]), len(data) * data.dt)
+    time = np.array([data.seq[(p.start + p.stop) // 2] - data.seq[0] for p in positions]) * data.dt
+    force = observed.reshape(-1, 3)
+    motion = Motion.steady(np.zeros_like(force), force, time)
+    added = effects.errors(motion, np.ones(len(force), dtype=np.int64))[:, 3:].reshape(len(observed), -1)
+    sensitivity = effects.batch_sensitivity(result.gain, added, mask)
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="six_position",

@@ -131,6 +131,7 @@ class BenchConfig(Settings):
     base_tilt_deg: NonNegative = 0.1
     non_orthogonality_arcsec: NonNegative = 60.0
     wobble_arcsec: NonNegative = 1.0
+    axis_offset_mm: float | Pair = 0.0
     encoder_sigma_deg: NonNegative = 0.05
     encoder_periodic_deg: NonNegative = 0.005
     encoder_noise_deg: NonNegative = 0.0005
@@ -219,6 +220,7 @@ class BenchConfig(Settings):
         phases = random.uniform(0.0, 2.0 * np.pi, 4)
         azimuth, base_tilt = radians(self.azimuth_deg), radians(self.base_tilt_deg)
         wobble = self.wobble_arcsec * _ARCSECOND
+        offset = self.axis_offset_mm if isinstance(self.axis_offset_mm, tuple) else (self.axis_offset_mm, 0.0)
         table = TableTruth(
             latitude=radians(self.latitude_deg),
             height=self.height_m,
@@ -229,6 +231,7 @@ class BenchConfig(Settings):
             non_orthogonality=self.non_orthogonality_arcsec * _ARCSECOND * float(random.choice([-1.0, 1.0])),
             wobble=(wobble, wobble),
             wobble_phase=(float(phases[0]), float(phases[1])),
+            axis_offset=(1e-3 * offset[0], 1e-3 * offset[1]),
             mount=(float(mount[0]), float(mount[1]), float(mount[2])),
             orientation=self.orientation,
             velocity_sigma=self.velocity_sigma,

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from calstation.estimation import Diagnosis, Estimate, ModelTest, Solution
-from calstation.estimation.common import Posterior, stage_agreement
-from calstation.estimation.effects import EffectTests, effect_tests
+from calstation.estimation.common import Posterior, TableModel, stage_agreement
+from calstation.estimation.effects import EffectTests, effect_tests, table_priors
 
 #: A change of the posterior less probable than this contradicts the earlier stages.
 MIN_PROBABILITY = 1e-6
@@ -14,9 +14,8 @@ MIN_PROBABILITY = 1e-6
 class ModelTests:
     """Adds the tests of the model, and the effects in the unit's model, to the solution of every stage."""
 
-    def __init__(self, prior: Posterior, states: Sequence[str]) -> None:
-        self._effects = EffectTests(prior.sigma, states)
-        self._states = bool(states)
+    def __init__(self, prior: Posterior, states: Sequence[str], table: TableModel) -> None:
+        self._effects = EffectTests(prior.sigma, states, table_priors(prior.sigma, states, table))
         #: Whether a stage was tested for effects outside the model.
         self.effects_tested = False
 
@@ -41,11 +40,14 @@ class ModelTests:
 
     def _with_effects(self, solution: Solution) -> Solution:
         """Return a solution whose model contains the effects in the unit's model."""
-        if not self._states:
+        if not self._effects.models_effects:
             return solution
         effects, c = self._effects.estimate(), solution.consistency
-        sizes = zip(effects.names, effects.size, effects.covariance.diagonal() ** 0.5, effects.units, strict=True)
-        estimates = {name: Estimate(float(size), float(sigma), unit) for name, size, sigma, unit in sizes}
+        sigmas = effects.covariance.diagonal() ** 0.5
+        sizes = zip(effects.names, effects.reported, effects.size, sigmas, effects.units, strict=True)
+        estimates = {
+            name: Estimate(float(size), float(sigma), unit) for name, named, size, sigma, unit in sizes if named
+        }
         nis = c.nis_mean - effects.explained / c.count if c.count else c.nis_mean
         return replace(
             solution,

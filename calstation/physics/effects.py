@@ -18,6 +18,15 @@ from calstation.physics.parameters import AXES
 
 
 @dataclass(frozen=True)
+class OuterTurn:
+    """Rotation about the outer axis of a two-axis table at the ends of n intervals, in n."""
+
+    axis: FloatArray  #: Unit vector of the outer axis, shape (n, 3).
+    inner_axis: FloatArray  #: Unit vector of the inner axis, shape (n, 3).
+    rate: FloatArray  #: Rate of the outer joint, rad/s, shape (n,).
+
+
+@dataclass(frozen=True)
 class Motion:
     """Motion of an IMU in n intervals, in body axes."""
 
@@ -26,6 +35,7 @@ class Motion:
     angular_acceleration: FloatArray  #: rad/s², shape (n, 3)
     jerk: FloatArray  #: Rate of change of the specific force in body axes, m/s³, shape (n, 3).
     time: FloatArray  #: Time since the start of the stage, s, shape (n,).
+    outer: OuterTurn | None = None  #: None without a two-axis table, or while its axes are unknown.
 
     @classmethod
     def steady(cls, rate: FloatArray, force: FloatArray, time: FloatArray) -> "Motion":
@@ -55,6 +65,9 @@ class Effect:
     #: Function (motion) -> channel errors per unit of a size, shape (n, r).
     regressors: Callable[[Motion], FloatArray]
     terms: tuple[Term, ...]  #: Errors of the channels.
+    #: Function (turn) -> velocity of the IMU in n that the model lacks, at the ends of the intervals, per unit of a
+    #: size, shape (n, 3, k), for an effect of the table; None for an effect of the sensors.
+    velocity: Callable[[OuterTurn], FloatArray] | None = None
     is_state: bool = False  #: Whether a unit's model may contain it; otherwise it is only tested.
     between_sensors: bool = False  #: Whether it depends on both gyros and accelerometers.
     #: Parameter that each component changes during the stage, by 1 per unit of its size; empty for a constant effect.
@@ -101,6 +114,18 @@ def _off_axis(m: Motion) -> FloatArray:
     return errors
 
 
+def _axis_offset(turn: OuterTurn) -> FloatArray:
+    """Return the velocity q̇ u × d of the inner axis where it passes the outer axis u at d, per unit of two sizes.
+
+    The sizes are the components of d along u × inner axis, and along the inner axis. The latter is part of the outer
+    lever arm, unless that is fixed.
+    """
+    hinge = np.cross(turn.axis, turn.inner_axis)
+    hinge /= np.linalg.norm(hinge, axis=1)[:, None]
+    arms = np.stack([np.cross(turn.axis, hinge), np.cross(turn.axis, turn.inner_axis)], axis=2)
+    return np.asarray(turn.rate[:, None, None] * arms)
+
+
 #: Effects that are constant throughout a run.
 EFFECTS: tuple[Effect, ...] = (
     Effect(
@@ -126,5 +151,9 @@ EFFECTS: tuple[Effect, ...] = (
     Effect(
         "time_skew", "s", 0.02, ("",), lambda m: -m.jerk, tuple(Term(3 + i, 0, i) for i in range(3)),
         is_state=True, between_sensors=True,
+    ),
+    Effect(
+        "axis_offset", "m", 5e-3, ("hinge", "inner"), lambda m: np.empty((len(m.rate), 0)), (),
+        velocity=_axis_offset, is_state=True,
     ),
 )  # fmt: skip

@@ -20,6 +20,9 @@ OUTER, INNER = 0, 1
 #: Names of the joints in messages, files and the message catalogue.
 JOINTS = ("outer", "inner")
 
+#: Standard deviation of the distance between the axes of a table whose profile does not state it, m.
+AXIS_OFFSET_SIGMA = 5e-4
+
 #: A rotation matrix by rows.
 Orientation = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 #: Orientation of a unit aligned with the platform axes, and its name.

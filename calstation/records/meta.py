@@ -18,6 +18,7 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import ImuModel, Posterior, Secondary, Site, SolveContext, StoredPair, TableModel
 from calstation.messages import os_reason
 from calstation.physics import (
+    AXIS_OFFSET_SIGMA,
     COUNT,
     DEFAULT_ORIENTATION,
     INDEX,
@@ -106,6 +107,11 @@ class TableSection(StrictModel):
     base_tilt_sigma_deg: float = Field(default=0.2, gt=0, le=90)
     velocity_sigma: float = Field(default=1e-3, gt=0)
     velocity_interval_s: float = Field(default=0.1, gt=0)
+    #: Position of the inner axis on the outer one, along outer × inner and along the inner axis, and its sigma.
+    axis_offset_mm: tuple[float, float] = Field(default=(0.0, 0.0), exclude_if=lambda offset: not any(offset))
+    axis_offset_sigma_mm: float = Field(
+        default=1e3 * AXIS_OFFSET_SIGMA, gt=0, le=100, exclude_if=lambda sigma: sigma == 1e3 * AXIS_OFFSET_SIGMA
+    )
     #: Body axes along x and z of the platform at home; not stored if it is the default.
     orientation: str = Field(default=DEFAULT_ORIENTATION, exclude_if=lambda name: name == DEFAULT_ORIENTATION)
 
@@ -340,6 +346,8 @@ def _table_model(table: TableSection) -> TableModel:
         table.velocity_sigma,
         table.velocity_interval_s,
         orientation_matrix(table.orientation),
+        (1e-3 * table.axis_offset_mm[0], 1e-3 * table.axis_offset_mm[1]),
+        1e-3 * table.axis_offset_sigma_mm,
     )
 
 

@@ -72,7 +72,7 @@ class StageChain:
         #: Parameters that compensate the effect of the registers, which yields the uncalibrated output.
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
         imu = self._context.imu
-        self.model_tests = ModelTests(self.prior, states)
+        self.model_tests = ModelTests(self.prior, states, self._context.table)
         self._resting = RestOutput(imu) if diagnostics and resolves_earth_rate(imu) else None
         self._table_rests: list[TableRests] = []
 

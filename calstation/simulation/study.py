@@ -231,7 +231,7 @@ def _solve(
     bound = Posterior(truth.parameters, posterior.covariance)
     estimated = np.zeros(len(NAMES), dtype=np.bool_)
     nis, seconds = {}, 0.0
-    model, joint = ModelTests(posterior, case.states), posterior
+    model, joint = ModelTests(posterior, case.states, context.table), posterior
     effects_covariance: FloatArray = np.zeros_like(posterior.covariance)
     for stage in case.stages:
         m = method(stage)

@@ -21,7 +21,8 @@ def test_score_test_equals_the_estimate_of_the_augmented_model() -> None:
     truth = SIGMA * random.normal(size=COUNT)
     tests, posterior = EffectTests(SIGMA), Posterior(np.zeros(COUNT), np.diag(SIGMA**2))
     size = 0.02 * np.array([c.plausible for c in EFFECTS if c.cause == "time_skew"])[0]
-    observed = H @ truth + size * constant[:, -1] + 1e-4 * random.normal(size=80)
+    skew = [name for c in EFFECTS for name in c.names].index("time_skew")
+    observed = H @ truth + size * constant[:, skew] + 1e-4 * random.normal(size=80)
     for rows in (slice(0, 45), slice(45, 80)):
         h, y = H[rows], observed[rows] - H[rows] @ posterior.mean
         S = h @ posterior.covariance @ h.T + 1e-8 * np.eye(len(h))
@@ -33,7 +34,7 @@ def test_score_test_equals_the_estimate_of_the_augmented_model() -> None:
         )
         posterior = Posterior(posterior.mean + K @ y, posterior.covariance - K @ h @ posterior.covariance)
     result = next(f for f in tests.evidence(posterior) if f.cause == "time_skew")
-    augmented, plausible = np.hstack([H, constant[:, -1:]]), 0.02
+    augmented, plausible = np.hstack([H, constant[:, [skew]]]), 0.02
     normal = augmented.T @ augmented * 1e8 + np.diag([*SIGMA**-2.0, plausible**-2.0])
     solution = np.linalg.solve(normal, augmented.T @ observed * 1e8)
     assert (result.size, result.sigma) == pytest.approx(

@@ -8,7 +8,7 @@ import pytest
 
 from calstation.config import RunRequest, load_configuration
 from calstation.estimation import Diagnosis, ModelTest, Solution
-from calstation.estimation.common import Consistency, Posterior
+from calstation.estimation.common import Consistency, Posterior, TableModel
 from calstation.judgement import ModelTests, check_limits, judge
 from calstation.physics import COUNT, NAMES
 from calstation.records import MODEL_KINDS
@@ -21,7 +21,7 @@ FOUND = ModelTest("effects", 50.0, 30.0, "1", Diagnosis("gyro_cubic"))
 @pytest.mark.parametrize(("message", "failed"), [("not_converged", ["rate convergence"]), ("turns_assumed_whole", [])])
 def test_solution_that_did_not_converge_fails(message: str, failed: list[str]) -> None:
     solution = replace(SOLVED, messages=((message, {"stage": "rate", "passes": 20}),))
-    tested = ModelTests(PRIOR, ()).add_tests(solution, (), PRIOR)
+    tested = ModelTests(PRIOR, (), TableModel()).add_tests(solution, (), PRIOR)
     assert [check.name for check in check_limits({}, PRIOR, [tested]) if not check.passed] == failed
 
 

@@ -28,6 +28,7 @@ EFFECTS: dict[str, tuple[tuple[float, float, float], tuple[str, ...]]] = {
     "accel_cross_ug_g2": ((8.0, 35.0, 120.0), ("accel_cross",)),
     "accel_asymmetry_ppm": ((16.0, 82.0, 300.0), ("accel_asymmetry",)),
     "accel_off_axis_mm": ((1.3, 2.6, 5.5), ("accel_off_axis",)),
+    "axis_offset_mm": ((15.0, 15.0, 15.0), ("axis_offset",)),
     "accel_delay_ms": ((0.02, 0.06, 0.24), ("time_skew",)),
     "warm_up_gyro_bias_dph": ((0.22, 1.6, 11.0), ("gyro_bias",)),
     "warm_up_accel_bias_ug": ((5.0, 25.0, 80.0), ("accel_bias",)),

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from calstation.estimation.effects import EffectLimit, EffectTests
+from calstation.estimation.effects import EffectLimit, EffectTests, table_priors
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G
 from calstation.results import one_blas_thread
 from calstation.simulation.study import GRADES, draw_unit, simulate_stages, study_prior
@@ -28,6 +28,7 @@ UNITS = {
     "accel_asymmetry": ("ppm", 1e-6),
     "accel_off_axis": ("mm", 1e-3),
     "time_skew": ("ms", 1e-3),
+    "axis_offset": ("mm", 1e-3),
     "gyro_bias": ("°/h", DEGREE_PER_HOUR),
     "accel_bias": ("µg", MICRO_G),
     "gyro_scale": ("ppm", 1e-6),
@@ -40,7 +41,7 @@ def limits_of(grade: str) -> list[EffectLimit]:
     truth, context = draw_unit(grade, 1, "estimated", instability=False)
     data = simulate_stages(truth, 1, list(DEFAULT_STAGES), {})
     posterior = study_prior(grade, "estimated")
-    tests = EffectTests(posterior.sigma)
+    tests = EffectTests(posterior.sigma, (), table_priors(posterior.sigma, (), context.table))
     for stage in DEFAULT_STAGES:
         solver = method(stage).solver(context, posterior, method(stage).schedule())
         solver.feed(data[stage])

@@ -38,6 +38,7 @@ class Site:
     outer_axis: tuple[float, ...] = (1.0, 0.0, 0.0)
     inner_axis: tuple[float, ...] = (0.0, 0.0, 1.0)
     non_orthogonality: float = 0.0
+    axis_offset: tuple[float, ...] = (0.0, 0.0)
     velocity_sigma: float = 0.0
     encoder_sigma: float = 0.0
 
@@ -189,6 +190,12 @@ class PlainBench:
         change = -np.cross(relative, sensed_earth) + u * ao[:, None] + inner * ai[:, None]
         change -= np.cross(inner, u) * (vi * vo)[:, None]
         force = np.einsum("nji,j->ni", attitude, [0.0, 0.0, site.gravity])
+        # second derivative of the position T(q_o) d of the inner bearing: T (v² K² + a K) d, on the rotating earth
+        d = np.array(site.axis_offset) @ np.stack([hinge / np.linalg.norm(hinge), inner])
+        tangent, inward = np.cross(outer, d), np.cross(outer, np.cross(outer, d))
+        earth_on_arm = np.einsum("nji,j->ni", base @ turn(outer, qo), earth)
+        moved = ao[:, None] * tangent + vo[:, None] ** 2 * inward + 2.0 * vo[:, None] * np.cross(earth_on_arm, tangent)
+        force += np.einsum("nji,nj->ni", platform, moved)
         return attitude @ mount, rate @ mount, change @ mount, force @ mount
 
     def output(self, times: Array) -> tuple[Array, Array]:

@@ -18,13 +18,14 @@ from typing import Any, Literal
 import numpy as np
 
 from calstation.bench import BenchConfig
-from calstation.bench.truth import GRADES, Effects, Simulator
+from calstation.bench.truth import GRADES, Effects, Simulator, unit_axes
 from calstation.config import RunRequest, load_configuration
 from calstation.errors import CalstationError
 from calstation.estimation import Diagnosis
 from calstation.estimation.common import SampleBlock
 from calstation.judgement import Check, estimated_stage, judge
 from calstation.physics import INDEX, NAMES, FloatArray, group_indices, parameter_vector
+from calstation.records import ModelSection
 from calstation.results import StageChain, one_blas_thread
 from calstation.simulation import bench_config
 from procedures import method
@@ -52,6 +53,9 @@ class Case:
     simulator: Literal["bench", "plain"] = "bench"
     sample_rate_hz: float | None = None  #: None for that of the profile.
     settings: dict[str, Any] = field(default_factory=dict)
+    product: str = ""  #: Default: the product of the grade with four stages.
+    table_entries: dict[str, Any] = field(default_factory=dict)  #: Entries of [table] in the log.
+    states: tuple[str, ...] = ()  #: Effects in the model.
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,7 @@ class Outcome:
     failed: tuple[str, ...]  #: Names of the failed checks, or the code of the error that ended the calibration.
     cause: str  #: First failed check that has a cause, this cause, and the parameter or group that changed.
     seconds: float  #: Processor time.
+    estimates: dict[str, tuple[float, float]] = field(default_factory=dict)  #: Sizes of the states and their sigmas.
 
 
 def bench_settings(case: Case, settings: dict[str, Any]) -> dict[str, Any]:
@@ -83,13 +88,16 @@ def bench_settings(case: Case, settings: dict[str, Any]) -> dict[str, Any]:
 def run(case: Case) -> Outcome:
     """Simulate the default stages of the grade's product, solve and judge them as a run does."""
     begin = time.process_time()
-    product_file = Path("data/products") / f"{PRODUCTS[case.grade]}.toml"
+    product_file = Path("data/products") / f"{case.product or PRODUCTS[case.grade]}.toml"
     resolved = load_configuration(RunRequest("SN-000001", product=product_file))
     meta = resolved.log_meta()
     settings = bench_config(resolved)
     assert settings is not None
     config = BenchConfig.model_validate(bench_settings(case, settings))
-    meta = meta.model_copy(update={"imu": meta.imu.model_copy(update={"sample_rate_hz": config.sample_rate_hz})})
+    imu = meta.imu.model_copy(update={"sample_rate_hz": config.sample_rate_hz})
+    table = meta.table.model_copy(update=case.table_entries)
+    model = ModelSection(states=list(case.states)) if case.states else meta.model
+    meta = meta.model_copy(update={"imu": imu, "table": table, "model": model})
     simulator = Simulator(config.truth(), case.seed) if case.simulator == "bench" else plain_bench_of(config)
     chain = StageChain(meta)
     failed: tuple[str, ...] = ()
@@ -115,10 +123,16 @@ def run(case: Case) -> Outcome:
     truth = found.copy() if isinstance(found, np.ndarray) else parameter_vector(found)
     # Two accelerometers moved along the axis of the third are a lever arm of all, and the third moved back.
     common = 0.5 * apart(simulator, config).sum(axis=0)
-    truth[group_indices("outer_lever")] += common
+    # The lever arm is measured from the point of the inner axis that the profile states.
+    table = config.truth().table
+    along_inner = table.axis_offset[1] - 1e-3 * meta.table.axis_offset_mm[1]
+    platform_lever = along_inner * unit_axes(table.orientation).T @ table.inner_axis
+    truth[group_indices("outer_lever")] += common + platform_lever
     truth[group_indices("inner_lever")] -= common
     worst, parameter = worst_error(chain, truth)
-    return Outcome(case, not failed, worst, parameter, failed, causes[0] if causes else "", time.process_time() - begin)
+    seconds = time.process_time() - begin
+    estimates = {name: (e.value, e.sigma) for s in chain.solutions for name, e in s.estimates.items()}
+    return Outcome(case, not failed, worst, parameter, failed, causes[0] if causes else "", seconds, estimates)
 
 
 def apart(simulator: Simulator | PlainBench, config: BenchConfig) -> FloatArray:
@@ -147,6 +161,7 @@ def plain_bench_of(config: BenchConfig) -> PlainBench:
         table.outer_axis,
         table.inner_axis,
         table.non_orthogonality,
+        table.axis_offset,
         table.velocity_sigma,
         truth.encoder.stop_sigma,
     )
@@ -203,6 +218,8 @@ def main() -> int:
     parser.add_argument("--table", choices=("profile", "quiet"), default="profile")
     parser.add_argument("--simulator", choices=("bench", "plain"), default="bench")
     parser.add_argument("--sample-rate", type=float, help="Hz; that of the profile without")
+    parser.add_argument("--product", default="", help="default: the product of the grade with four stages")
+    parser.add_argument("--state", dest="states", action="append", default=[], help="effect in the model")
     parser.add_argument("--seeds", type=int, default=1, help="number of units")
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
@@ -212,8 +229,17 @@ def main() -> int:
     named = [each.split("=") for each in args.effect]
     effects = [(name, float(value)) for name, values in named for value in values.split(",")] or [(SOUND, 0.0)]
     seeds = range(args.first_seed, args.first_seed + args.seeds)
+    base = Case(
+        grade=args.grade,
+        table=args.table,
+        simulator=args.simulator,
+        sample_rate_hz=args.sample_rate,
+        settings=settings,
+        product=args.product,
+        states=tuple(args.states),
+    )
     cases = [
-        Case(effect, magnitude, seed, args.grade, args.table, args.simulator, args.sample_rate, settings)
+        replace(base, effect=effect, magnitude=magnitude, seed=seed)
         for seed, (effect, magnitude) in product(seeds, effects)
     ]
     begin, found = time.monotonic(), []

@@ -60,6 +60,7 @@ def test_simulators_agree_on_every_sample(effect: str) -> None:
     constants = {name: EFFECTS[name] for name in ("warm_up_s", "jump_at_s")}
     effects = {"none": {}, "all": EFFECTS}.get(effect, {effect: EFFECTS.get(effect), **constants})
     unit = {"base_tilt_deg": 0.5, "mount_deg": (0.6, 1.2), "non_orthogonality_arcsec": 900.0, "azimuth_deg": 40.0}
+    unit["axis_offset_mm"] = (20.0, -10.0)
     config = BenchConfig.model_validate({**NOISE, **unit, "seed": 3, "effects": effects})
     truth, plain = config.truth(), plain_bench_of(config)
     values = {**vars(truth.imu), "gyro_arw": 0.0, "accel_vrw": 0.0, "gyro_lsb": 1e-15, "accel_lsb": 1e-13}

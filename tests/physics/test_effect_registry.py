@@ -15,6 +15,7 @@ from calstation.physics import (
     Effect,
     EffectName,
     Motion,
+    OuterTurn,
     further_parameter,
 )
 from tests.outside import grid
@@ -25,12 +26,18 @@ every_effect = pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: eff
 
 @every_effect
 def test_effect_has_an_error_for_every_component_and_none_without_input(effect: Effect) -> None:
-    moving = Motion(*np.random.default_rng(1).normal(size=(4, 50, 3)), np.arange(50.0))
-    errors = effect.errors(moving)
+    random = np.random.default_rng(1)
+    moving = Motion(*random.normal(size=(4, 50, 3)), np.arange(50.0))
+    errors, still = effect.errors(moving), np.zeros((50, 3))
     assert errors.shape == (50, 6, len(effect.components))
-    assert np.abs(errors).max(axis=(0, 1)).min() > 0.0
-    still = np.zeros((50, 3))
     assert not effect.errors(Motion.steady(still, still, np.arange(50.0))).any()
+    if effect.velocity is not None:
+        assert not errors.any()
+        axes = np.stack([np.broadcast_to(np.eye(3)[k], (50, 3)) for k in (0, 2)])
+        errors = effect.velocity(OuterTurn(*axes, random.normal(size=50)))
+        assert errors.shape == (50, 3, len(effect.components))
+        assert not effect.velocity(OuterTurn(*axes, np.zeros(50))).any()
+    assert np.abs(errors).max(axis=(0, 1)).min() > 0.0
     assert effect.plausible is not None
 
 

@@ -9,7 +9,9 @@ the joint angles, and each link transforms rate and acceleration exactly. With R
 
     ω' = Rᵀω + a θ',    ω'' = Rᵀω'' − θ' a × (Rᵀω) + a θ''        (rigid-body kinematics, rotating axes)
 
-starting from the earth rate in n, so that the chain ends with ω_ib in b.
+starting from the earth rate in n, so that the chain ends with ω_ib in b. Where the axes do not meet, the inner axis
+passes the outer one at a distance d, fixed in the axes of the outer body, which adds ω''×d + ω'×(ω'×d) to the force
+after the outer turn.
 """
 
 from dataclasses import dataclass
@@ -80,8 +82,9 @@ class TableTruth:
 
     `base_tilt` rotates the base in n, and `mount` the unit on the inner platform relative to its right-angled
     `orientation`, see `unit_axes`. `non_orthogonality` rotates the inner axis about (outer × inner). `wobble` tilts the
-    outer and inner bearings towards `wobble_phase` at angle 0. `velocity_sigma` is the rms velocity of the centre along
-    each axis of n, m/s. If `gravity` is None, normal gravity is used.
+    outer and inner bearings towards `wobble_phase` at angle 0. `axis_offset`, m, is the position of the inner bearing
+    on the outer body, along (outer × inner) and along the inner axis. `velocity_sigma` is the rms velocity of the
+    centre along each axis of n, m/s. If `gravity` is None, normal gravity is used.
     """
 
     latitude: float
@@ -93,6 +96,7 @@ class TableTruth:
     non_orthogonality: float = 0.0
     wobble: tuple[float, float] = (0.0, 0.0)
     wobble_phase: tuple[float, float] = (0.0, 0.0)
+    axis_offset: tuple[float, float] = (0.0, 0.0)
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
     orientation: str = "+x+z"
     velocity_sigma: float = 0.0
@@ -110,10 +114,10 @@ class TableTruth:
         return earth_rate_n(self.latitude)
 
     def chain(self) -> FloatArray:
-        """Return the chain for the compiled functions, shape (5, 15).
+        """Return the chain for the compiled functions, shape (5, 18).
 
-        A row contains P_j transposed (9 numbers), the axis (3), the factors of q_o and q_i in θ, and the phase of θ;
-        the last row is the mount.
+        A row contains P_j transposed (9 numbers), the axis (3), the factors of q_o and q_i in θ, the phase of θ, and
+        the displacement after the turn, m (3); the last row is the mount.
         """
         outer, inner = _unit(self.outer_axis), _unit(self.inner_axis)
         hinge = _unit(np.cross(outer, inner))
@@ -127,7 +131,9 @@ class TableTruth:
             (rotation(self.wobble[1] * hinge), inner, 0.0, 1.0 - k, -self.wobble_phase[1]),
             (rotation(np.asarray(self.mount)) @ unit_axes(self.orientation), np.zeros(3), 0.0, 0.0, 0.0),
         ]
-        return np.array([[*p.T.ravel(), *axis, a, b, phase] for p, axis, a, b, phase in links])
+        rows = np.array([[*p.T.ravel(), *axis, a, b, phase, 0.0, 0.0, 0.0] for p, axis, a, b, phase in links])
+        rows[1, 15:] = self.axis_offset[0] * hinge + self.axis_offset[1] * inner
+        return rows
 
 
 def _unit(vector: FloatArray | tuple[float, float, float]) -> FloatArray:
@@ -169,9 +175,10 @@ def to_body(chain: FloatArray, outer: float, inner: float, vector_n: FloatArray)
 
 @compiled
 def body_motion(chain: FloatArray, outer: FloatArray, inner: FloatArray, vectors: FloatArray) -> None:
-    """Transform a fixed vector, ω and its derivative (rows of `vectors`) from n to b, in place.
+    """Transform a force, ω and its derivative (rows of `vectors`) from n to b, in place.
 
-    `outer` and `inner` are angle, rate and acceleration of the joints.
+    The force is that of the base, to which the displacements of the chain add. `outer` and `inner` are angle, rate and
+    acceleration of the joints.
     """
     for j in range(chain.shape[0]):
         link = chain[j]
@@ -190,3 +197,10 @@ def body_motion(chain: FloatArray, outer: FloatArray, inner: FloatArray, vectors
         vectors[1, 0] += rate * ax
         vectors[1, 1] += rate * ay
         vectors[1, 2] += rate * az
+        dx, dy, dz = link[15], link[16], link[17]
+        if dx != 0.0 or dy != 0.0 or dz != 0.0:
+            x, y, z = vectors[1, 0], vectors[1, 1], vectors[1, 2]
+            along, square = x * dx + y * dy + z * dz, x * x + y * y + z * z
+            vectors[0, 0] += vectors[2, 1] * dz - vectors[2, 2] * dy + x * along - square * dx
+            vectors[0, 1] += vectors[2, 2] * dx - vectors[2, 0] * dz + y * along - square * dy
+            vectors[0, 2] += vectors[2, 0] * dy - vectors[2, 1] * dx + z * along - square * dz

@@ -31,7 +31,7 @@ from calstation.devices.profiles.table_registers import (
 )
 from calstation.devices.profiles.text import GimbalSection, TextSection
 from calstation.errors import ConfigurationError
-from calstation.physics import AXES, GimbalJoints, JointLimits, TableGeometry
+from calstation.physics import AXES, AXIS_OFFSET_SIGMA, GimbalJoints, JointLimits, TableGeometry
 from calstation.schema import EntryError, StrictModel, load_once
 
 #: Section of each protocol; a new protocol is added here, and its section in `table.drivers`.
@@ -104,6 +104,8 @@ class AccuracySection(StrictModel):
     base_tilt_sigma_deg: float = Field(gt=0, le=90)
     velocity_sigma: float = Field(gt=0)
     velocity_interval_s: float = Field(gt=0)
+    axis_offset_mm: tuple[float, float] = (0.0, 0.0)
+    axis_offset_sigma_mm: Annotated[float, Field(gt=0, le=100)] = 1e3 * AXIS_OFFSET_SIGMA
     repeatability_deg: float | None = Field(default=None, gt=0, le=1)
     poll_latency_s: float = Field(default=0.0, ge=0)
     poll_jitter_s: float = Field(default=0.0, ge=0)

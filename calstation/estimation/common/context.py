@@ -5,7 +5,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.physics import ALIGNED, GYRO_BIAS, FloatArray, Orientation, TableGeometry, normal_gravity
+from calstation.physics import (
+    ALIGNED,
+    AXIS_OFFSET_SIGMA,
+    GYRO_BIAS,
+    FloatArray,
+    Orientation,
+    TableGeometry,
+    normal_gravity,
+)
 
 #: Standard deviation of normal gravity, m/s²: gravity anomalies are 30 to 50 ppm.
 NORMAL_GRAVITY_SIGMA = 5e-4
@@ -88,6 +96,9 @@ class TableModel:
     velocity_sigma: float = 1e-3  #: Sigma of the velocity observation made every `velocity_interval`, m/s.
     velocity_interval: float = 0.1  #: s
     orientation: Orientation = ALIGNED  #: Rotation from b to the platform's axes.
+    #: Position of the inner axis on the outer one, along outer × inner and along the inner axis at home, m.
+    axis_offset: tuple[float, float] = (0.0, 0.0)
+    axis_offset_sigma: float = AXIS_OFFSET_SIGMA  #: m
 
     @property
     def geometry(self) -> TableGeometry:
@@ -132,7 +143,8 @@ class SolveContext:
     imu: ImuModel
     table: TableModel
     secondaries: tuple[Secondary, ...] = ()
-    #: Whether to compute the tests of data and model: observability, sensitivity to effects, and diagnoses.
+    #: Whether to compute what only the tests of data and model need: observability, diagnoses, and, for stages that no
+    #: effect of the table influences, the sensitivity to effects.
     diagnostics: bool = True
 
 

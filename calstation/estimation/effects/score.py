@@ -6,12 +6,14 @@ models: P. de Jong, J. Penzer, *Diagnosing shocks in time series*, JASA 93(442),
 the resulting errors of the parameters are D I⁻¹ U, with D the errors per unit of size.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from calstation.estimation.common import Diagnosis, ModelTest, Posterior
+from calstation.estimation.effects.priors import EffectPrior, plausible
 from calstation.estimation.effects.sensitivity import Sensitivity, drift_functions
 from calstation.physics import AXES, COUNT, EFFECTS, INDEX, Effect, FloatArray, IntArray
 
@@ -163,11 +165,12 @@ class _EffectTest:
 
 @dataclass(frozen=True)
 class EffectEstimate:
-    """Estimate of the effects in the unit's model."""
+    """Estimate of the effects in the model."""
 
     columns: IntArray  #: Indices of the components within `EFFECTS`, shape (k,).
     names: tuple[str, ...]  #: Names of the components, as in a result.
     units: tuple[str, ...]
+    reported: tuple[bool, ...]  #: Whether a component is a parameter of the result.
     size: FloatArray  #: Shape (k,).
     covariance: FloatArray  #: Shape (k, k).
     error: FloatArray  #: Parameter error due to each effect per unit of its size, shape (30, k).
@@ -187,15 +190,37 @@ class EffectTests:
     filtering*, IEEE TAC 14(4), 1969).
     """
 
-    def __init__(self, before: FloatArray, states: Sequence[str] = ()) -> None:
-        """Create the tests from the parameter sigmas before calibration, shape (30,), and the effects in the model."""
+    def __init__(
+        self,
+        before: FloatArray,
+        states: Sequence[str] = (),
+        priors: Mapping[str, EffectPrior] = MappingProxyType({}),
+    ) -> None:
+        """Create the tests.
+
+        Parameters
+        ----------
+        before : sigmas of the parameters before calibration, shape (30,)
+        states : effects that are estimated without a test
+        priors : sizes of effects that are known before the calibration, by cause; effects that are not in `states` are
+            then tested for a deviation from them
+        """
         self._before = before
-        causes = [(effect, name) for effect in EFFECTS for name in effect.names]
-        self._states = tuple(states)
-        self._columns = np.array([i for i, (effect, _) in enumerate(causes) if effect.cause in states], dtype=np.int64)
+        causes = [(effect, k) for effect in EFFECTS for k in range(len(effect.components))]
+        self._states, self._priors = tuple(states), priors
+        self._columns = np.array(
+            [i for i, (effect, _) in enumerate(causes) if effect.cause in states or effect.cause in priors], np.int64
+        )
         chosen = [causes[i] for i in self._columns]
-        self._names, self._units = tuple(name for _, name in chosen), tuple(effect.unit for effect, _ in chosen)
-        self._prior_sigma = np.array([effect.plausible or np.nan for effect, _ in chosen])
+        known = [priors.get(effect.cause) or plausible(effect) for effect, _ in chosen]
+        self._names = tuple(effect.names[k] for effect, k in chosen)
+        self._units = tuple(effect.unit for effect, _ in chosen)
+        self._mean = np.array([p.mean[k] for p, (_, k) in zip(known, chosen, strict=True)], np.float64)
+        self._prior_sigma = np.array([p.sigma[k] for p, (_, k) in zip(known, chosen, strict=True)], np.float64)
+        self._reported = tuple(
+            effect.cause in states and sigma > 0.0
+            for (effect, _), sigma in zip(chosen, self._prior_sigma.tolist(), strict=True)
+        )
         count = len(causes)
         self._score, self._information = np.zeros(count), np.zeros((count, count))
         self._last, self._noise_ratio = (self._score, self._information), 1.0
@@ -249,13 +274,21 @@ class EffectTests:
 
     def estimate(self) -> EffectEstimate:
         """Return the estimate of the effects in the model."""
-        at = self._columns
+        at, prior = self._columns, np.diag(self._prior_sigma)
         information = self._information[np.ix_(at, at)]
-        covariance: FloatArray = np.linalg.inv(information + np.diag(self._prior_sigma**-2.0)).astype(np.float64)
-        size = np.asarray(covariance @ self._score[at], np.float64)
+        covariance = np.asarray(
+            prior @ np.linalg.inv(prior @ information @ prior + np.eye(len(at))) @ prior, np.float64
+        )
+        size = np.asarray(self._mean + covariance @ (self._score[at] - information @ self._mean), np.float64)
         score, last = self._last[0][at], self._last[1][np.ix_(at, at)]
         explained = self._noise_ratio * float(2.0 * score @ size - size @ last @ size)
-        return EffectEstimate(at, self._names, self._units, size, covariance, self._error[:, at], explained)
+        named = self._names, self._units, self._reported
+        return EffectEstimate(at, *named, size, covariance, self._error[:, at], explained)
+
+    @property
+    def models_effects(self) -> bool:
+        """Whether the model contains effects."""
+        return len(self._columns) > 0
 
     def evidence(self, posterior: Posterior) -> list[EffectEvidence]:
         """Return the evidence for every effect outside the model, the likeliest first.
@@ -271,7 +304,9 @@ class EffectTests:
     def limits(self, posterior: Posterior, chi_square: float) -> list[EffectLimit]:
         """Return the size of each effect outside the model at which its test is expected to reach `chi_square`."""
         names = tuple(self._parameters)
-        return [limit for t in self._tests() for limit in t.limits(chi_square, posterior.sigma, names)]
+        fixed = [name for name, sigma in zip(self._names, self._prior_sigma, strict=True) if sigma == 0.0]
+        limits = (limit for t in self._tests() for limit in t.limits(chi_square, posterior.sigma, names))
+        return [limit for limit in limits if f"{limit.cause}_{limit.component}" not in fixed]
 
     def _tests(self) -> Iterator[_EffectTest]:
         """Yield the tests for effects outside the model."""

@@ -114,6 +114,21 @@ def mean_regressors(motion: Motion, effects: Sequence[Effect], counts: IntArray)
     return np.hstack(columns), np.array(terms, dtype=np.int64).reshape(-1, 3)
 
 
+def velocity_errors(motion: Motion, effects: Sequence[Effect]) -> tuple[FloatArray, IntArray]:
+    """Return the velocities that effects of the table add, m/s, shape (n, 3, k), and their components, shape (k,).
+
+    The components are counted over all effects.
+    """
+    parts, columns, component = [np.empty((len(motion.rate), 3, 0))], list[int](), 0
+    for effect in effects:
+        count = len(effect.components)
+        if effect.velocity is not None and motion.outer is not None:
+            parts.append(effect.velocity(motion.outer))
+            columns += range(component, component + count)
+        component += count
+    return np.concatenate(parts, axis=2), np.array(columns, dtype=np.int64)
+
+
 def effect_errors(sizes: Mapping[str, float], rate: FloatArray, force: FloatArray) -> FloatArray:
     """Return the error of the six channels, shape (n, 6), at constant rate and force, SI, shape (n, 3).
 

@@ -7,8 +7,16 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solve_triangular
 
-from calstation.estimation.common import LocalScores, SolveContext, StageData, Start, group_means
-from calstation.estimation.effects import Sensitivity, StageEffects, mean_regressors
+from calstation.estimation.common import (
+    SHORTEST_REST,
+    LocalScores,
+    SolveContext,
+    StageData,
+    Start,
+    group_means,
+    mean_angles,
+)
+from calstation.estimation.effects import Sensitivity, StageEffects, mean_regressors, velocity_errors
 from calstation.estimation.navigation.group_update import Updates
 from calstation.estimation.navigation.navigation_pass import History
 from calstation.estimation.navigation.relinearise import REST_RATE, NavigationResult
@@ -24,6 +32,8 @@ from calstation.physics import (
     FloatArray,
     IntArray,
     Motion,
+    OuterTurn,
+    axis_rotation,
     compensate,
     compensation,
     group_vector,
@@ -41,14 +51,16 @@ def result_sensitivity(
 ) -> Sensitivity:
     """Return the sensitivity of a solution to prior errors and to effects, from the updates of its last pass.
 
-    An effect is an additional sensor error, averaged over each group of observations. The effect of a jump is computed
-    from the update in which it begins.
+    An effect of the sensors is an additional sensor error, averaged over each group of observations. An effect of the
+    table is a velocity that is missing in every observation. The effect of a jump is computed from the update in which
+    it begins.
     """
     effects = StageEffects(float(data.time[0]), len(data) * data.dt)
     motion = motion_between_observations(result.history, data, result.starts, context, result.point)
     updates = result.updates
     counts = np.repeat([u.innovation.shape[1] // 3 for u in updates], [len(u.innovation) for u in updates])
     regressors, terms = mean_regressors(motion, effects.candidates, counts[counts > 0])
+    velocity, of_table = velocity_errors(motion, effects.candidates)
     columns = COUNT + sum(len(c.components) for c in effects.candidates)
     begin = np.repeat(
         [c.begin for c in effects.parameter_changes], [len(c.components) for c in effects.parameter_changes]
@@ -57,17 +69,20 @@ def result_sensitivity(
     error = np.zeros((updates[0].H.shape[2], columns - len(begin)))
     error[PARAMETER_STATES, :COUNT] = np.eye(COUNT)
     score, information = np.zeros(columns), np.zeros((columns, columns))
-    group = 0
+    group = observed = 0
     for update in updates:
         if not update.transition.size:
             error[NAVIGATION] = 0.0
             error -= update.gain[0].T @ solve_triangular(update.root[0], update.H[0] @ error, lower=True)
             continue
         first, group = group, group + len(update.H)
+        before, observed = observed, observed + update.innovation.size // 3
+        missing = velocity[before:observed].reshape(*update.innovation.shape, len(of_table))
         active = columns - len(begin) + int(np.searchsorted(begin, ends[group - 1], side="right"))
         error = np.hstack([error, np.zeros((len(error), active - error.shape[1]))])
         white = np.empty((update.innovation.size, active))
-        _propagate_errors(update, regressors[first:group], terms[terms[:, 1] < active - COUNT], error, white)
+        active_terms = terms[terms[:, 1] < active - COUNT]
+        _propagate_errors(update, regressors[first:group], active_terms, missing, of_table, error, white)
         information[:active, :active] += white.T @ white
         score[:active] += white.T @ update.innovation.ravel()
     error = np.hstack([error, np.zeros((len(error), columns - error.shape[1]))])
@@ -76,12 +91,24 @@ def result_sensitivity(
 
 @nb.njit(cache=True)
 def _propagate_errors(
-    update: Updates, regressors: FloatArray, terms: IntArray, error: FloatArray, white: FloatArray
+    update: Updates,
+    regressors: FloatArray,
+    terms: IntArray,
+    missing: FloatArray,
+    of_table: IntArray,
+    error: FloatArray,
+    white: FloatArray,
 ) -> None:
     """Write the effect of the errors on the normalised innovations of g groups to `white`, shape (g r, columns).
 
-    `regressors` and `terms` are the results of `mean_regressors` for these groups. `error`, the state errors, shape
-    (n, columns), is updated in place, except for δp, on which nothing depends.
+    Parameters
+    ----------
+    update : the groups
+    regressors, terms : result of `mean_regressors` for these groups
+    missing : velocities that the observations lack per unit of size, shape (g, r, k)
+    of_table : component of each of these sizes, shape (k,)
+    error : state errors, shape (n, columns), updated in place except for δp, on which nothing depends
+    white : output
     """
     groups, rows, _ = update.H.shape
     size, columns = error.shape
@@ -100,6 +127,9 @@ def _propagate_errors(
         response[:] = 0.0
         add_product(H, error, response)
         _add_bias(H, bias_errors, response)
+        for k in range(len(of_table)):
+            for i in range(rows):
+                response[i, COUNT + of_table[k]] -= missing[g, i, k]
         forward(update.root[g], response)
         subtract_transposed_product(update.gain[g], response, error)
 
@@ -173,6 +203,7 @@ def motion_between_observations(
     earth, gravity = rotation_rate(context.site.latitude), context.site.local_gravity
     constants, lever = compensation(point), group_vector(point, "outer_lever")
     parts: list[tuple[FloatArray, ...]] = []
+    turns: list[tuple[FloatArray, ...] | None] = []
     for start in starts:
         inside = (history.index > start.begin) & (history.index <= start.end)
         index, C, rate = history.index[inside], history.attitude[inside], history.rate[inside]
@@ -195,7 +226,36 @@ def motion_between_observations(
             slope[still] = 0.0
         time = (data.seq[index - 1] - data.seq[0]) * data.dt
         parts.append((omega, force, *slopes, time))
-    return Motion(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        turns.append(_outer_turn(start, C, rate_nb, data, context))
+    known = [turn for turn in turns if turn is not None]
+    outer = None
+    if len(known) == len(turns):
+        outer = OuterTurn(*(np.concatenate(column) for column in zip(*known, strict=True)))
+    rate, force, turning, jerk, time = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Motion(rate, force, turning, jerk, time, outer)
+
+
+def _outer_turn(
+    start: Start, attitude: FloatArray, rate: FloatArray, data: StageData, context: SolveContext
+) -> tuple[FloatArray, ...] | None:
+    """Return the outer axis, the inner axis in n, shape (n, 3), and the outer rate, rad/s, shape (n,), of a segment.
+
+    The outer axis follows from the azimuth of the table, or else from attitude and angles at the start; None if those
+    are not known either. `attitude` is C_bn, shape (n, 3, 3), and `rate` ω_nb in b, rad/s, shape (n, 3).
+    """
+    geometry, azimuth = context.table.geometry, context.site.azimuth
+    if azimuth is not None:
+        home = axis_rotation(UP, -azimuth)
+    else:
+        angles = mean_angles(data, start.begin, start.begin + max(round(SHORTEST_REST / data.dt), 1))
+        if angles is None:
+            return None
+        home = attitude[0] @ geometry.body_to_home(*angles).T
+    axis = np.broadcast_to(home @ np.array(geometry.outer_axis), (len(attitude), 3))
+    inner = attitude @ (np.array(geometry.orientation).T @ np.array(geometry.inner_axis))
+    normal = axis - np.sum(axis * inner, axis=1)[:, None] * inner
+    turning = np.einsum("nij,nj->ni", attitude, rate)
+    return axis, inner, np.sum(turning * normal, axis=1) / np.sum(normal**2, axis=1)
 
 
 def _smooth(values: FloatArray) -> FloatArray:

@@ -145,6 +145,7 @@ class NavigationStage(StageSolver):
             gaps=data.gaps,
             details={"passes": result.passes, "segments": len(result.starts)},
             messages=tuple(messages),
+            sensitivity=self._sensitivity(data, context, mask, result),
         )
         if not context.diagnostics:
             return solution
@@ -155,7 +156,6 @@ class NavigationStage(StageSolver):
             observability=observability.result(),
             innovations=Innovations(data.seq[result.history.index - 1], result.history.innovation),
             tests=noise_tests(self.context, context, measured),
-            sensitivity=self._sensitivity(data, context, mask, result),
             local_scores=partial(local_scores, updates=result.updates, index=result.history.index),
         )
         return with_diagnosis(solution, data, self.context)

@@ -218,7 +218,7 @@ class _System:
             parts = self._parts[b : b + count]
             part = slice(parts[0].start, parts[-1].stop)
             columns = self._columns(part)[:, :, self._fitted] / self.scale[:, None]
-            block_motion = Motion(*(values[part] for values in vars(motion).values()))
+            block_motion = Motion(*(values[part] for values in vars(motion).values() if values is not None))
             blocks.append(Block(block_motion, columns, self._residual[part] / self.scale, self._weights[part]))
         return blocks
 

@@ -20,6 +20,8 @@ _ACCURACY = (
     "base_tilt_sigma_deg",
     "velocity_sigma",
     "velocity_interval_s",
+    "axis_offset_mm",
+    "axis_offset_sigma_mm",
     "poll_latency_s",
     "poll_jitter_s",
 )

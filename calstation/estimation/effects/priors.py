@@ -1,0 +1,39 @@
+"""Priors of effects: sizes that are known before a calibration."""
+
+from collections.abc import Collection
+from typing import NamedTuple
+
+from calstation.estimation.common import TableModel
+from calstation.physics import EFFECTS, OUTER_LEVER, Effect, FloatArray
+
+
+class EffectPrior(NamedTuple):
+    """Means and standard deviations of the sizes of an effect, one per component; a sigma of 0 fixes a size."""
+
+    mean: tuple[float, ...]
+    sigma: tuple[float, ...]
+
+
+_OFFSET = next(effect for effect in EFFECTS if effect.cause == "axis_offset")
+
+
+def plausible(effect: Effect) -> EffectPrior:
+    """Return the prior of an effect of which nothing is known."""
+    count = len(effect.components)
+    return EffectPrior(count * (0.0,), count * (effect.plausible or float("nan"),))
+
+
+def table_priors(before: FloatArray, states: Collection[str], table: TableModel) -> dict[str, EffectPrior]:
+    """Return the priors of the effects of a table, by cause.
+
+    Without a state `axis_offset`, the profile of the table bounds the offset. If the outer lever arm is estimated, it
+    is measured from the point of the inner axis that the profile states, and the offset along that axis is fixed.
+
+    Parameters
+    ----------
+    before : sigmas of the parameters before calibration, shape (30,)
+    states : effects that are estimated without a bound
+    table : table with its offset
+    """
+    sigma = plausible(_OFFSET).sigma[0] if _OFFSET.cause in states else table.axis_offset_sigma
+    return {_OFFSET.cause: EffectPrior(table.axis_offset, (sigma, 0.0 if before[OUTER_LEVER].any() else sigma))}
