@@ -18,6 +18,7 @@ from calstation.bench.truth import (
     GradeName,
     ImuTruth,
     ManualRig,
+    TableMotion,
     TableTruth,
     draw_imu,
     draw_power_ups,
@@ -136,6 +137,7 @@ class BenchConfig(Settings):
     encoder_periodic_deg: NonNegative = 0.005
     encoder_noise_deg: NonNegative = 0.0005
     velocity_sigma: NonNegative = 1e-3
+    table_motion: TableMotion = TableMotion()
     start_deg: Pair | None = None
     joint_order: str = "zxy"
     joint_travel_deg: Positive = 85.0
@@ -235,6 +237,7 @@ class BenchConfig(Settings):
             mount=(float(mount[0]), float(mount[1]), float(mount[2])),
             orientation=self.orientation,
             velocity_sigma=self.velocity_sigma,
+            motion=self.table_motion,
             gravity=self.gravity_mps2,
         )
         encoder = EncoderTruth(

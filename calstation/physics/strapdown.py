@@ -57,6 +57,7 @@ class IntervalWork(NamedTuple):
     rate: FloatArray  #: Angular rate ω_ib at the end of the interval, rad/s, shape (3,).
     rate_jacobian: FloatArray  #: ∂ω/∂parameters at the end of the interval, shape (3, 30).
     force: FloatArray  #: Mean specific force in n, m/s², shape (3,).
+    displacement: FloatArray  #: ∫v dt over the interval in n, m, shape (3,).
 
 
 class Increments(NamedTuple):
@@ -69,7 +70,8 @@ class Increments(NamedTuple):
 
 def interval_work() -> IntervalWork:
     """Allocate the arrays for `propagate`."""
-    return IntervalWork(np.eye(STATES), np.eye(3), np.zeros(3), np.zeros(3), np.zeros((3, COUNT)), np.zeros(3))
+    velocity, rate, force, displacement = np.zeros((4, 3))
+    return IntervalWork(np.eye(STATES), np.eye(3), velocity, rate, np.zeros((3, COUNT)), force, displacement)
 
 
 #: A vector in registers; allocating arrays would take longer than the computation.
@@ -249,7 +251,7 @@ def propagate(
     rows = 3 if jacobian else 0
     psi_phi, psi_v, psi_p = np.zeros((rows, _GYROS)), np.zeros((rows, _SENSORS)), np.zeros((rows, _SENSORS))
     turn, push = np.empty((rows, _GYROS)), np.empty((rows, _SENSORS))
-    force_sum, force_moment = np.zeros(3), np.zeros(3)
+    force_sum, force_moment, displacement = np.zeros(3), np.zeros(3), (0.0, 0.0, 0.0)
     rates, rotations, velocities = motion
     rotation, v = _vector(earth), _vector(work.velocity)
     C = (_vector(work.attitude[0]), _vector(work.attitude[1]), _vector(work.attitude[2]))
@@ -261,13 +263,18 @@ def propagate(
             (rotations[k, 3], rotations[k, 4], rotations[k, 5]),
             (rotations[k, 6], rotations[k, 7], rotations[k, 8]),
         )
-        before, C = C, _next_attitude(rotation, C, E, dt)
+        before, C, last_v = C, _next_attitude(rotation, C, E, dt), v
         cross, coriolis = _cross_product(rotation, f), _cross_product(rotation, v)
         f = ((f[0] - 0.5 * dt * cross[0]) / dt, (f[1] - 0.5 * dt * cross[1]) / dt, (f[2] - 0.5 * dt * cross[2]) / dt)
         v = (
             v[0] + (f[0] - 2.0 * coriolis[0]) * dt,
             v[1] + (f[1] - 2.0 * coriolis[1]) * dt,
             v[2] + (f[2] - 2.0 * coriolis[2]) * dt - gravity * dt,
+        )
+        displacement = (
+            displacement[0] + 0.5 * dt * (last_v[0] + v[0]),
+            displacement[1] + 0.5 * dt * (last_v[1] + v[1]),
+            displacement[2] + 0.5 * dt * (last_v[2] + v[2]),
         )
         for i in range(3):
             force_moment[i] += (force_sum[i] + 0.5 * f[i] * dt) * dt
@@ -308,7 +315,7 @@ def propagate(
         rate = (0.5 * (after[0] + rate[0]), 0.5 * (after[1] + rate[1]), 0.5 * (after[2] + rate[2]))
     T = (stop - start) * dt
     for i in range(3):
-        work.velocity[i], work.rate[i] = v[i], rate[i]
+        work.velocity[i], work.rate[i], work.displacement[i] = v[i], rate[i], displacement[i]
         work.attitude[i, 0], work.attitude[i, 1], work.attitude[i, 2] = C[i]
         work.force[i] = force_sum[i] / T if stop > start else 0.0
         F[_DP + i, _DV + i] = T

@@ -19,7 +19,9 @@ DPH = np.pi / 180.0 / 3600.0
 UG = 1e-6 * G
 EARTH = 7.292115e-5
 #: Rest after a move before the next step, interval of the encoder readings, and correlation time of the vibration, s.
-SETTLE, POLL, VIBRATION = 0.3, 0.05, 0.03
+#: Means of the vibration over 0.1 s have the rms `velocity_sigma`, its samples RMS times as much.
+SETTLE, POLL, VIBRATION = 0.3, 0.05, 0.01
+RMS = (2.0 * VIBRATION / 0.1 * (1.0 - VIBRATION / 0.1)) ** -0.5
 READING_SIGMA = np.deg2rad(0.0005)
 CHUNK = 20_000
 AXES = "xyz"
@@ -41,6 +43,8 @@ class Site:
     axis_offset: tuple[float, ...] = (0.0, 0.0)
     velocity_sigma: float = 0.0
     encoder_sigma: float = 0.0
+    #: Further motion, by the names of `[bench.table_motion]`.
+    motion: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -147,7 +151,8 @@ class PlainBench:
         self.interval = 1.0 / unit.sample_rate / (1.0 + 1e-6 * self.effect("sample_clock_ppm")[0])
         self.residue = np.zeros(6)
         self.walk = np.zeros(6)
-        self.velocity = site.velocity_sigma * self.random.standard_normal(3)
+        self.slow = np.zeros((0, 3))
+        self.velocity = RMS * site.velocity_sigma * self.random.standard_normal(3)
         for joint in self.joints:
             joint.errors[0] = site.encoder_sigma * self.random.standard_normal()
 
@@ -176,7 +181,10 @@ class PlainBench:
         site = self.site
         outer, inner = (np.asarray(axis, dtype=float) for axis in (site.outer_axis, site.inner_axis))
         hinge = np.cross(outer, inner)
-        base = turned(site.base_tilt) @ turned((0.0, 0.0, -site.azimuth))
+        tilt, tilting = self.tilt(times)
+        x, y, z = np.moveaxis(tilt, 1, 0)
+        small = np.eye(3) + np.moveaxis(np.array([[0 * z, -z, y], [z, 0 * z, -x], [-y, x, 0 * z]]), 2, 0)
+        base = small @ turned(site.base_tilt) @ turned((0.0, 0.0, -site.azimuth))
         between = turned(site.non_orthogonality * hinge / np.linalg.norm(hinge))
         mount = turned(site.mount)
         (qo, vo, ao), (qi, vi, ai) = (joint.states(times) for joint in self.joints)
@@ -186,7 +194,7 @@ class PlainBench:
         u = np.einsum("nji,j->ni", platform, outer)  # the outer axis on the platform
         relative = u * vo[:, None] + inner * vi[:, None]
         sensed_earth = np.einsum("nji,j->ni", attitude, earth)
-        rate = sensed_earth + relative
+        rate = sensed_earth + relative + np.einsum("nji,nj->ni", attitude, tilting)
         change = -np.cross(relative, sensed_earth) + u * ao[:, None] + inner * ai[:, None]
         change -= np.cross(inner, u) * (vi * vo)[:, None]
         force = np.einsum("nji,j->ni", attitude, [0.0, 0.0, site.gravity])
@@ -197,6 +205,34 @@ class PlainBench:
         moved = ao[:, None] * tangent + vo[:, None] ** 2 * inward + 2.0 * vo[:, None] * np.cross(earth_on_arm, tangent)
         force += np.einsum("nji,nj->ni", platform, moved)
         return attitude @ mount, rate @ mount, change @ mount, force @ mount
+
+    def tilt(self, times: Array) -> tuple[Array, Array]:
+        """Rotation of the base by rocking, and by creep about the east axis after each move, and its rate, in n."""
+        s, angle, rate = self.site.motion, np.zeros((len(times), 3)), np.zeros((len(times), 3))
+        f = 2.0 * np.pi * s.get("rocking_hz", 3.0)
+        angle[:, 1] += 1e-6 * s.get("rocking_urad", 0.0) * np.sin(f * times)
+        rate[:, 1] += 1e-6 * s.get("rocking_urad", 0.0) * f * np.cos(f * times)
+        ends = sorted(start + whole for joint in self.joints for start, *_, whole in getattr(joint, "moves", [])[1:])
+        for k, end in enumerate(ends if s.get("creep_urad") else []):
+            passed, decay = np.maximum(times - end, 0.0), s.get("creep_s", 10.0)
+            size = 1e-6 * s["creep_urad"] * (-1.0) ** k
+            angle[:, 0] += size * (1.0 - np.exp(-passed / decay))
+            rate[:, 0] += np.where(passed > 0.0, size / decay * np.exp(-passed / decay), 0.0)
+        return angle, rate
+
+    def base_velocity(self, first: int, count: int) -> Array:
+        """Sway along east and up, and slow motion, at the borders of samples."""
+        s, velocity = self.site.motion, np.zeros((count + 1, 3))
+        times = (first + np.arange(count + 1))[:, None] * self.interval
+        sway = np.sqrt(2.0) * 1e-3 * s.get("sway_mm_s", 0.0)
+        velocity[:, ::2] += sway * np.cos(2.0 * np.pi * s.get("sway_hz", 8.0) * times + [0.4, 1.1])
+        if s.get("slow_mm_s"):
+            width = round(s.get("slow_s", 1.0) / self.interval)
+            self.slow = np.vstack([self.slow, self.random.standard_normal((first + count + width - len(self.slow), 3))])
+            sums = np.vstack([np.zeros((1, 3)), np.cumsum(self.slow[first:], axis=0)])
+            moving = np.vstack([sums[width:] - sums[:-width]])[: count + 1]
+            velocity += 1e-3 * s["slow_mm_s"] * moving / np.sqrt(width)
+        return velocity
 
     def output(self, times: Array) -> tuple[Array, Array]:
         """Output of gyros and accelerometers at times, without noise, each of shape (n, 3)."""
@@ -256,10 +292,11 @@ class PlainBench:
         values = self.increments(self.produced, count)
         middle = (self.produced + 0.5 + np.arange(count)) * h
         keep = np.exp(-h / VIBRATION)
-        kicks = self.site.velocity_sigma * np.sqrt(1.0 - keep**2) * self.random.standard_normal((count, 3))
+        kicks = RMS * self.site.velocity_sigma * np.sqrt(1.0 - keep**2) * self.random.standard_normal((count, 3))
         moved, _ = lfilter([1.0], [1.0, -keep], kicks, axis=0, zi=keep * self.velocity[None])
         velocity = np.vstack([self.velocity, moved])
         self.velocity = velocity[-1]
+        velocity = velocity + self.base_velocity(self.produced, count)
         shaken = np.einsum("nji,nj->ni", self.motion(middle)[0], np.diff(velocity, axis=0))
         values[:, 3:] += shaken @ self.matrix("accel").T
         white = np.concatenate([

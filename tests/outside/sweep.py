@@ -164,6 +164,7 @@ def plain_bench_of(config: BenchConfig) -> PlainBench:
         table.axis_offset,
         table.velocity_sigma,
         truth.encoder.stop_sigma,
+        table.motion.model_dump(),
     )
     grade = GRADES[config.grade]
     parameters = dict(zip(NAMES, truth.parameters.tolist(), strict=True))

@@ -3,6 +3,7 @@
 It is independent of the estimators, and of links and protocols.
 """
 
+from calstation.bench.truth.base_motion import TableMotion
 from calstation.bench.truth.body import BodyMotion, BodyStream, draw_mounting
 from calstation.bench.truth.drive import EncoderTruth, TableDrive
 from calstation.bench.truth.effects import Effects

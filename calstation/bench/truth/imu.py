@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from calstation.bench.truth.base_motion import BaseMotion
 from calstation.bench.truth.effects import Changes, EffectTruth
 from calstation.bench.truth.kinematics import JointProfile, compiled, joint_state
 from calstation.bench.truth.noise import Vibration, draw_instability, instability_steps
@@ -173,6 +174,36 @@ def true_increments(
 
 
 @compiled
+def _add_tilt(
+    increments: FloatArray,
+    model: FloatArray,
+    chain: FloatArray,
+    up_force: FloatArray,
+    angles: FloatArray,
+    tilt: FloatArray,
+    interval: float,
+) -> None:
+    """Add the effect of a rotation of the base by small angles to increments, rad and m/s, shape (n, 6), in place.
+
+    Parameters
+    ----------
+    model, chain : `ImuTruth.error_model` and `TableTruth.chain`
+    up_force : specific force of a body at rest, in n, m/s², shape (3,)
+    angles : outer and inner joint angle in the middle of the samples, rad, shape (n, 2)
+    tilt : rotation vector of the base in n at the borders of the samples, rad, shape (n + 1, 3)
+    interval : duration of a sample, s
+    """
+    for n in range(len(increments)):
+        turn, middle = tilt[n + 1] - tilt[n], 0.5 * (tilt[n + 1] + tilt[n])
+        rotation = to_body(chain, angles[n, 0], angles[n, 1], turn)
+        force = to_body(chain, angles[n, 0], angles[n, 1], np.cross(up_force, middle) * interval)
+        for i in range(3):
+            for j in range(3):
+                increments[n, i] += model[i, j] * rotation[j]
+                increments[n, 3 + i] += model[3 + i, j] * force[j]
+
+
+@compiled
 def digitise(
     increments: FloatArray,
     normals: FloatArray,
@@ -294,6 +325,7 @@ class SensorStream:
         if drifts:
             self._digitiser.start_drift(self._random)
         self._vibration = Vibration(table.velocity_sigma, self.interval, self._random)
+        self._base = BaseMotion(table.motion, self.interval, np.random.default_rng(root.spawn(1)[0]))
         self._columns = self._digitiser.columns + (6 if self._vibration.active else 0)
 
     @property
@@ -306,10 +338,16 @@ class SensorStream:
         normals = self._random.standard_normal((count, self._columns))
         vibration = self._vibration
         velocity = vibration.velocities(normals[:, -6:]) if vibration.active else np.zeros((count + 1, 3))
+        velocity += self._base.velocity(self.produced, count)
         outer, inner = _delayed(outer, -self._begin), _delayed(inner, -self._begin)
         increments = self._increments(velocity, outer, inner)
         if delay := self._imu.effects.accel_delay:
             increments[:, 3:] = self._increments(velocity, _delayed(outer, delay), _delayed(inner, delay))[:, 3:]
+        if self._base.is_tilting:
+            middle = np.asarray((self.produced + 0.5 + np.arange(count)) * self._table_interval, np.float64)
+            angles = np.stack([joint.states(middle)[:, 0] for joint in (outer, inner)], axis=1)
+            tilt = self._base.tilt(self.produced, count, max(outer.rest_time, inner.rest_time))
+            _add_tilt(increments, self._model, self._chain, self._field[0], angles, tilt, self.interval)
         if self._imu.effects.changing:
             self._changes.apply(increments, self.produced)
         self.produced += count

@@ -1,7 +1,6 @@
 """Random processes of the bench, bias instability and base vibration, with exact discretisation."""
 
 import numpy as np
-from scipy.linalg import expm
 
 from calstation.bench.truth.kinematics import compiled
 from calstation.physics import FloatArray
@@ -10,9 +9,10 @@ from calstation.physics import FloatArray
 INSTABILITY_TIMES: tuple[float, ...] = (2.0, 8.0, 32.0, 128.0, 512.0, 2048.0)
 _SPACING = 4.0
 
-#: Interval at which samples of the base's velocity are uncorrelated, s.
+#: Time, s, over which means of the base's velocity have the rms `velocity_sigma` and are uncorrelated.
 VIBRATION_INTERVAL = 0.1
-VIBRATION_DAMPING = 0.2
+#: Decay rate and angular frequency of the vibration, 1/s.
+VIBRATION_RATE = 40.0
 
 
 def instability_variance(instability: FloatArray | float) -> FloatArray:
@@ -38,35 +38,24 @@ def instability_steps(instability: FloatArray, interval: float) -> tuple[FloatAr
     return decay, sigma
 
 
-def vibration_frequency() -> float:
-    """Return the undamped frequency, rad/s, that puts the fourth zero of the velocity autocorrelation at 0.1 s.
-
-    A resonance x'' + 2ζω x' + ω² x = w driven by white noise has the velocity autocorrelation
-    e^(−ζωτ)(cos ω_d τ − ζω/ω_d sin ω_d τ) (Crandall & Mark 1963).
-    """
-    phase = np.arctan2(np.sqrt(1.0 - VIBRATION_DAMPING**2), VIBRATION_DAMPING) + 4.0 * np.pi
-    return float(phase / VIBRATION_INTERVAL / np.sqrt(1.0 - VIBRATION_DAMPING**2))
-
-
 class Vibration:
     """Velocity of the vibrating base along each axis of n, which continues from call to call.
 
-    `velocity_sigma` is the rms velocity, m/s; nothing is drawn if it is 0.
+    The autocovariance is s² e^(−aτ) cos aτ. Its first moment ∫ τ r(τ) dτ is zero, so means over times T ≫ 1/a are
+    uncorrelated and have the variance s²/(a T). `velocity_sigma` is the rms of such means over `VIBRATION_INTERVAL`,
+    m/s; nothing is drawn if it is 0.
     """
 
     def __init__(self, velocity_sigma: float, interval: float, random: np.random.Generator) -> None:
         self.active = velocity_sigma > 0.0
         if not self.active:
             return
-        # Exact discretisation of (displacement, velocity) over one sample, m and m/s.
-        frequency = vibration_frequency()
-        rates = np.array([[0.0, 1.0], [-(frequency**2), -2.0 * VIBRATION_DAMPING * frequency]])
-        self._transition: FloatArray = expm(rates * interval)
-        stationary = velocity_sigma * np.array([1.0 / frequency, 1.0])
-        covariance = np.diag(stationary**2)
-        driven = covariance - self._transition @ covariance @ self._transition.T
-        self._root: FloatArray = np.linalg.cholesky(driven / np.outer(stationary, stationary)) * stationary[:, None]
-        self._state = stationary[:, None] * random.standard_normal((2, 3))
+        rms = velocity_sigma * np.sqrt(VIBRATION_RATE * VIBRATION_INTERVAL)
+        angle = VIBRATION_RATE * interval
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        self._transition: FloatArray = np.exp(-angle) * turn
+        self._root: FloatArray = rms * np.sqrt(-np.expm1(-2.0 * angle)) * np.eye(2)
+        self._state = rms * random.standard_normal((2, 3))
 
     def velocities(self, normals: FloatArray) -> FloatArray:
         """Return velocities at the borders of n samples, m/s, shape (n + 1, 3), from `normals` of shape (n, 6)."""

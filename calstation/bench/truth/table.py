@@ -14,10 +14,11 @@ passes the outer one at a distance d, fixed in the axes of the outer body, which
 after the outer turn.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from calstation.bench.truth.base_motion import TableMotion
 from calstation.bench.truth.kinematics import compiled
 from calstation.physics import FloatArray
 
@@ -100,6 +101,7 @@ class TableTruth:
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
     orientation: str = "+x+z"
     velocity_sigma: float = 0.0
+    motion: TableMotion = field(default_factory=TableMotion)
     gravity: float | None = None
 
     @property

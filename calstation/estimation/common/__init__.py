@@ -43,7 +43,6 @@ from calstation.estimation.common.noise import (
     BIAS_DRIFT_TIME,
     RestNoise,
     filter_noise,
-    gyro_excess,
     noise_tests,
     rest_force,
     rest_mean_variance,

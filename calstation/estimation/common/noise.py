@@ -3,9 +3,12 @@
 If the noise measured in a stage exceeds the profile's, the larger value applies.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from calstation.estimation.common.context import ImuModel, SolveContext
 from calstation.estimation.common.model_test import Diagnosis, ModelTest
@@ -22,20 +25,28 @@ _COARSE = 2.5
 _COARSE_TIME = 20.0
 #: Ratio to the profile's noise above which a unit or a table fails; a smaller excess increases the sigmas.
 MAX_NOISE = 3.0
-#: Averaging times, s: white noise dominates at the first, slower noise at the second.
-_TIMES = (1.0, 4.0)
-#: Averaging time for gyros with a fine resolution, s, for which a few rests suffice.
-_SHORT_TIME = 0.2
-#: Largest share of rounding in the Allan variance at this time.
-_FINE = 0.05
-#: Median of the χ² distribution with 1 degree of freedom.
-_MEDIAN = 0.4549
-#: Relative uncertainty of the table's contribution to an Allan variance, because its velocity is not quite white.
-_NOT_WHITE = 0.3
-#: Smallest number of differences from which a variance is estimated.
+#: The same for the table, whose noise is measured with more scatter.
+MAX_TABLE_NOISE = 3.3
+#: Averaging times in intervals between observations, and the correlation of neighbouring ones as a factor of sigma.
+_TIMES, _OVERLAP = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32), 1.3
+#: Shortest averaging time at which the table's velocity affects the estimate, s.
+_SLOW_TIME = 0.4
+#: Largest rounding step at an averaging time at which noise is measured, in sigmas of the noise over this time.
+_FINE = 3.0
+#: Median of the χ² distribution with 1 degree of freedom; larger multiples of the variance are disturbances.
+_MEDIAN, _LARGEST = 0.4549, 12.0
+#: Smallest number of independent values from which a variance is estimated.
 _MIN_COUNT = 10
 #: Smallest significant excess, in standard deviations and as a ratio; a smaller one is measurement scatter.
 _SIGMAS, _MIN_EXCESS = 5.0, 1.05
+#: Standard deviations of the means of three channels that are significant, and by which times may disagree.
+_MEAN_SIGMAS, _CONSISTENT = 3.5, 3.0
+#: Duration of the segments in which periodic motion at rest is detected, s, and their smallest and largest number.
+_SEGMENT, _MIN_SEGMENTS, _MAX_SEGMENTS = 4.0, 8, 60
+#: Channels of the sensors.
+_GYROS, _ACCELEROMETERS = slice(0, 3), slice(3, 6)
+#: Number of frequencies on either side of a line from which its background is estimated, and smallest ratio to it.
+_BACKGROUND, _LINE = 15, 12.0
 
 
 @dataclass(frozen=True)
@@ -46,7 +57,6 @@ class FilterNoise:
     force: float  #: Spectral density of the velocity random walk, (m/s)²/s.
     velocity: float  #: Variance of a velocity observation, (m/s)².
     interval: float  #: Time between observations, s.
-    end_rate: float  #: Variance of the angular rate at an observation, (rad/s)².
     #: Stationary sigma of each bias about its constant value, gyro x y z, accel x y z, rad/s and m/s², shape (6,).
     bias_drift: FloatArray
 
@@ -69,8 +79,7 @@ def filter_noise(context: SolveContext) -> FilterNoise:
     rate = imu.gyro_arw**2 + gyro_count**2 / 12.0 * rounding_rate + gyro_rounding**2 * _COARSE_TIME
     force = imu.accel_vrw**2 + accel_count**2 / 12.0 * rounding_rate + accel_rounding**2 * _COARSE_TIME
     bias_drift = np.repeat(bias_drift_sigmas(imu), 3)
-    end_rate = 0.5 * (imu.gyro_arw**2 * imu.sample_rate + (gyro_count * imu.sample_rate) ** 2 / 12.0)
-    return FilterNoise(rate, force, table.velocity_sigma**2, max(interval, 1.0 / imu.sample_rate), end_rate, bias_drift)
+    return FilterNoise(rate, force, table.velocity_sigma**2, max(interval, 1.0 / imu.sample_rate), bias_drift)
 
 
 def coarse_rounding(imu: ImuModel) -> tuple[float, float]:
@@ -99,14 +108,17 @@ def rest_mean_variance(context: SolveContext, duration: float) -> float:
     """Return the variance, (m/s²)², of the mean force of a rest of `duration` s, weighted with `slope_weights`.
 
     It is the sum of three terms: the slope through m + 1 velocities τ apart, 12 σ_v²/(τ² m (m+1) (m+2)); the white
-    force noise, q/τ Σw², which approaches 6/5 q/T; and the bias drift.
+    force noise, q Σ∫w² dt, with weights that are linear between the velocities; and the bias drift.
     """
     noise = filter_noise(context)
-    m = max(int(duration / noise.interval + 1e-9), 1)
+    m = max(int(duration / noise.interval + 1e-9) - 1, 1)
+    j = np.arange(m + 2)
     size = m * (m + 1) * (m + 2)
+    weights = 6.0 * j * (m + 1 - j) / (size * noise.interval)
+    square = float(np.sum(weights[1:] ** 2 + weights[1:] * weights[:-1] + weights[:-1] ** 2)) / 3.0
     return (
         12.0 * noise.velocity / (noise.interval**2 * size)
-        + noise.force / noise.interval * 1.2 * (m * m + 2 * m + 2) / size
+        + noise.force * noise.interval * square
         + float(noise.bias_drift[3]) ** 2
     )
 
@@ -118,146 +130,239 @@ def rest_force(data: StageData, context: SolveContext, start: int, stop: int) ->
 
 
 @dataclass(frozen=True)
-class NoiseRatio:
-    """Measured noise of some channels at an averaging time, as a ratio to the profile's noise."""
+class Line:
+    """Periodic motion of the table at rest."""
 
-    time: float  #: Averaging time, s.
-    value: FloatArray  #: Shape (k,).
-    limit: FloatArray  #: Largest ratio explained by the profile's noise, shape (k,).
-
-    @property
-    def excess(self) -> FloatArray:
-        """Ratios that are significantly larger than 1, with 1 for the others, shape (k,)."""
-        return np.where(self.value > np.maximum(_MIN_EXCESS, self.limit), self.value, 1.0)
+    frequency: float  #: Hz
+    rms: float  #: Velocity, m/s, or angle, rad.
 
 
 @dataclass(frozen=True)
 class RestNoise:
-    """Noise measured at rest as a ratio to the profiles' noise."""
+    """Noise measured at rest; noise that is not significantly larger than the profile's has the ratio 1."""
 
-    gyro: tuple[NoiseRatio, ...]  #: Angle random walk of each gyro, at every averaging time.
-    accel: tuple[NoiseRatio, ...]  #: Velocity random walk of each accelerometer, at every averaging time.
-    velocity: NoiseRatio  #: Velocity of the table; NaN if there is no rest.
+    imu: FloatArray  #: Ratio of the white noise of each channel to the profile's, shape (6,).
+    #: Variance of the table's velocity as a ratio to the profile's; NaN if there is no rest.
+    table: float
+    #: Variance, (m/s)², of white velocity noise that has the measured density at low frequencies, on which the estimate
+    #: depends; 0 if it is not determined.
+    slow_variance: float
     table_is_quiet: bool  #: Whether the table certainly vibrates less than half as much as its profile specifies.
+    sway: Line | None  #: Periodic velocity of the table.
+    rocking: Line | None  #: Periodic rotation of the table.
 
-    def worst(self) -> tuple[float, str, float]:
-        """Return the largest significant noise ratio of an inertial sensor, its channel and averaging time, s."""
-        rows = [np.concatenate([g.excess, a.excess]) for g, a in zip(self.gyro, self.accel, strict=True)]
-        ratios = np.array(rows)
-        time, channel = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
-        return float(ratios[time, channel]), CHANNELS[channel], self.gyro[time].time
+    def worst(self) -> tuple[float, str]:
+        """Return the largest noise ratio of an inertial sensor, and its channel."""
+        channel = int(np.argmax(self.imu))
+        return float(self.imu[channel]), CHANNELS[channel]
+
+    def messages(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Yield the messages about the motion of the table, with their values."""
+        if self.table_is_quiet:
+            yield "table_quiet", {}
+        if self.sway:
+            yield "table_sways", {"frequency": self.sway.frequency, "velocity": 1e3 * self.sway.rms}
+        if self.rocking:
+            yield "table_rocks", {"frequency": self.rocking.frequency, "angle": 1e6 * self.rocking.rms}
+
+
+class _Weights(NamedTuple):
+    """Weights of mean velocities, or angles, over intervals for an averaging time of `width` intervals.
+
+    They are the third differences of triangular means of twice the averaging time, which do not depend on a linear
+    drift of the force, or rate, and hardly on periodic motion.
+    """
+
+    width: int
+    force: float  #: Variance due to white noise of the force, per unit of its density.
+    velocity: float  #: Variance due to white noise of the velocity, per unit of its density.
+    walk: float  #: Variance due to a random walk of the force, per unit of its density.
+
+    @classmethod
+    def of(cls, width: int, interval: float) -> "_Weights":
+        """Return the weights for intervals of `interval` s."""
+        box, third = np.ones(width) / width, np.zeros(3 * width + 1)
+        third[::width] = 1.0, -3.0, 3.0, -1.0
+        weights = np.convolve(np.convolve(box, box), third)
+        force = np.append(0.0, np.cumsum(weights))  # linear between the middles of the intervals
+        walk = np.append(0.0, np.cumsum(0.5 * (force[1:] + force[:-1]))) * interval
+        square = float(np.sum(force[1:] ** 2 + force[1:] * force[:-1] + force[:-1] ** 2)) * interval / 3.0
+        return cls(width, square, float(np.sum(weights**2)) / interval, float(np.sum(walk**2)) * interval)
+
+    def apply(self, motion: FloatArray) -> FloatArray:
+        """Return the weighted sums of n mean velocities and angles, shape (n, 6)."""
+        for _ in range(2):
+            total = np.cumsum(np.vstack([np.zeros((1, 6)), motion]), axis=0)
+            motion = (total[self.width :] - total[: -self.width]) / self.width
+        for _ in range(3):
+            motion = motion[self.width :] - motion[: -self.width]
+        return motion
+
+
+@dataclass(frozen=True)
+class _Variances:
+    """Variances of the six channels at the averaging times T whose noise can be measured, in ascending order.
+
+    They are in units of the variance due to white noise q of the force, or rate, so that a value is q + ρ c with white
+    noise c of the velocity, or angle, and a ratio ρ that decreases as 1/T². (Compare the modified Allan variance and
+    the Hadamard variance: W. J. Riley, *Handbook of Frequency Stability Analysis*, NIST SP 1065, 2008, section 5.)
+    """
+
+    time: FloatArray  #: s, shape (k,).
+    value: FloatArray  #: Without the drift of the profile, shape (k, 6).
+    relative_sigma: FloatArray  #: Shape (k,).
+    ratio: FloatArray  #: ρ, 1/s², shape (k,).
+
+    def density(self, white: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the density c of the velocity, or angle, noise and its sigma for white noise `white`, shape (k, 6)."""
+        ratio = self.ratio[:, None]
+        return (self.value - white) / ratio, self.value * self.relative_sigma[:, None] / ratio
+
+    def white(self, sensor: slice) -> tuple[FloatArray, FloatArray]:
+        """Return the white noise of a sensor's channels and its sigma, shape (3,); the sigma is infinite if unknown.
+
+        A pair of times (T/2, T) determines the white noise beside a bounded velocity, or angle, with a flat spectrum.
+        Where the spectrum is not flat, the pairs disagree; then the short times are disregarded.
+        """
+        halves = np.abs(self.time[:, None] - 0.5 * self.time) < 1e-9
+        half, whole = np.nonzero(halves)
+        half, whole = half[np.argsort(whole)], np.sort(whole)
+        value, before, after = self.value[:, sensor], self.ratio[half, None], self.ratio[whole, None]
+        value = np.hstack([value, value.mean(axis=1, keepdims=True)])  # the mean scatters less
+        sigma = value * self.relative_sigma[:, None] / np.array([1.0, 1.0, 1.0, np.sqrt(3.0)])
+        white = (before * value[whole] - after * value[half]) / (before - after)
+        scatter = np.hypot(before * sigma[whole], after * sigma[half]) / (before - after)
+        result, result_sigma = np.zeros(3), np.full(3, np.inf)
+        for first in range(len(white) - 1, -1, -1):
+            weight = np.maximum(scatter[first:], 1e-150) ** -2
+            total = weight.sum(axis=0)
+            mean = (weight * white[first:]).sum(axis=0) / total
+            if (np.abs(white[first:] - mean) > _CONSISTENT * scatter[first:]).any():
+                break
+            result, result_sigma = mean[:3], _OVERLAP * total[:3] ** -0.5
+        return result, result_sigma
 
 
 def rest_noise(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArray, float]) -> RestNoise:
     """Measure the noise at all rests, which `find_rests` finds with `gyro_bias`.
 
-    The table's velocity noise is white, so successive velocity changes have a covariance of −σ_v², to which the noise
-    of the accelerometers does not contribute. The Allan variance at time T is the sum of the white noise q/T, the bias
-    drift and, for an accelerometer, the table's 3 σ_v²/T² (IEEE Std 952-2020, annex C).
+    A motion of the table has a bounded velocity and a bounded angle, so its share of the variance of means over a time
+    decreases faster with this time than that of an IMU's noise. An IMU's noise is significant only if it is at every
+    averaging time; otherwise the table moves. Rocking is sensed by the gyros and does not affect the estimate.
     """
     noise = filter_noise(context)
     rests = [slice(*rest) for rest in find_rests(data, context.imu, gyro_bias)]
-    velocity, count = _vibration([data.accel[rest] for rest in rests], noise, data.dt)
-    scatter = [_vibration_scatter(part * noise.velocity, noise, count) for part in (1.0, 0.25)]
-    drift = noise.bias_drift[[0, 3]] ** 2 * 2.0 / (3.0 * BIAS_DRIFT_TIME)
-    gyro, accel = [], []
-    for time in _TIMES:
-        width = max(round(time / data.dt), 1)
-        table = 3.0 * velocity / time**2
-        uncertain = 3.0 * _vibration_scatter(velocity, noise, count) / time**2 + _NOT_WHITE / _SIGMAS * table
-        gyro.append(_ratio(time, [data.gyro[rest] for rest in rests], width, noise.rate / time + drift[0] * time))
-        white = noise.force / time + drift[1] * time
-        accel.append(_ratio(time, [data.accel[rest] for rest in rests], width, white, table, uncertain))
-    ratio = np.array([velocity.mean()]) / noise.velocity if count else np.array([np.nan])
-    limit = np.sqrt(1.0 + _SIGMAS * scatter[0] / noise.velocity / np.sqrt(3.0))
-    quiet = bool(ratio[0] < 0.25 - _SIGMAS * scatter[1] / noise.velocity / np.sqrt(3.0))
-    return RestNoise(tuple(gyro), tuple(accel), NoiseRatio(noise.interval, np.sqrt(ratio), np.array([limit])), quiet)
+    measured = _variances(data, rests, context.imu, noise)
+    lines = [_line(samples, data.dt, rests) for samples in (data.accel, data.gyro)]
+    profile = np.repeat([noise.rate, noise.force], 3)
+    ratios = np.ones(6)
+    for sensor in (_GYROS, _ACCELEROMETERS):
+        white, sigma = measured.white(sensor)
+        ratios[sensor] = _excess(white / profile[sensor], sigma / profile[sensor])
+    expected = noise.velocity * noise.interval
+    density, sigma = (values[:, 3:] / expected for values in measured.density(ratios**2 * profile))
+    if not len(density):
+        return RestNoise(ratios, np.nan, 0.0, False, *lines)
+    mean, mean_sigma = density.mean(axis=1), sigma.mean(axis=1) / np.sqrt(3.0)  # scatter less than a channel
+    # each is decreased by its scatter, because the largest of several is too large
+    largest = np.where(density - _SIGMAS * sigma > _MIN_EXCESS**2, density - 2.0 * sigma, 0.0).max()
+    largest = max(largest, np.where(mean - _MEAN_SIGMAS * mean_sigma > _MIN_EXCESS**2, mean - mean_sigma, 0.0).max())
+    slow = np.max((mean - mean_sigma)[measured.time >= _SLOW_TIME], initial=0.0)
+    quiet = bool(mean[0] + _SIGMAS * mean_sigma[0] < 0.25 and slow < 0.25)
+    table = float(largest if largest > 0.0 else np.clip(mean[0], 0.0, 1.0))
+    return RestNoise(ratios, table, float(slow) * noise.velocity, quiet, *lines)
 
 
-def gyro_excess(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArray, float]) -> float:
-    """Return the largest significant ratio of a gyro's noise to its profile's over short times at rest, at least 1.
+def _excess(white: FloatArray, sigma: FloatArray) -> FloatArray:
+    """Return the ratios of the noise of three channels to the profile's, 1 for noise that is not significantly larger.
 
-    Rests of a few seconds suffice, as in a stage that may end early. The arguments are as for `rest_noise`.
+    `white` and `sigma` are relative to the variance of the profile, shape (3,).
     """
-    noise = filter_noise(context)
-    expected = noise.rate / _SHORT_TIME
-    per_count = 1.0 if context.imu.output == "increment" else data.dt
-    rounding = 0.25 * (context.imu.quantisation[0] * per_count / _SHORT_TIME) ** 2
-    if rounding > _FINE * expected:
-        return 1.0
-    rests = [data.gyro[a:b] for a, b in find_rests(data, context.imu, gyro_bias)]
-    return float(_ratio(_SHORT_TIME, rests, max(round(_SHORT_TIME / data.dt), 1), expected).excess.max())
+    larger = white - _SIGMAS * sigma > _MIN_EXCESS**2
+    ratios = np.where(larger, np.sqrt(np.maximum(white, 1.0)), 1.0)
+    mean, mean_sigma = float(white.mean()), float(np.linalg.norm(sigma)) / 3.0
+    if not larger.any() and mean - _SIGMAS * mean_sigma > _MIN_EXCESS**2:
+        ratios[:] = np.sqrt(mean)
+    return np.asarray(ratios)
 
 
-def _vibration(rests: list[FloatArray], noise: FilterNoise, dt: float) -> tuple[FloatArray, int]:
-    """Return the velocity variance along each accelerometer at rest, (m/s)², shape (3,), and its number of values.
+def _variances(data: StageData, rests: list[slice], imu: ImuModel, noise: FilterNoise) -> _Variances:
+    """Return the variances at the averaging times for which there are enough rests and the rounding is fine."""
+    stride = max(round(noise.interval / data.dt), 1)
+    interval = stride * data.dt
+    motions = []
+    for rest in rests:
+        samples = np.hstack([data.gyro[rest], data.accel[rest]])
+        motions.append(group_means(np.cumsum(samples - samples.mean(axis=0), axis=0) * data.dt, stride))
+    profile = np.repeat([noise.rate, noise.force], 3)
+    walk = np.repeat(noise.bias_drift[[0, 3]] ** 2 * 2.0 / BIAS_DRIFT_TIME, 3)
+    rounding = np.repeat(imu.quantisation, 3) if imu.output == "increment" else np.zeros(6)
+    rows: list[tuple[float, FloatArray, float, float]] = []
+    for width in _TIMES:
+        weights = _Weights.of(width, interval)
+        long = [motion for motion in motions if len(motion) >= 5 * width]
+        count = sum(len(motion) // width - 4 for motion in long)
+        if count < _MIN_COUNT or (rounding > _FINE * np.sqrt(profile * width * interval)).any():
+            continue
+        combined = [weights.apply(motion) for motion in long]
+        squares = np.concatenate([values[:: max(width // 2, 1)] for values in combined]) ** 2
+        largest = _LARGEST / _MEDIAN * np.median(squares, axis=0)
+        value = (np.minimum(squares, largest).mean(axis=0) - walk * weights.walk) / weights.force
+        rows.append((width * interval, value, np.sqrt(2.0 / count), weights.velocity / weights.force))
+    time, value, scatter, ratio = zip(*rows, strict=True) if rows else ((), (), (), ())
+    return _Variances(np.array(time), np.array(value).reshape(-1, 6), np.array(scatter), np.array(ratio))
 
-    If there are too few values, return the variance of the profile and 0.
+
+def _line(samples: FloatArray, dt: float, rests: list[slice]) -> Line | None:
+    """Return the strongest periodic velocity, or angle, of the table at rest from the force, or rate; None if none.
+
+    A line of the mean spectrum of segments is significant if it exceeds the spectrum on either side many times.
     """
-    stride = max(round(noise.interval / dt), 1)
-    changes = (group_means(rest, stride) * stride * dt for rest in rests)
-    centred = (change - change.mean(axis=0) for change in changes if len(change))
-    products = np.concatenate([np.empty((0, 3)), *(-change[1:] * change[:-1] for change in centred)])
-    if len(products) < _MIN_COUNT:
-        return np.full(3, noise.velocity), 0
-    return np.maximum(products.mean(axis=0), 0.0), len(products)
-
-
-def _vibration_scatter(velocity: FloatArray | float, noise: FilterNoise, count: int) -> FloatArray:
-    """Return the scatter of the variance from `_vibration` for white velocity noise of a given variance, (m/s)².
-
-    The products of successive changes, of variance c₀ and covariance c₁, have a variance of c₀² + c₁² and a covariance
-    of c₁² with their neighbours.
-    """
-    variance = 2.0 * velocity + noise.force * noise.interval
-    return np.asarray(np.sqrt((variance**2 + 3.0 * velocity**2) / max(count, 1)))
-
-
-def _ratio(
-    time: float,
-    rests: list[FloatArray],
-    width: int,
-    expected: float,
-    table: FloatArray | float = 0.0,
-    uncertain: FloatArray | float = 0.0,
-) -> NoiseRatio:
-    """Return the noise of three channels from the Allan variance of means of `width` samples.
-
-    `expected` is the profile's variance, `table` the table's variance, shape (3,), and `uncertain` its uncertainty. The
-    median is insensitive to creep after a move; expressed as a sigma, the median of n values exceeds 1 + 5 √(2/n) less
-    than once in 10⁵ cases.
-    """
-    steps = np.concatenate([np.empty((0, 3)), *(np.diff(group_means(rest, width), axis=0) for rest in rests)])
-    if len(steps) < _MIN_COUNT:
-        return NoiseRatio(time, np.ones(3), np.full(3, np.inf))
-    variance = 0.5 * np.median(steps**2, axis=0) / _MEDIAN - table
-    largest = (1.0 + _SIGMAS * np.sqrt(2.0 / len(steps))) ** 2 * (expected + table) - table + _SIGMAS * uncertain
-    value, limit = (np.sqrt(np.maximum(x, 0.0) / expected) for x in (variance, largest))
-    return NoiseRatio(time, value, np.broadcast_to(limit, 3))
+    length = round(_SEGMENT / dt)
+    begins = [b for rest in rests for b in range(rest.start, rest.stop - length + 1, length)]
+    if len(begins) < _MIN_SEGMENTS:
+        return None
+    begins = begins[:: -(-len(begins) // _MAX_SEGMENTS)]
+    window, frequency = np.hanning(length)[:, None], np.fft.rfftfreq(length, dt)
+    power = np.zeros((len(frequency), 3))
+    for begin in begins:
+        part = samples[begin : begin + length]
+        power += np.abs(np.fft.rfft(window * (part - part.mean(axis=0)), axis=0)) ** 2
+    power *= 2.0 / (len(begins) * np.sum(window) ** 2)  # the sum over a line is its mean square times 1.5
+    total = power.sum(axis=1)
+    background = np.median(sliding_window_view(np.pad(total, _BACKGROUND, "reflect"), 2 * _BACKGROUND + 1), axis=1)
+    k = 3 + int(np.argmax(total[3:-2] / background[3:-2]))
+    if not total[k] > _LINE * background[k]:
+        return None
+    around = slice(k - 2, k + 3)
+    square = float(np.sum(total[around] - background[around])) / 1.5
+    centre = float(frequency[around] @ total[around] / total[around].sum())
+    return Line(centre, float(np.sqrt(max(square, 0.0))) / (2.0 * np.pi * centre))
 
 
 def with_measured_noise(context: SolveContext, measured: RestNoise) -> SolveContext:
     """Return the context with the measured noise of the IMU, and of the table at rest, wherever it is larger."""
     noise, imu = filter_noise(context), context.imu
-    gyro, accel = (float(np.max([ratio.excess for ratio in ratios])) for ratios in (measured.gyro, measured.accel))
+    gyro, accel = (float(measured.imu[i : i + 3].max()) for i in (0, 3))
     if gyro > 1.0:
         imu = replace(imu, gyro_arw=gyro * float(np.sqrt(noise.rate)))
     if accel > 1.0:
         imu = replace(imu, accel_vrw=accel * float(np.sqrt(noise.force)))
-    velocity = float(measured.velocity.excess[0])
-    table = replace(context.table, velocity_sigma=velocity * context.table.velocity_sigma)
+    table = context.table
+    if measured.table > 1.0:
+        table = replace(table, velocity_sigma=float(np.sqrt(measured.table)) * table.velocity_sigma)
     return replace(context, imu=imu, table=table)
 
 
 def noise_tests(profile: SolveContext, used: SolveContext, measured: RestNoise) -> tuple[ModelTest, ...]:
     """Return the tests of the measured noise, and of the noise used for the solution, against the profiles."""
     table = used.table.velocity_sigma / profile.table.velocity_sigma
-    if table == 1.0 and np.isfinite(measured.velocity.value[0]):
-        table = min(float(measured.velocity.value[0]), 1.0)
-    ratio, channel, time = measured.worst()
+    if table == 1.0 and np.isfinite(measured.table):
+        table = float(np.sqrt(np.clip(measured.table, 0.0, 1.0)))
+    ratio, channel = measured.worst()
     vibrates = Diagnosis("table_vibrates", used.table.velocity_sigma, unit="m/s", values={"ratio": table})
-    noisy = Diagnosis("imu_noise", values={"ratio": ratio, "channel": channel, "seconds": time})
+    noisy = Diagnosis("imu_noise", values={"ratio": ratio, "channel": channel})
     return (
-        ModelTest("table_noise", table, MAX_NOISE, "1", vibrates),
+        ModelTest("table_noise", table, MAX_TABLE_NOISE, "1", vibrates),
         ModelTest("imu_noise", ratio, MAX_NOISE, "1", noisy),
     )

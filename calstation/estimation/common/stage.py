@@ -317,17 +317,18 @@ def true_intervals(flags: BoolArray) -> list[tuple[int, int]]:
 
 
 def slope_weights(count: int, stride: int) -> FloatArray:
-    """Return weights for the mean force of a rest, shape (count,), equivalent to fitting a line to the velocity.
+    """Return weights for the mean force of a rest, shape (count,), equivalent to fitting a line to mean velocities.
 
-    The velocity is sampled every `stride` samples, the interval at which its noise is independent; the remainder of a
-    rest is omitted. For white velocity noise this is the best linear unbiased estimate of the mean.
+    The means are over `stride` samples, the interval at which their noise is independent; the remainder of a rest is
+    omitted. For white velocity noise this is the best linear unbiased estimate of the mean.
     """
-    blocks = max(count // stride, 1)
-    used = min(blocks * stride, count)
+    blocks = max(count // stride - 1, 1)
     j = np.arange(1, blocks + 1)
     per_block = 6.0 * j * (blocks + 1 - j) / (blocks * (blocks + 1) * (blocks + 2))
+    width = min(stride, max(count // 2, 1))
     weights = np.zeros(count)
-    weights[:used] = np.repeat(per_block / (used / blocks), used // blocks)
+    part = np.convolve(np.repeat(per_block, width), np.ones(width)) / width**2
+    weights[: len(part)] = part
     return weights
 
 

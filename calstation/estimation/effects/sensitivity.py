@@ -117,13 +117,15 @@ def mean_regressors(motion: Motion, effects: Sequence[Effect], counts: IntArray)
 def velocity_errors(motion: Motion, effects: Sequence[Effect]) -> tuple[FloatArray, IntArray]:
     """Return the velocities that effects of the table add, m/s, shape (n, 3, k), and their components, shape (k,).
 
-    The components are counted over all effects.
+    The velocities are means over the intervals. The components are counted over all effects.
     """
     parts, columns, component = [np.empty((len(motion.rate), 3, 0))], list[int](), 0
     for effect in effects:
         count = len(effect.components)
         if effect.velocity is not None and motion.outer is not None:
-            parts.append(effect.velocity(motion.outer))
+            velocity = effect.velocity(motion.outer)
+            velocity[1:] = 0.5 * (velocity[1:] + velocity[:-1])
+            parts.append(velocity)
             columns += range(component, component + count)
         component += count
     return np.concatenate(parts, axis=2), np.array(columns, dtype=np.int64)

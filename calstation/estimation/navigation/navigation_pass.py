@@ -1,9 +1,10 @@
 """The passes of the 39-state filter over a stage: in closed loop by filterpy, or compiled along a smoothed trajectory.
 
 The states are φ, δv, δp, the errors of the 30 parameters and, if the profile specifies bias instability, the drift of
-the six biases about their constants. The observation is the velocity of the table's centre of rotation,
-`v − C (ω_nb × outer_lever)`, which is zero except for vibration of the base (Groves, *Principles of GNSS, Inertial and
-Multisensor Integrated Navigation Systems*, 2nd ed., ch. 3, 14; resets: Savage, *Strapdown Analytics*, 2nd ed., ch. 15).
+the six biases about their constants. The observation is the mean of the velocity of the table's centre of rotation,
+`v − C (ω_nb × outer_lever)`, over an interval, which is zero except for vibration of the base (Groves, *Principles of
+GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 3, 14; resets: Savage, *Strapdown
+Analytics*, 2nd ed., ch. 15).
 
 The 12 states of azimuth flips are φ, δv and the biases; the other parameters are consider states of the same filter.
 
@@ -39,7 +40,6 @@ from calstation.estimation.navigation.velocity_group import (
 from calstation.physics import (
     DV,
     NAVIGATION,
-    OUTER_LEVER,
     PARAMETER_STATES,
     PHI,
     STATES,
@@ -62,6 +62,8 @@ from calstation.physics import (
 POSITION_SIGMA = 1e-3
 #: Initial sigma of δv before the first observation, m/s.
 START_VELOCITY_SIGMA = 1.0
+#: Variance of the velocity at a sample relative to that of its mean over an interval, more than any vibration has.
+START_RATIO = 100.0
 #: Duration of a group of observations that are processed together, s.
 GROUP_TIME = 0.5
 #: An empty reference, for the closed loop, which follows none.
@@ -121,10 +123,8 @@ class NavigationPass(ABC):
             bias_drift = np.arange(STATES, size)
             P[bias_drift, bias_drift] = self.noise.bias_drift**2
         self.state = State(x, P)
-        lever = float(np.sum((point[OUTER_LEVER]) ** 2))
-        variance = self.noise.velocity + lever * self.noise.end_rate
         self.setting = Setting(
-            self.earth, self.gravity, self.dt, self.stride, self.noise.rate, self.noise.force, variance
+            self.earth, self.gravity, self.dt, self.stride, self.noise.rate, self.noise.force, self.noise.velocity
         )
 
     @property
@@ -204,7 +204,7 @@ class NavigationPass(ABC):
         if self._has_drift:
             H[:, STATES:] = H[:, BIAS]
         # Joseph form, because the observation is much more accurate than the velocity before it
-        R = np.eye(3) * self.setting.variance
+        R = np.eye(3) * (START_RATIO * self.setting.variance)
         root = np.asarray(np.linalg.cholesky(H @ P @ H.T + R))
         gain = np.asarray(np.linalg.solve(root, H @ P))
         K = np.linalg.solve(root.T, gain).T

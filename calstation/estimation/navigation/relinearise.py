@@ -18,6 +18,7 @@ from calstation.estimation.common import (
     SolveContext,
     StageData,
     Start,
+    nis_consistency,
     no_rest_error,
     starts,
 )
@@ -52,10 +53,10 @@ NARROW_AZIMUTH_SIGMA = 0.3
 
 
 Pass = TypeVar("Pass", ClosedLoopFilter, ReferencePass)
-#: Ratio of the median normalised innovation squared to its expected median up to which the profile's noise is used.
+#: Ratio of the assumed variance to that of the innovations above which the model is tested with the latter.
 MAX_VARIANCE_RATIO = 1.25
-#: Median of the χ² distribution with 3 degrees of freedom.
-_MEDIAN = 2.366
+#: Median of the χ² distribution with 3 degrees of freedom, and relative sigma of the median of one value.
+_MEDIAN, _SCATTER = 2.366, 0.95
 MAX_ADJUSTMENTS = 4
 #: Smallest fraction of the profile's variance that is used: below it, other noise dominates and rounding errors grow.
 _MIN_RATIO = 0.01
@@ -260,13 +261,18 @@ def solve_with_table_noise(
     """Solve a stage, and solve it again if its innovations indicate more velocity noise than the profile specifies.
 
     Return the result and the context with that noise; for a quieter table, see `pass_with_actual_noise`. The noise is
-    the larger of the medians of rests and motions, because a median is insensitive to an effect in a part of the stage.
-    Raises InsufficientDataError if no segment contains a rest.
+    increased if the test of the innovations would fail. It is the larger of the medians of rests and motions, because a
+    median is insensitive to an effect in a part of the stage, or the mean if it agrees with them. Raises
+    InsufficientDataError if no segment contains a rest.
     """
     result = solve_navigation(data, context, prior, estimated, progress)
     for _ in range(MAX_ADJUSTMENTS):
-        ratio = _ratio(result.history, data.dt)
-        if ratio < MAX_VARIANCE_RATIO:
+        nis = result.history.nis
+        consistency = nis_consistency(float(np.sum(nis)), len(nis), 3)
+        ratio, mean = _ratio(result.history, data.dt), consistency.nis_mean / 3.0
+        if mean < ratio * (1.0 + 4.0 * _SCATTER / np.sqrt(len(nis))):
+            ratio = max(ratio, mean)
+        if ratio <= consistency.nis_high / 3.0:
             break
         context = _with_variance(context, ratio)
         result = solve_navigation(data, context, prior, estimated, initial=result)
@@ -274,14 +280,22 @@ def solve_with_table_noise(
 
 
 def pass_with_actual_noise(
-    data: StageData, context: SolveContext, prior: Posterior, estimated: BoolArray, result: NavigationResult
+    data: StageData,
+    context: SolveContext,
+    prior: Posterior,
+    estimated: BoolArray,
+    result: NavigationResult,
+    slow_variance: float,
 ) -> NavigationResult:
     """Return a pass about a solution with the actual noise if the table is quieter than `context` specifies.
+
+    The innovations show the variance of the velocity over an interval; the noise is at least that with the density at
+    low frequencies, `slow_variance`, (m/s)².
 
     This pass is used to test the model. The estimate uses the profile's noise, which also covers disturbances that
     occur only in some moves.
     """
-    ratio = _ratio(result.history, data.dt)
+    ratio = max(_ratio(result.history, data.dt), slow_variance / context.table.velocity_sigma**2)
     if ratio > 1.0 / MAX_VARIANCE_RATIO:
         return result
     quieter, progress = _with_variance(context, max(ratio, _MIN_RATIO)), _PassProgress(None, USUAL_PASSES)

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,6 @@ from calstation.estimation.common import (
     TableModel,
     blocks_from,
     consider_update,
-    gyro_excess,
     nis_consistency,
     noise_tests,
     rest_noise,
@@ -114,8 +112,8 @@ class NavigationStage(StageSolver):
         data = self.buffer.data()
         if self._measured_noise is None or self._measured_noise[0] != len(data):
             measured = rest_noise(data, self.context, self.prior.gyro_bias)
-            gyro = gyro_excess(data, self.context, self.prior.gyro_bias)
-            self._measured_noise = len(data), max(measured.worst()[0], float(measured.velocity.excess[0]), gyro)
+            table = float(np.sqrt(np.nan_to_num(measured.table, nan=1.0)))
+            self._measured_noise = len(data), max(measured.worst()[0], table, 1.0)
         return np.asarray(sigma * self._measured_noise[1])
 
     def ranking(self) -> Ranking | None:
@@ -130,11 +128,9 @@ class NavigationStage(StageSolver):
         context = with_measured_noise(self.context, measured)
         result, context = solve_with_table_noise(data, context, self.prior, mask, progress)
         nis = result.history.nis
-        messages: list[tuple[str, dict[str, Any]]] = []
+        messages = list(measured.messages())
         if result.azimuth_free:
             messages.append(("azimuth_from_data", {"stage": self.stage}))
-        if measured.table_is_quiet:
-            messages.append(("table_quiet", {}))
         if not result.converged:
             messages.append(("not_converged", {"stage": self.stage, "passes": result.passes}))
         solution = Solution(
@@ -145,7 +141,7 @@ class NavigationStage(StageSolver):
             gaps=data.gaps,
             details={"passes": result.passes, "segments": len(result.starts)},
             messages=tuple(messages),
-            sensitivity=self._sensitivity(data, context, mask, result),
+            sensitivity=self._sensitivity(data, context, mask, result, measured.slow_variance),
         )
         if not context.diagnostics:
             return solution
@@ -158,13 +154,13 @@ class NavigationStage(StageSolver):
             tests=noise_tests(self.context, context, measured),
             local_scores=partial(local_scores, updates=result.updates, index=result.history.index),
         )
-        return with_diagnosis(solution, data, self.context)
+        return with_diagnosis(solution, data, context)
 
     def _sensitivity(
-        self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult
+        self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult, slow: float
     ) -> Sensitivity:
         """Return the sensitivity to effects, with the actual noise for tests and the assumed one for the estimate."""
-        with_noise = pass_with_actual_noise(data, context, self.prior, mask, result)
+        with_noise = pass_with_actual_noise(data, context, self.prior, mask, result, slow)
         tested = result_sensitivity(with_noise, data, context, mask)
         if with_noise is result:
             return tested

@@ -1,10 +1,12 @@
 """Compiled computation of transition, noise and Jacobian of a group of velocity observations.
 
 The matrix algebra of 39 states takes as long for three rows as for fifteen, so observations are processed in groups.
-With x_k = Φ_k x_(k−1) + w_k within the group, each observation z_k = H_k x_k + v_k is expressed by the state at the end
-of the group:
+The observed velocity is the mean over an interval of T s, because samples of a vibration would alias. With the outer
+lever arm r and the displacement p of the IMU (the integral of its velocity), it is z_k = (C_k r − C_(k−1) r − p)/T.
+The errors at the end of the interval, x_k = Φ_k x_(k−1) + w_k, change it by B_k x_k and those at its start by A_k
+x_(k−1), so that z_k = H_k x_(k−1) + B_k w_k + v_k with H_k = B_k Φ_k + A_k. With the state at the end of the group,
 
-    z_k = G_k x_n + v_k − G_k w_(k→n),      G_k = H_k Φ(n←k)⁻¹,
+    z_k = G_k x_n + B_k w_k + v_k − G_k w_(k−1→n),      G_k = H_k Φ(n←k−1)⁻¹,
 
 which is equivalent to processing the observations one by one. Their noise is then correlated between rows (R) and with
 the process noise of the group (M). The update uses both (Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with
@@ -168,21 +170,38 @@ def write_attitude_columns(u: FloatArray, H: FloatArray) -> None:
 
 
 @nb.njit(cache=True)
-def _add_interval_noise(N: FloatArray, force: FloatArray, s: Setting, T: float, Q: FloatArray, W: FloatArray) -> None:
-    """Add the noise of one interval, propagated to the end of the group, to W: W += N Q Nᵀ."""
+def _add_interval_noise(
+    N: FloatArray, force: FloatArray, arm: FloatArray, s: Setting, Q: FloatArray, W: FloatArray, noise: FloatArray
+) -> None:
+    """Add the noise Q of an interval, propagated to the end of the group, to W: W += N Q Nᵀ.
+
+    Also write the covariance N Q Bᵀ with the observation's own noise B w, shape (9, 3), to the first rows of `noise`,
+    and B Q Bᵀ to the last three rows, with B = [[arm×], 0, I/T].
+    """
+    T = s.stride * s.dt
     _process_noise(force, s.rate_noise, s.force_noise, T, Q)
-    row, transposed = np.empty(NAVIGATION), N.T.copy()
+    product, transposed, QB = np.zeros((NAVIGATION, NAVIGATION)), N.T.copy(), np.empty((NAVIGATION, 3))
     for i in range(NAVIGATION):
-        row[:] = 0.0
+        for j in range(3):
+            a, b = (j + 1) % 3, (j + 2) % 3
+            QB[i, j] = arm[a] * Q[i, b] - arm[b] * Q[i, a] + Q[i, _DP + j] / T
         for k in range(NAVIGATION):
             t = N[i, k]
             if t != 0.0:
                 for j in range(NAVIGATION):
-                    row[j] += t * Q[k, j]
+                    product[i, j] += t * Q[k, j]
+    noise[:] = 0.0
+    for i in range(NAVIGATION):
         for k in range(NAVIGATION):
-            t = row[k]
+            t = product[i, k]
             for j in range(NAVIGATION):
                 W[i, j] += t * transposed[k, j]
+            for j in range(3):
+                noise[i, j] += N[i, k] * QB[k, j]
+    for i in range(3):
+        a, b = (i + 1) % 3, (i + 2) % 3
+        for j in range(3):
+            noise[NAVIGATION + i, j] = arm[a] * QB[b, j] - arm[b] * QB[a, j] + QB[_DP + i, j] / T
 
 
 @nb.njit(cache=True)
@@ -225,13 +244,13 @@ def observe(
     group : output
     """
     count, has_reference = group.attitude.shape[0], len(reference.attitude) > 0
-    steps, forces = np.empty((count, NAVIGATION, STATES)), np.empty((count, 3))
+    steps, forces, arms = np.empty((count, NAVIGATION, STATES)), np.empty((count, 3)), np.empty((count, 3))
     shifts, step, rotation = np.zeros((count + 1, NAVIGATION)), np.zeros(NAVIGATION), np.empty((3, 3))
     group.H[:] = 0.0
     for k in range(count):
-        first = start + k * s.stride
+        first, before = start + k * s.stride, work.attitude.copy()
         propagate(c, s.earth, s.gravity, s.dt, motion, first, first + s.stride, work)
-        forces[k] = work.force
+        forces[k], after = work.force, work.attitude.copy()
         if has_reference:
             attitude, velocity = reference.attitude[k], reference.velocity[k]
             for i in range(3):
@@ -243,14 +262,14 @@ def observe(
             for i in range(3):
                 step[_DV + i] = velocity[i] - work.velocity[i]
             work.attitude[:], work.velocity[:] = attitude, velocity
-        _linearise(c, s, k, arm_velocity, work, group, steps)
+        _linearise(c, s, k, before, after, arm_velocity, work, group, steps, arms)
         if has_reference:
             for i in range(NAVIGATION):
                 t = -step[i]
                 for j in range(NAVIGATION):
                     t += steps[k, i, j] * shifts[k, j]
                 shifts[k + 1, i] = t
-    _refer_to_end(s, steps, forces, shifts, group)
+    _refer_to_end(s, steps, forces, arms, shifts, group)
 
 
 @nb.njit(cache=True)
@@ -258,68 +277,64 @@ def _linearise(
     c: Compensation,
     s: Setting,
     k: int,
+    before: FloatArray,
+    after: FloatArray,
     arm_velocity: FloatArray,
     work: IntervalWork,
     group: VelocityGroup,
     steps: FloatArray,
+    arms: FloatArray,
 ) -> None:
-    """Write observation `k` of a group, and the transition over its interval into `steps`, shape (count, 9, 39).
+    """Write observation `k` of a group and its Jacobian H_k, and the transition over its interval.
+
+    `before` and `after` are C_bn at the start and at the end of the interval. The transition is written to `steps`,
+    shape (count, 9, 39), and the lever arm at the end, divided by T, to `arms`, shape (count, 3).
 
     The effect of φ on velocity is computed with the force implied by attitude and lever arm (gravity and the change of
     the arm's velocity), not with the measured force. The measured force contains the vibration of the base, and a
     regressor as noisy as the observation would appear to determine the azimuth to 1/√(2N) rad.
     """
-    T, rows = s.stride * s.dt, slice(3 * k, 3 * k + 3)
-    u = observation(work, s.earth, c, group.z[rows], group.H[rows])
+    T, F, r = s.stride * s.dt, steps[k], c.outer_lever
+    z, H = group.z[3 * k : 3 * k + 3], group.H[3 * k : 3 * k + 3]
+    u, first, force_moment = arm_motion(work, s.earth, r)[1], np.empty(3), np.empty(3)
     force_sum = u - arm_velocity
     force_sum[2] += s.gravity * T
+    for i in range(3):
+        first[i] = (before[i, 0] * r[0] + before[i, 1] * r[1] + before[i, 2] * r[2]) / T
+        arms[k, i] = (after[i, 0] * r[0] + after[i, 1] * r[1] + after[i, 2] * r[2]) / T
+        z[i] = arms[k, i] - first[i] - work.displacement[i] / T
+        force_moment[i] = T * (arms[k, i] - first[i] - arm_velocity[i])
+    force_moment[2] += 0.5 * s.gravity * T * T
     arm_velocity[:] = u
-    write_navigation_block(work.transition, s.earth, force_sum, 0.5 * T * force_sum, T)
-    steps[k] = work.transition[:NAVIGATION]
+    write_navigation_block(work.transition, s.earth, force_sum, force_moment, T)
+    F[:] = work.transition[:NAVIGATION]
+    x, y, w = arms[k]
+    for j in range(STATES):  # [arm×] φ + δp/T at the end of the interval
+        H[0, j] = y * F[2, j] - w * F[1, j] + F[_DP, j] / T
+        H[1, j] = w * F[0, j] - x * F[2, j] + F[_DP + 1, j] / T
+        H[2, j] = x * F[1, j] - y * F[0, j] + F[_DP + 2, j] / T
+    for i in range(3):
+        a, b = (i + 1) % 3, (i + 2) % 3
+        H[i, b] -= first[a]
+        H[i, a] += first[b]
+        H[i, _DP + i] = 0.0  # δp is relative to the start of the interval
+        for j in range(3):
+            H[i, _LEVER + j] = (before[i, j] - after[i, j]) / T
     group.attitude[k], group.rate[k] = work.attitude, work.rate
 
 
 @nb.njit(cache=True)
-def _refer_to_end(s: Setting, steps: FloatArray, forces: FloatArray, shifts: FloatArray, group: VelocityGroup) -> None:
+def _refer_to_end(
+    s: Setting, steps: FloatArray, forces: FloatArray, arms: FloatArray, shifts: FloatArray, group: VelocityGroup
+) -> None:
     """Express the observations of a group by the state at its end, from the last interval to the first."""
-    count, T = len(steps), s.stride * s.dt
+    count = len(steps)
     N, B = np.eye(NAVIGATION), np.zeros((NAVIGATION, COUNT))
     W, Q = np.zeros((NAVIGATION, NAVIGATION)), np.zeros((NAVIGATION, NAVIGATION))
     product, row, end = np.empty(NAVIGATION), np.empty(OBSERVED), shifts[count]
+    noise = np.empty((NAVIGATION + 3, 3))
     for k in range(count - 1, -1, -1):
-        back = _inverse_transition(N)
-        G = group.H[3 * k : 3 * k + 3]
-        for i in range(3):
-            for j in range(OBSERVED):
-                row[j] = 0.0
-            for m in range(OBSERVED):
-                for j in range(OBSERVED):
-                    row[j] += G[i, m] * back[m, j]
-            t = group.z[3 * k + i]
-            for j in range(OBSERVED):
-                t += row[j] * end[j] - G[i, j] * shifts[k + 1, j]
-            group.z[3 * k + i] = t
-            for j in range(OBSERVED):
-                G[i, j] = row[j]
-                for p in range(COUNT):
-                    G[i, NAVIGATION + p] -= row[j] * B[j, p]
-        # the noise W from here to the end enters this row as −G W; it shares with a later row l only the noise after l
-        for i in range(3):
-            index = 3 * k + i
-            for m in range(NAVIGATION):
-                t = 0.0
-                for j in range(OBSERVED):
-                    t -= W[m, j] * G[i, j]
-                group.M[m, index] = t
-        for i in range(3):
-            index = 3 * k + i
-            for r in range(3 * k, 3 * count):
-                t = s.variance if r == index else 0.0
-                for j in range(OBSERVED):
-                    t -= G[i, j] * group.M[j, r]
-                group.R[index, r] = t
-                group.R[r, index] = t
-        _add_interval_noise(N, forces[k], s, T, Q, W)
+        _add_interval_noise(N, forces[k], arms[k], s, Q, W, noise)
         for i in range(NAVIGATION):
             for j in range(NAVIGATION):
                 product[j] = 0.0
@@ -331,6 +346,47 @@ def _refer_to_end(s: Setting, steps: FloatArray, forces: FloatArray, shifts: Flo
                     for p in range(COUNT):
                         B[i, p] += x * steps[k, m, NAVIGATION + p]
             N[i] = product
+        back = _inverse_transition(N)
+        G = group.H[3 * k : 3 * k + 3]
+        for i in range(3):
+            for j in range(OBSERVED):
+                row[j] = 0.0
+            for m in range(OBSERVED):
+                for j in range(OBSERVED):
+                    row[j] += G[i, m] * back[m, j]
+            t = group.z[3 * k + i]
+            for j in range(OBSERVED):
+                t += row[j] * end[j] - G[i, j] * shifts[k, j]
+            group.z[3 * k + i] = t
+            for j in range(OBSERVED):
+                G[i, j] = row[j]
+                for p in range(COUNT):
+                    G[i, NAVIGATION + p] -= row[j] * B[j, p]
+        # the noise W from the start of the interval to the end enters this row as −G W, and that of the interval itself
+        # as B w; this row shares with a later one only the noise of the later intervals
+        for i in range(3):
+            index = 3 * k + i
+            for m in range(NAVIGATION):
+                t = noise[m, i]
+                for j in range(OBSERVED):
+                    t -= W[m, j] * G[i, j]
+                group.M[m, index] = t
+        for i in range(3):
+            index = 3 * k + i
+            for r in range(3 * k, 3 * count):
+                t = s.variance if r == index else 0.0
+                for j in range(OBSERVED):
+                    t -= G[i, j] * group.M[j, r]
+                group.R[index, r] = t
+        for i in range(3):
+            index = 3 * k + i
+            for r in range(3):
+                t = noise[NAVIGATION + i, r]
+                for j in range(OBSERVED):
+                    t -= noise[j, i] * G[r, j]
+                group.R[index, 3 * k + r] += t
+            for r in range(3 * k, 3 * count):
+                group.R[r, index] = group.R[index, r]
     group.shift[:] = end
     group.noise[:NAVIGATION, :NAVIGATION] = W
     group.transition[:NAVIGATION, :NAVIGATION] = N

@@ -4,7 +4,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.estimation.common import SolveContext, StageData, find_stillness, mean_angles, rest_force
+from calstation.estimation.common import (
+    SolveContext,
+    StageData,
+    find_stillness,
+    mean_angles,
+    rest_force,
+    rest_mean_variance,
+    rest_noise,
+    with_measured_noise,
+)
 from calstation.estimation.positions.rows import GYRO_COLUMNS, gyro_derivative, integrate_rotation
 from calstation.physics import (
     COUNT,
@@ -12,6 +21,7 @@ from calstation.physics import (
     TableGeometry,
     compensate,
     compensation,
+    group_vector,
     rotation_matrix,
     rotation_vector,
 )
@@ -25,6 +35,7 @@ class RestEvidence:
     force: FloatArray  #: Raw force, averaged with `slope_weights`, m/s², shape (3,).
     rate: FloatArray  #: Raw rate, rad/s, shape (3,).
     angles: FloatArray | None  #: Encoder angles, rad, shape (2,); None if they were not polled.
+    excess_sigma: float = 0.0  #: Increase of the sigma of `force` due to noise above the profiles', m/s².
 
     def compensated(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rate, rad/s, and specific force, m/s², compensated with these parameters, shape (3,) each."""
@@ -65,13 +76,15 @@ class Evidence:
 
 def gather(stage: str, data: StageData, context: SolveContext, before: FloatArray, parameters: FloatArray) -> Evidence:
     """Collect the evidence of a stage; `before` and `parameters` are as in `Evidence`, SI, shape (30,) each."""
-    still = find_stillness(data, context.imu)
-    rests = tuple(
-        RestEvidence(
-            (b - a) * data.dt, rest_force(data, context, a, b)[0], data.gyro[a:b].mean(axis=0), mean_angles(data, a, b)
-        )
-        for a, b in still.rests
-    )
+    still, noisy = find_stillness(data, context.imu), context
+    if data.has_gyros:
+        noisy = with_measured_noise(context, rest_noise(data, context, (group_vector(parameters, "gyro_bias"), 0.0)))
+    rests = []
+    for a, b in still.rests:
+        force, variance = rest_force(data, context, a, b)
+        excess = float(np.sqrt(rest_mean_variance(noisy, (b - a) * data.dt)) - np.sqrt(variance))
+        rate = data.gyro[a:b].mean(axis=0)
+        rests.append(RestEvidence((b - a) * data.dt, force, rate, mean_angles(data, a, b), excess))
     c, old = compensation(parameters), compensation(before)
     motions = []
     for link in still.links:
@@ -91,7 +104,7 @@ def gather(stage: str, data: StageData, context: SolveContext, before: FloatArra
                 derivative=gyro_derivative(np.eye(3), c, time, rate),
             )
         )
-    return Evidence(stage, rests, tuple(motions), before)
+    return Evidence(stage, tuple(rests), tuple(motions), before)
 
 
 @dataclass(frozen=True)

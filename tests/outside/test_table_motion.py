@@ -1,0 +1,34 @@
+"""Sound units on a table that sways, moves slowly, rocks or creeps pass, and no unit is blamed for it."""
+
+from typing import Literal
+
+import pytest
+
+from tests.outside.sweep import Case, run
+
+MOTIONS = {
+    "sway": {"sway_mm_s": 0.3, "sway_hz": 8.0},
+    "aliased sway": {"sway_mm_s": 0.3, "sway_hz": 10.03},
+    "mains": {"sway_mm_s": 0.5, "sway_hz": 50.02},
+    "slow": {"slow_mm_s": 0.5, "slow_s": 1.0},
+    "rocking": {"rocking_urad": 20.0},
+    "creep": {"creep_urad": 100.0},
+}
+
+
+@pytest.mark.parametrize("simulator", ["bench", "plain"])
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_sound_unit_passes_on_a_moving_table(motion: str, simulator: Literal["bench", "plain"]) -> None:
+    case = Case(
+        seed=5, grade="mems", simulator=simulator, settings={"table_motion": MOTIONS[motion]}, product="mems_c_fast"
+    )
+    outcome = run(case)
+    assert outcome.passed, (outcome.failed, outcome.cause)
+    assert outcome.worst < 4.5
+
+
+@pytest.mark.parametrize("ratio", [1.03, 1.1, 1.3, 2.0, 2.9])
+def test_table_noisier_than_its_profile_passes_up_to_three_times(ratio: float) -> None:
+    outcome = run(Case("velocity_sigma", ratio * 1e-3, 6, "mems", product="mems_c_fast"))
+    assert outcome.passed, (outcome.failed, outcome.cause)
+    assert outcome.worst < 4.5
