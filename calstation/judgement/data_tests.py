@@ -20,6 +20,7 @@ from calstation.estimation.common import (
     stage_data,
 )
 from calstation.judgement.gross_errors import gross_error, heading_test
+from calstation.judgement.sample_faults import sample_test
 from calstation.physics import CHANNELS, PARAMETERS, BoolArray, FloatArray, group_indices
 from calstation.records import ChecksSection, LogMeta, SampleClockLimit, TemperatureLimit
 
@@ -51,6 +52,11 @@ class DataTests:
         self._context, self._prior = context, prior
         self._temperatures: list[float] = []
 
+    def sample_fault(self, samples: SampleBlock, data: StageData) -> Diagnosis | None:
+        """Return the first fault of the samples of a stage that cannot be solved; None if there is none."""
+        tests = [self._clipping(samples), *sample_test(samples, data, self._context)]
+        return next((test.diagnosis for test in tests if not test.passed), None)
+
     def require_configuration(self, stage: str, samples: SampleBlock, data: StageData) -> None:
         """Raise InputError if a gross error of the configuration explains the data of a stage."""
         error = gross_error(data, self._context, _clock_offsets(samples, self._context))
@@ -61,6 +67,7 @@ class DataTests:
         """Return the solution of a stage with the tests of its samples, and their values in its details."""
         clocks = sample_clocks(samples, self._context.imu.sample_rate)
         tests = [self._clipping(samples), *self._clock(clocks)]
+        tests += sample_test(samples, data, self._context)
         tests += heading_test(data, self._context, self._prior)
         details: dict[str, Any] = {}
         if clocks:
@@ -119,7 +126,8 @@ def data_faults(samples: SampleBlock, context: SolveContext, prior: Posterior) -
     error = gross_error(data, context, _clock_offsets(samples, context))
     if error is not None:
         return [error]
-    return [test.diagnosis for test in heading_test(data, context, prior) if not test.passed]
+    tests = [*sample_test(samples, data, context), *heading_test(data, context, prior)]
+    return [test.diagnosis for test in tests if not test.passed]
 
 
 def _clock_offsets(samples: SampleBlock, context: SolveContext) -> list[float]:

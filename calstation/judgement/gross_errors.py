@@ -15,7 +15,7 @@ import numpy as np
 
 from calstation.estimation import Diagnosis, ModelTest
 from calstation.estimation.common import Posterior, SolveContext, StageData
-from calstation.judgement.table_motion import TableMotion, table_motion
+from calstation.judgement.table_motion import TableMotion, table_motion, turn_axis
 from calstation.messages import Text
 from calstation.physics import (
     AXES,
@@ -25,7 +25,6 @@ from calstation.physics import (
     FloatArray,
     orientation_matrix,
     rotation_rate,
-    rotation_vector,
 )
 
 #: Largest deviation of a force or a rotation from its expected value, relative to it; it exceeds every error of a unit.
@@ -205,7 +204,7 @@ def _expected(
         joint = int(np.argmax(np.abs(change)))
         if abs(change[joint]) < _SMALLEST_TURN or abs(change[1 - joint]) > _OTHER_JOINT * abs(change[joint]):
             continue
-        turns.append(change[joint] * _turn_axis(joints[k], joint, context))
+        turns.append(change[joint] * turn_axis(joints[k], joint, context))
         used.append(index)
     return np.array([home[2] for home in homes]), np.array(turns).reshape(-1, 3), used
 
@@ -266,7 +265,7 @@ def _turned_modulo(motion: TableMotion, context: SolveContext) -> bool:
         joint = int(np.argmax(np.abs(change)))
         if size < np.pi or abs(change[1 - joint]) > _SMALLEST_TURN:
             continue
-        axis = _turn_axis(motion.angles[k], joint, context)
+        axis = turn_axis(motion.angles[k], joint, context)
         is_still = abs(change[joint]) < _SMALLEST_TURN  # the axis of a whole turn is not recorded
         along = size if is_still else float(rotation @ axis)
         turns = (along - float(change[joint])) / (2.0 * np.pi)
@@ -277,13 +276,6 @@ def _turned_modulo(motion: TableMotion, context: SolveContext) -> bool:
             return False
         differ += 1
     return differ > 0
-
-
-def _turn_axis(joints: FloatArray, joint: int, context: SolveContext) -> FloatArray:
-    """Return the axis of a joint in b at joint angles, rad, shape (2,), as a unit vector, shape (3,)."""
-    geometry = context.table.geometry
-    step = joints + 0.01 * np.eye(2)[joint]
-    return np.asarray(rotation_vector(geometry.body_to_home(*joints).T @ geometry.body_to_home(*step)) / 0.01)
 
 
 def _wrong_factor(candidate: _Candidate, context: SolveContext, clock_offsets: Sequence[float]) -> Diagnosis | None:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common import REST_MARGIN, SHORTEST_REST, StageData
-from calstation.physics import FloatArray
+from calstation.estimation.common import REST_MARGIN, SHORTEST_REST, SolveContext, StageData
+from calstation.physics import FloatArray, IntArray, rotation_vector
 
 #: Time over which an encoder must not move, s, and its largest change in this time, rad.
 _STILL_TIME, _STILL_ANGLE = 0.25, np.deg2rad(0.02)
@@ -46,7 +46,7 @@ def table_motion(data: StageData) -> TableMotion | None:
     return TableMotion(tuple(rests), angles, force, rate, tuple(links), np.array(rotations).reshape(-1, 3))
 
 
-def _rests(data: StageData, polled: np.ndarray) -> list[tuple[int, int]]:
+def _rests(data: StageData, polled: IntArray) -> list[tuple[int, int]]:
     """Return the intervals in which the encoders do not move; `polled` are the samples with angles."""
     spacing = max(round(_STILL_TIME / data.dt), 1)
     chosen = [polled[0]]
@@ -63,3 +63,10 @@ def _rests(data: StageData, polled: np.ndarray) -> list[tuple[int, int]]:
         if b - a >= shortest:
             rests.append((a, b))
     return rests
+
+
+def turn_axis(joints: FloatArray, joint: int, context: SolveContext) -> FloatArray:
+    """Return the axis of a joint in b at joint angles, rad, shape (2,), as a unit vector, shape (3,)."""
+    geometry = context.table.geometry
+    step = joints + 0.01 * np.eye(2)[joint]
+    return np.asarray(rotation_vector(geometry.body_to_home(*joints).T @ geometry.body_to_home(*step)) / 0.01)

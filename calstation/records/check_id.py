@@ -29,6 +29,7 @@ CheckKind = Literal[
     "table_noise",
     "imu_noise",
     "clipping",
+    "samples",
     "sample_clock",
     "heading",
     "temperature",
@@ -39,6 +40,7 @@ CheckKind = Literal[
 #: Kinds of the model tests, which each stage has once. If a test fails, later ones may fail as a consequence.
 MODEL_KINDS: tuple[CheckKind, ...] = (
     "clipping",
+    "samples",
     "sample_clock",
     "heading",
     "convergence",

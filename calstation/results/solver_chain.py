@@ -117,9 +117,8 @@ class StageChain:
         self._data_tests.require_configuration(self._stage, solver.buffer.block(), solver.buffer.data())
         try:
             solution = solver.finish(progress)
-        except (np.linalg.LinAlgError, ZeroDivisionError) as exc:
-            what = Text.of("solution.diverged", detail=str(exc))
-            raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
+        except (np.linalg.LinAlgError, ZeroDivisionError, InputError) as exc:
+            raise self._unsolvable(solver.buffer, exc) from exc
         earlier_messages = [message for earlier in self.solutions for message in earlier.messages]
         # a message without the name of its stage, such as the one about a quiet table, is displayed once
         solution = replace(solution, messages=tuple(m for m in solution.messages if m not in earlier_messages))
@@ -134,6 +133,16 @@ class StageChain:
         solution = replace(solution, posterior=with_gravity(self.posterior, self._gravity, gravity))
         self.solutions.append(solution)
         return solution
+
+    def _unsolvable(self, buffer: StageBuffer, error: Exception) -> InputError:
+        """Return the error of a stage that cannot be solved; faults of its samples are the cause, if there are any."""
+        fault = self._data_tests.sample_fault(buffer.block(), buffer.data())
+        if fault is not None:
+            return InputError("solution.in_stage", stage=self._stage, what=fault.text(self._stage))
+        if isinstance(error, InputError):
+            return error
+        what = Text.of("solution.diverged", detail=str(error))
+        return InputError("solution.in_stage", stage=self._stage, what=what)
 
     def _with_tests(self, solution: Solution, buffer: StageBuffer) -> Solution:
         """Return a solution with its evidence, its latitude, and the tests of data and model."""
