@@ -22,7 +22,7 @@ from calstation.estimation.common import (
     StoredPair,
     nis_consistency,
 )
-from calstation.estimation.effects import effect_tests
+from calstation.estimation.effects import NO_SINGLE_EFFECT, effect_tests
 from calstation.estimation.pairs import (
     ACCEL_BIAS,
     GYRO_BIAS,
@@ -183,9 +183,11 @@ def _of_pair(number: int, test: ModelTest) -> ModelTest:
     """Return a test for effects outside the model with the parameter names of a pair."""
     diagnosis = test.diagnosis
     shift = {pair_name(name, number): size for name, size in diagnosis.parameter_shift.items()}
-    if changed := diagnosis.values["parameter"]:
+    if changed := diagnosis.values.get("parameter"):
         values = {**diagnosis.values, "parameter": pair_name(changed, number)}
         return replace(test, diagnosis=replace(diagnosis, parameter_shift=shift, values=values))
+    if diagnosis.cause == NO_SINGLE_EFFECT:
+        return replace(test, diagnosis=replace(diagnosis, parameter_shift=shift))
     values = {**diagnosis.values, "number": number, "effect": diagnosis.cause}
     return replace(test, diagnosis=replace(diagnosis, cause="pair_effect", parameter_shift=shift, values=values))
 

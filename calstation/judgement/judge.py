@@ -8,6 +8,7 @@ from enum import StrEnum
 from calstation.config import ProductConfig, excess_gravity_sigma, gravity_contradiction
 from calstation.estimation import Diagnosis, Solution
 from calstation.estimation.common import Posterior
+from calstation.estimation.effects import NO_SINGLE_EFFECT
 from calstation.judgement.acceptance import acceptance
 from calstation.judgement.check import Check
 from calstation.judgement.conformity import Conformity, conformity, conformity_section
@@ -22,6 +23,12 @@ _MODEL_DEPENDENT: frozenset[CheckKind] = frozenset({
     "within", "consistency", "agreement", "halves", "gravity_at_rest", "improvement_at_rest",
     "improvement_at_rest_floor", "motion_angle", "motion_improvement", "motion_improvement_floor",
 })  # fmt: skip
+
+
+#: Kinds of checks of the data, whose causes come before those of the site.
+_OF_DATA: frozenset[CheckKind] = frozenset({"clipping", "sample_clock", "sigma_below", "within"})
+#: Kinds of checks of the site and of the mounting, the most certain first.
+_OF_SITE: tuple[CheckKind, ...] = ("latitude", "heading", "start_attitude")
 
 
 @dataclass(frozen=True)
@@ -75,7 +82,7 @@ def judge(
         if meta.calibrated:  # most of the sigmas are due to the current calibration instead of the run
             section = section.model_copy(update={"excitation": None})
         limit_checks += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
-    checks = [*_with_explanation(limit_checks, solutions), *check_latitude(meta, solutions)]
+    checks = _site_first([*_with_explanation(limit_checks, solutions), *check_latitude(meta, solutions)])
     passed = None
     if limits or section is not None:
         checks += again.online if again is not None else ()
@@ -117,6 +124,21 @@ def _with_explanation(checks: list[Check], solutions: Sequence[Solution]) -> lis
     if not failed or last_solution is None or last_solution.explanation is None:
         return checks
     return [*checks[: failed[0]], Check.of_model(last_solution.stage, last_solution.explanation), *checks[failed[0] :]]
+
+
+def _site_first(checks: list[Check]) -> list[Check]:
+    """Return the checks with a failed latitude, heading or mounting before the other causes that they may have.
+
+    An effect that explains all innovations may itself shift the latitude and the heading, and remains first.
+    """
+    effects = [check.diagnosis.cause for check in checks if check.kind == "effects" and check.diagnosis is not None]
+    site = [check for check in checks if check.kind in _OF_SITE and not check.passed]
+    if not site or (effects and NO_SINGLE_EFFECT not in effects):
+        return sorted(checks, key=lambda check: check in site)
+    others = [check for check in checks if check not in site]
+    consequences = (k for k, check in enumerate(others) if check.diagnosis and check.kind not in _OF_DATA)
+    first = next(consequences, len(others))
+    return [*others[:first], *sorted(site, key=lambda check: _OF_SITE.index(check.kind)), *others[first:]]
 
 
 def _with_cause(meta: LogMeta, check: Check) -> Check:

@@ -119,9 +119,12 @@ def check_limits(
             limit = entry_of(limits, name)
             if limit is not None:
                 checks += _check_estimate(name, estimate, limit, limit.sigma_below, near, rule)
-    last = solutions[-1]  # the last solution's test for effects uses all stages
+    last = solutions[-1]  # the last solution's tests for effects use all stages
     model = [
-        Check.of_model(s.stage, test) for s in solutions for test in s.tests if test.kind != "effects" or s is last
+        Check.of_model(s.stage, test)
+        for s in solutions
+        for test in s.tests
+        if test.kind not in ("effects", "alternatives") or s is last
     ]
     checks += sorted(model, key=lambda check: [*MODEL_KINDS].index(check.kind))
     for s in solutions:

@@ -1,11 +1,13 @@
 """Tests of the error model along a chain of stages, and the effects in a unit's model."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 from calstation.estimation import Diagnosis, Estimate, ModelTest, Solution
-from calstation.estimation.common import Posterior, TableModel, stage_agreement
-from calstation.estimation.effects import EffectTests, effect_tests, table_priors
+from calstation.estimation.common import Posterior, stage_agreement
+from calstation.estimation.effects import EffectPrior, EffectTests, StateEvidence, effect_tests
+from calstation.physics import FloatArray
 
 #: A change of the posterior less probable than this contradicts the earlier stages.
 MIN_PROBABILITY = 1e-6
@@ -14,8 +16,13 @@ MIN_PROBABILITY = 1e-6
 class ModelTests:
     """Adds the tests of the model, and the effects in the unit's model, to the solution of every stage."""
 
-    def __init__(self, prior: Posterior, states: Sequence[str], table: TableModel) -> None:
-        self._effects = EffectTests(prior.sigma, states, table_priors(prior.sigma, states, table))
+    def __init__(
+        self, changes: FloatArray, states: Sequence[str], priors: Mapping[str, EffectPrior] = MappingProxyType({})
+    ) -> None:
+        """Create the tests, see `EffectTests`."""
+        self._effects = EffectTests(changes, states, priors)
+        self._states = tuple(states)
+        self._made: list[tuple[str, dict[str, str]]] = []  # messages about states
         #: Whether a stage was tested for effects outside the model.
         self.effects_tested = False
 
@@ -35,8 +42,20 @@ class ModelTests:
             harmful, harmless = effect_tests(self._effects.evidence(solution.posterior))
             solution = replace(solution, explanation=harmless)
             tests += [harmful] if harmful else []
+            states = self._effects.state_evidence(solution.posterior)
+            different = [test for state in states if (test := state.test) is not None]
+            tests += sorted(different, key=lambda test: -test.value)[:1]
+            remarks = [remark for remark in self._remarks(states) if remark not in self._made]
+            self._made += remarks
+            solution = replace(solution, messages=(*solution.messages, *remarks))
         tests += _agreement(solution, before, posterior)
         return replace(solution, tests=tuple(tests))
+
+    def _remarks(self, states: Sequence[StateEvidence]) -> list[tuple[str, dict[str, str]]]:
+        """Return messages about what the data do not distinguish from the states of the model."""
+        gauge = [("lever_gauge", {"state": state}) for state in self._states if state == "accel_off_axis"]
+        alike = {(row.state.cause, other.cause) for row in states for other in row.alike}
+        return gauge + [("state_alike", {"state": state, "other": other}) for state, other in sorted(alike)]
 
     def _with_effects(self, solution: Solution) -> Solution:
         """Return a solution whose model contains the effects in the unit's model."""

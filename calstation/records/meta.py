@@ -5,6 +5,7 @@ It is stored next to a CSV as TOML or inside a raw log, and includes the last cr
 
 import json
 import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -28,6 +29,7 @@ from calstation.physics import (
     PARAMETERS,
     EffectName,
     FloatArray,
+    entry_of,
     further_parameter,
     group_indices,
     orientation_matrix,
@@ -247,6 +249,17 @@ class LogMeta(StrictModel):
         """Names of the parameters whose prior is the current calibration."""
         used = self.run is not None and self.run.calibration is not None
         return frozenset(p.name for p in PARAMETERS if used and p.group != "outer_lever")
+
+    @property
+    def turn_on_sigmas(self) -> dict[str, float]:
+        """Standard deviation, SI, of the change from one power-up to the next of each parameter, if it is known.
+
+        It is stated in `[stability]` of the IMU profile in the log.
+        """
+        stability = tomllib.loads(self.profiles.get("imu", "")).get("stability", {})
+        stated = {name: row["power_up"] for name, row in stability.items() if "power_up" in row}
+        sigmas = {name: entry_of(stated, name) for name in NAMES}
+        return {name: sigma for name, sigma in sigmas.items() if sigma is not None}
 
     @model_validator(mode="after")
     def _further_imus(self) -> "LogMeta":

@@ -2,7 +2,6 @@
 
 import hashlib
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
@@ -17,7 +16,6 @@ from calstation.messages import Text
 from calstation.physics import (
     AXES,
     DEFAULT_ORIENTATION,
-    NAMES,
     FloatArray,
     compose,
     entry_of,
@@ -229,17 +227,6 @@ def _remaining_errors(result: Result, meta: LogMeta) -> tuple[Mapping[str, float
     registers = {name: pair for name, pair in unit_registers(result, meta).items() if name in values and name in errors}
     before, after = ({name: errors[name] - pair[k] for name, pair in registers.items()} for k in (0, 1))
     return before, after
-
-
-def turn_on_sigmas(meta: LogMeta) -> dict[str, float]:
-    """Return the standard deviation of each parameter's change from one power-up to the next, SI.
-
-    Only parameters whose change is specified by the IMU profile in the log are included.
-    """
-    stability = tomllib.loads(meta.profiles.get("imu", "")).get("stability", {})
-    stated = {name: row["power_up"] for name, row in stability.items() if "power_up" in row}
-    sigmas = {name: entry_of(stated, name) for name in NAMES}
-    return {name: sigma for name, sigma in sigmas.items() if sigma is not None}
 
 
 def unit_registers(result: Result, meta: LogMeta) -> dict[str, tuple[float, float]]:

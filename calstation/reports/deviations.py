@@ -9,7 +9,7 @@ from calstation.messages import Text
 from calstation.records import CheckKind, InstrumentSection
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import LATITUDE_ERROR_DEG
-from calstation.reports.content import Certificate, turn_on_sigmas
+from calstation.reports.content import Certificate
 from calstation.results import Result
 from procedures import DEFAULT_STAGES, method
 
@@ -38,7 +38,7 @@ def not_included(certificate: Certificate, analysis: Analysis) -> Iterator[Text]
         yield Text("certificate.n_temperature_unknown")
     else:
         yield Text.of("certificate.n_temperature", low=temperature.min, high=temperature.max)
-    yield Text("certificate.n_stability" if turn_on_sigmas(certificate.meta) else "certificate.n_stability_unknown")
+    yield Text("certificate.n_stability" if certificate.meta.turn_on_sigmas else "certificate.n_stability_unknown")
     failed = [check for check in result.failed_checks if check.kind in _EFFECT_CHECKS]
     effects = "failed" if failed else "tested" if analysis.effects_tested else "untested"
     yield Text(f"certificate.n_effects_{effects}")

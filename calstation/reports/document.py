@@ -29,7 +29,6 @@ from calstation.reports.content import (
     Quantity,
     arrangement,
     performed,
-    turn_on_sigmas,
     unit_registers,
 )
 from calstation.reports.deviations import deviations, not_included
@@ -242,7 +241,7 @@ class _Document:
 
     def _sensitivities(self, budget: Budget) -> list[dict[str, str]]:
         """Return the effects that the budget does not include: the largest change in each group."""
-        power_up, rows = turn_on_sigmas(self._meta), []
+        power_up, rows = self._meta.turn_on_sigmas, []
         for group, quantities in self._groups:
             names = [q.name for q in quantities]
             changes = [[known[name] for name in names if name in known] for known in (power_up, budget.latitude)]

@@ -25,6 +25,7 @@ from calstation.estimation.common import (
     consider_update,
     stage_data,
 )
+from calstation.estimation.effects import plausible_changes, table_priors
 from calstation.estimation.navigation import solve_navigation
 from calstation.judgement import ModelTests
 from calstation.physics import NAMES, PARAMETERS, EffectName, FloatArray, TableGeometry, group_indices, targets_reached
@@ -231,7 +232,8 @@ def _solve(
     bound = Posterior(truth.parameters, posterior.covariance)
     estimated = np.zeros(len(NAMES), dtype=np.bool_)
     nis, seconds = {}, 0.0
-    model, joint = ModelTests(posterior, case.states, context.table), posterior
+    priors = table_priors(posterior.sigma, case.states, context.table)
+    model, joint = ModelTests(plausible_changes(context.imu, {}), case.states, priors), posterior
     effects_covariance: FloatArray = np.zeros_like(posterior.covariance)
     for stage in case.stages:
         m = method(stage)

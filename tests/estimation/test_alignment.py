@@ -14,7 +14,9 @@ from calstation.estimation.common import (
     Site,
     SolveContext,
     StageData,
+    Start,
     TableModel,
+    start_tests,
     starts,
 )
 from calstation.estimation.common.alignment import FREE_TILT_SIGMA, gyrocompass
@@ -139,3 +141,34 @@ def test_segments_without_rest_are_not_aligned():
     data = at_rest(TURNED, angles=ANGLES)
     spinning = replace(data, gyro=data.gyro + 0.3)
     assert starts(spinning, CONTEXT, posterior()) == []
+
+
+@pytest.mark.parametrize(
+    ("turn", "cause", "values"),
+    [
+        ((0.0, 0.0, -np.deg2rad(45.0)), "heading_unlike", {"measured": 0.8 + np.deg2rad(45.0), "expected": 0.8}),
+        ((np.deg2rad(6.0), 0.0, 0.01), "mount_unlike", {"measured": np.deg2rad(6.0)}),
+    ],
+)
+def test_start_attitude_that_contradicts_its_prior_fails_with_the_measured_angle(turn, cause, values):
+    """A rotation of the unit by −45° about the vertical is a heading 45° farther clockwise."""
+    prior, sigma = TableGeometry().body_to_level(0.1, 0.2, 0.8), np.deg2rad([1.0, 1.0, 1.2])
+    start = Start(0, 100, prior, sigma, prior, None)
+    attitude = rotation_matrix(np.array(turn)) @ prior
+    (test,) = start_tests([start], [attitude], CONTEXT.site)
+    assert test.value > test.limit == 5.0
+    assert test.diagnosis.cause == cause
+    assert {name: test.diagnosis.values[name] for name in values} == pytest.approx(
+        {name: np.rad2deg(angle) for name, angle in values.items()}
+    )
+    (within,) = start_tests([start], [rotation_matrix(np.deg2rad([2.0, 1.0, 4.0])) @ prior], CONTEXT.site)
+    assert within.value == pytest.approx(4.0 / 1.2, rel=0.1)
+    assert within.value < within.limit
+
+
+def test_heading_matches_the_direction_of_the_site_azimuth():
+    """The solved attitude of a table whose heading is 0.3 rad larger names this heading."""
+    prior, moved = (TableGeometry().body_to_level(0.1, 0.2, azimuth) for azimuth in (0.8, 1.1))
+    start = Start(0, 100, prior, np.full(3, 0.01), prior, None)
+    (test,) = start_tests([start], [moved], CONTEXT.site)
+    assert test.diagnosis.values["measured"] == pytest.approx(np.rad2deg(1.1))

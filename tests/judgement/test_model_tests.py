@@ -8,7 +8,7 @@ import pytest
 
 from calstation.config import RunRequest, load_configuration
 from calstation.estimation import Diagnosis, ModelTest, Solution
-from calstation.estimation.common import Consistency, Posterior, TableModel
+from calstation.estimation.common import Consistency, LatitudeEstimate, Posterior
 from calstation.judgement import ModelTests, check_limits, judge
 from calstation.physics import COUNT, NAMES
 from calstation.records import MODEL_KINDS
@@ -21,7 +21,7 @@ FOUND = ModelTest("effects", 50.0, 30.0, "1", Diagnosis("gyro_cubic"))
 @pytest.mark.parametrize(("message", "failed"), [("not_converged", ["rate convergence"]), ("turns_assumed_whole", [])])
 def test_solution_that_did_not_converge_fails(message: str, failed: list[str]) -> None:
     solution = replace(SOLVED, messages=((message, {"stage": "rate", "passes": 20}),))
-    tested = ModelTests(PRIOR, (), TableModel()).add_tests(solution, (), PRIOR)
+    tested = ModelTests(PRIOR.sigma, ()).add_tests(solution, (), PRIOR)
     assert [check.name for check in check_limits({}, PRIOR, [tested]) if not check.passed] == failed
 
 
@@ -40,8 +40,24 @@ def test_harmless_effect_only_explains_other_failures(nis: float, failed: list[s
     assert [check.name for check in checks if check.kind in ("effects", "consistency") and not check.passed] == failed
 
 
+@pytest.mark.parametrize(
+    ("cause", "first"), [("no_single_effect", ["latitude_unlike", "heading_unlike"]), ("drift", ["drift"])]
+)
+def test_latitude_and_heading_come_first_unless_an_effect_explains_the_data(cause: str, first: list[str]) -> None:
+    meta = load_configuration(RunRequest("SN-1", product=Path("data/products/nav_a.toml"))).log_meta()
+    effect, heading = (
+        ModelTest(kind, 50.0, 30.0, "1", Diagnosis(name))
+        for kind, name in (("effects", cause), ("start_attitude", "heading_unlike"))
+    )
+    latitude = LatitudeEstimate(np.deg2rad(meta.site.latitude_deg + 1.0), np.deg2rad(0.01))
+    solution = replace(SOLVED, tests=(effect, heading), latitude=latitude)
+    causes = [check.diagnosis.cause for check in judge(meta, PRIOR, (solution,)).checks if check.diagnosis is not None]
+    assert causes[: len(first)] == first
+    assert sorted(causes) == sorted([cause, "latitude_unlike", "heading_unlike"])
+
+
 def test_documentation_describes_every_kind_of_test() -> None:
     text = Path("docs/explanation/estimation.md").read_text(encoding="utf-8")
     described = text.partition("### Tests of the model")[2].partition("\n## ")[0]
     assert {kind for kind in MODEL_KINDS if f"`{kind.replace('_', ' ')}`" not in described} == set()
-    assert f"tests of {('seven', 'eight', 'nine', 'ten', 'eleven')[len(MODEL_KINDS) - 7]} kinds" in described
+    assert f"tests of {('nine', 'ten', 'eleven', 'twelve', 'thirteen')[len(MODEL_KINDS) - 9]} kinds" in described

@@ -23,7 +23,7 @@ from pair_recordings import (
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import chi2
 
-from calstation.bench.truth import Mounting, SecondaryTruth, rotation
+from calstation.bench.truth import Mounting, SecondaryTruth, push, rotation
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common import SampleBlock, SolveContext, StoredPair
 from calstation.estimation.pairs import PairCalibration, PairSchedule, PairWatch, call_now, pair_vector
@@ -133,6 +133,36 @@ def test_drift_during_the_recording_fails_and_is_reported(mems):
     assert test.value > test.limit
     assert test.diagnosis.cause == "drift"
     assert test.diagnosis.values["parameter"].startswith("secondary_accel_matrix_")
+
+
+def test_sound_pair_that_turns_in_one_direction_passes(monkeypatch):
+    """|ω| and ω then differ by noise only, which must not resemble an asymmetry."""
+    once = [np.deg2rad(60.0) * k for k in range(1, 13)]
+    full = once[-1]
+    poses = (
+        [(0.0, a) for a in once] + [(a, full) for a in once] + [(full + a, full + 0.5 * np.pi) for a in (0.0, *once)]
+    )
+    rig = replace(RIG, stop_sigma=0.0, play=0.0, shake=0.0)
+    monkeypatch.setattr("pair_recordings.around", lambda step: poses)
+    monkeypatch.setattr("calstation.bench.truth.manual_rig.tremor", lambda random, size: np.empty((0, 3)))
+    monkeypatch.setattr("pair_recordings.push", without_corrections(push))
+    primary, secondary = pair(1)
+    solution = solved(recording(primary, [secondary], 1, rig), context_of(primary, [secondary]), known(primary))
+    assert all(test.value < test.limit for test in solution.tests)
+    assert np.abs((vector(solution) - truth_of(primary, secondary)) / vector(solution, "sigma")).max() < 4.5
+
+
+def without_corrections(push):
+    """Return `push` with a random generator whose normal numbers are 0, so that no rail is pushed back."""
+
+    class Steady:
+        def __init__(self, random: np.random.Generator) -> None:
+            self.uniform = random.uniform
+
+        def standard_normal(self, size: int | None = None) -> np.ndarray | float:
+            return 0.0 if size is None else np.full(size, 0.3 * (size == 3))
+
+    return lambda rig, poses, random: push(rig, poses, Steady(random))
 
 
 @pytest.mark.long

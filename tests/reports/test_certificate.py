@@ -29,7 +29,7 @@ from calstation.records.meta import FurtherImuSection
 from calstation.reports import ReportRequest, build_certificate, issue_report, write_dcc
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import LATITUDE_ERROR_DEG
-from calstation.reports.content import arrangement, turn_on_sigmas, unit_registers
+from calstation.reports.content import arrangement, unit_registers
 from calstation.reports.deviations import deviations, not_included
 from calstation.reports.document import document
 from calstation.reports.issue import attachments
@@ -190,9 +190,9 @@ def test_turn_on_to_turn_on_change_is_taken_from_the_imu_profile(made: Made) -> 
     stability = {"gyro_bias": {"power_up": 5e-6}, "gyro_bias_z": {"power_up": 7e-6}, "accel_bias": {"year": 1.0}}
     profile = tomli_w.dumps({"stability": stability})
     known = meta.model_copy(update={"profiles": {**meta.profiles, "imu": profile}})
-    assert turn_on_sigmas(known) == {"gyro_bias_x": 5e-6, "gyro_bias_y": 5e-6, "gyro_bias_z": 7e-6}
+    assert known.turn_on_sigmas == {"gyro_bias_x": 5e-6, "gyro_bias_y": 5e-6, "gyro_bias_z": 7e-6}
     unknown = meta.model_copy(update={"profiles": {}})
-    assert turn_on_sigmas(unknown) == {}
+    assert unknown.turn_on_sigmas == {}
     texts = [text.code for text in not_included(replace(made.certificate, meta=unknown), made.analysis)]
     assert "certificate.n_stability_unknown" in texts
 

@@ -5,6 +5,7 @@ from calstation.estimation.common.alignment import (
     FREE_AZIMUTH_SIGMA,
     Start,
     align_vertical,
+    start_tests,
     starts,
 )
 from calstation.estimation.common.by_position import (

@@ -1,10 +1,12 @@
 """Initial attitude of a segment: a prior from the encoders and the site, and a linearisation point from the data."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common.context import Posterior, SolveContext
+from calstation.estimation.common.context import Posterior, Site, SolveContext
+from calstation.estimation.common.model_test import Diagnosis, ModelTest
 from calstation.estimation.common.stage import SHORTEST_REST, StageData, find_rests, mean_angles
 from calstation.physics import (
     RATE,
@@ -15,6 +17,7 @@ from calstation.physics import (
     compensation,
     level_attitude,
     rotation_matrix,
+    rotation_vector,
 )
 
 #: Standard deviation of an unknown azimuth, rad.
@@ -25,6 +28,8 @@ FREE_TILT_SIGMA = 0.2
 AMBIGUOUS_AZIMUTH_SIGMA = 0.35
 #: Longest part of a rest that is used for alignment, s.
 LONGEST_REST = 20.0
+#: Largest difference of a start attitude from its prior, in prior sigmas.
+MAX_START_ERROR = 5.0
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,22 @@ def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, pos
     prior = geometry.body_to_level(angles[0], angles[1], site.azimuth)
     azimuth = np.sqrt(table.azimuth_sigma**2 + table.mount_sigma**2 + table.encoder_sigma**2)
     return Start(a, end, prior, np.array([tilt, tilt, azimuth]), align_vertical(prior, up_b), None)
+
+
+def start_tests(starts: Sequence[Start], attitudes: Sequence[FloatArray], site: Site) -> list[ModelTest]:
+    """Compare the solved start attitudes C_bn, shape (3, 3), with their priors; return a test unless there is none."""
+    errors = [(rotation_vector(C @ s.prior.T) / s.prior_sigma, s) for s, C in zip(starts, attitudes, strict=True)]
+    if not errors:
+        return []
+    error, start = max(errors, key=lambda each: float(np.max(np.abs(each[0]))))
+    axis = int(np.argmax(np.abs(error)))
+    sigma, size = float(start.prior_sigma[axis]), float((error * start.prior_sigma)[axis])
+    values = {"measured": float(np.rad2deg(abs(size))), "prior": float(np.rad2deg(sigma))}
+    if axis == 2 and site.azimuth is not None:
+        degrees = {"measured": site.azimuth - size, "expected": site.azimuth}
+        values |= {name: float(np.rad2deg(angle)) % 360.0 for name, angle in degrees.items()}
+    diagnosis = Diagnosis("heading_unlike" if axis == 2 else "mount_unlike", size, sigma, "rad", values=values)
+    return [ModelTest("start_attitude", float(abs(error[axis])), MAX_START_ERROR, "1", diagnosis)]
 
 
 def align_vertical(attitude: FloatArray, up_b: FloatArray) -> FloatArray:

@@ -1,7 +1,15 @@
 """Tests for effects outside the error model, one added effect at a time (score tests)."""
 
-from calstation.estimation.effects.priors import table_priors
-from calstation.estimation.effects.score import MAX_EXCESS, EffectEvidence, EffectLimit, EffectTests, effect_tests
+from calstation.estimation.effects.evidence import (
+    MAX_EXCESS,
+    NO_SINGLE_EFFECT,
+    EffectEvidence,
+    StateEvidence,
+    effect_tests,
+)
+from calstation.estimation.effects.plausible import plausible_changes
+from calstation.estimation.effects.priors import EffectPrior, table_priors
+from calstation.estimation.effects.score import EffectLimit, EffectTests
 from calstation.estimation.effects.sensitivity import (
     Sensitivity,
     StageEffects,

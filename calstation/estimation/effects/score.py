@@ -9,69 +9,18 @@ the resulting errors of the parameters are D I⁻¹ U, with D the errors per uni
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
-from calstation.estimation.common import Diagnosis, ModelTest, Posterior
+from calstation.estimation.common import Posterior
+from calstation.estimation.effects.evidence import MAX_EXCESS, EffectEvidence, StateEvidence, likeliest
 from calstation.estimation.effects.priors import EffectPrior, plausible
 from calstation.estimation.effects.sensitivity import Sensitivity, drift_functions
 from calstation.physics import AXES, COUNT, EFFECTS, INDEX, Effect, FloatArray, IntArray
 
-#: A score test fails if its χ² exceeds its degrees of freedom by more than `MAX_EXCESS` and the effect shifts a
-#: parameter by more than `MIN_SHIFT` sigmas. Any other significant effect is harmless, but may explain other failures.
-MAX_EXCESS, MIN_SHIFT = 30.0, 3.0
-#: Largest difference between the χ² of the likeliest effect and that of another possible cause.
-_MAX_CHI2_DIFFERENCE = 10.0
 #: Parameter groups that are tested for jumps between two stages.
 _JUMP_GROUPS = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale")
-
-
-@dataclass(frozen=True)
-class EffectEvidence:
-    """Evidence in the data for one effect."""
-
-    cause: str
-    component: str  #: The most significant component.
-    parameter: str  #: Parameter that changed; "" for a constant effect.
-    stage: str  #: Stage during or before which it changed; "" for a constant effect or a drift throughout the run.
-    excess: float  #: χ² minus its degrees of freedom.
-    size: float  #: Estimated size of the component, in `unit`.
-    sigma: float
-    unit: str
-    parameter_shift: dict[str, float]  #: Error of each estimated parameter due to the effect, in its sigmas.
-
-    @property
-    def largest_shift(self) -> float:
-        """Largest of `parameter_shift`."""
-        return max((abs(shift) for shift in self.parameter_shift.values()), default=0.0)
-
-
-def effect_tests(evidence: Sequence[EffectEvidence]) -> tuple[ModelTest | None, ModelTest | None]:
-    """Return the tests of a harmful and of a significant but harmless effect outside the error model.
-
-    `evidence` contains all effects, the likeliest first. An effect nearly as likely as the first may be the harmful
-    one. Either test is None if there is no such effect; only the first test can pass.
-    """
-    if not evidence:
-        return None, None
-    significant = evidence[0].excess > MAX_EXCESS
-    likely = (
-        effect
-        for effect in evidence
-        if effect.excess > evidence[0].excess - _MAX_CHI2_DIFFERENCE and (effect.excess > MAX_EXCESS) == significant
-    )
-    harmful = next((effect for effect in likely if effect.largest_shift > MIN_SHIFT), None)
-    if harmful is not None:
-        return _test(harmful), None
-    return None, _test(evidence[0]) if significant else None
-
-
-def _test(evidence: EffectEvidence) -> ModelTest:
-    values = {"component": evidence.component, "parameter": evidence.parameter, "during": evidence.stage}
-    diagnosis = Diagnosis(
-        evidence.cause, evidence.size, evidence.sigma, evidence.unit, evidence.parameter_shift, values
-    )
-    return ModelTest("effects", evidence.excess, MAX_EXCESS, "1", diagnosis)
 
 
 @dataclass(frozen=True)
@@ -88,86 +37,27 @@ class EffectLimit:
     move: float  #: Error of this parameter due to this size, in its sigmas.
 
 
-@dataclass
-class _EffectTest:
-    """Score, information and accumulated parameter error of an effect."""
+@dataclass(frozen=True)
+class _Candidate:
+    """A tested effect and its columns in the arrays of `EffectTests`."""
 
     effect: Effect
     stage: str
-    score: FloatArray
-    information: FloatArray
-    cross: FloatArray  #: Cross information with the components of `EFFECTS`, shape (k, components).
-    error: FloatArray
+    columns: slice
 
-    @classmethod
-    def initial(cls, effect: Effect, stage: str, constants: int) -> "_EffectTest":
-        """Return a test before any stage."""
-        k = len(effect.components)
-        return cls(effect, stage, np.zeros(k), np.zeros((k, k)), np.zeros((k, constants)), np.zeros((COUNT, k)))
 
-    def add_stage(self, s: Sensitivity, constant: FloatArray, direct: FloatArray | None = None) -> None:
-        """Add a stage.
+class _Solution(NamedTuple):
+    """Joint estimate of the sizes of effects."""
 
-        `direct` maps the sizes of the effect to the columns of `s` after those of the parameters and of `EFFECTS`.
-        `constant` maps the components of `EFFECTS` to the parameters and to their own columns.
-        """
-        both, error = len(constant), self.error
-        if direct is not None:
-            error = np.vstack([error, np.zeros((both - COUNT, len(self.score))), direct])
-        n = len(error)
-        self.score = self.score + error.T @ s.score[:n]
-        self.information = self.information + error.T @ s.information[:n, :n] @ error
-        self.cross = self.cross + error.T @ s.information[:n, :both] @ constant
-        self.error = s.error[:, :n] @ error
-
-    def add_to_parameters(self, change_per_size: FloatArray | float) -> None:
-        """Add the errors `change_per_size`, shape (k,), that a unit of each size causes in the parameter it changes."""
-        self.error[[INDEX[name] for name in self.effect.parameters], range(len(self.score))] += change_per_size
-
-    def in_units_of(self, sizes: FloatArray) -> "_EffectTest":
-        """Return the same test with its sizes in units of `sizes`, shape (k,)."""
-        information = self.information * np.outer(sizes, sizes)
-        scaled = self.score * sizes, information, self.cross * sizes[:, None], self.error * sizes
-        return _EffectTest(self.effect, self.stage, *scaled)
-
-    def limits(self, chi_square: float, sigma: FloatArray, names: Sequence[str]) -> Iterator[EffectLimit]:
-        """Yield the limit of each component."""
-        c = self.effect
-        for k, component in enumerate(c.components):
-            information = float(self.information[k, k])
-            size = float(np.sqrt(chi_square / information)) if information > 0.0 else np.inf
-            moves = {name: abs(float(self.error[INDEX[name], k])) / float(sigma[INDEX[name]]) for name in names}
-            largest = max(moves, key=moves.__getitem__)
-            shift = size * moves[largest] if moves[largest] > 0.0 else 0.0
-            yield EffectLimit(c.cause, component, c.parameter_of(k), self.stage, size, c.unit, largest, shift)
-
-    def evaluate(
-        self, model_effects: "EffectEstimate", before: FloatArray, sigma: FloatArray, names: Sequence[str]
-    ) -> EffectEvidence:
-        """Evaluate the test jointly with the effects in the model; `before` and `sigma` have the shape (30,)."""
-        shared = self.cross[:, model_effects.columns]
-        score = self.score - shared @ model_effects.size
-        information = self.information - shared @ model_effects.covariance @ shared.T
-        error = self.error - model_effects.error @ model_effects.covariance @ shared.T
-        changed = [before[INDEX[name]] for name in self.effect.parameters]
-        plausible = np.diag(changed or len(score) * [self.effect.plausible])
-        covariance = plausible @ np.linalg.inv(plausible @ information @ plausible + np.eye(len(score))) @ plausible
-        size, sigmas = covariance @ score, np.sqrt(np.diag(covariance))
-        freedom = float(np.sum(covariance * information))
-        best, indices = int(np.argmax(np.abs(size) / sigmas)), [INDEX[name] for name in names]
-        shift = error @ size / np.where(sigma > 0.0, sigma, np.inf)
-        c = self.effect
-        return EffectEvidence(
-            c.cause, c.components[best], c.parameter_of(best), self.stage, float(score @ size) - freedom,
-            float(size[best]), float(sigmas[best]), c.unit, dict(zip(names, shift[indices].tolist(), strict=True)),
-        )  # fmt: skip
+    columns: IntArray  #: Shape (k,).
+    size: FloatArray  #: In units of the columns, shape (k,).
+    covariance: FloatArray  #: Shape (k, k).
 
 
 @dataclass(frozen=True)
 class EffectEstimate:
     """Estimate of the effects in the model."""
 
-    columns: IntArray  #: Indices of the components within `EFFECTS`, shape (k,).
     names: tuple[str, ...]  #: Names of the components, as in a result.
     units: tuple[str, ...]
     reported: tuple[bool, ...]  #: Whether a component is a parameter of the result.
@@ -175,11 +65,13 @@ class EffectEstimate:
     covariance: FloatArray  #: Shape (k, k).
     error: FloatArray  #: Parameter error due to each effect per unit of its size, shape (30, k).
     explained: float  #: Part of the last stage's sum of squared innovations explained by the effects.
+    #: Covariance of parameters that the effects and the other parameters can replace, shape (30, 30).
+    gauge: FloatArray
 
     def correct(self, posterior: Posterior) -> Posterior:
         """Return the posterior of the parameters with the effects in the model."""
         mean = posterior.mean + self.error @ self.size
-        return Posterior(mean, posterior.covariance + self.error @ self.covariance @ self.error.T)
+        return Posterior(mean, posterior.covariance + self.error @ self.covariance @ self.error.T + self.gauge)
 
 
 class EffectTests:
@@ -192,7 +84,7 @@ class EffectTests:
 
     def __init__(
         self,
-        before: FloatArray,
+        changes: FloatArray,
         states: Sequence[str] = (),
         priors: Mapping[str, EffectPrior] = MappingProxyType({}),
     ) -> None:
@@ -200,137 +92,259 @@ class EffectTests:
 
         Parameters
         ----------
-        before : sigmas of the parameters before calibration, shape (30,)
+        changes : prior sigmas of the parameters' changes within a run, shape (30,), see `plausible_changes`
         states : effects that are estimated without a test
         priors : sizes of effects that are known before the calibration, by cause; effects that are not in `states` are
             then tested for a deviation from them
         """
-        self._before = before
-        causes = [(effect, k) for effect in EFFECTS for k in range(len(effect.components))]
-        self._states, self._priors = tuple(states), priors
-        self._columns = np.array(
-            [i for i, (effect, _) in enumerate(causes) if effect.cause in states or effect.cause in priors], np.int64
-        )
-        chosen = [causes[i] for i in self._columns]
-        known = [priors.get(effect.cause) or plausible(effect) for effect, _ in chosen]
-        self._names = tuple(effect.names[k] for effect, k in chosen)
-        self._units = tuple(effect.unit for effect, _ in chosen)
-        self._mean = np.array([p.mean[k] for p, (_, k) in zip(known, chosen, strict=True)], np.float64)
-        self._prior_sigma = np.array([p.sigma[k] for p, (_, k) in zip(known, chosen, strict=True)], np.float64)
-        self._reported = tuple(
-            effect.cause in states and sigma > 0.0
-            for (effect, _), sigma in zip(chosen, self._prior_sigma.tolist(), strict=True)
-        )
-        count = len(causes)
-        self._score, self._information = np.zeros(count), np.zeros((count, count))
+        self._changes, self._states, self._priors = changes, tuple(states), priors
+        self._candidates: list[_Candidate] = []
+        self._score, self._information, self._error = np.zeros(0), np.zeros((0, 0)), np.zeros((COUNT, 0))
+        self._append([(effect, "") for effect in EFFECTS])
         self._last, self._noise_ratio = (self._score, self._information), 1.0
-        self._error = np.zeros((COUNT, count))
-        self._changes: list[_EffectTest] = []
         #: Drifts throughout the run in units of their time functions; `_elapsed` is the time since the start, s.
-        self._drifts: list[_EffectTest] = []
+        self._drifts: list[_Candidate] = []
         self._begin = self._elapsed = 0.0
         self._parameters: dict[str, None] = {}
 
+    def _append(self, effects: Sequence[tuple[Effect, str]]) -> list[_Candidate]:
+        """Append the columns of effects, each with its stage, without any evidence."""
+        first, candidates = len(self._score), []
+        for effect, stage in effects:
+            candidates.append(_Candidate(effect, stage, slice(first, first := first + len(effect.components))))
+        added = first - len(self._score)
+        self._score = np.pad(self._score, (0, added))
+        self._information = np.pad(self._information, (0, added))
+        self._error = np.pad(self._error, ((0, 0), (0, added)))
+        self._candidates += candidates
+        return candidates
+
+    def _change(self, candidate: _Candidate, change_per_size: FloatArray | float) -> None:
+        """Add the errors `change_per_size`, shape (k,), that a unit of each size causes in the parameter it changes."""
+        at = range(candidate.columns.start, candidate.columns.stop)
+        self._error[[INDEX[name] for name in candidate.effect.parameters], at] += change_per_size
+
     def add(self, stage: str, s: Sensitivity, estimated: Sequence[str]) -> None:
         """Add a stage and the parameters that it estimated."""
-        count = len(self._score)
-        prior, constant = slice(0, COUNT), slice(COUNT, COUNT + count)
-        response = np.vstack([self._error, np.eye(count)])
-        both = slice(0, COUNT + count)
-        self._last = response.T @ s.score[both], response.T @ s.information[both, both] @ response
+        if self._parameters:  # before the first stage, a jump is an error of the prior
+            for candidate in self._append([(_jump_before(group), stage) for group in _JUMP_GROUPS]):
+                self._change(candidate, 1.0)
+        changes = self._append([(effect, stage) for effect in s.effects.parameter_changes])
+        drifts = [c for c in changes if c.effect.cause == "drift"]
+        if not self._drifts:
+            self._begin = s.effects.begin
+            self._drifts = self._append([(replace(c.effect, cause="drift_throughout"), "") for c in drifts])
+        start = max(s.effects.begin - self._begin, self._elapsed)
+        times = np.array([self._elapsed, start, start + s.effects.duration])
+        last, first, end = np.tile(drift_functions(times), 3)
+        for candidate in self._drifts:
+            self._change(candidate, first - last)
+        constants, own = _constants(), slice(changes[0].columns.start, changes[-1].columns.stop)
+        response = np.zeros((len(s.score), len(self._score)))
+        response[:COUNT] = self._error
+        response[COUNT : COUNT + constants, :constants] = np.eye(constants)
+        response[COUNT + constants :, own] = np.eye(own.stop - own.start)
+        for candidate, within in zip(self._drifts, drifts, strict=True):
+            response[:, candidate.columns] += response[:, within.columns] * (end - first)
+        self._last = response.T @ s.score, response.T @ s.information @ response
         self._noise_ratio = s.noise_ratio
         self._score = self._score + self._last[0]
         self._information = self._information + self._last[1]
-        self._error = s.error[:, prior] @ self._error + s.error[:, constant]
-        if self._parameters:  # before the first stage, a jump is an error of the prior
-            self._changes += [_jump_before(stage, group, count) for group in _JUMP_GROUPS]
-        for change in self._changes:
-            change.add_stage(s, response)
-        self._add_changing(stage, s, response)
+        self._error = s.error @ response
+        for candidate in changes:
+            self._change(candidate, 1.0)
+        for candidate in self._drifts:
+            self._change(candidate, end - first)
+        self._elapsed = start + s.effects.duration
         self._parameters |= dict.fromkeys(estimated)
-
-    def _add_changing(self, stage: str, s: Sensitivity, response: FloatArray) -> None:
-        """Add the tests for changes within a stage, and continue those for drifts throughout the run."""
-        changes, duration = s.effects.parameter_changes, s.effects.duration
-        widths = [len(effect.components) for effect in changes]
-        units = np.split(np.eye(sum(widths)), np.cumsum(widths)[:-1], axis=1)
-        count = len(self._score)
-        for effect, unit in zip(changes, units, strict=True):
-            test = _EffectTest.initial(effect, stage, count)
-            test.add_stage(s, response, unit)
-            test.add_to_parameters(1.0)
-            self._changes.append(test)
-        drifts = [(effect, unit) for effect, unit in zip(changes, units, strict=True) if effect.cause == "drift"]
-        if not self._drifts:
-            self._begin = s.effects.begin
-            self._drifts = [_EffectTest.initial(replace(e, cause="drift_throughout"), "", count) for e, _ in drifts]
-        start = max(s.effects.begin - self._begin, self._elapsed)
-        last, first, end = drift_functions(np.array([self._elapsed, start, start + duration]))
-        for test, (_, unit) in zip(self._drifts, drifts, strict=True):
-            test.add_to_parameters(np.tile(first - last, 3))
-            test.add_stage(s, response, unit * np.tile(end - first, 3))
-            test.add_to_parameters(np.tile(end - first, 3))
-        self._elapsed = start + duration
 
     def estimate(self) -> EffectEstimate:
         """Return the estimate of the effects in the model."""
-        at, prior = self._columns, np.diag(self._prior_sigma)
-        information = self._information[np.ix_(at, at)]
-        covariance = np.asarray(
-            prior @ np.linalg.inv(prior @ information @ prior + np.eye(len(at))) @ prior, np.float64
-        )
-        size = np.asarray(self._mean + covariance @ (self._score[at] - information @ self._mean), np.float64)
+        model = self._model
+        at, size, covariance = self._solve(model)
         score, last = self._last[0][at], self._last[1][np.ix_(at, at)]
         explained = self._noise_ratio * float(2.0 * score @ size - size @ last @ size)
-        named = self._names, self._units, self._reported
-        return EffectEstimate(at, *named, size, covariance, self._error[:, at], explained)
+        names = tuple(name for c in model for name in c.effect.names)
+        units = tuple(c.effect.unit for c in model for _ in c.effect.names)
+        sigmas = (s for c in model for s in self._prior(c).sigma)
+        stated = (c.effect.cause in self._states for c in model for _ in c.effect.names)
+        reported = tuple(is_state and sigma > 0.0 for is_state, sigma in zip(stated, sigmas, strict=True))
+        gauge = _gauge(names, size, covariance)
+        return EffectEstimate(names, units, reported, size, covariance, self._error[:, at], explained, gauge)
 
     @property
     def models_effects(self) -> bool:
         """Whether the model contains effects."""
-        return len(self._columns) > 0
+        return bool(self._model)
+
+    @property
+    def _model(self) -> list[_Candidate]:
+        """The effects in the model, which are states or have a prior."""
+        constants = self._candidates[: len(EFFECTS)]
+        return [c for c in constants if c.effect.cause in self._states or c.effect.cause in self._priors]
 
     def evidence(self, posterior: Posterior) -> list[EffectEvidence]:
         """Return the evidence for every effect outside the model, the likeliest first.
 
         `posterior` is the latest one. There are many tests for changes, several in every stage for each parameter
-        group, so a chance result is more likely among them; their likelihood is divided by their number.
+        group, so a chance result is more likely among them; their likelihood is divided by their number. The likeliest
+        effect is included in the model to test what remains; if it is a change, so are all changes of the same
+        parameter group, because the tested drifts and jumps only approximate the time of a change.
         """
-        model_effects, names = self.estimate(), tuple(self._parameters)
-        evidence = [t.evaluate(model_effects, self._before, posterior.sigma, names) for t in self._tests()]
-        chances = 2.0 * np.log(max(len(self._changes), 1))
-        return sorted(evidence, key=lambda f: (chances if f.stage else 0.0) - f.excess)
+        model, outside = self._model, self._outside
+        ranked = self._ranked(outside, model, posterior.sigma)
+        evidence = [e for e, _ in ranked]
+        chosen = likeliest(evidence)
+        if chosen is None or chosen.excess <= MAX_EXCESS:
+            return evidence
+        k = next(k for k, e in enumerate(evidence) if e is chosen)
+        same = [e is chosen or (chosen.group != "" and e.group == chosen.group) for e in evidence]
+        included = [c for (_, c), inside in zip(ranked, same, strict=True) if inside]
+        others = [c for (_, c), inside in zip(ranked, same, strict=True) if not inside]
+        evidence[k] = replace(chosen, remaining=self._ranked(others, model, posterior.sigma, included)[0][0])
+        return evidence
+
+    def state_evidence(self, posterior: Posterior) -> list[StateEvidence]:
+        """Return the evidence for each effect in the model, and for the effects outside in its place."""
+        model, outside = self._model, self._outside
+        rows = []
+        for state in (c for c in model if c.effect.cause in self._states):
+            others, sigma = [c for c in model if c is not state], posterior.sigma
+            (own, _), ranked = self._ranked([state], others, sigma)[0], self._ranked(outside, others, sigma)
+            likelihoods = [replace(e, excess=e.excess - self._chances * bool(e.stage)) for e, _ in ranked]
+            rows.append(StateEvidence(own, likelihoods))
+        return rows
+
+    @property
+    def _chances(self) -> float:
+        """Expected χ² of the best of all changes within a stage by chance."""
+        return 2.0 * float(np.log(max(sum(bool(c.stage) for c in self._candidates), 1)))
+
+    @property
+    def _outside(self) -> list[_Candidate]:
+        """All tested effects: constant effects, drifts throughout the run, then changes by stage."""
+        drifts, constants = self._drifts, len(EFFECTS)
+        changes = [c for c in self._candidates[constants:] if c not in drifts]
+        return [c for c in (*self._candidates[:constants], *drifts, *changes) if c.effect.cause not in self._states]
+
+    def _ranked(
+        self,
+        tests: Sequence[_Candidate],
+        model: Sequence[_Candidate],
+        sigma: FloatArray,
+        added: Sequence[_Candidate] = (),
+    ) -> list[tuple[EffectEvidence, _Candidate]]:
+        """Return the evidence for effects in addition to a model and `added` ones, the likeliest first."""
+        solution, chances = self._solve(model, added), self._chances
+        ranked = [(self._evaluate(c, solution, sigma), c) for c in tests]
+        return sorted(ranked, key=lambda row: (chances if row[0].stage else 0.0) - row[0].excess)
 
     def limits(self, posterior: Posterior, chi_square: float) -> list[EffectLimit]:
         """Return the size of each effect outside the model at which its test is expected to reach `chi_square`."""
-        names = tuple(self._parameters)
-        fixed = [name for name, sigma in zip(self._names, self._prior_sigma, strict=True) if sigma == 0.0]
-        limits = (limit for t in self._tests() for limit in t.limits(chi_square, posterior.sigma, names))
+        names, sigma = tuple(self._parameters), posterior.sigma
+        fixed = {
+            name for c in self._model for name, s in zip(c.effect.names, self._prior(c).sigma, strict=True) if s == 0.0
+        }
+        limits = (limit for c in self._outside for limit in self._limits(c, chi_square, sigma, names))
         return [limit for limit in limits if f"{limit.cause}_{limit.component}" not in fixed]
 
-    def _tests(self) -> Iterator[_EffectTest]:
-        """Yield the tests for effects outside the model."""
-        at = 0
-        for effect in EFFECTS:
-            columns = slice(at, at := at + len(effect.components))
-            parts = (
-                self._score[columns],
-                self._information[columns, columns],
-                self._information[columns],
-                self._error[:, columns],
-            )
-            if effect.cause not in self._states:
-                yield _EffectTest(effect, "", *parts)
-        at_end = np.tile(drift_functions(np.array([self._elapsed]))[0], 3)
-        yield from (drift.in_units_of(1.0 / at_end) for drift in self._drifts)
-        yield from self._changes
+    def _limits(
+        self, candidate: _Candidate, chi_square: float, sigma: FloatArray, names: Sequence[str]
+    ) -> Iterator[EffectLimit]:
+        """Yield the limit of each component of an effect."""
+        effect, first, in_units = candidate.effect, candidate.columns.start, self._in_units(candidate)
+        for k, component in enumerate(effect.components):
+            information = float(self._information[first + k, first + k]) * in_units[k] ** 2
+            size = float(np.sqrt(chi_square / information)) if information > 0.0 else np.inf
+            error = np.abs(self._error[:, first + k]) * in_units[k]
+            moves = {name: float(error[INDEX[name]]) / float(sigma[INDEX[name]]) for name in names}
+            largest = max(moves, key=moves.__getitem__)
+            shift = size * moves[largest] if moves[largest] > 0.0 else 0.0
+            at = effect.cause, component, effect.parameter_of(k), candidate.stage
+            yield EffectLimit(*at, size, effect.unit, largest, shift)
+
+    def _in_units(self, candidate: _Candidate) -> FloatArray:
+        """Return the factors from public sizes to columns, shape (k,): a drift's size is its change at the end."""
+        if candidate.effect.cause != "drift_throughout":
+            return np.ones(len(candidate.effect.components))
+        return np.tile(1.0 / drift_functions(np.array([self._elapsed]))[0], 3)
+
+    def _plausible(self, candidate: _Candidate) -> FloatArray:
+        """Return the prior sigmas of the sizes of a tested effect, shape (k,); 0 for a component that is not tested."""
+        effect = candidate.effect
+        if effect.plausible is None:
+            return self._changes[[INDEX[name] for name in effect.parameters]]
+        known = self._priors.get(effect.cause)
+        fixed = np.array(known.sigma) == 0.0 if known is not None else False
+        return np.where(fixed, 0.0, np.full(len(effect.components), effect.plausible))
+
+    def _prior(self, candidate: _Candidate) -> EffectPrior:
+        """Return the prior of an effect in the model."""
+        return self._priors.get(candidate.effect.cause) or plausible(candidate.effect)
+
+    def _solve(self, model: Sequence[_Candidate], added: Sequence[_Candidate] = ()) -> _Solution:
+        """Return the columns, sizes and covariance of effects of the model, and of effects added to it for a test."""
+        at = np.array([k for c in (*model, *added) for k in range(c.columns.start, c.columns.stop)], dtype=np.int64)
+        priors = [(np.array(p.mean), np.array(p.sigma)) for p in map(self._prior, model)]
+        priors += [(np.zeros(len(s)), s) for s in (self._plausible(c) * self._in_units(c) for c in added)]
+        mean, sigma = (np.concatenate([np.zeros(0), *(p[k] for p in priors)]) for k in (0, 1))
+        information = self._information[np.ix_(at, at)]
+        covariance = _covariance(information, sigma)
+        return _Solution(at, mean + covariance @ (self._score[at] - information @ mean), covariance)
+
+    def _evaluate(self, candidate: _Candidate, given: _Solution, sigma: FloatArray) -> EffectEvidence:
+        """Evaluate the test of an effect in addition to given ones; `sigma` is that of the 30 parameters."""
+        own, (at, given_size, given_covariance) = candidate.columns, given
+        in_units, effect = self._in_units(candidate), candidate.effect
+        shared = self._information[own, at] * in_units[:, None]
+        score = self._score[own] * in_units - shared @ given_size
+        information = self._information[own, own] * np.outer(in_units, in_units) - shared @ given_covariance @ shared.T
+        error = self._error[:, own] * in_units - self._error[:, at] @ given_covariance @ shared.T
+        plausible = self._plausible(candidate)
+        covariance = _covariance(information, plausible)
+        size, sigmas = covariance @ score, np.sqrt(np.diag(covariance))
+        freedom = float(np.sum(covariance * information))
+        tested = plausible > 0.0
+        best, names = int(np.argmax(np.abs(size) / np.where(tested, sigmas, np.inf))), tuple(self._parameters)
+        shift = (error @ size / np.where(sigma > 0.0, sigma, np.inf))[[INDEX[name] for name in names]]
+        largest = float(np.max(np.abs(size) / np.where(tested, plausible, np.inf)))
+        return EffectEvidence(
+            effect.cause, effect.components[best], effect.parameter_of(best), candidate.stage,
+            float(score @ size) - freedom, float(size[best]), float(sigmas[best]), effect.unit,
+            dict(zip(names, shift.tolist(), strict=True)), largest,
+        )  # fmt: skip
 
 
-def _jump_before(stage: str, group: str, count: int) -> _EffectTest:
-    """Return the test for a jump of a group's parameters before a stage."""
+def _gauge(names: Sequence[str], size: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the covariance of lever arms due to the unknown mean displacement of two accelerometers off their axes.
+
+    Only the difference of two displacements along an axis is a state; their mean moves the outer lever arm by the same
+    distance and the inner one back, shape (30, 30). If both are independent, it has half the sigma of the difference.
+    """
+    gauge = np.zeros((COUNT, COUNT))
+    at = [names.index(f"accel_off_axis_{axis}") for axis in AXES if f"accel_off_axis_{axis}" in names]
+    if at:
+        mean = 0.25 * float(np.mean(size[at] ** 2 + np.diag(covariance)[at]))
+        for axis in AXES:
+            direction = np.zeros(COUNT)
+            direction[INDEX[f"outer_lever_{axis}"]], direction[INDEX[f"inner_lever_{axis}"]] = 1.0, -1.0
+            gauge += mean * np.outer(direction, direction)
+    return gauge
+
+
+def _constants() -> int:
+    """Return the number of components of `EFFECTS`."""
+    return sum(len(effect.components) for effect in EFFECTS)
+
+
+def _covariance(information: FloatArray, plausible: FloatArray) -> FloatArray:
+    """Return the covariance of sizes with the prior sigmas `plausible`, shape (k,)."""
+    scaled = information * np.outer(plausible, plausible) + np.eye(len(plausible))
+    return np.asarray(np.linalg.inv(scaled) * np.outer(plausible, plausible))
+
+
+def _jump_before(group: str) -> Effect:
+    """Return the jump of a group's parameters before a stage."""
     unit = {"gyro_bias": "rad/s", "accel_bias": "m/s²"}.get(group, "1")
     names = tuple(f"{group}_{axis}" for axis in AXES)
-    effect = Effect("jump_before", unit, None, 3 * ("",), lambda motion: np.empty((0, 0)), (), parameters=names)
-    test = _EffectTest.initial(effect, stage, count)
-    test.add_to_parameters(1.0)
-    return test
+    return Effect("jump_before", unit, None, 3 * ("",), lambda motion: np.empty((0, 0)), (), parameters=names)

@@ -22,6 +22,7 @@ from calstation.estimation.common import (
     noise_tests,
     rest_noise,
     stage_data,
+    start_tests,
     starts,
     with_measured_noise,
 )
@@ -151,7 +152,10 @@ class NavigationStage(StageSolver):
             solution,
             observability=observability.result(),
             innovations=Innovations(data.seq[result.history.index - 1], result.history.innovation),
-            tests=noise_tests(self.context, context, measured),
+            tests=(
+                *start_tests(result.starts, result.attitudes, context.site),
+                *noise_tests(self.context, context, measured),
+            ),
             local_scores=partial(local_scores, updates=result.updates, index=result.history.index),
         )
         return with_diagnosis(solution, data, context)

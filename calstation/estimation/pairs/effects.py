@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.estimation.effects import EffectEvidence, parameter_changes
-from calstation.physics import AXES, EFFECTS, OF_ACCELEROMETERS, Effect, FloatArray, Motion
+from calstation.physics import AXES, EFFECTS, INDEX, OF_ACCELEROMETERS, Effect, FloatArray, Motion
 
 #: Second-order term of the accelerometers, which is one of the 30 parameters in other methods.
 _QUADRATIC = Effect("accel_quadratic", "s²/m", 1e-3, tuple(AXES), lambda m: m.force**2, OF_ACCELEROMETERS)
@@ -51,13 +51,15 @@ def pair_effects(
     axes: FloatArray,
     duration: float,
     bias_drift: Mapping[str, float],
+    changes: FloatArray,
     sigma: FloatArray,
     names: Sequence[str],
 ) -> list[EffectEvidence]:
     """Return the evidence for each tested effect, the likeliest first; none from a short recording.
 
-    The correction of the fit for the primary's noise in the columns is not applied here: if the columns of an effect
-    equal those of parameters, the noise cancels.
+    Columns and motion are those of the mean of both IMUs, whose noise is independent of the residuals: the noise of the
+    primary alone would resemble an effect that differs from the parameters only at rest, such as an asymmetry of an
+    IMU that turns in one direction.
 
     Parameters
     ----------
@@ -67,6 +69,7 @@ def pair_effects(
     axes : axes of the secondary in primary axes, one per row, shape (3, 3)
     duration : duration of the recording, s
     bias_drift : variance of the change of a bias over the recording by bias instability, by group, SI
+    changes : prior sigma of the change of each of the 30 parameters of an IMU, SI, see `plausible_changes`
     sigma, names : of the fitted parameters, shape (k,)
     """
     if len(blocks) < MIN_BLOCKS:
@@ -86,11 +89,8 @@ def pair_effects(
     whole, evidence, at = (np.array(normals), np.array(gradients)), [], k
     for candidate in candidates:
         columns = np.r_[0:k, at : (at := at + len(candidate.components))]
-        evidence.append(
-            _evidence(
-                candidate, whole[0][:, columns[:, None], columns], whole[1][:, columns], axes, bias_drift, sigma, names
-            )
-        )
+        normal, gradient = whole[0][:, columns[:, None], columns], whole[1][:, columns]
+        evidence.append(_evidence(candidate, normal, gradient, axes, bias_drift, changes, sigma, names))
     return sorted(evidence, key=lambda f: -f.excess)
 
 
@@ -100,12 +100,15 @@ def _evidence(
     gradients: FloatArray,
     axes: FloatArray,
     bias_drift: Mapping[str, float],
+    changes: FloatArray,
     sigma: FloatArray,
     names: Sequence[str],
 ) -> EffectEvidence:
     """Evaluate the test of an effect from the normal equations with it, shapes (blocks, m, m) and (blocks, m)."""
     k = len(names)
-    plausible = np.full(len(candidate.components), candidate.plausible or np.inf)
+    plausible = np.array([changes[INDEX[name]] for name in candidate.parameters])
+    if candidate.plausible is not None:
+        plausible = np.full(len(candidate.components), candidate.plausible)
     prior = np.diag(np.concatenate([np.zeros(k), plausible**-2.0]))
     normal, gradient = normals.sum(axis=0) + prior, gradients.sum(axis=0)
     solution = np.linalg.solve(normal, gradient)
@@ -126,5 +129,6 @@ def _evidence(
     excess = float(size @ np.linalg.solve(size_covariance, size)) * (n - m) / (n - 1) - m
     estimate = float(size[best]), float(np.sqrt(size_covariance[best, best]))
     return EffectEvidence(
-        candidate.cause, candidate.components[best], changed_parameter, stage, excess, *estimate, candidate.unit, shift
-    )
+        candidate.cause, candidate.components[best], changed_parameter, stage, excess, *estimate, candidate.unit, shift,
+        float(np.max(np.abs(size) / plausible)),
+    )  # fmt: skip

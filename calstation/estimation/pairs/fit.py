@@ -16,14 +16,14 @@ residuals of any spectrum and magnitude within a block; bias drift over longer t
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from calstation.estimation.common import BIAS_DRIFT_PER_INSTABILITY, BIAS_DRIFT_TIME, ImuModel, gauss_newton
-from calstation.estimation.effects import EffectEvidence
+from calstation.estimation.effects import EffectEvidence, plausible_changes
 from calstation.estimation.pairs.effects import Block, jackknife, pair_effects
 from calstation.estimation.pairs.filtering import PairData, Signals, coarse_offset, low_pass, signals
 from calstation.physics import PAIR_PARAMETERS, BoolArray, Compensation, Effect, FloatArray, Motion, compensate
@@ -129,12 +129,14 @@ def fit_pair(
     names = [p.name for p, chosen in zip(PAIR_PARAMETERS, fitted, strict=True) if chosen]
     U, _, V = np.linalg.svd(value[GYRO_MATRIX if choice.gyro == "full" else ACCEL_MATRIX].reshape(3, 3))
     axes = U @ V  # axes of the secondary in primary axes, one per row
-    blocks = system.blocks(_motion(rows, value, c, data.time[rows.row], axes))
+    mean = system.mean_of_both(rows)
+    blocks = system.blocks(mean, _motion(mean, value, c, data.time[rows.row], axes))
     # variance of the change of a bias over the recording due to instability
     share = 2.0 * BIAS_DRIFT_PER_INSTABILITY**2 * (1.0 - np.exp(-duration / BIAS_DRIFT_TIME))
     drift_variance = share * (primary.bias_instability**2 + secondary.bias_instability**2)
     drift_variances = dict(zip(("gyro_bias", "accel_bias"), drift_variance.tolist(), strict=True))
-    effects = pair_effects(blocks, choice.tests, system.scale, axes, duration, drift_variances, sigma, names)
+    changes = np.hypot(plausible_changes(primary, {}), plausible_changes(secondary, {}))
+    effects = pair_effects(blocks, choice.tests, system.scale, axes, duration, drift_variances, changes, sigma, names)
     return PairFit(
         value,
         covariance,
@@ -179,10 +181,11 @@ class _System:
         k = int(fitted.sum())
         self.gradient, self._normals = np.zeros((len(edges), k)), np.zeros((len(edges), k, k))
         attenuation = self._attenuation(rows, value, noise, scale)
-        self._columns = partial(_columns, rows, base=base, C=C, A=A)
+        self._value, self._noise = value, noise
+        columns = partial(_columns, rows, base=base, C=C, A=A)
         self.scale, self._weights, self._residual = scale, weights, residual
         for b, part in enumerate(self._parts):
-            X = self._columns(part)[:, :, fitted] / scale[None, :, None]
+            X = columns(part)[:, :, fitted] / scale[None, :, None]
             w, e = weights[part], residual[part] / scale
             added, back = attenuation(w)
             self._normals[b] = np.einsum("nij,ni,nik->jk", X, w, X) - added
@@ -211,13 +214,28 @@ class _System:
 
         return of
 
-    def blocks(self, motion: Motion) -> list[Block]:
-        """Return at most `MAX_BLOCKS` longer blocks; `motion` contains all rows."""
+    def mean_of_both(self, rows: Signals) -> Signals:
+        """Return the signals with the mean rate and force of both IMUs, weighted by their noise, in primary axes.
+
+        The noise of this mean is independent of that of the residuals, which are the difference of the IMUs.
+        """
+        shares = self._noise[0] ** 2 / np.sum(self._noise**2, axis=0)
+        C, A = (self._value[matrix].reshape(3, 3) for matrix in (GYRO_MATRIX, ACCEL_MATRIX))
+        gyro, accel = (
+            share * np.linalg.solve(matrix, residual.T).T
+            for share, matrix, residual in zip(shares, (C, A), np.hsplit(self._residual, 2), strict=True)
+        )
+        return replace(rows, gyro=rows.gyro + gyro, accel=rows.accel + accel)
+
+    def blocks(self, rows: Signals, motion: Motion) -> list[Block]:
+        """Return at most `MAX_BLOCKS` longer blocks; `rows` and `motion` contain the whole recording."""
         count, blocks = -(-len(self._parts) // MAX_BLOCKS), []
+        C, A = (self._value[matrix].reshape(3, 3) for matrix in (GYRO_MATRIX, ACCEL_MATRIX))
+        of_part = partial(_columns, rows, base=rows.accel + rows.lever @ self._value[LEVER], C=C, A=A)
         for b in range(0, len(self._parts), count):
             parts = self._parts[b : b + count]
             part = slice(parts[0].start, parts[-1].stop)
-            columns = self._columns(part)[:, :, self._fitted] / self.scale[:, None]
+            columns = of_part(part)[:, :, self._fitted] / self.scale[:, None]
             block_motion = Motion(*(values[part] for values in vars(motion).values() if values is not None))
             blocks.append(Block(block_motion, columns, self._residual[part] / self.scale, self._weights[part]))
         return blocks
