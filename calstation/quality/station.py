@@ -10,6 +10,7 @@ from calstation.devices.profiles import load_imu_profile
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
 from calstation.judgement import StandardComparison
+from calstation.quality.gravity_shift import GravityShift, gravity_shift
 from calstation.quality.runs import product_runs
 from calstation.quality.standards import (
     Due,
@@ -46,6 +47,7 @@ class StationQuality:
     instruments: tuple[InstrumentSection, ...]
     overdue: tuple[Due, ...]  #: Instruments whose next calibration is overdue.
     table: Mapping[str, TableChart]
+    gravity: GravityShift | None = None  #: A step of the accelerometer scale factors that is common to all units.
 
 
 def station_quality(
@@ -59,9 +61,13 @@ def station_quality(
     now, history = datetime.now(UTC), History(folder)
     standards = tuple(_standard_histories(station_config, product_config, history, now))
     report(0.8)
-    charts = table_charts(station_config, product_runs(folder, product_config.name))
+    runs = product_runs(folder, product_config.name)
     return StationQuality(
-        standards, tuple(station_config.instruments), tuple(due_certificates(station_config, now)), charts
+        standards,
+        tuple(station_config.instruments),
+        tuple(due_certificates(station_config, now)),
+        table_charts(station_config, runs),
+        gravity_shift(station_config, runs),
     )
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from datetime import UTC, datetime
 
 import numpy as np
 import pyqtgraph as pg
@@ -138,7 +139,12 @@ class StandardsView(QWidget, DataView[StationQuality]):
         text = say("quality.baseline_missing", missing=missing, runs=BASELINE) if missing > 0 else ""
         show_text(self.waiting, text)
         moved = [name for name in _QUANTITIES if name in data.table and data.table[name].alarms]
-        show_text(self.alarm, say("chart.table_moved", quantities=moved) if moved else "")
+        alarms = [say("chart.table_moved", quantities=moved)] if moved else []
+        if (shift := data.gravity) is not None:
+            since, ppm = datetime.fromtimestamp(shift.started, UTC).isoformat(), 1e6 * shift.step
+            values = {"run": shift.name, "since": local_time(since), "ppm": ppm, "units": shift.units}
+            alarms.append(say("chart.gravity_changed", **values))
+        show_text(self.alarm, "\n".join(alarms))
         cells = {}
         for each in data.standards:
             state, reason = each.state, "good" if each.state.problem is None else each.state.problem.reason
