@@ -1,4 +1,4 @@
-"""The command line: shows events and sends commands; `main` is the `calstation` command."""
+"""The command line, which shows the events of the engine and sends it commands; `main` is the `calstation` command."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""The program `calstation`: imports the module of a command, runs the command, and shows errors."""
+"""The program `calstation`, which imports the module of a command, runs the command and shows its errors."""
 
 import io
 import logging
@@ -28,7 +28,7 @@ logger = logging.getLogger(__name__)
 
 
 class _Program(TyperGroup):
-    """The program, with a placeholder for each command until it is called."""
+    """The program, in which each command is a placeholder until it is called."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
@@ -36,7 +36,7 @@ class _Program(TyperGroup):
         self.commands = {name: TyperCommand(name, short_help=say(f"command.{name}")) for name in names}
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Find the command in the arguments, and import it."""
+        """Find the command that the arguments name, and import it."""
         name, _, rest = super().resolve_command(ctx, args)
         return name, None if name is None else load_command(name), rest
 
@@ -50,7 +50,7 @@ def load_command(name: str) -> TyperCommand | TyperGroup:
 
 
 def _with_help(command: Any, path: Sequence[str]) -> None:
-    """Set the help of a command, of its options and of the commands of a group; `path` are the names that select it."""
+    """Set the help of a command or group at `path`, of its options and of its commands."""
     command.help = command.short_help = say(f"command.{'_'.join(path)}")
     for parameter in command.params:
         codes = [f"option.{'_'.join((*path[:count], parameter.name))}" for count in range(len(path), -1, -1)]
@@ -100,7 +100,7 @@ def has_screen() -> bool:
         return True
     if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")):
         return False
-    # If a library or the screen is missing, Qt aborts the process without an exception, so test it in another process.
+    # Without a library or a screen, Qt aborts the process instead of raising, so it is tested in another process.
     probed = "from PySide6.QtWidgets import QApplication; QApplication([])"
     try:
         probe = subprocess.run([sys.executable, "-c", probed], capture_output=True, timeout=60.0, check=False)
@@ -110,7 +110,7 @@ def has_screen() -> bool:
 
 
 def run_app(arguments: list[str]) -> int:
-    """Run a command and return the exit code. Errors are shown as one line on standard error."""
+    """Run a command and return the exit code; an error is shown as one line on standard error."""
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
     for stream in (sys.stdout, sys.stderr):

@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 
 def ask_person(badge: str, *, pin: bool = True) -> Person:
-    """Return a person with the PIN that is entered on the terminal, or without a PIN."""
+    """Return the person with a badge and, if `pin` is set, the PIN entered on the terminal."""
     return Person(badge, ask(say("cli.ask_pin", badge=badge)) if pin else "")
 
 
 def ask_people(
     by: str | None, confirmed_by: str | None, default: str, *, pin: bool = False
 ) -> tuple[Person, Person | None]:
-    """Return the acting person, by default `default`, and the confirming person, None if there is none.
+    """Return the acting person, by default `default`, and the confirming person or None.
 
     Named persons must enter their PIN; `default` must do so only if `pin` is set or a second person confirms.
     """
@@ -39,5 +39,5 @@ def confirm_override(start: "RunStart", reason: str, confirmed_by: str | None) -
 
 
 def ask(question: str) -> str:
-    """Return the answer to a question, which is not shown while it is entered."""
+    """Ask a question on the terminal, and return the answer, which is not shown while it is typed."""
     return str(typer.prompt(question, hide_input=True, err=True))

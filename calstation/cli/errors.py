@@ -1,4 +1,4 @@
-"""Errors of the command line: incorrect usage, and remedies with complete commands."""
+"""Errors of the command line: incorrect usage, and remedies that contain complete commands."""
 
 import shlex
 import sys
@@ -26,7 +26,7 @@ def complain(text: str) -> None:
 
 
 def usage_error(error: typer.TyperException, arguments: list[str]) -> CalstationError:
-    """Convert an error of the parser; `arguments` name the command if the error does not."""
+    """Convert an error of the parser; `arguments` identify the command if the error does not."""
     context, parameter, cause = getattr(error, "ctx", None), getattr(error, "param", None), error.__cause__
     program, command = "calstation", ""
     if context is not None:
@@ -44,7 +44,7 @@ def usage_error(error: typer.TyperException, arguments: list[str]) -> Calstation
 
 
 def _parameter_name(parameter: Any) -> str:
-    """Return an option with the placeholder of its value, or an argument, as shown in the help."""
+    """Return the name of an argument, or of an option with the placeholder of its value, as in the help."""
     if parameter.param_type_name == "option":
         return f"{parameter.opts[0]} {parameter.metavar or 'FILE'}"
     return str(parameter.metavar or parameter.name.upper())

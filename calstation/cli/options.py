@@ -11,7 +11,7 @@ from calstation.errors import ConfigurationError
 
 
 def command_group() -> typer.Typer:
-    """Return an application for the commands of a module, which form a group if there are several."""
+    """Return a Typer application for the commands of a module; several commands form a group."""
     return typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
 
 

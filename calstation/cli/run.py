@@ -48,10 +48,10 @@ _END_STAGE = "e"
 #: Exit code by verdict; all others exit with 3.
 _EXIT_CODES = {Verdict.PASSED: 0, Verdict.PARTIAL: 0, Verdict.FAILED: 1, Verdict.STOPPED: StoppedError.exit_code}
 
-#: Code of the text for the result of a stage's innovation test; None means that nothing was tested.
+#: Code of the text for the result of the innovation test of a stage; None means that nothing was tested.
 _CONSISTENCY = {True: "cli.consistent", False: "cli.not_consistent", None: "cli.consistency_untested"}
 
-#: Answers without a terminal to questions about a unit that may always be calibrated again, by their subject.
+#: Answers used without a terminal, by the subject of the question; such a unit may always be calibrated again.
 _WITHOUT_TERMINAL = {"resume": "anew", "passed": "repeat"}
 
 
@@ -60,8 +60,8 @@ def run_command(
 ) -> int:
     """Run a calibration and return the exit code.
 
-    `answers` contains the answer of each option by the subject of its question, None without the option; the answer
-    about a check standard is the reason for the override. Raises ConfigurationError if the request is invalid.
+    `answers` contains, by the subject of the question, the answer given by an option, or None without the option; for
+    a check standard, the answer is the reason for the override. Raises ConfigurationError if the request is invalid.
     """
     request = _ask_questions(request, answers, confirmed_by)
     finalized: list[Finalized] = []
@@ -112,7 +112,7 @@ def _ask_questions(request: RunRequest, answers: Mapping[str, str | None], confi
 
 
 def _ask(question: Question) -> str:
-    """Ask a question on the terminal and return the answer, the reason for an override. Raises StoppedError."""
+    """Ask a question on the terminal; return the answer, or the reason for an override. Raises StoppedError."""
     sys.stderr.write(f"{sentence(question.text)}\n")
     for answer in question.answers:
         if typer.confirm(sentence(Text(f"answer.{answer}", question.text.values)), err=True):
@@ -125,7 +125,7 @@ def _ask(question: Question) -> str:
 def shared_records(request: RunRequest) -> Iterator[Callable[[], Sequence[Claim]]]:
     """Exchange records with the database of the station, if it has one, and claim the unit, while the context is open.
 
-    Yields a function that returns new claims of other stations on the unit.
+    Yields a function that returns the new claims of other stations to the unit.
     """
     serials = filter(None, request.serials or (request.serial,))
     exchange = start_exchange(request.station, request.out, dict.fromkeys(serials, request.operator))
@@ -143,8 +143,8 @@ def engine_events(
 ) -> Iterator[Event]:
     """Run the engine, show its events and yield them; Ctrl-C requests a safe stop.
 
-    `work` is the job for the engine, by default the request itself. After every event, `new_claims` is called for
-    claims of other stations on the unit, which are shown.
+    `work` is the job for the engine, by default the request itself. After every event, the claims of other stations
+    to the unit, which `new_claims` returns, are shown.
     """
     options = command_options(request.station, request.product, request.out, request.slot)
     console = Console(stderr=True)
@@ -236,7 +236,7 @@ def _failure_reason(result: Result) -> str:
 
 
 def _cycle_line(seconds: Mapping[str, float]) -> str:
-    """Return the duration of the cycle and of its phases: the stages, then the others, the longest first."""
+    """Return the duration of the cycle and of its phases: the stages first, then the other phases by duration."""
     phases = sorted(seconds, key=lambda name: (name != "stage", -seconds[name]))
     parts = [f"{term('cycle', name).lower()} {seconds[name]:.1f} s" for name in phases]
     return say("cli.cycle", seconds=sum(seconds.values()), phases=parts)

@@ -23,7 +23,7 @@ from calstation.messages import Text, known
 from calstation.physics import DEGREE, display, display_by_unit, number
 from calstation.results import PositionResidual, Result, write_json
 
-#: Marks of rests and moves by their state: "!" for notable residuals, "!!" for residuals that contradict the model.
+#: Mark of a rest or move by its state: "!" for notable residuals, "!!" for residuals that contradict the model.
 _STATE_MARKS = {"good": "", "caution": "!", "bad": "!!"}
 #: Headings of text columns, which are left-aligned.
 _TEXT_COLUMNS = (
@@ -47,7 +47,7 @@ def ignore_progress(fraction: float, remaining_s: float | None = None, note: str
 
 @contextmanager
 def job_progress(text: str, describe: Callable[[str], str] = lambda note: "") -> Iterator[ProgressCallback]:
-    """Show the progress of a job, and its notes as described by `describe`."""
+    """Show the progress of a job and its notes, which `describe` converts to text."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[note]}"))
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -60,7 +60,7 @@ def job_progress(text: str, describe: Callable[[str], str] = lambda note: "") ->
 
 
 def emit_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]], target: str | None) -> None:
-    """Write the JSON to a file or, for ``-``, to standard output; do nothing for None."""
+    """Write a result as JSON to a file or, if `target` is ``-``, to standard output; do nothing if it is None."""
     if target == "-":
         sys.stdout.write(json_module.dumps(result, indent=1, allow_nan=False) + "\n")
         sys.stdout.flush()
@@ -69,7 +69,7 @@ def emit_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]], target: s
 
 
 def emit(result: Mapping[str, Any], target: str | None, lines: Iterable[str]) -> None:
-    """Write the JSON like `emit_json`, and the lines to standard output unless the JSON is written there."""
+    """Write a result as JSON, see `emit_json`, and print the lines unless the JSON is written to standard output."""
     emit_json(result, target)
     if target != "-":
         console = Console(file=sys.stdout)
@@ -79,7 +79,7 @@ def emit(result: Mapping[str, Any], target: str | None, lines: Iterable[str]) ->
 
 @contextmanager
 def on_interrupt(action: Callable[[], object]) -> Iterator[None]:
-    """Call `action` each time Ctrl-C is pressed, instead of ending the program."""
+    """Call `action` instead of ending the program each time Ctrl-C is pressed, while the context is open."""
     previous = signal.signal(signal.SIGINT, lambda number, frame: action())
     try:
         yield
@@ -88,7 +88,7 @@ def on_interrupt(action: Callable[[], object]) -> Iterator[None]:
 
 
 def on_line(line: str, action: Callable[[], object]) -> None:
-    """Call `action` each time the user enters a line with this text, until the program ends; needs a terminal."""
+    """Call `action` each time the user enters `line`, until the program ends; standard input must be a terminal."""
 
     def listen() -> None:
         # os.read does not lock sys.stdin, which the interpreter could not release at exit.
@@ -104,7 +104,7 @@ def on_line(line: str, action: Callable[[], object]) -> None:
 
 
 def new_table(title: str, *columns: str | Text, **style: Any) -> Table:
-    """Create a table; `columns` are the headings: codes, messages, or "" for none. Text columns are left-aligned."""
+    """Create a table with left-aligned text columns; `columns` are the headings: codes, messages, or "" for none."""
     created = Table(title=title, title_justify="left", box=SIMPLE_HEAD, **{"padding": (0, 1), **style})
     for column in columns:
         heading = sentence(column) if isinstance(column, Text) else column and say(column)
@@ -123,7 +123,7 @@ def interval(low: str, high: str) -> str:
 
 
 def result_table(console: Console, result: Result) -> None:
-    """Show every parameter with its sigma, unit, limit and verdict, then the other checks and the decision rule."""
+    """Show every parameter with its sigma, limit and verdict, then the other checks and the decision rule."""
     has_acceptance = any(check.acceptance for check in result.checks)  # by the decision rule; the JSON contains both
     table = new_table(
         say("cli.unit_title", serial=result.serial),
@@ -159,7 +159,7 @@ def result_table(console: Console, result: Result) -> None:
 
 
 def residual_table(stage: str, rows: Sequence[PositionResidual]) -> None:
-    """Show the residuals of a stage per rest and move, in sigmas."""
+    """Show the residuals of every rest and move of a stage, in sigmas."""
     if not rows:
         return
     table = new_table(

@@ -12,7 +12,7 @@ def say(code: str, **values: Value) -> str:
 
 
 def sentence(message: Text) -> str:
-    """Return a whole message, which starts with its source, on one line."""
+    """Return a message, with its source at the start, on one line."""
     return rendering.sentence(message, LANGUAGE)
 
 

@@ -1,6 +1,6 @@
-"""Opening and identification of devices, tests of links, and locks of ports.
+"""Opening and identification of devices, link tests, and port locks.
 
-Protocols are in `devices`, and motion is in `sequencer`. A virtual bench opens its own devices.
+Protocols are in `devices`, and motion is in `sequencer`. A virtual bench opens its devices itself.
 """
 
 from calstation.connection.capture import import_capture

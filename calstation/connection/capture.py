@@ -1,4 +1,4 @@
-"""Import of a raw capture, which consists of the bytes sent by a unit, with the frames of an IMU profile."""
+"""Import of a raw capture, which contains the bytes sent by a unit and is decoded with an IMU profile."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ def import_capture(source: Path, target: Path, imu: Path, meta_file: Path | None
 
 
 def _with_defaults(data: dict[str, Any], profile: ImuProfile, source: Path, site: SiteSection) -> dict[str, Any]:
-    """Return the content of a TOML file with defaults from the profile and the site."""
+    """Return the content of a TOML file, completed by the profile and the site."""
     known = {**profile.stream.model_dump(exclude={"order"}), **profile.noise.model_dump()}
     known["serial"] = source.stem
     prior = {name: {"sigma": sigma} for name, sigma in profile.prior_sigmas().items()}
@@ -64,7 +64,7 @@ def _with_defaults(data: dict[str, Any], profile: ImuProfile, source: Path, site
 
 
 def _blocks(source: Path, profile: ImuProfile, decoder: FrameDecoder, stage: str) -> Iterator[SampleBlock]:
-    """Decode a file, in which saturated and non-numeric samples are invalid. Raises InputError."""
+    """Decode a file; saturated and non-numeric samples are marked as invalid. Raises InputError."""
     count, bounds, rate = SampleCount(profile.frame), span(profile.frame), profile.stream.sample_rate_hz
     size = 0
     try:

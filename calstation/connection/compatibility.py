@@ -1,6 +1,6 @@
-"""Compatibility of a product with the rig, gravity, site and ports of a station.
+"""Compatibility of a product with the rig, the gravity, the site and the ports of a station.
 
-All reasons why a run would be refused before its start are reported together.
+All reasons for which a run would be refused before its start are reported together.
 """
 
 import tomllib
@@ -68,7 +68,7 @@ def incompatibilities(setup: RunConfiguration) -> Iterator[Finding]:
 
 
 def station_conflicts(text: str) -> list[Problem]:
-    """Return the problems of a station file with valid values that a run would refuse."""
+    """Return the valid entries of a station file for which a run would nevertheless be refused."""
     data = tomllib.loads(text)
     station = StationConfig.model_validate(data)
     problems = [] if (error := gravity_contradiction(station.site)) is None else [Problem.of(error)]

@@ -23,7 +23,7 @@ from calstation.sequencer import Clock
 
 
 class RealClock:
-    """Clock whose station time is the host's monotonic time, s."""
+    """A clock whose station time is the monotonic time of the host, s."""
 
     #: Interval at which the devices are polled, s.
     tick = 0.05
@@ -47,8 +47,8 @@ class RealClock:
 class Devices:
     """Open devices and the clock of their data.
 
-    `imus` are the units of the run in order. A unit that does not reply is None, and `failed` contains its fault by its
-    index in `imus`.
+    `imus` contains the units of the run in order, with None for a unit that does not reply, whose fault is in `failed`
+    under its index in `imus`.
     """
 
     table: RegisterTable | TextTable | ManualTable
@@ -58,13 +58,13 @@ class Devices:
 
     @property
     def imu(self) -> StreamedImu:
-        """The only unit, or the first one that replies."""
+        """The only unit, or the first unit that replies."""
         return next(imu for imu in self.imus if imu is not None)
 
 
 @dataclass(frozen=True)
 class Endpoints:
-    """Ports of the table, which is "" for a manual rig, and of the IMUs, and the clock of the devices."""
+    """The port of the table, which is "" for a manual rig, the ports of the IMUs, and the clock of the devices."""
 
     table: str
     imus: tuple[str, ...]
@@ -72,17 +72,17 @@ class Endpoints:
 
     @property
     def imu(self) -> str:
-        """Port of the only unit, or of the first one."""
+        """Port of the only or the first unit."""
         return self.imus[0]
 
 
 class StationBench(BenchSettings, Protocol):
-    """The virtual bench of a station, see `load_bench`."""
+    """The virtual bench of a station; see `load_bench`."""
 
     def open(
         self, units: tuple[RunConfiguration, ...] | PairConfiguration, check_cancelled: Callable[[], None]
     ) -> AbstractContextManager[Endpoints]:
-        """Return the context in which the bench runs, with its ports; see `endpoints`."""
+        """Return the context in which the bench runs, and which yields its ports; see `endpoints`."""
 
     def with_recorded_unit(self, recording: Path, setup: RunConfiguration) -> RunConfiguration:
         """Return the configuration of a bench whose fixture contains the unit of a recording. Raises InputError."""
@@ -92,7 +92,7 @@ class StationBench(BenchSettings, Protocol):
 def open_devices(
     setups: tuple[RunConfiguration, ...], check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[Devices]:
-    """Open the clock, table and IMUs, identify all devices, and close them on exit; `check_cancelled` may raise.
+    """Open and identify the table and the IMUs, and close them on exit; `check_cancelled` may raise.
 
     If there are several units, those that do not reply are omitted. Raises ConfigurationError, or DeviceFaultError if a
     port cannot be used, or if the table or the only unit is not the expected device.
@@ -151,10 +151,10 @@ def _open_units(
 def endpoints(
     units: tuple[RunConfiguration, ...] | PairConfiguration, check_cancelled: Callable[[], None] = lambda: None
 ) -> AbstractContextManager[Endpoints]:
-    """Return the context of the ports of units on one table, or of IMUs on one body.
+    """Return a context that yields the ports of the units on one table, or of the IMUs on one body.
 
-    Ports of hardware are locked while the context is open. `check_cancelled` is called while a bench starts, and may
-    raise. Raises DeviceFaultError if another program uses a port or a bench does not start, and ConfigurationError if
+    Hardware ports are locked while the context is open. `check_cancelled` is called while a bench starts, and may
+    raise. Raises DeviceFaultError if another program uses a port or a bench does not start, or ConfigurationError if
     there is a `port_conflict`.
     """
     if isinstance(units, PairConfiguration):
@@ -181,12 +181,12 @@ def _locked_ports(setups: tuple[RunConfiguration, ...], table: str | None) -> It
 
 
 def _is_shared(setup: RunConfiguration) -> bool:
-    """Return whether the axes are commanded through the IMU's link."""
+    """Return whether the axes are commanded over the link of the IMU."""
     return setup.table.protocol == "imu_link"
 
 
 def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
-    """Return a message if table and IMU have the same port or different ones, contrary to the profile, or None."""
+    """Return a message if table and IMU share a port, or do not share one, contrary to the profile; otherwise None."""
     same, shared = _device_of(table, "table") == _device_of(imu, "imu"), profile.protocol == "imu_link"
     if same and not shared:
         return Text.of("connection.same_port", port=imu)
@@ -196,7 +196,7 @@ def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
 
 
 def _device_of(port: str, name: str) -> str:
-    """Return the device of a port, which is equal for all names of the same device."""
+    """Return an identifier of the device at a port, which is the same for all names of the device."""
     if "://" in port:
         return port.split("://", 1)[1].rstrip("/")
     try:

@@ -1,6 +1,7 @@
-"""Identification of the devices on a station's ports before any command, and search for other devices on them.
+"""Identification of the devices at the ports of a station, and search for other devices there.
 
-Nothing is written to a device. It is only queried for its model, or its stream is received.
+Devices are identified before any command is sent. Nothing is written to them: they are only queried for their model,
+or their stream is received.
 """
 
 import time
@@ -17,7 +18,7 @@ from calstation.devices.table import open_table
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.messages import Value
 
-#: Host time for which bytes are received with one set of serial settings, s.
+#: Host time for which bytes are received with each set of serial settings, s.
 LISTEN_TIME = 0.4
 
 #: Modbus unit numbers that are queried if the configured unit does not reply.
@@ -38,7 +39,7 @@ _PRINTABLE = frozenset(b"\r\n\t" + bytes(range(0x20, 0x7F)))
 
 @dataclass(frozen=True)
 class LinkSettings:
-    """Ports, profiles and serial settings of a station's table and IMU."""
+    """Ports, profiles and serial settings of the table and the IMU of a station."""
 
     table_port: str
     table: TableProfile
@@ -49,14 +50,14 @@ class LinkSettings:
 
     @property
     def two_lines(self) -> bool:
-        """Whether the devices are on two serial lines, which may be swapped."""
+        """Whether the devices use two serial lines, which may be swapped."""
         lines = not self.table_port.startswith("tcp://") and bool(self.table_port)
         return lines and self.table_port != self.imu_port and self.table.protocol != "imu_link"
 
 
 @dataclass(frozen=True)
 class DetectedUnit:
-    """A Modbus unit that replies; `model` and the name of its table `profile` are "" if unknown."""
+    """A Modbus unit that replies; its `model` and the name of its table `profile` are "" if they are unknown."""
 
     unit: int
     model: str
@@ -66,9 +67,9 @@ class DetectedUnit:
 def identify(
     table: Table, imu: Imu | None, link: LinkSettings, check_cancelled: Callable[[], None] = lambda: None
 ) -> TableIdentity:
-    """Query the identity of both devices; if a device does not reply, close both and search for the cause.
+    """Query both devices for their identity; if a device does not reply, close both and search for the cause.
 
-    Raises DeviceFaultError if a device does not reply or is not the expected one.
+    Raises DeviceFaultError if a device does not reply or is not the expected device.
     """
     try:
         identity = table.identify()
@@ -85,7 +86,7 @@ def identify(
 
 
 def _with_cause(fault: DeviceFaultError, link: LinkSettings, check_cancelled: Callable[[], None]) -> DeviceFaultError:
-    """Return a fault with its cause, or the original fault if the cause cannot be determined."""
+    """Return a fault that states the cause, or the original fault if the cause cannot be determined."""
     port = link.table_port
     for is_other in (imu_on_table_port, table_on_imu_port) if link.two_lines else ():
         check_cancelled()
@@ -107,12 +108,12 @@ def _with_cause(fault: DeviceFaultError, link: LinkSettings, check_cancelled: Ca
 
 
 def imu_on_table_port(link: LinkSettings) -> bool:
-    """Return whether frames of the IMU arrive on the table's line."""
+    """Return whether frames of the IMU arrive at the port of the table."""
     return has_frames(link.table_port, link.imu_serial, link.imu)
 
 
 def table_on_imu_port(link: LinkSettings) -> bool:
-    """Return whether the table reports its model on the IMU's line."""
+    """Return whether the table reports its model at the port of the IMU."""
     try:
         with closing(open_table(link.imu_port, link.table, link.table_serial)) as table:
             table.identify()
@@ -124,7 +125,7 @@ def table_on_imu_port(link: LinkSettings) -> bool:
 def find_unit_number(
     link: LinkSettings, progress: Callable[[float], None] = lambda share: None
 ) -> tuple[int, str] | None:
-    """Search other unit numbers for the profile's table; return number and model, or None."""
+    """Search for the table of the profile under other unit numbers; return its number and model, or None."""
     modbus = link.table.modbus
     if modbus is None:
         return None
@@ -140,7 +141,7 @@ def find_unit_number(
 
 
 def find_units(link: LinkSettings, progress: Callable[[float], None] = lambda share: None) -> list[DetectedUnit]:
-    """Find all Modbus units on the table's port, using the models of all Modbus profiles of this site."""
+    """Find all Modbus units at the port of the table, and match their models with the profiles of this site."""
     profiles: dict[str, TableProfile] = {}
     for name in library.names("tables") if link.table.modbus is not None else ():
         with suppress(ConfigurationError):
@@ -192,7 +193,7 @@ def listen(link: SerialLink, seconds: float) -> bytes:
 
 
 def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool:
-    """Return whether frames of a profile arrive on a port with these settings; False if it cannot be opened."""
+    """Return whether frames of a profile arrive at a port; return False if the port cannot be opened."""
     try:
         with closing(SerialLink(port, settings, "imu")) as link:
             return len(FrameDecoder(profile.frame).feed(listen(link, LISTEN_TIME)).frames) > 0
@@ -201,12 +202,12 @@ def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool
 
 
 def is_text(received: bytes) -> bool:
-    """Return whether received bytes are mostly printable."""
+    """Return whether most of the received bytes are printable."""
     return sum(byte in _PRINTABLE for byte in received) >= _MOSTLY_TEXT * len(received)
 
 
 def line_values(port: str, settings: SerialSettings) -> dict[str, Value]:
-    """Return the serial settings as values of a finding; empty for a serial server, which has its own settings."""
+    """Return the serial settings as values for a finding, or no values for a serial server with its own settings."""
     if host_and_port(port) is not None:
         return {}
     return {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}

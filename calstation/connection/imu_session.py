@@ -1,4 +1,4 @@
-"""Sessions with the unit in the fixture without the table, to capture its output or to apply a solution to it."""
+"""Sessions with the unit in the fixture without the table, in which its output is captured or corrected."""
 
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -19,7 +19,7 @@ from calstation.records import open_log
 from calstation.results.plots import Applied, ImuOutput
 from calstation.sequencer import NO_DATA, REST, Clock, Output, VerificationData, corrected_output, mean_at_rest
 
-#: Timeout for a capture without gaps, station time in s.
+#: Timeout for a capture without gaps, station time, s.
 _REST_TIMEOUT = 60.0
 
 
@@ -29,7 +29,7 @@ SECONDS = 10.0
 
 @dataclass(frozen=True)
 class ImuSession:
-    """An open unit, its identity and the clock of its data."""
+    """An open unit, its identity, and the clock of its data."""
 
     imu: Imu
     identity: ImuIdentity
@@ -40,7 +40,7 @@ class ImuSession:
 def open_imu_session(
     progress: ProgressCallback, setup: RunConfiguration, check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[ImuSession]:
-    """Open and identify the IMU alone, and close it on exit. Raises DeviceFaultError, ConfigurationError."""
+    """Open and identify only the IMU, and close it on exit. Raises DeviceFaultError or ConfigurationError."""
     with endpoints((setup,), check_cancelled) as at:
         progress(0.1)
         with closing(open_imu(setup, at.imu)) as imu:
@@ -51,7 +51,7 @@ def open_imu_session(
 
 
 def capture_rest(session: ImuSession, setup: RunConfiguration, check_cancelled: Callable[[], None]) -> VerificationData:
-    """Capture the output at rest, raw and corrected if the unit provides both; afterwards it streams raw output.
+    """Capture the output at rest, raw and, if the unit provides it, corrected; then select the raw output again.
 
     Raises DeviceFaultError if no rest without a gap is captured in time.
     """
@@ -85,9 +85,9 @@ def read_contiguous(
     *,
     corrected: bool = False,
 ) -> list[SampleBatch] | None:
-    """Return at least `count` samples without a gap from a unit that is ready; None if they do not arrive in time.
+    """Return at least `count` samples without a gap, or None if they do not arrive in time.
 
-    The output of a unit that restarts during the capture is selected again.
+    If the unit restarts during the capture, its output is selected again.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def read_contiguous(
 
 @dataclass(frozen=True)
 class OtherUnit:
-    """The fixture contains a different unit, with this serial number."""
+    """The serial number of a different unit in the fixture."""
 
     serial: str
 
@@ -145,9 +145,9 @@ def apply_to_unit(
     after: FloatArray,
     seconds: float = SECONDS,
 ) -> Applied | OtherUnit:
-    """Job: apply the solution of a recording to the output of its unit, see `read_unit` and `ImuOutput.applied`.
+    """Job: apply the solution of a recording to the current output of its unit.
 
-    Raises InputError if the recording cannot be read, and the errors of these functions.
+    Raises InputError if the recording cannot be read, and the errors of `read_unit` and `ImuOutput.applied`.
     """
     progress(0.0)
     output = read_unit(progress, open_log(path).meta.imu.serial, path, station, product, seconds)
@@ -162,10 +162,10 @@ def read_unit(
     product: Path | None,
     seconds: float = SECONDS,
 ) -> ImuOutput | OtherUnit:
-    """Read `seconds` of output of the unit `serial` in the fixture, without motion and without writing to the unit.
+    """Read `seconds` of output of the unit `serial` in the fixture; nothing moves, and nothing is written to the unit.
 
-    The fixture of a virtual bench contains the unit of the recording, if there is one. Raises DeviceFaultError or
-    ConfigurationError.
+    If there is a recording, the fixture of a virtual bench contains the unit of the recording. Raises DeviceFaultError
+    or ConfigurationError.
     """
     setup = load_configuration(RunRequest(serial, station, product))
     if setup.station.bench is not None and recording is not None:
@@ -176,7 +176,7 @@ def read_unit(
     with open_imu_session(progress, setup) as unit:
         if unit.identity.serial != serial:
             return OtherUnit(unit.identity.serial)
-        # progress is 0.4 at the first sample and 0.95 at the last
+        # the progress is 0.4 at the first sample and 0.95 at the last one
         parts = read_contiguous(
             unit, setup.imu.status.ready, count, lambda taken: progress(0.4 + (0.95 - 0.4) * taken / count)
         )

@@ -1,4 +1,4 @@
-"""Test of an IMU on its open link, with its identity, registers, stream and gravity, and of lines of text."""
+"""Test of an IMU on its open link: its identity, registers and stream, the gravity it measures, and lines of text."""
 
 import re
 from collections.abc import Iterator
@@ -22,13 +22,13 @@ from calstation.physics import normal_gravity
 from calstation.sequencer import PreflightLimits
 
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
-#: Timeout for a unit to report that it is ready, station time in s.
+#: Timeout for a unit to report that it is ready, station time, s.
 _READY_TIMEOUT = 3.0
 #: Station time over which the stream is observed, s.
 _STREAM_TIME = 1.0
 _SLICE = 0.1
 _RATE_TOLERANCE = 0.05
-#: Fraction of bytes in frames with a wrong checksum above which the checksum in the profile is considered wrong.
+#: Fraction of bytes in frames with a wrong checksum above which the checksum of the profile is considered wrong.
 _MAX_WRONG_CHECKS = 0.3
 #: Largest number of characters of a line that are shown.
 _MAX_SHOWN = 120
@@ -45,7 +45,7 @@ class ImuTest:
     progress: ProgressCallback
 
     def findings(self) -> Iterator[Finding]:
-        """Yield the findings, up to the first one after which others would be meaningless."""
+        """Yield the findings up to the first one that makes further findings meaningless."""
         imu, setup = self.imu, self.setup
         self.progress(0.3, note="asking")
         try:
@@ -73,7 +73,7 @@ class ImuTest:
             yield self._fault_finding(exc)
 
     def _stream(self) -> Iterator[Finding]:
-        """Yield the findings on the stream, after waiting until the unit is ready."""
+        """Wait until the unit is ready, and yield the findings on its stream."""
         imu, clock, profile = self.imu, self.at.clock, self.setup.imu
         yield Finding("judged_as", "info", {"product": self.setup.product.name, "profile": profile.name})
         clock.attach(lambda: {0: imu.received})
@@ -113,7 +113,7 @@ class ImuTest:
         yield from self._content(parts)
 
     def _content(self, parts: list[SampleBatch]) -> Iterator[Finding]:
-        """Yield the findings on status bits, temperature and gravity, which reveals wrong scales or frame fields."""
+        """Yield the findings on status bits, temperature and gravity, which reveal wrong scales or frame fields."""
         profile, masks = self.setup.imu, self.setup.imu.status
         status = np.concatenate([part.status for part in parts])
         if np.any(status & masks.failed):
@@ -166,7 +166,7 @@ class ImuTest:
 def find_baud_rate(
     port: str, settings: SerialSettings, profile: ImuProfile, progress: ProgressCallback
 ) -> Iterator[Finding]:
-    """Yield a finding on another baud rate at which frames of a profile arrive, without sending anything."""
+    """Yield a finding if frames of a profile arrive at another baud rate; nothing is sent."""
     others = [baud for baud in _BAUDS if baud != settings.baud]
     for i, baud in enumerate(others):
         progress(0.4 + 0.6 * i / len(others), note="trying_bauds")
@@ -176,7 +176,7 @@ def find_baud_rate(
 
 
 def diagnose_text(frame: FrameSection, received: bytes) -> Finding | None:
-    """Return the reason why received lines of text are no samples, or None, also for bytes that are not text."""
+    """Return the reason why received lines of text are not samples, or None, also if the bytes are not text."""
     tail = frame.tail_bytes
     lines = [line for line in received.split(tail)[1:-1] if line]
     if not lines or not is_text(b"".join(lines)):
@@ -212,7 +212,7 @@ def _checksum_finding(frame: FrameSection, kind: TextFrame, packet: bytes) -> Fi
 
 
 def _column_finding(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding | None:
-    """Return a finding on the separator, or the first missing or invalid field, of a line with a correct checksum."""
+    """Return a finding on the separator or the first missing or invalid field of a line with a correct checksum."""
     line = packet[: -len(frame.tail_bytes)]
     values: dict[str, Value] = {"line": _quote(line)}
     if not kind.is_sample(packet):

@@ -11,7 +11,7 @@ from contextlib import suppress
 from calstation.errors import ConfigurationError
 from calstation.messages import os_reason
 
-#: Number of lines buffered for a client before further ones are dropped.
+#: Number of lines buffered for a client before further lines are dropped.
 BUFFERED = 2000
 #: Time that a client may take to accept a line before it is disconnected, s.
 _TIMEOUT = 10.0
@@ -21,10 +21,10 @@ logger = logging.getLogger(__name__)
 
 
 class LineServer:
-    """Listens on ``HOST:PORT``; port 0 selects any free port. Every client first receives `greeting`.
+    """A server on ``HOST:PORT`` that sends `greeting` to each new client; port 0 selects a free port.
 
-    If `buffered` lines are waiting for a client, the server waits at most `patience` s for each further line; then
-    lines are dropped, and the client receives their number. Raises ConfigurationError if the address cannot be used.
+    If `buffered` lines are waiting for a client, the server waits at most `patience` s before it drops a further line;
+    the client then receives the number of dropped lines. Raises ConfigurationError if the address cannot be used.
     """
 
     def __init__(self, address: str, patience: float = 0.0, buffered: int = BUFFERED) -> None:
@@ -55,7 +55,7 @@ class LineServer:
 
     def close(self) -> None:
         """Stop listening, and disconnect the clients after sending their buffered lines."""
-        with suppress(OSError):  # not every system supports it; it ends a pending accept
+        with suppress(OSError):  # ends a pending accept, but is not supported by every system
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
         self._thread.join(_TIMEOUT)
@@ -102,7 +102,7 @@ class _Client:
         return not self._is_disconnected
 
     def finish(self) -> None:
-        """End the thread after the buffered lines."""
+        """End the thread after it has sent the buffered lines."""
         self._ending = True
 
     def join(self) -> None:

@@ -1,4 +1,4 @@
-"""Test of the links of a saved or edited station, in which nothing is written and nothing moves."""
+"""Test of the links of a saved or edited station; nothing is written and nothing moves."""
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, closing
@@ -36,15 +36,15 @@ from calstation.errors import CalstationError, ConfigurationError, DeviceFaultEr
 from calstation.jobs import ProgressCallback
 from calstation.messages import Finding, Report, Value
 
-#: General findings that are replaced by a specific one if lines of text are received.
+#: General findings that are replaced by a specific finding if lines of text are received.
 _REPLACED_BY_LINE = {"no_frames", "no_samples", "no_stream", "one_way", "wrong_checks"}
-#: Findings on the table's port which may indicate that the IMU is connected to it.
+#: Findings on the table's port that may indicate that the IMU is connected to it.
 _SUGGEST_IMU = {"garbled", "garbled_text", "unlike_text", "unlike_answer", "silent_rtu", "silent_text", "crc"}
 
 
 @dataclass(frozen=True)
 class LinkTestRequest:
-    """The station to test, and the IMU that is expected."""
+    """The station to test, and the expected IMU."""
 
     station: StationConfig
     product: Path | None = None  #: Product of the IMU; None for the default product.
@@ -52,7 +52,7 @@ class LinkTestRequest:
 
 
 def check_table_link(progress: ProgressCallback, request: LinkTestRequest) -> Report:
-    """Test the table's link. Raises CalstationError if a profile cannot be read."""
+    """Test the link to the table. Raises CalstationError if a profile cannot be read."""
     setup = link_test_configuration(request)
     if setup.table.by_hand:
         return Report("table", (Finding("by_hand", "ok", {"name": setup.table.name}),))
@@ -71,7 +71,7 @@ def check_table_link(progress: ProgressCallback, request: LinkTestRequest) -> Re
 
 
 def check_imu_link(progress: ProgressCallback, request: LinkTestRequest) -> Report:
-    """Test the IMU's link. Raises CalstationError if a profile cannot be read."""
+    """Test the link to the IMU. Raises CalstationError if a profile cannot be read."""
     setup = link_test_configuration(request)
     with open_endpoints(progress, setup) as at:
         progress(0.2, note="opening")
@@ -97,7 +97,7 @@ def discover_ports(progress: ProgressCallback) -> tuple[SerialPortInfo, ...]:
 
 
 def link_test_configuration(request: LinkTestRequest) -> RunConfiguration:
-    """Return a run configuration with all data needed to open the devices. Raises CalstationError."""
+    """Return a run configuration with the data needed to open the devices. Raises CalstationError."""
     station = at_slot(request.station, request.slot)
     _, product, imu = unit_files(station, request.product)
     return RunConfiguration(
@@ -111,7 +111,7 @@ def link_test_configuration(request: LinkTestRequest) -> RunConfiguration:
 
 
 def open_endpoints(progress: ProgressCallback, setup: RunConfiguration) -> AbstractContextManager[Endpoints]:
-    """Report progress, and return the context of the station's ports."""
+    """Report the progress, and return a context that yields the ports of the station."""
     progress(0.0, note="starting_bench" if setup.station.bench is not None else "opening")
     return endpoints((setup,))
 
@@ -119,7 +119,7 @@ def open_endpoints(progress: ProgressCallback, setup: RunConfiguration) -> Abstr
 def _search_table_port(
     setup: RunConfiguration, at: Endpoints, findings: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
-    """Yield a finding if another device replies on the table's port."""
+    """Yield a finding if another device replies at the port of the table."""
     link, ids = link_settings(setup, at), {finding.id for finding in findings}
     if ids & _SUGGEST_IMU:
         progress(0.6, note="listening_around")
@@ -155,7 +155,7 @@ def _units_finding(units: list[DetectedUnit]) -> Finding:
 def _search_imu_port(
     setup: RunConfiguration, at: Endpoints, findings: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
-    """Yield a finding if the table replies on the IMU's port, or if the IMU streams at another baud rate."""
+    """Yield a finding if the table replies at the port of the IMU, or if the IMU streams at another baud rate."""
     link, ids = link_settings(setup, at), {finding.id for finding in findings}
     if ids & {"silent", "no_frames"} and link.two_lines and not setup.table.by_hand:
         progress(0.4, note="listening_around")
@@ -167,7 +167,7 @@ def _search_imu_port(
 
 
 def _with_line_finding(setup: RunConfiguration, at: Endpoints, findings: list[Finding]) -> list[Finding]:
-    """Replace a general finding by a specific one about a received line of a text protocol."""
+    """Replace a general finding by a specific finding on a received line of a text protocol."""
     index = next((i for i, finding in enumerate(findings) if finding.id in _REPLACED_BY_LINE), None)
     if index is None or setup.imu.frame.format != "text":
         return findings

@@ -1,4 +1,4 @@
-"""Live streams of the IMUs on one body, which are aligned across restarts and lost links."""
+"""Live streams of the IMUs on one body, aligned in time even after restarts and lost links."""
 
 import logging
 import threading
@@ -21,18 +21,18 @@ from calstation.estimation.pairs import Alignment, PairAligner
 from calstation.results import PairSession
 from calstation.sequencer import Clock
 
-#: Time without samples after which a unit is woken or its port is opened again, and interval between attempts, s.
+#: Time without samples after which a unit is woken up or its port is opened again, and interval between attempts, s.
 _WAKE_TIMEOUT = 2.0
-#: Number of polls used to relate host time to station time.
+#: Number of polls from which the relation of host time to station time is determined.
 _POLLS = 400
-#: Time without samples of any unit after which the watch ends, s.
+#: Time without samples of any unit after which the monitoring ends, s.
 _SILENCE_TIMEOUT = 20.0
 
 logger = logging.getLogger(__name__)
 
 
 class _LiveImu:
-    """An IMU on its port, which is woken or opened again in a thread while other units are read."""
+    """An IMU at its port, which is woken up or opened again in a thread while other units are read."""
 
     def __init__(self, setup: RunConfiguration, port: str) -> None:
         self._setup, self._port = setup, port
@@ -52,10 +52,10 @@ class _LiveImu:
         self.last_data: float | None = None
 
     def read(self, now: float) -> SampleBatch | None:
-        """Return new samples, or None; `now` is station time, s.
+        """Return new samples, or None if there are none; `now` is the station time, s.
 
-        While the unit is woken, its samples are not returned until its identity is known. Raises DeviceFaultError if
-        another unit replies.
+        While the unit is being woken up, its samples are not returned until its identity is known. Raises
+        DeviceFaultError if another unit replies.
         """
         self.last_data = now if self.last_data is None else self.last_data
         if self._wake_thread is not None and self._wake_thread.is_alive():
@@ -79,7 +79,7 @@ class _LiveImu:
         return None
 
     def restarted(self) -> bool:
-        """Return whether the unit has restarted, or its port was opened again, since the last call."""
+        """Return whether the unit has restarted or its port has been opened again since the last call."""
         before, self._restarts = self._restarts, self.imu.stats.restarts
         reopened, self._reopened = self._reopened, False
         return reopened or self._restarts > before
@@ -126,7 +126,7 @@ class LivePair:
         session.watch.unaligned = frozenset(s.number for s in context.secondaries)
 
     def alignments(self) -> dict[int, Alignment]:
-        """Return the alignment of each secondary at the newest sample, by number."""
+        """Return the alignment of each secondary at the newest sample, by the number of the secondary."""
         secondaries = self.session.context.secondaries
         return {
             s.number: clock.alignment(self._end) for s, clock in zip(secondaries, self._aligner.clocks, strict=True)
@@ -135,7 +135,8 @@ class LivePair:
     def blocks(self, seconds: float | None, stopped: Callable[[], bool]) -> Iterator[SampleBlock]:
         """Yield aligned samples for `seconds` of the primary's time, or until `stopped` returns True.
 
-        Raises DeviceFaultError if no unit sends samples, or if a unit has not sent any since the start or was replaced.
+        Raises DeviceFaultError if no unit sends samples, if a unit has sent no samples since the start, or if a unit
+        was replaced.
         """
         begin: float | None = None
         start = last_data = self._clock.now()
@@ -158,14 +159,14 @@ class LivePair:
             if not len(block):
                 continue
             end = self._end = float(block.time[-1])
-            yield block  # aligned with the previous offsets
+            yield block  # has been aligned with the previous offsets
             self._note_alignment(end, aligned)
             begin = float(block.time[0]) if begin is None else begin
             if seconds is not None and end - begin >= seconds:
                 return
 
     def _note_alignment(self, time: float, aligned: list[int]) -> None:
-        """Report to the session which secondaries were aligned again, and which are no longer aligned."""
+        """Report to the session which secondaries have been aligned again, and which are no longer aligned."""
         watch = self.session.watch
         for index, secondary in enumerate(self.session.context.secondaries):
             number, clock = secondary.number, self._aligner.clocks[index]
@@ -190,7 +191,7 @@ class LivePair:
 def open_pair(
     setup: PairConfiguration, folder: Path, check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[LivePair]:
-    """Open and identify all IMUs of a station, read the primary's registers, and close all ports on exit.
+    """Open and identify all IMUs of a station, read the registers of the primary, and close all ports on exit.
 
     `folder` contains the stored calibrations of pairs. Raises DeviceFaultError or ConfigurationError.
     """

@@ -1,4 +1,4 @@
-"""A process that monitors the IMUs of a station on one body for the window."""
+"""A separate process in which the IMUs on one body are monitored for the window."""
 
 import logging
 import threading
@@ -22,9 +22,9 @@ from calstation.results.plots import StoredPairFile, stored_pairs
 
 #: Host time between two reports, s.
 _INTERVAL = 0.25
-#: Time covered by the progress of a live watch, s.
+#: Period covered by the displayed progress of live monitoring, s.
 SPAN = 300.0
-#: Host time for closing the ports, s.
+#: Maximum host time for closing the ports, s.
 _CLOSE_TIMEOUT = 15.0
 
 WatchCommand = Literal["check", "stop"]
@@ -34,7 +34,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class PairStatus:
-    """The state of a live watch."""
+    """The state of live monitoring."""
 
     schedule: Mapping[str, Any]
     progress: PairProgress  #: Progress in the last `SPAN` s.
@@ -48,14 +48,14 @@ class PairStatus:
 
 
 class PairProcess:
-    """A process that monitors the IMUs of a station; no method except `close` waits for it."""
+    """A process that monitors the IMUs of a station; only `close` waits for it."""
 
     def __init__(self, request: RunRequest) -> None:
         self._process = ChildProcess("watch", _serve, request)
         self.ended = False
 
     def poll(self) -> list[PairStatus | CalstationError]:
-        """Return the reports since the last call, of which an error is the last."""
+        """Return the reports since the last call; an error is the last report."""
         reports: list[PairStatus | CalstationError] = []
         while not self.ended:
             try:
@@ -67,11 +67,11 @@ class PairProcess:
         return reports
 
     def send(self, command: WatchCommand) -> None:
-        """Request a check or the end of the process, unless it has ended."""
+        """Send a request for a check or for the end, unless the process has ended."""
         self._process.send(command)
 
     def close(self) -> None:
-        """End the watch and wait until its ports are closed."""
+        """End the monitoring and wait until the ports are closed."""
         self.send("stop")
         self._process.end(_CLOSE_TIMEOUT)
 

@@ -1,4 +1,4 @@
-"""Locks of this computer's ports, so that only one process at a time uses a device.
+"""Locks on the ports of this computer, which ensure that only one process at a time uses a device.
 
 The operating system releases a lock when its process ends. The locks apply to all users and folders of this computer,
 but not to other computers at the same table. A virtual bench needs no locks, because only its run uses its ports.
@@ -21,13 +21,13 @@ from calstation.errors import DeviceFaultError
 from calstation.messages import os_reason
 from calstation.records import acquire_lock
 
-#: Time to wait for another process that is closing to release its lock, host time in s.
+#: Host time to wait for a process that is ending to release its lock, s.
 _LOCK_TIMEOUT = 3.0
 
 
 @contextmanager
 def lock_ports(ports: Iterable[str]) -> Iterator[None]:
-    """Lock ports by any of their names. Raises DeviceFaultError, which names the process that uses a port."""
+    """Lock ports, given by any of their names. Raises DeviceFaultError, which names the process that uses a port."""
     devices = {device: port for port in ports for device in _devices(port)}
     with ExitStack() as stack:
         for device in sorted(devices):  # the fixed order prevents two processes from waiting for each other
@@ -55,7 +55,7 @@ def _locked(device: str, port: str) -> Iterator[None]:
 
 
 def _open(path: Path) -> int:
-    """Open a lock file for all users of this computer; create it if it does not exist."""
+    """Open a lock file, which is created for all users of this computer if it does not exist."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with suppress(OSError):  # the folder may belong to another user
         path.parent.chmod(0o1777)
@@ -71,7 +71,7 @@ def _open(path: Path) -> int:
 
 
 def _in_use_fault(port: str, handle: int) -> DeviceFaultError:
-    """Return the fault of a port in use, with the owner in the lock file."""
+    """Return the fault for a port in use, with the owner from the lock file."""
     os.lseek(handle, 0, os.SEEK_SET)
     try:
         owner = json.loads(os.read(handle, 4096))
@@ -82,7 +82,7 @@ def _in_use_fault(port: str, handle: int) -> DeviceFaultError:
 
 
 def _devices(port: str) -> Iterator[str]:
-    """Yield the devices of a port, which are equal for all names of the same device; none if it does not exist."""
+    """Yield identifiers of the devices at a port, which are the same for all names of a device."""
     if "://" in port:
         yield from _addresses(port)
         return
@@ -98,7 +98,7 @@ def _devices(port: str) -> Iterator[str]:
 
 
 def _addresses(url: str) -> Iterator[str]:
-    """Yield the addresses of host:port, which are equal for all names of the same host."""
+    """Yield the addresses of ``host:port``, which are the same for all names of the host."""
     with suppress(ValueError):
         parts = urlsplit(url)
         host, number = parts.hostname, parts.port

@@ -1,4 +1,4 @@
-"""Reading of the state of a table, and reset of a latched fault, without motion and without switching axes on."""
+"""Reading of the state of a table and reset of a latched fault; nothing moves and no axis is switched on."""
 
 import math
 import time
@@ -16,7 +16,7 @@ from calstation.jobs import ProgressCallback
 
 Outcome = Literal["nothing", "cleared", "interlock_open", "moving", "local_control", "refused", "stays"]
 
-#: Timeout for a drive to clear a latched fault, host time in s.
+#: Timeout for a drive to clear a latched fault, host time, s.
 _CLEAR_TIMEOUT = 2.0
 
 _POLL_INTERVAL = 0.1
@@ -24,7 +24,10 @@ _POLL_INTERVAL = 0.1
 
 @dataclass(frozen=True)
 class TableState:
-    """The state of a table; angles are None if not measured, `watchdog_s` is 0 if off, and None without a watchdog."""
+    """The state of a table, with angles of None if they are not measured.
+
+    The watchdog timeout `watchdog_s` is 0 if the watchdog is off, and None if there is no watchdog.
+    """
 
     model: str
     serial: str
@@ -56,7 +59,7 @@ class TableReset:
 
     @property
     def clear(self) -> bool:
-        """Whether no fault is latched any more."""
+        """Whether no fault is latched any longer."""
         return self.left is None
 
 
@@ -98,8 +101,8 @@ def _identified(progress: ProgressCallback, request: LinkTestRequest) -> Iterato
 def reset(table: Table) -> TableReset:
     """Reset the latched fault of an open table if this is safe.
 
-    No reset is sent to a table with another model than the profile, to a moving table, because the reset removes the
-    power of the drives, or while the interlock is open, because a person may be inside the guard.
+    No reset is sent to a table whose model differs from the profile. No reset is sent to a moving table, because it
+    removes the power of the drives, or while the interlock is open, because a person may be inside the guard.
     """
     table.identify()
     before = table.status()

@@ -1,4 +1,4 @@
-"""Test of the identity, polling times, status, travel and watchdog of a table on its open link."""
+"""Test of a table on its open link: identity, polling times, status, travel and watchdog."""
 
 import math
 import time
@@ -39,7 +39,7 @@ def query_table(
     port: str,
     progress: ProgressCallback,
 ) -> Iterator[Finding]:
-    """Yield the findings on an open table, up to the first one after which others would be meaningless."""
+    """Yield the findings on an open table up to the first one that makes further findings meaningless."""
     progress(0.5, note="asking")
     try:
         identity = table.identify()

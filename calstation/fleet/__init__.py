@@ -1,6 +1,6 @@
-"""Re-solving of many logs on many cores, and comparison of the solutions of two versions.
+"""Solving of many logs again on many cores, and comparison of the solutions of two versions.
 
-The package writes into the shared database and contains no solvers; the logs are solved by `calstation.results`.
+The package writes to the shared database. It contains no solvers: `calstation.results` solves the logs.
 """
 
 from calstation.fleet.comparison import GROUPS, Comparison, ParameterShift, VerdictChange

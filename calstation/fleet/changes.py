@@ -1,4 +1,4 @@
-"""Changes to the stored configuration of logs, from a TOML file."""
+"""Changes to the stored configuration of logs, which are read from a TOML file."""
 
 import hashlib
 import json
@@ -15,13 +15,13 @@ from calstation.records import LogMeta
 from calstation.schema import near_miss, problems_of, read_toml, validate
 from procedures import method
 
-#: Sections that solving uses and that may be changed.
+#: Sections that the solvers use and that may be changed.
 SECTIONS = ("site", "imu", "table", "model", "prior", "prior_correlation", "product", "schedule")
-#: Section of the file that contains factors, in the same sections.
+#: Section of the file that contains factors for entries of the same sections.
 SCALE = "scale"
-#: Entries that are in a log only if they were measured; a factor does not apply to a computed value.
+#: Entries that a log contains only if they were measured; a factor does not apply to a computed value.
 _MEASURED = ("site.gravity_mps2",)
-#: Kinds of problems that concern only values, not factors.
+#: Kinds of problems of values that do not apply to factors.
 _NOT_OF_FACTORS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 #: Entries that identify the unit or describe its samples.
 _FIXED = {"imu": ("serial", "sample_rate_hz", "output")}
@@ -30,7 +30,7 @@ _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
 @dataclass(frozen=True)
 class Changes:
-    """Changes to the configuration of logs, with a label that is part of the version of the solutions."""
+    """Changes to the configuration of logs, and a label that is part of the version of the solutions."""
 
     entries: Mapping[str, Any] = field(default_factory=dict)
     label: str | None = None
@@ -38,7 +38,7 @@ class Changes:
 
     @property
     def version(self) -> str:
-        """Version of the solutions: the software version, with ``+label`` if there is a label."""
+        """Version of the solutions: the software version, followed by ``+label`` if there is a label."""
         return __version__ if self.label is None else f"{__version__}+{self.label}"
 
     @property
@@ -47,7 +47,7 @@ class Changes:
         return hashlib.sha256(json.dumps(self.entries, sort_keys=True).encode()).hexdigest()
 
     def applied(self, meta: LogMeta) -> LogMeta:
-        """Return the changed configuration of a log; values are scaled after others have been replaced.
+        """Return the changed configuration of a log; values are replaced first, then scaled.
 
         Raises InputError if the result is invalid for this log, or if the log lacks a value to scale.
         """
@@ -59,10 +59,10 @@ class Changes:
 
 
 def load_changes(path: Path | None, label: str | None = None) -> Changes:
-    """Read a file with sections of a log's configuration that contain only the entries to change; None for no changes.
+    """Read a file with the entries of a log's configuration that are to be changed; return no changes for None.
 
-    The label is by default the name of the file without suffix. Raises ConfigurationError, also for an unknown entry or
-    a file that changes nothing.
+    The default label is the name of the file without its suffix. Raises ConfigurationError, also if an entry is unknown
+    or the file changes nothing.
     """
     entries = {} if path is None else read_toml(path)
     file = "" if path is None else str(path)
@@ -83,7 +83,7 @@ def load_changes(path: Path | None, label: str | None = None) -> Changes:
 
 
 def _check(entries: Any, file: str, section: str = "") -> None:
-    """Raise ConfigurationError if a section cannot be changed or an entry is wrong."""
+    """Check the entries of a section. Raises ConfigurationError if it cannot be changed or an entry is wrong."""
     prefix = f"{section}." if section else ""
     for name in entries:
         if name not in SECTIONS:
@@ -107,7 +107,7 @@ def _check(entries: Any, file: str, section: str = "") -> None:
 
 
 def _leaves(entries: Any, key_path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield name and value of the entries of a table and its nested tables."""
+    """Yield the name and value of each entry of a table and its nested tables."""
     if not isinstance(entries, Mapping):
         yield key_path, entries
         return
@@ -116,7 +116,7 @@ def _leaves(entries: Any, key_path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _merged(old: Any, new: Any) -> Any:
-    """Return a table with changed entries; tables are merged, other values replaced."""
+    """Return a table with changed entries; tables are merged, and other values are replaced."""
     if not isinstance(old, dict) or not isinstance(new, Mapping):
         return new
     return {**old, **{name: _merged(old.get(name), value) for name, value in new.items()}}

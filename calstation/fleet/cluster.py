@@ -1,4 +1,4 @@
-"""Workers that solve logs: local processes or a Dask cluster. The failure of single workers is tolerated."""
+"""Workers that solve logs, which are local processes or a Dask cluster; the failure of single workers is tolerated."""
 
 import asyncio
 import logging
@@ -24,25 +24,25 @@ try:
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
 
-#: Largest number of logs given to the scheduler at a time.
+#: Maximum number of logs that the scheduler has at a time.
 MAX_QUEUED = 1000
-#: Number of replacements of each local worker and time without a result, s, after which the workers are abandoned.
+#: Number of replacements per local worker and time without a result, s, after which the workers are abandoned.
 _MAX_REPLACEMENTS, _MAX_SILENCE = 3, 120.0
-#: Number of workers that may terminate while they solve a log before it is abandoned; some terminate for other reasons.
+#: Number of workers that may terminate while solving a log before it is abandoned, since other reasons are possible.
 _MAX_DEATHS = 6
-#: Longest time without a process until a local worker is replaced, s; its nanny usually restarts it immediately.
+#: Time without a process after which a local worker is replaced, s; its nanny usually restarts it immediately.
 _RESTART_TIMEOUT = 10.0
 #: Interval at which `stop` is checked, s.
 _POLL_INTERVAL = 0.2
-#: Longest time to fetch a result from the worker that has it, s.
+#: Timeout for fetching a result from the worker that has it, s.
 _FETCH_TIMEOUT = 2.0
-#: Longest time to wait for a response of the scheduler.
+#: Timeout for a response of the scheduler.
 _CONNECT_TIMEOUT = "10s"
 _LOCAL = re.compile(r"local(?::([1-9]\d*))?")
 
 
 def worker_count(scheduler: str) -> int | None:
-    """Return the number of local workers; None for a cluster."""
+    """Return the number of local workers, or None for a cluster."""
     local = _LOCAL.fullmatch(scheduler)
     if local is not None:
         return int(local[1]) if local[1] else int(dask.system.CPU_COUNT)
@@ -86,9 +86,9 @@ def started_cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
 
 
 def _close(cluster: LocalCluster) -> None:
-    """Close local workers; those that are still solving after 4 s are killed.
+    """Close local workers; workers that are still solving after 4 s are killed.
 
-    The cluster does not close workers that it has lost or replaced, and fails if one of them is running.
+    The cluster itself does not close workers that it has lost or replaced, and fails if one of them is running.
     """
     unmanaged = [nanny for nanny in cluster._created if nanny not in cluster.workers.values()]
     if unmanaged:
@@ -103,11 +103,12 @@ async def _close_nannies(nannies: Sequence[Nanny]) -> None:
 def _replace_workers(
     cluster: LocalCluster | None, replaced: int, without_process: dict[Hashable, float], last_result: float
 ) -> int:
-    """Replace local workers that their nannies do not restart, and return the number of replacements.
+    """Replace local workers that are not restarted by their nannies, and return the number of replacements.
 
     If a worker terminates during its start, its nanny gives up or waits forever. `replaced` is the number of
-    replacements since the last result, which was at the time `last_result`, s. `without_process` contains the time, s,
-    since which a worker has had no process, by name. Raises ConfigurationError if workers terminate repeatedly.
+    replacements since the last result, which arrived at the time `last_result`, s. `without_process` contains, by the
+    name of a worker, the time since which it has had no process, s. Raises ConfigurationError if workers terminate
+    repeatedly.
     """
     if cluster is None:
         return replaced
@@ -136,7 +137,7 @@ def _replace_workers(
 def solve_logs(
     client: Client, assignment: Assignment, logs: Sequence[StoredLog], stop: threading.Event, scheduler: str
 ) -> Iterator[Status]:
-    """Yield the status of each log in order of completion, until `stop` is set."""
+    """Yield the status of each log in the order of completion until `stop` is set."""
     completed: SimpleQueue[Future[Status]] = SimpleQueue()
     remaining = iter(logs)
     running: dict[Hashable, tuple[Future[Status], StoredLog]] = {}
@@ -157,7 +158,7 @@ def solve_logs(
             raise ConfigurationError("fleet.scheduler_lost", scheduler=scheduler)
         try:
             status = _status(running[future.key][1], future)
-        except TimeoutError:  # the worker terminated with its result, and the log is assigned to another one
+        except TimeoutError:  # the worker terminated with its result, and the log is assigned to another worker
             completed.put(future)
             replaced = _replace_workers(client.cluster, replaced, without_process, last_result)
             continue
@@ -168,9 +169,10 @@ def solve_logs(
 
 
 def _status(log: StoredLog, future: Future[Status]) -> Status:
-    """Return the status of a log.
+    """Return the status of a log whose task has ended.
 
-    Raises ConfigurationError if the log is not the cause of a failure, TimeoutError if no worker has the result.
+    Raises ConfigurationError if the task failed for a reason other than the log, or TimeoutError if no worker has the
+    result.
     """
     if future.status == "error":
         cause = future.exception()

@@ -1,9 +1,9 @@
-"""Solutions of a version in Parquet files, which are updated from the database before use.
+"""Solutions of a version in Parquet files, which are updated from the database before they are used.
 
-Each database has a folder in the site's folder, with a subfolder for each version. Solutions are only added; solutions
-of the runs (version `ONLINE`) may be replaced, and the last row of a run is valid. Numbers of solutions may become
-visible out of order, so that a number below the last one may be missing. The number of rows reveals this, as well as
-deleted rows, after which the files are rebuilt.
+Each database has a folder in the folder of the site, with a subfolder for each version. Solutions are only added, but
+solutions of the runs (version `ONLINE`) may be replaced: the last row of a run is valid. The numbers of solutions may
+become visible out of order, so that a number below the last one may be missing. The number of rows reveals missing
+and deleted rows; after a deletion the files are rebuilt.
 """
 
 import json
@@ -34,18 +34,18 @@ try:
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
 
-#: Rows read from the database and written at a time.
+#: Number of rows that are read from the database and written at a time.
 _CHUNK = 100_000
-#: Largest number of files of a version; more are joined.
+#: Maximum number of files of a version; more files are joined.
 _MAX_FILES = 8
-#: Longest time to wait for another program that updates the same files, s.
+#: Timeout for another program that updates the same files, s.
 _LOCK_TIMEOUT = 600.0
 
 _TEXTS = (
     *("log_sha256", "serial", "product", "station", "started_utc", "month", "verdict", "failed_checks", "location"),
     *("batch", "slot"),
 )
-#: Columns of a solution that are contained in a run's content.
+#: Columns of a solution that are part of the content of a run.
 _FROM_CONTENT = ("product", "station", "batch", "slot")
 #: Text columns with few distinct values.
 _CATEGORICAL = ("product", "station", "month", "verdict")
@@ -61,12 +61,12 @@ SCHEMA = pa.schema(
 
 @dataclass(frozen=True)
 class ColumnFiles:
-    """Parquet files of a version, which together contain every solution."""
+    """Parquet files of a version, which together contain all solutions."""
 
     paths: tuple[Path, ...]
 
     def read(self, *names: str, threads: bool = False) -> Any:
-        """Return columns of all rows as a pyarrow table, using several threads if `threads`."""
+        """Return columns of all rows as a pyarrow table, which several threads read if `threads` is True."""
         categorical = [name for name in names if name in _CATEGORICAL]
         return pa.concat_tables(
             pq.read_table(path, columns=list(names), read_dictionary=categorical, use_threads=threads, memory_map=True)
@@ -98,7 +98,7 @@ def update_columns(report: ProgressCallback, connection: Connection, version: st
 
 @contextmanager
 def file_access(folder: Path) -> Iterator[None]:
-    """Convert file errors in the context to ConfigurationError, also if another program is updating the files."""
+    """Convert errors of files in the context, also of files that another program updates, to ConfigurationError."""
     try:
         yield
     except TimeoutError as exc:
@@ -135,14 +135,14 @@ def _update(report: ProgressCallback, connection: Connection, version: str, fold
 
 
 def _generation(files: list[Path]) -> str:
-    """Return the generation of files by their names; each generation is joined from all files of the previous one."""
+    """Return the generation of files from their names; a generation begins when all files are joined into one."""
     return files[0].name.partition("-")[0] if files else f"{0:06d}"
 
 
 def _current_files(folder: Path) -> list[Path]:
-    """Return the files of the last generation, and delete earlier ones, which another program may have been reading.
+    """Return the files of the last generation, and delete earlier files that another program may have been reading.
 
-    Files with other columns, which an earlier version of the program wrote, are also deleted.
+    Files with other columns, written by an earlier version of the program, are also deleted.
     """
     files = sorted(folder.glob("*-*.parquet"))
     current = [path for path in files if _generation([path]) == _generation(files[-1:])]
@@ -154,7 +154,7 @@ def _current_files(folder: Path) -> list[Path]:
 
 
 def _rows(version: str, after: int) -> Select[Any]:
-    """Return the query for the solutions of a version, or the runs of all stations, above a number."""
+    """Return the query for the solutions of a version, or for the runs of all stations, above a number."""
     query: Select[Any]
     if version == ONLINE:
         r = runs.c
@@ -172,7 +172,7 @@ def _count(connection: Connection, query: Select[Any]) -> int:
 
 
 def _tables(connection: Connection, statement: Select[Any], stored: set[int]) -> Iterator[Any]:
-    """Yield the rows of a statement in tables, without rows whose number is already known."""
+    """Yield the rows of a statement in tables, except rows whose number is already stored."""
     result = connection.execution_options(yield_per=_CHUNK).execute(statement)
     for part in result.partitions(_CHUNK):
         rows = [row for row in part if row.number not in stored]
@@ -211,7 +211,7 @@ def _verdict(verdict: Verdict) -> str:
 
 
 def _write(table: Any, path: Path) -> None:
-    """Write a file atomically: it is complete or missing."""
+    """Write a file atomically, so that it is either complete or missing."""
     partial = path.with_suffix(".partial")
     compression = {field.name: "NONE" if field.type == pa.float64() else "ZSTD" for field in table.schema}
     pq.write_table(
@@ -226,14 +226,14 @@ def _write(table: Any, path: Path) -> None:
 
 
 def _join(files: list[Path]) -> Path:
-    """Join the files of a version into the first one of the next generation; return it."""
+    """Join the files of a version into the first file of the next generation, and return it."""
     path = files[0].with_name(f"{int(_generation(files)) + 1:06d}-{0:06d}.parquet")
     _write(pa.concat_tables([pq.read_table(each, memory_map=True) for each in files]), path)
     return path
 
 
 def latest_rows(files: ColumnFiles) -> tuple[NDArray[np.uint64], NDArray[np.intp]]:
-    """Return the keys of the logs, in order, and the row of the last solution of each."""
+    """Return the keys of the logs in order, and the row of the last solution of each log."""
     keys, numbers = files.numbers("log_key"), files.numbers("number")
     order = np.argsort(keys, kind="stable")
     ordered = keys[order]
@@ -246,7 +246,7 @@ def latest_rows(files: ColumnFiles) -> tuple[NDArray[np.uint64], NDArray[np.intp
 
 
 def export_columns(files: ColumnFiles, path: Path) -> int:
-    """Write the last solution of every log into one Parquet file; return their number. Raises OSError."""
+    """Write the last solution of every log to one Parquet file, and return their number. Raises OSError."""
     _, rows = latest_rows(files)
     table = files.read(*(name for name in SCHEMA.names if name != "log_key")).take(np.sort(rows))
     _write(table, path)

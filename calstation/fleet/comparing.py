@@ -18,7 +18,7 @@ _UPDATE = 0.9
 
 
 def update_progress(report: ProgressCallback, begin: float) -> ProgressCallback:
-    """Return a callback for the update of one of two versions, which begins at the fraction `begin`."""
+    """Return a progress callback for the update of one of two versions, which begins at the fraction `begin`."""
 
     def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
         report(_UPDATE * (begin + 0.5 * fraction))
@@ -27,7 +27,7 @@ def update_progress(report: ProgressCallback, begin: float) -> ProgressCallback:
 
 
 class CommonLogs:
-    """The logs that two versions have in common, by their rows."""
+    """The logs that two versions have in common, given by their rows."""
 
     def __init__(self, old: ColumnFiles, new: ColumnFiles, numbers: Collection[int] | None) -> None:
         self._old, self._new = old, new
@@ -94,7 +94,7 @@ class CommonLogs:
         )
 
     def _codes(self, files: ColumnFiles, name: str, known: tuple[str, ...] = ()) -> tuple[NDArray[np.int64], list[str]]:
-        """Return the code of the text of each row, and the texts."""
+        """Return the code of the text in each row, and the texts."""
         names = {text: code for code, text in enumerate(known)}
         parts = []
         for chunk in files.read(name).column(0).chunks:
@@ -125,7 +125,7 @@ class CommonLogs:
     def _texts(
         self, files: ColumnFiles, rows: NDArray[np.intp], numbers: list[int], *names: str
     ) -> dict[int, tuple[Any, ...]]:
-        """Return texts of rows, given by their `numbers` among the common rows."""
+        """Return the texts in the common rows with the given `numbers`."""
         chosen = files.read(*names, threads=True).take(rows[np.array(numbers, np.intp)])
         return dict(zip(numbers, zip(*(chosen.column(name).to_pylist() for name in names), strict=True), strict=True))
 
@@ -141,12 +141,12 @@ class CommonLogs:
         return tuple(sorted(changes, key=lambda each: (each.product or "", each.station or "", each.started_utc or "")))
 
 
-#: Median, 95th percentile and maximum of the change, and the row of the maximum; None if no log has the parameter.
+#: Median, 95th percentile and maximum of a change, and the row of the maximum; None if no log has the parameter.
 _Shift = tuple[float, float, float, int] | None
 
 
 class _Groups:
-    """Rows by group."""
+    """The rows of each group."""
 
     def __init__(self, codes: NDArray[np.int64], names: list[str]) -> None:
         self.counts = np.bincount(codes, minlength=len(names))
@@ -156,7 +156,7 @@ class _Groups:
 
     @property
     def named(self) -> list[tuple[int, str]]:
-        """Numbers and names of the groups that have rows, sorted by name."""
+        """Numbers and names of the groups with rows, sorted by name."""
         return sorted(((k, name) for k, name in enumerate(self._names) if self.counts[k]), key=lambda each: each[1])
 
     def rows(self, k: int) -> NDArray[np.intp]:
@@ -164,14 +164,14 @@ class _Groups:
         return self._order[self._ends[k] - self.counts[k] : self._ends[k]]
 
     def shifts(self, shift_sizes: FloatArray) -> list[_Shift]:
-        """Return the changes of each group."""
+        """Return the changes in each group."""
         if len(self._names) == 1:
             return [_shift(shift_sizes, None)]
         return [_shift(shift_sizes[self.rows(k)], self.rows(k)) for k in range(len(self._names))]
 
 
 def _shift(sizes: FloatArray, rows: NDArray[np.intp] | None) -> _Shift:
-    """Return the distribution of changes; NaN means that a log lacks the parameter."""
+    """Return the distribution of changes, where NaN means that a log lacks the parameter."""
     present = np.flatnonzero(~np.isnan(sizes)) if np.isnan(sizes.sum()) else None
     if present is not None:
         rows = present if rows is None else rows[present]

@@ -1,4 +1,4 @@
-"""Result of a comparison of two versions, which the window can show without the packages for databases."""
+"""The result of a comparison of two versions, which the window can show without the packages for databases."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -11,13 +11,13 @@ GROUPS = ("product", "station", "month")
 
 @dataclass(frozen=True)
 class ParameterShift:
-    """Change of a parameter over many logs, in the larger of each log's two sigmas."""
+    """Change of a parameter over many logs, in units of the larger of the two sigmas of each log."""
 
     median: float
     percentile_95: float
     largest: float
     log: str  #: Location of the log with the largest change.
-    serial: str  #: Unit of this log.
+    serial: str  #: Serial number of the unit of this log.
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Comparison of two versions, and the jobs of the window; pyarrow, of an extra, is imported when one runs."""
+"""Comparison of two versions, and the jobs of the window, which import the optional package pyarrow when they run."""
 
 import json
 from collections.abc import Collection
@@ -15,9 +15,9 @@ from calstation.records import write_atomic
 def compare(
     report: ProgressCallback, url: str, before: str, after: str, numbers: Collection[int] | None = None
 ) -> Comparison:
-    """Job: compare the solutions of two versions in the database at `url`; ``online`` means the results of the runs.
+    """Job: compare the solutions of two versions in a database; ``online`` means the results of the runs.
 
-    Of several solutions of a log under one version, the last counts. Raises ConfigurationError if the database is
+    If a version has several solutions of a log, the last one is used. Raises ConfigurationError if the database is
     missing, cannot be used or has no such version.
 
     Parameters
@@ -25,7 +25,7 @@ def compare(
     report : called with the progress
     url : URL of the database
     before, after : versions to compare
-    numbers : numbers of the solutions of `after` that are compared; None for all
+    numbers : numbers of the compared solutions of `after`; None for all
     """
     from calstation.fleet.columns import file_access, update_columns
     from calstation.fleet.comparing import CommonLogs, update_progress
@@ -38,7 +38,7 @@ def compare(
 
 
 def export_version(report: ProgressCallback, url: str, version: str, path: Path) -> int:
-    """Job: write the solutions of a version to a Parquet file; return their number. Raises ConfigurationError."""
+    """Job: write the solutions of a version to a Parquet file, and return their number. Raises ConfigurationError."""
     from calstation.fleet.columns import export_columns, update_columns
     from calstation.fleet.comparing import update_progress
 

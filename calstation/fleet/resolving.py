@@ -1,4 +1,4 @@
-"""Re-solving of many logs on the workers of a Dask cluster; every finished solution is stored in the database."""
+"""Solving of many logs again on the workers of a Dask cluster; the database stores every finished solution."""
 
 import json
 import threading
@@ -26,15 +26,15 @@ from calstation.fleet.store import (
 )
 from calstation.results import SCHEMA
 
-#: Default label of solutions without diagnostics; appended to the label of the changes, if any.
+#: Default label of solutions without diagnostics, which is appended to the label of the changes, if any.
 PARAMETERS = "parameters"
-#: Name of the baseline version: the same program with each log's own configuration.
+#: Name of the baseline version, solved by the same program with the log's own configuration.
 UNCHANGED = "unchanged"
 
 
 @dataclass(frozen=True)
 class FleetRequest:
-    """Logs to solve, and how to solve them."""
+    """The logs to solve and how to solve them."""
 
     sources: tuple[str, ...]  #: Files, folders and URLs; ``archive`` for the archive of the database.
     database: str  #: URL of the shared database.
@@ -50,7 +50,7 @@ class FleetRequest:
 
     @property
     def unchanged(self) -> "FleetRequest":
-        """The same request with the logs' own configuration, range and stages."""
+        """The same request, but with the logs' own configuration, range and stages."""
         return replace(self, patch=None, label=None, stages=None, first_seq=None, last_seq=None)
 
     def settings(self) -> SolveSettings:
@@ -65,7 +65,7 @@ class FleetRequest:
         return SolveSettings(changes, self.stages, self.first_seq, self.last_seq, self.diagnostics)
 
     def baseline(self, compare_with: str) -> str:
-        """Return the version with which the solutions are compared; ``unchanged`` is the version of `unchanged`.
+        """Return the version with which the solutions are compared, where ``unchanged`` is the version of `unchanged`.
 
         Raises ConfigurationError if it is the version of the solutions themselves, or is missing from the database.
         """
@@ -81,7 +81,7 @@ class FleetRequest:
 
 @dataclass
 class FleetSummary:
-    """State of a request: the number of logs by outcome."""
+    """The state of a request: the number of logs by outcome."""
 
     version: str
     total: int = 0
@@ -102,11 +102,11 @@ class FleetSummary:
 
     @property
     def done(self) -> int:
-        """Number of logs that are done."""
+        """Number of logs that have been processed or need not be solved."""
         return self.solved_now + self.already_there + self.failed + self.not_selected
 
     def add(self, status: Status) -> None:
-        """Count a log; a further copy of a log is counted as already solved."""
+        """Count a log; another copy of a log is counted as already solved."""
         outcome = status.outcome
         if status.solution is not None:
             location = self.solutions.setdefault(status.solution, status.location)
@@ -130,11 +130,11 @@ def resolve_fleet(
     report: Callable[[FleetSummary], None] = lambda summary: None,
     stop: threading.Event | None = None,
 ) -> FleetSummary:
-    """Solve every selected log that is not solved yet under the same version, configuration, range and stages.
+    """Solve every selected log that has not been solved with the same version, configuration, range and stages.
 
     A log that cannot be solved is recorded as failed; a log that is unreachable or terminates its workers is tried
-    again by the next call. `report` is called after each log. Once `stop` is set, the call returns within seconds and
-    keeps everything finished.
+    again by the next call. `report` is called after each log. Once `stop` is set, the call returns within seconds;
+    finished solutions are kept.
 
     Raises InputError if a source contains no logs, and ConfigurationError if the changes or the selection are invalid
     or the database or the scheduler cannot be used.
@@ -180,7 +180,7 @@ def resolve_fleet(
 
 
 def _known_status(request: FleetRequest, log: StoredLog, known: KnownFile | None) -> Status | None:
-    """Return the status of a log according to archive and database; None if its file must be read."""
+    """Return the status of a log according to the archive and the database, or None if its file must be read."""
     origin = log.origin or (known.origin if known is not None else None)
     solution = known.solution if known is not None else None
     readable = origin is not None and (any(origin) or (solution is not None and not solution.error))
@@ -193,9 +193,10 @@ def _known_status(request: FleetRequest, log: StoredLog, known: KnownFile | None
 
 
 def solved_results(database: str, summary: FleetSummary) -> Iterator[str]:
-    """Yield the result JSON of every finished log, once for a log with several copies.
+    """Yield the result JSON of every finished log, only once for several copies of a log.
 
-    Unreachable logs have only outcome, error and location. Raises ConfigurationError if the database is unusable.
+    For an unreachable log, it contains only outcome, error and location. Raises ConfigurationError if the database
+    cannot be used.
     """
     with opened(database) as engine:
         yield from read_results(engine, [*summary.solutions])

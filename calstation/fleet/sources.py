@@ -1,4 +1,4 @@
-"""Logs to solve from files, folders and URLs or from the archive of the shared database, and their selection."""
+"""The logs to solve, from files, folders and URLs or from the archive of the shared database, and their selection."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,14 +15,14 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.messages import os_reason
 from calstation.records import LogMeta, log_format
 
-#: Source name of all logs in the database's archive.
+#: Name of the source that consists of all logs in the archive of the database.
 ARCHIVE = "archive"
-#: Properties of a file in various file systems that change with its content.
+#: Properties of a file that change with its content, in various file systems.
 _STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "modify")
 
 
 class Origin(NamedTuple):
-    """Station, product and start of a log; None if unknown."""
+    """Station, product and start of a log, each None if unknown."""
 
     station: str | None
     product: str | None
@@ -38,7 +38,7 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True)
 class Selection:
-    """Conditions that a selected log meets; None means no condition. A log that lacks the property is not selected."""
+    """Conditions that a selected log meets, with None for no condition; a log without the property is not selected."""
 
     station: str | None = None
     product: str | None = None
@@ -68,9 +68,9 @@ class StoredLog:
 
 
 def find_logs(sources: Sequence[str], engine: Engine) -> Iterator[StoredLog]:
-    """Yield the logs of all sources without duplicates, the logs of a folder sorted by name.
+    """Yield the logs of all sources without duplicates; the logs of a folder are sorted by name.
 
-    Raises ConfigurationError for a source with a password, InputError for a source that is missing, contains no log or
+    Raises ConfigurationError if a source contains a password, or InputError if a source is missing, contains no log or
     is unreachable.
     """
     for source in sources:
@@ -85,7 +85,7 @@ def find_logs(sources: Sequence[str], engine: Engine) -> Iterator[StoredLog]:
 
 
 def _archived_logs(engine: Engine) -> Iterator[StoredLog]:
-    """Yield the logs of the archive according to the database, without a request to the archive."""
+    """Yield the logs of the archive that the database lists, without a request to the archive."""
     is_same_run = (runs.c.outbox == log_copies.c.outbox) & (runs.c.name == log_copies.c.name)
     columns = (log_copies.c.url, log_copies.c.file_sha256, log_copies.c.size, runs.c.started_utc, runs.c.content)
     query = select(*columns).join_from(log_copies, runs, is_same_run).order_by(log_copies.c.url)
@@ -100,7 +100,7 @@ def _archived_logs(engine: Engine) -> Iterator[StoredLog]:
 
 
 def _logs_at(source: str) -> Iterator[StoredLog]:
-    """Yield the logs of a file or folder; one request lists them all with size and stamp."""
+    """Yield the logs at a file or folder; one request lists all logs with their sizes and stamps."""
     try:
         system, path = _file_system(source, use_listings_cache=False)
         if not system.exists(path):
@@ -115,7 +115,7 @@ def _logs_at(source: str) -> Iterator[StoredLog]:
             files = {name: system.info(name) for name in existing}
     except (InputError, ConfigurationError):
         raise
-    except Exception as exc:  # every file system has its own errors, including an unknown kind of URL
+    except Exception as exc:  # every file system has its own errors, as has an unknown kind of URL
         raise InputError("fleet.source_unreachable", source=source, reason=storage_reason(exc)) from exc
     if not names:
         raise InputError("fleet.no_logs", source=source)
@@ -126,7 +126,7 @@ def _logs_at(source: str) -> Iterator[StoredLog]:
 
 
 def configuration_of(path: str) -> str | None:
-    """Return the path of the configuration next to a log; None for another file."""
+    """Return the path of the configuration next to a CSV log, or None for another file."""
     known = log_format(Path(path))
     if known is None or known.configuration_path is None:
         return None
@@ -151,21 +151,21 @@ def _file_system(location: str, **options: bool) -> Any:
 
 
 def storage_reason(error: Exception) -> Any:
-    """Return the reason for a file system error: the operating system's message, or the first line of the error."""
+    """Return the reason for a file system error: the operating system's message or the first line of the error."""
     if isinstance(error, OSError) and error.errno is not None:
         return os_reason(error)
     return str(error).partition("\n")[0] or type(error).__name__
 
 
 def _location(system: Any, source: str, root: str, name: str) -> str:
-    """Return the location of a file below the path `root` of a source, with host and user of the source's URL."""
+    """Return the location of a file below the path `root` of a source, with the host and user in the source's URL."""
     if "file" in system.protocol:
         return str(Path(name).absolute())
     return source.rstrip("/") + name.removeprefix(root.rstrip("/"))
 
 
 def _fingerprint(files: Sequence[Mapping[str, Any]]) -> str | None:
-    """Return a stamp of files that changes with them; None if the file system does not provide one."""
+    """Return a stamp that changes with the files, or None if the file system does not provide one."""
     stamps = [next((info[name] for name in _STAMPS if info.get(name) is not None), None) for info in files]
     if None in stamps:
         return None

@@ -1,4 +1,4 @@
-"""Settings of the tasks of a request, and their solutions in the database."""
+"""Settings of the tasks of a request, and the solutions in the database."""
 
 import hashlib
 import json
@@ -25,7 +25,7 @@ ONLINE = "online"
 _CHUNK = 200
 #: Number of files whose entries are read at a time.
 _FILES = 10_000
-#: JSON of the result of a log that could not be solved; null for other logs.
+#: Result JSON of a log that could not be solved; null for other logs.
 _FAILED = case((solutions.c.outcome == "failed", solutions.c.result))
 
 
@@ -33,13 +33,13 @@ class StoredSolution(NamedTuple):
     """A solution in the database."""
 
     number: int
-    error: dict[str, Any]  #: Reason why the log could not be solved, as in a result JSON; {} if it was solved.
+    error: dict[str, Any]  #: Why the log could not be solved, as in a result JSON; {} if it was solved.
     changed: bool | None  #: Whether configuration, range or stages differ from the log's own; None if unknown.
     attempt: int
 
 
 class KnownFile(NamedTuple):
-    """Database entry of a file."""
+    """The database entry of a file."""
 
     origin: Origin
     solution: StoredSolution | None  #: None if its log has no solution.
@@ -53,11 +53,11 @@ class SolveSettings:
     stages: tuple[str, ...] | None = None  #: None for the stages of the log.
     first_seq: int | None = None  #: None for the start of the log.
     last_seq: int | None = None  #: None for the end of the log.
-    diagnostics: bool = True  #: Whether data and model are tested, or only the parameters solved.
+    diagnostics: bool = True  #: Whether data and model are tested; if not, only the parameters are solved.
 
     @property
     def differ_from_log(self) -> bool:
-        """Whether they may differ from a log's own configuration, range or stages."""
+        """Whether the settings may differ from a log's own configuration, range or stages."""
         return bool(self.changes.entries) or (self.stages, self.first_seq, self.last_seq) != (None, None, None)
 
     @property
@@ -75,7 +75,7 @@ class SolveSettings:
         }
 
 
-#: ``failed``: stored as failed, now or before; ``unreachable``: failed without being stored.
+#: ``failed`` means stored as failed, now or earlier; ``unreachable`` means failed but not stored.
 Outcome = Literal["solved", "stored", "failed", "unreachable", "not_selected", "refused"]
 
 
@@ -92,7 +92,7 @@ class Assignment:
 
 @dataclass(frozen=True)
 class Status:
-    """Outcome for a log."""
+    """The outcome for a log."""
 
     location: str
     outcome: Outcome
@@ -103,7 +103,7 @@ class Status:
 
 
 def add_version(engine: Engine, settings: SolveSettings) -> bool:
-    """Add a version if it is missing; return whether it has these settings. Several jobs may call this at once."""
+    """Add a version if it is missing, even if several jobs do so at once; return whether it has these settings."""
     with engine.begin() as connection:
         connection.execute(_insert(connection, versions_table).values(settings.columns).on_conflict_do_nothing())
         query = select(versions_table.c.version).where(*_conditions(versions_table, settings.columns))
@@ -111,7 +111,7 @@ def add_version(engine: Engine, settings: SolveSettings) -> bool:
 
 
 def known_files(engine: Engine, settings: SolveSettings) -> dict[tuple[str, str], KnownFile]:
-    """Return the files in the database by location and fingerprint, with the solution of each file's log."""
+    """Return the files in the database, with the solution of each file's log, by location and fingerprint."""
     is_same = and_(solutions.c.log_sha256 == locations.c.log_sha256, *_conditions(solutions, settings.columns))
     solution = (solutions.c.id, _FAILED, solutions.c.changed, solutions.c.attempt)
     query = select(*locations.c, *solution).join_from(locations, solutions, is_same, isouter=True)
@@ -128,7 +128,7 @@ def known_files(engine: Engine, settings: SolveSettings) -> dict[tuple[str, str]
 
 
 def last_number(engine: Engine) -> int:
-    """Return the largest number of a solution; 0 if there is none."""
+    """Return the largest number of a solution, or 0 if there is none."""
     with engine.connect() as connection:
         return connection.execute(select(func.max(solutions.c.id))).scalar() or 0
 
@@ -151,13 +151,13 @@ def require_version(connection: Connection, version: str) -> None:
 def find_solution(
     engine: Engine, settings: SolveSettings, log_sha256: str, configuration_sha256: str
 ) -> StoredSolution | None:
-    """Return the last solution of a log; None if there is none."""
+    """Return the last solution of a log, or None if there is none."""
     with engine.connect() as connection:
         return _solution(connection, _key(settings, log_sha256, configuration_sha256))
 
 
 def add_location(engine: Engine, log: StoredLog, log_sha256: str | None, origin: Origin) -> None:
-    """Store the digest of the log in a file, so that the file is not read again; None if it was not read to its end."""
+    """Store the digest of the log in a file, or None if the file was not read to its end, to avoid reading it again."""
     with engine.begin() as connection:
         _add_location(connection, log, log_sha256, origin)
 
@@ -172,7 +172,7 @@ def add_solution(
     changed: bool | None,
     retry: bool,
 ) -> tuple[int, bool]:
-    """Write a solution and its location if it is missing; return its number, and whether it was written.
+    """Write a solution and its location if it is missing; return its number and whether it was written.
 
     Parameters
     ----------
@@ -223,12 +223,12 @@ def add_solution(
 
 
 def stored_error(text: str | None) -> dict[str, Any]:
-    """Return the error in the JSON of a result; {} if there is none."""
+    """Return the error in the JSON of a result, or {} if there is none."""
     return {name: value for name, value in json.loads(text or "{}").items() if name.startswith("error")}
 
 
 def read_results(engine: Engine, numbers: Sequence[int]) -> Iterator[str]:
-    """Yield the result JSON of solutions in order."""
+    """Yield the result JSON of each solution in order."""
     for start in range(0, len(numbers), _CHUNK):
         part = numbers[start : start + _CHUNK]
         with engine.connect() as connection:
@@ -257,7 +257,7 @@ def _key(settings: SolveSettings, log_sha256: str, configuration_sha256: str) ->
 
 
 def _insert(connection: Connection, table: Table) -> Any:
-    """Return an INSERT statement of the database's dialect, which can ignore or update existing rows."""
+    """Return an INSERT statement in the dialect of the database, which can ignore or update existing rows."""
     return (postgresql if connection.dialect.name == "postgresql" else sqlite).insert(table)
 
 

@@ -1,4 +1,4 @@
-"""Task of a worker for one log: copies and solves it, writes the solution to the database, and returns the status."""
+"""The task of a worker for a log: copy and solve it, write the solution to the database, and return the status."""
 
 import hashlib
 import json
@@ -38,9 +38,9 @@ from calstation.messages import values_to_json
 from calstation.records import Log, LogMeta, locked, open_log
 from calstation.results import SCHEMA, Result, resolve_log, warm_up
 
-#: Pauses before the file or database is tried again, s.
+#: Delays before another attempt to reach a file or the database, s.
 PAUSES = (1.0, 3.0, 10.0)
-#: Longest time to wait for another process of this host that compiles the kernels, s.
+#: Timeout for another process of this host that compiles the kernels, s.
 _COMPILE_TIMEOUT = 600.0
 
 logger = logging.getLogger(__name__)
@@ -49,7 +49,7 @@ T = TypeVar("T")
 
 
 class UnreachableError(Exception):
-    """A log or the database is currently unreachable."""
+    """Raised if a log or the database is currently unreachable."""
 
     def __init__(self, error: CalstationError) -> None:
         super().__init__(str(error))
@@ -79,10 +79,10 @@ def _compile_kernels() -> None:
 
 
 def solve_stored_log(assignment: Assignment, stored: StoredLog) -> Status:
-    """Copy a log to the local disk, solve it and write the solution, if it is missing.
+    """Copy a log to the local disk, solve it, and write the solution if it is missing.
 
-    A log that cannot be solved is written as failed, unless memory is exhausted. This function never raises, because
-    the program would wait forever for a task whose traceback `distributed` cannot unpickle.
+    A log that cannot be solved is stored as failed, unless memory is exhausted. This function never raises, because the
+    program would wait forever for a task whose traceback `distributed` cannot unpickle.
     """
     seconds: dict[str, float] = {}
     try:
@@ -127,7 +127,7 @@ class _LogTask:
     seconds: dict[str, float]
 
     def solve(self) -> Status:
-        """Solve the log and write the solution, if it is missing and the log is selected."""
+        """Solve the log if it is selected, and write the solution if it is missing."""
         begin = time.perf_counter()
         stored, settings, retry = self.stored, self.assignment.settings, self.assignment.retry_failed
         log: Log | None = None
@@ -164,7 +164,7 @@ class _LogTask:
             return self._write(failed_result(failure, None, str(self.local), *digests), changed)
 
     def _write(self, result: Result, changed: bool | None) -> Status:
-        """Write a result to the database, with the location of the log instead of the path of its copy."""
+        """Write a result to the database with the location of the log instead of the path of its copy."""
         begin = time.perf_counter()
         stored = self.stored
         quoted, location = (json.dumps(text, ensure_ascii=False)[1:-1] for text in (str(self.local), stored.location))
@@ -198,9 +198,9 @@ def _is_changed(original: LogMeta, meta: LogMeta, settings: SolveSettings) -> bo
 
 
 def _digests(log: Log | None, settings: SolveSettings, local: Path) -> tuple[str, str]:
-    """Return the digests of log and configuration that identify a solution in all versions.
+    """Return the digests of the log and its configuration, which identify a solution in all versions.
 
-    For a log that cannot be read to its end, the digest of the file's bytes is used.
+    If a log cannot be read to its end, the digest of the bytes of the file is used.
     """
     try:
         sha256 = "" if log is None else log.facts().sha256
@@ -220,7 +220,7 @@ def _digest(meta: LogMeta) -> str:
 
 
 def failed_result(error: CalstationError, meta: LogMeta | None, file: str, sha256: str, configuration: str) -> Result:
-    """Return the result of a log that cannot be solved."""
+    """Return the result for a log that cannot be solved."""
     run = meta.run if meta is not None else None
     return Result.model_validate(
         {
@@ -257,9 +257,9 @@ def _read_error(error: Exception) -> ConfigurationError:
 
 
 def _copy_log(stored: StoredLog, folder: Path) -> Path:
-    """Copy a log, and the TOML file of a CSV, into a folder; return its path.
+    """Copy a log, and the TOML file of a CSV file, into a folder, and return the path of the copy.
 
-    Raises UnreachableError, also if the size of the copy or, in the archive, its digest differs from the original.
+    Raises UnreachableError, also if the copy differs from the original in its size or, for the archive, in its digest.
     """
     try:
         system, paths = files_of(stored.location)
@@ -280,7 +280,7 @@ def _copy_log(stored: StoredLog, folder: Path) -> Path:
 
 @lru_cache(maxsize=1)
 def _engine(database: str) -> Engine:
-    """Return an engine without a pool, because hundreds of workers must not keep connections open while they solve."""
+    """Return an engine without a pool, so that hundreds of workers keep no connections open while they solve."""
     try:
         return connect(database, pooled=False)
     except ConfigurationError as exc:

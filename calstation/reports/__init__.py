@@ -1,6 +1,6 @@
-"""Documents made from finished results: labels and certificates.
+"""Documents that are made from finished results: labels and certificates.
 
-Code that evaluates or computes values belongs to `calstation.results`.
+Code that computes or evaluates values belongs in `calstation.results`.
 """
 
 from calstation.reports.content import Certificate, build_certificate, certificate_number

@@ -1,4 +1,4 @@
-"""Analysis of a log's samples for its certificate: budget, convergence of the sigmas, and residuals at rest."""
+"""Analysis of the samples of a log for its certificate: budget, convergence of the sigmas, and residuals at rest."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -24,13 +24,13 @@ from calstation.results import (
     with_states,
 )
 
-#: Fractions of the job's progress: after the first solution, and after the residuals.
+#: Progress of the job, as a fraction, after the first solution and after the residuals.
 _SOLVED, _RESIDUALS = 0.2, 0.25
 
 
 @dataclass(frozen=True)
 class Analysis:
-    """Results of the analysis of a log's samples."""
+    """Results of the analysis of the samples of a log."""
 
     time: FloatArray  #: Time of each point since the first sample, s, shape (m,).
     sigma: FloatArray  #: Standard deviations of the 30 parameters at these points, SI, shape (m, 30).
@@ -42,11 +42,11 @@ class Analysis:
     effects_tested: bool  #: Whether the data were tested for effects outside the error model.
     invalid: int  #: Number of samples that were marked invalid.
     warnings: tuple[Text, ...]  #: Warnings during the run, from the events of the log.
-    identified: Mapping[str, str]  #: Names and serial numbers reported by table and IMU; empty if unknown.
+    identified: Mapping[str, str]  #: Names and serial numbers reported by the table and the IMU; empty if unknown.
 
 
 class _SigmaRecorder:
-    """Records the sigmas of a chain while samples are fed to it."""
+    """Records the sigmas of a solver chain while samples are fed to it."""
 
     def __init__(self, meta: LogMeta, result: Result) -> None:
         self.chain = StageChain(meta)
@@ -73,9 +73,9 @@ class _SigmaRecorder:
 
 
 def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
-    """Solve the log of a result again, several times, and return the analysis of its samples.
+    """Analyse the samples of the log of a result, which is solved again several times.
 
-    Raises InputError, also if the log does not reproduce the values or the verdict of the result.
+    Raises InputError, for example if the log does not reproduce the values or the verdict of the result.
     """
     meta, _ = with_states(log.meta, tuple(result.states_added))
     recorder = _SigmaRecorder(meta, result)
@@ -109,7 +109,7 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
 
 
 def _check(result: Result, log: Log, chain: StageChain) -> None:
-    """Raise InputError if a result differs from the solution of its log by more than rounding, or wrongly passed."""
+    """Raise InputError if a result differs from the solution of its log by more than rounding or should have failed."""
     solutions = tuple(chain.solutions)
     solved = solved_parameters(solutions)
     for name, row in result.parameters.items():
@@ -121,14 +121,14 @@ def _check(result: Result, log: Log, chain: StageChain) -> None:
 
 
 def _agree(row: Parameter, parameter: Parameter) -> bool:
-    """Return whether value and sigma agree within a thousandth of sigma."""
+    """Return whether the value and the sigma agree within a thousandth of the sigma."""
     tolerance = ROUNDING * parameter.sigma
     pairs = ((row.value, parameter.value), (row.sigma, parameter.sigma))
     return all(np.isclose(a, b, rtol=0.0, atol=tolerance, equal_nan=True) for a, b in pairs)
 
 
 def _warnings(log: Log) -> Iterator[Text]:
-    """Yield each different warning of the run once."""
+    """Yield each warning of the run only once."""
     seen: set[str] = set()
     for event in log.events:
         if event.get("event") != "Message":

@@ -1,10 +1,10 @@
-"""Uncertainty budget of a result: the share of each source in the variance of every quantity.
+"""Uncertainty budget of a result: the contribution of each source to the variance of every quantity.
 
-The gain of an optimal estimator is stationary, so that a small change of a source's variance q changes the variance P
-of the estimate only directly: the contribution of the source is q dP/dq. P is homogeneous of degree one in all
-variances together, so that the contributions add up to P (Euler's theorem). The derivatives are differences between
-solutions of the same log by the same solvers. The remainder of the variance is noise that the solvers estimated from
-the data.
+Because the variance P of an optimal estimate is stationary with respect to the gain, a small change of the variance q
+of a source changes P only directly, and the contribution of the source is q dP/dq. P is a homogeneous function of
+degree one of all variances, so that the contributions add up to P (Euler's theorem). The derivatives are differences
+between solutions of the same log by the same solvers. The remainder of the variance is noise that the solvers
+estimated from the data.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -19,45 +19,46 @@ from calstation.physics import INDEX, PARAMETERS, FloatArray
 from calstation.records import ImuSection, Log, LogMeta, PriorSection, prior_from_meta
 from calstation.results import Result, StageChain, solve, solved_parameters
 
-#: Callback that receives the completed fraction and the stage.
+#: Callback that receives the completed fraction and the name of the stage.
 BudgetProgress = Callable[[float, str], None]
 
 #: Number of blocks into which the samples of a monitored chain are divided.
 _PIECES = 160
-#: Relative change of a source's variance for its derivative.
+#: Relative change of the variance of a source from which the derivative is computed.
 _STEP = 1e-3
-#: Latitude error whose effect is stated, °.
+#: Latitude error for which the effect is stated, °.
 LATITUDE_ERROR_DEG = 0.01
 
-#: Entries of an IMU whose squares are variances of a source.
+#: Entries of the IMU section whose squares are the variances of a source.
 _IMU_ENTRIES = {
     "sensor_noise": ("gyro_arw", "accel_vrw"),
     "quantisation": ("gyro_quantisation", "accel_quantisation"),
     "bias_instability": ("gyro_bias_instability", "accel_bias_instability"),
 }
-#: Entries of the table whose squares are variances of a source.
+#: Entries of the table section whose squares are the variances of a source.
 _TABLE_ENTRIES = {
     "angles": ("encoder_sigma_deg", "mount_sigma_deg", "azimuth_sigma_deg", "base_tilt_sigma_deg"),
     "motion": ("velocity_sigma",),
 }
-#: Sources in the order of a budget. ``other`` is the noise in the data that exceeds the noise of the profiles.
+#: Sources in the order of a budget; ``other`` is the noise in the data that exceeds the noise of the profiles.
 SOURCES = (*_IMU_ENTRIES, *_TABLE_ENTRIES, "gravity", "prior", "other")
 
 
 @dataclass(frozen=True)
 class Budget:
-    """Contributions to the variance of the quantities."""
+    """Contributions of the sources to the variances of the quantities."""
 
-    #: Variance from each source by quantity, SI squared; the sum is the variance of the quantity.
+    #: Contribution of each source by quantity, SI squared; the sum is the variance of the quantity.
     variance: Mapping[str, Mapping[str, float]]
-    #: Change of each quantity due to a latitude error of `LATITUDE_ERROR_DEG`, SI, which the variance does not include.
+    #: Change of each quantity due to a latitude error of `LATITUDE_ERROR_DEG`, SI; not included in the variance.
     latitude: Mapping[str, float]
 
 
 def uncertainty_budget(log: Log, result: Result, meta: LogMeta, base: StageChain, progress: BudgetProgress) -> Budget:
-    """Return the budget of a result; the chain `base` solved its log with the configuration `meta`. Raises InputError.
+    """Return the uncertainty budget of a result. Raises InputError.
 
-    The log is solved once more for every source and for a different latitude.
+    The chain `base` has solved the log with the configuration `meta`. The log is solved once more for every source and
+    for a different latitude.
     """
     changes = [source for source in SOURCES if source not in ("gravity", "other")]
     before = _variances(base)
@@ -70,7 +71,7 @@ def uncertainty_budget(log: Log, result: Result, meta: LogMeta, base: StageChain
         )
         after = _variances(chain)
         parts[source] = (np.array([after[name] for name in names]) - total) / _STEP
-    # The change of the estimate with gravity contributes its square, independent of the other sources.
+    # the square of the change due to gravity is a contribution, because it is independent of the other sources
     gravity = base.solutions[-1].posterior.covariance - base.posterior.covariance
     parts["gravity"] = np.array([gravity[INDEX[n], INDEX[n]] if n in INDEX else 0.0 for n in names])
     parts["other"] = total - np.sum([parts[source] for source in changes], axis=0)
@@ -93,10 +94,10 @@ def solve_again(
     chain: StageChain | None = None,
     on_block: Callable[[SampleBlock], None] | None = None,
 ) -> StageChain:
-    """Solve the stages of a result again with the configuration `meta`; `progress` receives a fraction and the stage.
+    """Solve the stages of a result again with the configuration `meta`.
 
     `chain` is a new chain that the caller monitors; without it, data and model are not tested. If `on_block` is given,
-    it is called for every block, and the samples are divided into `_PIECES` blocks.
+    the samples are divided into `_PIECES` blocks, and it is called after every block.
     """
     first, last = result.log.first_seq, result.log.last_seq
 
@@ -131,7 +132,7 @@ def _variances(chain: StageChain) -> dict[str, float]:
 
 
 def _change_source(meta: LogMeta, source: str) -> LogMeta:
-    """Return the configuration with the variances of a source increased by `_STEP`."""
+    """Return the configuration with the variances of a source increased by the factor 1 + `_STEP`."""
     factor = float(np.sqrt(1.0 + _STEP))
     if source == "prior":
         sigma = factor * prior_from_meta(meta).sigma

@@ -1,4 +1,4 @@
-"""Content of a calibration certificate, built from a result and the configuration in its log alone."""
+"""Content of a calibration certificate, which is built only from a result and the configuration in its log."""
 
 import hashlib
 import math
@@ -29,21 +29,21 @@ Decision = Literal["passed", "failed", "not_judged"]
 
 @dataclass(frozen=True)
 class Quantity:
-    """A calibrated quantity, SI."""
+    """A calibrated quantity, with its values in SI units."""
 
-    name: str  #: Public name.
+    name: str  #: Name of the parameter in files.
     value: float
     sigma: float  #: Standard uncertainty.
     unit: str
-    stage: str  #: The last stage that estimated it.
-    unobservable: bool  #: Whether the data of the run did not determine it.
+    stage: str  #: The last stage that estimated the quantity.
+    unobservable: bool  #: Whether the data of the run did not determine the quantity.
     limit: tuple[float, float] | None  #: Lowest and highest permitted value.
     sigma_limit: float | None  #: Largest permitted standard uncertainty.
-    #: Remaining error of the unit with its registers before the run, or after it; None if unknown.
+    #: Remaining errors of the unit with its registers before and after the run; None if unknown.
     as_found: float | None
     as_left: float | None
     decision: Decision
-    #: Probability of a wrong decision, false accept or false reject; None if the value has no limits.
+    #: Probability that the decision is wrong, a false accept or a false reject; None if the value has no limits.
     risk: float | None = None
 
 
@@ -63,20 +63,20 @@ class Certificate:
     verdict: Verdict  #: Statement of conformity, which is omitted if the verdict is undetermined.
     rule: Rule
     revision: int = 0  #: 0 for the first issue.
-    supersedes: str | None = None  #: For a revision: identification and date of issue of the replaced certificate.
-    reason: str | None = None  #: For a revision: its reason.
+    supersedes: str | None = None  #: Identification and date of issue of the certificate that a revision replaces.
+    reason: str | None = None  #: Reason for a revision.
     received: date | None = None  #: Date of receipt of the unit; None if not stated.
-    #: Names of the persons who issued it and confirmed their identity with their own PIN.
+    #: Names of the persons who issued the certificate and confirmed their identity with their own PINs.
     authorised: tuple[str, ...] = ()
 
     @property
     def identification(self) -> str:
-        """Number and, if revised, the revision."""
+        """Number and, for a revision, the number of the revision."""
         return f"{self.number}-R{self.revision}" if self.revision else self.number
 
     @property
     def days(self) -> tuple[date, date]:
-        """First and last day (UTC) of the calibration; the date of issue if they are unknown."""
+        """First and last day (UTC) of the calibration, or the date of issue if they are unknown."""
         period = performed(self.result)
         return (self.issued, self.issued) if period is None else (period[0].date(), period[1].date())
 
@@ -88,9 +88,9 @@ def build_certificate(
     issued: date | None = None,
     budget: Budget | None = None,
 ) -> Certificate:
-    """Build the certificate of a result, not revised; `meta` is the configuration in its log.
+    """Build the first issue of the certificate for a result; `meta` is the configuration in its log.
 
-    By default it is issued on `earliest_issue`. Raises InputError if that day is unknown, or if the result has no
+    The default date of issue is `earliest_issue`. Raises InputError if this date is unknown, or if the result has no
     parameters.
     """
     if not result.parameters:
@@ -115,7 +115,7 @@ def build_certificate(
 
 
 def arrangement(meta: LogMeta) -> Iterator[Text]:
-    """Yield the arrangement of a rotated unit, or of a unit in a batch, on the table; nothing for other units."""
+    """Yield sentences on the arrangement on the table of a rotated unit or a unit in a batch."""
     run, table = meta.run, meta.table
     in_batch = run is not None and run.batch is not None
     if run is not None and in_batch:
@@ -136,17 +136,17 @@ def _signed(text: str) -> str:
 
 
 def _laboratory(meta: LogMeta) -> LaboratorySection | None:
-    """Return the laboratory of a log; a simulated run is not covered by the accreditation, which is omitted."""
+    """Return the laboratory of a log, without the accreditation for a simulated run, which it does not cover."""
     if meta.laboratory is None or not meta.is_simulated:
         return meta.laboratory
     return meta.laboratory.model_copy(update={"accreditation": None})
 
 
 def certificate_number(result: Result) -> str:
-    """Return the number of a certificate, which is the name of its log without suffix.
+    """Return the number of a certificate, which is the name of its log without the suffix.
 
-    The name of a recording from another program may not be unique, so digits of its digest are added. A log that was
-    solved again has a separate number for every range, choice of stages and states, and program version.
+    For a recording of another program, whose name may not be unique, digits of its digest are added. A log that was
+    solved again has a different number for every range, selection of stages and states, and version of the program.
     """
     name = PureWindowsPath(result.log.file).name
     name = next((name.removesuffix(end) for end in LOG_SUFFIXES if name.endswith(end)), name)
@@ -160,7 +160,7 @@ def certificate_number(result: Result) -> str:
 
 
 def earliest_issue(result: Result) -> date | None:
-    """Return the date (UTC) of the end of the run or, if later, of the unit's release; None if the run has no date."""
+    """Return the date (UTC) of the end of the run or, if later, of its override; None if the run has no date."""
     period = performed(result)
     if period is None:
         return None
@@ -169,7 +169,7 @@ def earliest_issue(result: Result) -> date | None:
 
 
 def performed(result: Result) -> tuple[datetime, datetime] | None:
-    """Return start and end (UTC) of the calibration, None if they are unknown."""
+    """Return the start and the end (UTC) of the calibration, each None if unknown."""
     if result.started_utc is None:
         return None
     # The cycle includes parts of a run that are not recorded, such as warm-up and transfer.
@@ -210,17 +210,17 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
 
 
 def _risk(decision: Decision, judged: ParameterConformity | None) -> float | None:
-    """Return the probability of a wrong decision; None if the decision is not based on limits of the value."""
+    """Return the probability of a wrong decision, or None if the decision is not based on limits of the value."""
     if judged is None or decision != ("passed" if judged.accepted else "failed"):
         return None
     return judged.probability
 
 
 def _remaining_errors(result: Result, meta: LogMeta) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """Return the errors that remain with the registers before and after the run: the estimate minus the register.
+    """Return the errors that remain with the registers before and after the run, the estimates minus the registers.
 
-    If the unit applies the registers to its output, the estimate is the remaining error, and the sum of both is the
-    error of the uncorrected output.
+    If the unit applies the registers to its output, the estimate is the remaining error, and the sum of the estimate
+    and the register is the error of the uncorrected output.
     """
     values = {name: parameter.value for name, parameter in result.parameters.items()}
     errors = compose(meta.registers, values) if meta.registers else values
@@ -230,7 +230,7 @@ def _remaining_errors(result: Result, meta: LogMeta) -> tuple[Mapping[str, float
 
 
 def unit_registers(result: Result, meta: LogMeta) -> dict[str, tuple[float, float]]:
-    """Return the registers of the unit before and after the run by parameter, SI; {} if the run did not read them."""
+    """Return the registers of the unit before and after the run, by parameter, SI, or {} if they were not read."""
     old: Mapping[str, float] = meta.registers if result.registers is None else result.registers.old
     new = old if result.registers is None or result.registers.new is None else result.registers.new
     return {name: (value, new.get(name, value)) for name, value in old.items()}

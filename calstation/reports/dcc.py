@@ -1,7 +1,7 @@
-"""Digital calibration certificate: the XML of PTB's schema 3.2.0.
+"""The digital calibration certificate, an XML document of PTB's schema 3.2.0.
 
-Sources: dcc.xsd 3.2.0 (https://ptb.de/dcc), and the names of `refType` in PTB's good practice examples. Texts are in
-English and Chinese, whatever the language of the report.
+Sources: dcc.xsd 3.2.0 (https://ptb.de/dcc), and the names of `refType` in PTB's good practice examples. All texts are
+in English and Chinese, regardless of the language of the report.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -28,14 +28,14 @@ _NAMESPACES = {
 _DCC = ElementMaker(namespace=_NAMESPACES["dcc"], nsmap=_NAMESPACES)
 
 _LANGUAGES: Mapping[str, Language] = {"en": "en", "zh": "zh_CN"}
-#: Standard referenced by the clauses in statements.
+#: Standard to which the clauses in statements refer.
 _NORM = "ISO/IEC 17025:2017"
 #: User-assigned ISO 3166-1 code, used if the station does not specify a country.
 _NO_COUNTRY = "ZZ"
 
 
 def write_dcc(certificate: Certificate, deviations: Iterable[Text] = ()) -> bytes:
-    """Return the digital calibration certificate with `deviations` from the method, identical for identical input."""
+    """Return the XML with `deviations` from the method, which is identical for identical input."""
     root = _DCC(
         "digitalCalibrationCertificate",
         _administrative_data(certificate, deviations),
@@ -110,7 +110,7 @@ def _calibration_laboratory(certificate: Certificate) -> etree._Element:
 
 
 def _responsible(certificate: Certificate) -> Iterable[etree._Element]:
-    """Yield the persons who issued and confirmed the certificate, the first one as signer, then the signatories."""
+    """Yield the persons who issued and confirmed the certificate, the first as signer, and then the signatories."""
     signatories = certificate.laboratory.signatories if certificate.laboratory else []
     for number, (name, role) in enumerate(zip(certificate.authorised, ("issued", "confirmed"), strict=False)):
         signer = [_DCC("mainSigner", "true")] if number == 0 else []
@@ -242,7 +242,7 @@ def _conditions(certificate: Certificate) -> Iterable[etree._Element]:
 
 
 def _results(certificate: Certificate) -> Iterable[etree._Element]:
-    """Yield the values, the covariance of the error-model values if the result has it, and the remaining errors."""
+    """Yield the values, their joint covariance if the result contains it, and the remaining errors."""
     quantities = certificate.quantities
     groups = [_group(group, rows, _judgement(rows)) for group, rows in _by_group(quantities)]
     yield _DCC("result", _name("parameters"), _DCC("data", *groups))
@@ -265,14 +265,14 @@ def _by_group(quantities: Iterable[Quantity]) -> list[tuple[str, list[Quantity]]
 
 
 def _group_of(name: str) -> str:
-    """Return the group of a quantity, with the number of the IMU from the third on."""
+    """Return the group of a quantity, with the number of the IMU for the third and further IMUs."""
     number = "".join(filter(str.isdigit, name))
     group = group_of(name)
     return pair_name(group, int(number)) if number else group
 
 
 def _group(group: str, rows: list[Quantity], further: list[etree._Element], key: str = "value") -> etree._Element:
-    """Return the values of a group, or its remaining errors as found or as left, with their expanded uncertainties."""
+    """Return the values or the remaining errors (as found, as left) of a group, with their expanded uncertainties."""
     name = _texts("name", partial(parameter_name, group))
     values = real_list(*_columns(rows), [getattr(row, key) for row in rows], [row.sigma for row in rows])
     kind = "basic_measuredValue" if key == "value" else "basic_measurementError"
@@ -281,12 +281,12 @@ def _group(group: str, rows: list[Quantity], further: list[etree._Element], key:
 
 
 def _columns(rows: Iterable[Quantity]) -> tuple[list[str], list[str]]:
-    """Return the columns of names and units."""
+    """Return the names and the units of quantities as columns."""
     return [row.name for row in rows], [row.unit for row in rows]
 
 
 def _judgement(rows: list[Quantity]) -> list[etree._Element]:
-    """Return limits and decisions of a group; an empty list if a quantity was not judged."""
+    """Return the limits and decisions of a group, or an empty list if a quantity was not judged."""
     if any(row.decision == "not_judged" for row in rows):
         return []
     limits = {

@@ -1,4 +1,4 @@
-"""Deviations of a run from its method, and other notes for the reader of its certificate."""
+"""Deviations of a run from its method, and other notes for readers of the certificate."""
 
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -13,9 +13,9 @@ from calstation.reports.content import Certificate
 from calstation.results import Result
 from procedures import DEFAULT_STAGES, method
 
-#: Checks that fail if effects outside the error model change the values.
+#: Checks that fail if effects outside the error model affect the values.
 _EFFECT_CHECKS: tuple[CheckKind, ...] = ("effects", "halves", "agreement", "consistency", "convergence", "clipping")
-#: Largest number of names listed in a deviation; only the number of the others is given.
+#: Maximum number of names listed in a deviation; only the number of further names is stated.
 _MAX_NAMES = 8
 
 
@@ -120,7 +120,7 @@ def _data_deviations(result: Result, analysis: Analysis) -> Iterator[Text]:
 
 
 def _traceability_gaps(certificate: Certificate, reported: str) -> Iterator[Text]:
-    """Yield the gaps in the traceability; `reported` is the serial number reported by the table, or ""."""
+    """Yield gaps in the traceability; `reported` is the serial number reported by the table, or ""."""
     day = certificate.days[0]
     for instrument in certificate.instruments:
         if instrument.due is not None and instrument.due < day:
@@ -139,12 +139,12 @@ def _traceability_gaps(certificate: Certificate, reported: str) -> Iterator[Text
 
 
 def _is_later(instrument: InstrumentSection, day: date) -> bool:
-    """Return whether an instrument was calibrated after a date, so that its certificate was not valid yet."""
+    """Return whether an instrument was calibrated after `day`, so that its certificate was not valid yet."""
     return instrument.calibrated is not None and instrument.calibrated > day
 
 
 def _names(names: Sequence[str]) -> list[Text | str]:
-    """Return parameters for a list in a sentence, with the number of those that are not listed."""
+    """Return a list of parameters for a sentence, with the number of further parameters."""
     listed: list[Text | str] = [Text.of("certificate.parameter", name=name) for name in names[:_MAX_NAMES]]
     if len(names) > _MAX_NAMES:
         listed.append(Text.of("certificate.more", count=len(names) - _MAX_NAMES))

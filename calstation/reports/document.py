@@ -1,4 +1,4 @@
-"""The data of a certificate's template: texts in one language, rounded numbers, and the points of its charts."""
+"""The data for the template of a certificate: texts in one language, rounded numbers, and the points of charts."""
 
 import json
 import math
@@ -36,16 +36,16 @@ from calstation.reports.numbers import NONE, check_unit, exact, in_display, inte
 from calstation.results import Verification, plain
 from procedures import method
 
-#: Smaller shares of the noise estimated from the data are due to rounding and nonlinearity and have no column.
+#: Share below which noise estimated from the data is due to rounding and nonlinearity, and has no column.
 _NEGLIGIBLE = 0.005
 #: Display units of checks whose SI unit is also used by other quantities.
 _UNITS = {"latitude": ("°", DEGREE), "sample_clock": ("ppm", 1e-6)}
-#: Largest number of failed checks listed in the verdict.
+#: Maximum number of failed checks listed in the verdict.
 _MAX_NAMED = 4
 
 
 def document(certificate: Certificate, analysis: Analysis, language: Language) -> dict[str, Any]:
-    """Return the data for a certificate's template."""
+    """Return the data for the template of a certificate."""
     built = _Document(certificate, analysis, language).sections()
     plain_data: dict[str, Any] = plain(built)
     return plain_data
@@ -127,7 +127,7 @@ class _Document:
         return Text("certificate.not_complete" if limits else "certificate.no_limits")
 
     def _notices(self) -> Iterator[Text]:
-        """Yield the notices about the scope of the result on the first page."""
+        """Yield the notices about the scope of the result for the first page."""
         if self._result.outcome == "resolved":
             yield Text("certificate.solved_again")
         if self._certificate.verdict is Verdict.FAILED and self._result.partial:
@@ -185,7 +185,7 @@ class _Document:
         return self._in_certificate_terms(term("stage", stage, self._language))
 
     def _in_certificate_terms(self, text: str) -> str:
-        """Replace terms of the window with those of certificates: in Chinese, 校准 instead of 标定."""
+        """Replace terms of the window with terms of certificates: in Chinese, 标定 with 校准."""
         return text.replace("标定", "校准")
 
     def _check(self, check: Check) -> dict[str, Any]:
@@ -212,7 +212,7 @@ class _Document:
             if not known_rows:
                 continue
             total = [sum(budget.variance[q.name].values()) for q in known_rows]
-            # The mean of the shares, so that a poorly determined axis does not hide the others.
+            # a mean of shares, in which a poorly determined axis does not hide the others
             shares = {
                 source: float(
                     np.mean([budget.variance[q.name][source] / t for q, t in zip(known_rows, total, strict=True)])
@@ -240,7 +240,7 @@ class _Document:
         }
 
     def _sensitivities(self, budget: Budget) -> list[dict[str, str]]:
-        """Return the effects that the budget does not include: the largest change in each group."""
+        """Return the effects that the budget does not include, as the largest change in each group."""
         power_up, rows = self._meta.turn_on_sigmas, []
         for group, quantities in self._groups:
             names = [q.name for q in quantities]
@@ -413,7 +413,7 @@ class _Document:
         return {"name": _capital(term("group", group, self._language)), "points": points} if points else None
 
     def _converges(self, rows: Sequence[Quantity]) -> bool:
-        """Return whether a solver reported the sigmas before its end."""
+        """Return whether a solver reported sigmas before the end of the stage."""
         names = [INDEX[q.name] for q in rows if q.name in INDEX]
         return bool(names) and bool((self._analysis.sigma[-2, names] != self._analysis.sigma[0, names]).any())
 
@@ -437,7 +437,7 @@ class _Document:
             ("vertical", r_unit, rests.vertical_rate / r_size, rests.rate_sigma / r_size),
             ("horizontal", r_unit, rests.horizontal_rate / r_size, rests.rate_sigma / r_size),
         ]
-        # Without the biases, the output at rest is shown instead of residuals.
+        # If the biases are not estimated, the output at rest is shown instead of residuals.
         solved_groups = {group for group, _ in self._groups}
         calibrated = {
             "force": "accel_bias" in solved_groups,
@@ -456,7 +456,7 @@ class _Document:
 
 
 def _axis(group: str, name: str) -> str:
-    """Return the axes of a parameter and, for several secondaries, the number of the IMU."""
+    """Return the axes of a parameter and, if there are several secondaries, the number of the IMU."""
     number = "".join(filter(str.isdigit, name))
     axis = name.rpartition("_")[2] if name.translate(str.maketrans("", "", "0123456789")) != group else ""
     return f"{axis} ({number})" if number else axis

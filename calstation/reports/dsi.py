@@ -1,4 +1,4 @@
-"""Quantities in PTB's D-SI format 2.1.0: units, values, expanded uncertainties and covariance.
+"""Quantities in the D-SI format 2.1.0 of PTB: units, values, expanded uncertainties and covariances.
 
 Source: SI_Format.xsd 2.1.0 (https://ptb.de/si).
 """
@@ -41,7 +41,7 @@ def dsi_unit(*units: str) -> str:
 
 
 def real(value: float, unit: str, sigma: float | None = None) -> etree._Element:
-    """Return a quantity with its D-SI unit and, with `sigma`, its expanded uncertainty."""
+    """Return a quantity with its D-SI unit and, if `sigma` is given, its expanded uncertainty."""
     element = _SI("real", _SI("value", _number(value)), _SI("unit", unit))
     if sigma is not None:
         expanded = _SI(
@@ -58,7 +58,7 @@ def real(value: float, unit: str, sigma: float | None = None) -> etree._Element:
 def real_list(
     names: Sequence[str], units: Sequence[str], values: Iterable[float], sigmas: Iterable[float] = ()
 ) -> etree._Element:
-    """Return quantities in lists, with their SI units and, with `sigmas`, their expanded uncertainties.
+    """Return quantities as lists with their SI units and, if `sigmas` are given, their expanded uncertainties.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def joint_list(
 
 
 def _number(value: float) -> str:
-    """Return a number that is read back unchanged; NaN if it is not finite, because D-SI has no infinity."""
+    """Return the text of a number, which is read back unchanged; NaN if it is infinite, which D-SI does not support."""
     return repr(float(value)) if math.isfinite(value) else "NaN"
 
 

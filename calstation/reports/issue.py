@@ -1,4 +1,4 @@
-"""Issue of the report of a result: its date and revision, the record of issued reports, and the file."""
+"""Issue of a report: its date and revision, the record of issued reports, and the files."""
 
 import hashlib
 import json
@@ -46,7 +46,7 @@ from calstation.reports.signing import load_signer, sign_pdf, sign_xml
 from calstation.reports.source import load_source, read_source
 from calstation.results import Result, run_files
 
-#: Fractions of the job's progress before the samples are analysed, and before the PDF is typeset.
+#: Progress of the job, as a fraction, before the samples are analysed and before the PDF is typeset.
 _READ, _ANALYSED = 0.1, 0.97
 
 
@@ -55,14 +55,14 @@ class ReportRequest:
     """Source, destination and options of a report."""
 
     source: Path  #: Result JSON, or a log.
-    out: Path  #: PDF to write, or the folder for a file named after the certificate.
+    out: Path  #: PDF to write, or the folder for a PDF that is named after the certificate.
     language: Language = "en"
     issued: date | None = None  #: Date of issue; None for `earliest_issue`.
-    received: date | None = None  #: Date of receipt of the unit; None for the date of the last issue, if there is one.
-    revise: str | None = None  #: Reason for a new revision.
+    received: date | None = None  #: Date of receipt of the unit; None for the date in the last issue, if any.
+    revise: str | None = None  #: Reason for a new revision; None for no revision.
     templates: Path | None = None  #: Folder of templates that take precedence over the site's templates.
-    dcc: Path | None = None  #: XML to write: the digital calibration certificate, which is also in the PDF.
-    signing: Path | None = None  #: PKCS #12 file to sign both with; None for no signatures.
+    dcc: Path | None = None  #: File for the digital calibration certificate, which is also embedded in the PDF.
+    signing: Path | None = None  #: PKCS #12 file with which both are signed; None for no signatures.
     first: Person | None = None  #: Person who issues the report; None for the program.
     second: Person | None = None  #: Person who confirms a new certificate, if the product requires it.
 
@@ -74,7 +74,7 @@ class ReportRequest:
 
 @dataclass(frozen=True)
 class IssueState:
-    """Settings of a station for the certificate of a result, and the last certificate of this result.
+    """Settings of a station for the certificate of a result, and the last certificate issued for this result.
 
     last : last certificate with the same number; None if there is none, or if the number is unknown before the log is
         solved
@@ -92,10 +92,9 @@ class IssueState:
 def station_request(
     station: Path, section: ReportSection | None, result_file: Path, language: Language = "en"
 ) -> ReportRequest:
-    """Return the request for the report of a result according to the `[report]` section of a station file.
+    """Return the request for a report according to the section `[report]` of a station file.
 
-    Without a folder, the PDF is written to ``certificates`` next to the folder of the runs; without a language, in
-    `language`.
+    By default, the PDF is written to the folder ``certificates`` next to the folder of the runs, in `language`.
     """
     section, station_folder = section or ReportSection(), station.absolute().parent
     folder = (
@@ -119,9 +118,9 @@ def _resolve_path(folder: Path, name: str) -> Path:
 
 
 def issue_state(report: ProgressCallback, result_file: Path, station: Path | None, language: Language) -> IssueState:
-    """Job: return how a station issues the certificate of a result, and the last certificate that was issued.
+    """Job: return how a station issues the certificate of a result, and the last certificate issued for it.
 
-    `language` is the language of certificates if the station file does not specify one. Raises InputError or
+    `language` is used for certificates if the station file does not specify a language. Raises InputError or
     ConfigurationError.
     """
     path, config = load_station(station)
@@ -146,7 +145,7 @@ def pdf_name(identification: str, language: Language) -> str:
 
 
 def issue_certificate(report: ProgressCallback, request: ReportRequest) -> Path:
-    """Job: issue a report into the folder of the request, and return the PDF. Raises InputError or ConfigurationError.
+    """Job: issue a report to the folder of the request, and return the PDF. Raises InputError or ConfigurationError.
 
     The folder ``certificates`` next to the runs is created if it is missing.
     """
@@ -159,11 +158,11 @@ def issue_certificate(report: ProgressCallback, request: ReportRequest) -> Path:
 
 
 def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Certificate, Path]:
-    """Job: record the report of a result or log in the audit trail and next to the log, then write it.
+    """Job: record the issue of a report in the audit trail and next to the log, then write the report.
 
-    Returns the certificate and its PDF. The same result yields identical bytes in one language, unless they are signed.
-    An issued certificate keeps its number, revision and date; a different result, date or reason needs a revision.
-    Raises InputError or ConfigurationError.
+    Returns the certificate and its PDF. In one language, the same result yields identical bytes, unless they are
+    signed. An issued certificate keeps its number, revision and date; a different result, date or reason requires a
+    revision. Raises InputError or ConfigurationError.
     """
     signer = None if request.signing is None else load_signer(request.signing)
     result, log = load_source(lambda done, *_, note="": report(_READ * done, note=note), request.source)
@@ -196,7 +195,7 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
 
 
 def _confirm_issue(meta: LogMeta, request: ReportRequest) -> tuple[Confirmation, tuple[str, ...]]:
-    """Return the persons who issue a certificate, and the names of those who entered their personal PIN.
+    """Return the persons who issue a certificate, and the names of those who entered their own PINs.
 
     Raises ConfigurationError if a required confirmation is missing, or InputError if the requirement is unknown.
     """
@@ -213,14 +212,14 @@ def _confirm_issue(meta: LogMeta, request: ReportRequest) -> tuple[Confirmation,
 
 
 def _files(meta: LogMeta, path: Path) -> tuple[ProductConfig, StationConfig] | None:
-    """Return product and station of a log; None if it has no product, such as a recording from another program."""
+    """Return the product and the station of a log, or None if it has no product, as a recording of another program."""
     if meta.product is None and not meta.profiles:
         return None
     return run_files((meta.run.files if meta.run is not None else None) or {}, path, meta.profiles)
 
 
 def attachments(certificate: Certificate) -> list[Attachment]:
-    """Return the files embedded in the PDF of a certificate, in addition to its digital form."""
+    """Return the files that are embedded in the PDF of a certificate in addition to the digital certificate."""
     content = json.dumps(certificate.result.to_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     name = f"{certificate.identification}.json"
     return [Attachment(name, "application/json", content.encode(), "source")]
@@ -229,7 +228,7 @@ def attachments(certificate: Certificate) -> list[Attachment]:
 def _number_certificate(
     result: Result, log: Log, request: ReportRequest
 ) -> tuple[Certificate, list[IssuedReport], IssuedReport | None]:
-    """Return the certificate with revision and date, the records with its number, and the record of a new issue."""
+    """Return the numbered certificate, the records with its number, and the record of a new issue or None."""
     _check_dates(result, request)
     number, digest = certificate_number(result), _digest(result, log.meta, request.templates)
     earlier = _find_issued(log, number)
@@ -250,7 +249,7 @@ def _number_certificate(
     elif last is None:
         raise InputError("report.nothing_to_revise", number=number)
     else:
-        # The date of issue of a revision is today, not the date of the run.
+        # a revision is issued today, not on the day of the run
         issue_date = request.issued or max(_today(), earliest_issue(result) or _today())
         reason, revision = request.revise.strip(), last.revision + 1
     received = last.received if last is not None else None
@@ -279,17 +278,17 @@ def _today() -> date:
 
 
 def _find_issued(log: Log, number: str) -> list[IssuedReport]:
-    """Return the records of a number next to the log and in the site's audit trail, see `issued_reports`."""
+    """Return the records with a number next to the log and in the audit trail of the site; see `issued_reports`."""
     return issued_reports(log.path.absolute().parent, read_audit(audit_path(site_folder())), number)
 
 
 def _find_reprint(
     records: list[IssuedReport], digest: str, issued: str | None = None, received: str | None = None
 ) -> IssuedReport | None:
-    """Return the last revision if its content and dates are the same; otherwise None.
+    """Return the record of the last revision if its content and dates are the same, otherwise None.
 
-    A superseded certificate is never printed again, because it could be mistaken for a valid one. The same applies to a
-    certificate if a copy of the log has a different certificate with the same revision.
+    A superseded certificate is never printed again, because it could be mistaken for a valid certificate. The same
+    applies if a copy of the log has a different certificate with the same revision.
     """
     latest = [each for each in records if each.revision == records[-1].revision]
     return latest[0] if len(latest) == 1 and _is_same(latest[0], digest, issued, received) else None
@@ -332,7 +331,7 @@ def _record(
 
 
 def _with_record(certificate: Certificate, record: IssuedReport, records: list[IssuedReport]) -> Certificate:
-    """Return a certificate with revision, dates and persons of its record; `records` are all with its number."""
+    """Return a certificate with the revision, dates and persons of its record, one of `records` with its number."""
     before = next((each for each in reversed(records) if each.revision < record.revision), None)
     return replace(
         certificate,
@@ -346,7 +345,7 @@ def _with_record(certificate: Certificate, record: IssuedReport, records: list[I
 
 
 def _digest(result: Result, meta: LogMeta, folder: Path | None) -> str:
-    """Return the digest of a certificate's sources: result, configuration, program and templates."""
+    """Return the digest of the sources of a certificate: result, configuration, program and templates."""
     content = json.dumps(result.to_json(), sort_keys=True) + meta.to_json() + __version__
     digest = hashlib.sha256(content.encode())
     for name, template in sorted(used_templates(folder).items()):
@@ -367,7 +366,7 @@ def _is_written(path: Path, content: bytes) -> bool:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Create a file. Raises InputError, also if another program has created it in the meantime."""
+    """Create a file. Raises InputError, for example if another program has created it in the meantime."""
     try:
         with path.open("xb") as stream:
             try:

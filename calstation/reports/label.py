@@ -1,4 +1,4 @@
-"""Labels of units that passed, from a ZPL template for the station's label printer or a Typst template for a PDF."""
+"""Labels for units that passed, from a ZPL template for a label printer or from a Typst template for a PDF."""
 
 import socket
 import string
@@ -14,17 +14,17 @@ from calstation.records import Verdict, write_atomic
 from calstation.reports.pdf import compile_template
 from calstation.results import History, Result, load_result
 
-#: Longest time to connect to a printer and to send a label, host time, s.
+#: Timeout for connecting to a printer and for sending a label, host time, s.
 _TIMEOUT_S = 5.0
 
-#: ZPL characters that begin a command; a value must not contain them.
+#: Translation that removes the characters that begin a ZPL command, which a value must not contain.
 _NO_COMMANDS = str.maketrans("^~", "  ")
 
 
 def label_template(result: Result) -> Path | None:
-    """Return the label template of a result's product; None if there is none, or if the unit must not have a label.
+    """Return the label template of the product of a result, or None if the unit must have no label.
 
-    Labels are printed only for a run of all stages that passed. Raises ConfigurationError if the product cannot be
+    A label is printed only if a run of all stages passed. Raises ConfigurationError if the product cannot be
     read.
     """
     source = result.configuration.get("product")
@@ -35,10 +35,10 @@ def label_template(result: Result) -> Path | None:
 
 
 def print_label(report: ProgressCallback, result_file: Path, station: Path | None) -> Path | None:
-    """Job: print the label of a run, or return the PDF file of a Typst template in ``labels`` next to the runs.
+    """Job: print the label of a run or, for a Typst template, return a PDF file in ``labels`` next to the runs.
 
     Raises InputError if the run has no label or the template cannot be filled in, ConfigurationError if the station has
-    no printer, and DeviceFaultError if the printer cannot be reached.
+    no printer, or DeviceFaultError if the printer cannot be reached.
     """
     result = load_result(result_file)
     template = label_template(result)

@@ -15,7 +15,7 @@ _CHECK_UNITS = {"1": ("", 1.0), "sigma": ("σ", 1.0), "K": ("K", 1.0), "s": ("s"
 
 
 def decimal_places(uncertainty: float) -> int:
-    """Return the number of decimal places for two significant digits, negative for tens and above (GUM 7.2.6)."""
+    """Return the number of decimal places for two significant digits, which is negative from 100 on (GUM 7.2.6)."""
     return 1 - int(f"{uncertainty:.1e}".partition("e")[2])
 
 
@@ -36,7 +36,7 @@ def in_display(name: str, value: float | None) -> float | None:
 
 
 def short(value: float) -> str:
-    """Return a limit or the value of a check with up to four digits."""
+    """Format a limit or the value of a check with up to four digits."""
     if not math.isfinite(value):
         return NONE
     text = f"{value:.0f}" if 1000.0 <= abs(value) < 1e9 else f"{value:.4g}"
@@ -47,7 +47,7 @@ def short(value: float) -> str:
 
 
 def exact(value: float) -> str:
-    """Return a limit with up to seven digits, so that a decision never contradicts the printed limit."""
+    """Format a limit with up to seven digits, so that a decision never contradicts the printed limit."""
     return with_minus(f"{value:.7g}") if 1e-4 <= abs(value) < 1e7 else short(value)
 
 
@@ -62,5 +62,5 @@ def check_unit(unit: str) -> tuple[str, float]:
 
 
 def percentage(probability: float) -> str:
-    """Return a probability in percent with one decimal, or that it is smaller than the last digit."""
+    """Format a probability in percent with one decimal, or as less than the last digit."""
     return "< 0.1 %" if probability < 0.0005 else f"{100.0 * probability:.1f} %"

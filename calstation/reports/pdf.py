@@ -1,4 +1,4 @@
-"""Typesetting as PDF/A-3b with Typst templates, such as those in `data/reports`, which a site may copy and change."""
+"""Typesetting as PDF/A-3b with Typst templates; a site may copy and change the templates in `data/reports`."""
 
 import json
 from collections.abc import Sequence
@@ -38,9 +38,9 @@ def typeset(
     attachments: Sequence[Attachment],
     folder: Path | None = None,
 ) -> bytes:
-    """Return the PDF of a certificate; identical input yields identical bytes.
+    """Return the PDF of a certificate, which is identical for identical input.
 
-    Templates in `folder` take precedence over the site's and the shipped templates. Raises InputError.
+    Templates in `folder` take precedence over those of the site and the shipped ones. Raises InputError.
     """
     from typst import TypstError
 
@@ -70,7 +70,7 @@ def typeset(
 
 
 def compile_template(main: Path | dict[str, bytes], inputs: dict[str, str], time: datetime, folder: Path) -> bytes:
-    """Return the PDF of a Typst template, in the shipped font and fonts in `folder`; installed fonts are ignored.
+    """Return the PDF of a Typst template in the shipped font and the fonts in `folder`; installed fonts are ignored.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Signatures with the site's own certificate: PAdES for a PDF, XAdES for a digital calibration certificate.
+"""Signatures with a certificate of the site: PAdES for a PDF, and XAdES for a digital calibration certificate.
 
-A signature contains its time, so that signing the same document yields different bytes every time.
+A signature contains its time, so that the bytes differ each time the same document is signed.
 """
 
 import io
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from cryptography.x509 import Certificate
     from pyhanko.sign import SimpleSigner
 
-#: Environment variable with the password of the certificate file.
+#: Environment variable that contains the password of the certificate file.
 PASSWORD_VARIABLE = "CALSTATION_SIGNING_PASSWORD"
 #: Service and user name of the password in the keyring of the operating system.
 KEYRING = ("calstation", "signing")
@@ -36,7 +36,7 @@ class Signer:
 
 
 def load_signer(file: Path) -> Signer:
-    """Read a PKCS #12 file; its password is in the environment or in the keyring, never in a file.
+    """Read a PKCS #12 file, whose password is in the environment or in the keyring, never in a file.
 
     Raises ConfigurationError if the extra ``signing`` is not installed, if there is no password, or if the file cannot
     be read or has no RSA or elliptic-curve key.
@@ -77,7 +77,7 @@ def _password() -> str | None:
 
 
 def sign_pdf(pdf: bytes, signer: Signer) -> bytes:
-    """Return a PDF with an invisible signature, added as an incremental update that preserves PDF/A and attachments."""
+    """Return a PDF with an invisible signature in an incremental update, which preserves PDF/A and attachments."""
     from pyhanko.pdf_utils.incremental_writer import IncrementalPdfFileWriter
     from pyhanko.sign import PdfSignatureMetadata
     from pyhanko.sign import sign_pdf as sign
@@ -99,7 +99,7 @@ def sign_pdf(pdf: bytes, signer: Signer) -> bytes:
 
 
 def sign_xml(xml: bytes, signer: Signer) -> bytes:
-    """Return an XML document with an enveloped signature, placed at the end of the root as in the DCC schema."""
+    """Return an XML document with an enveloped signature at the end of the root, as the DCC schema requires."""
     from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
     from signxml.algorithms import SignatureMethod
     from signxml.xades.xades import XAdESSigner

@@ -1,7 +1,7 @@
-"""The verified source of a certificate: every statement of a result file is compared with its log.
+"""The verified source of a certificate: a result file, every statement of which is compared with its log.
 
-The file of a run must equal the result that the run stored in its log. A later override must be in the audit trail of
-the site. A log that was solved again is solved once more, and the file must agree with the new solution.
+The result file of a run must equal the result in the log. A later override must be in the audit trail of the site. A
+log that was solved again is solved once more, and the file must agree with the new solution.
 """
 
 import json
@@ -25,21 +25,21 @@ from calstation.results import (
     with_states,
 )
 
-#: Largest difference of a value between two computers, in sigmas or relative to the largest number of its row.
+#: Largest difference of a value between two computers, in sigmas, or relative to the largest number of its row.
 ROUNDING = 1e-3
 
-#: Entries that are added to the file of a run later: an override, which must be in the audit trail, and the decision
-#: not to resume an interrupted run, which certificates do not state.
+#: Entries that are added later to the result file of a run: an override, which must be in the audit trail, and the
+#: decision not to resume an interrupted run, which certificates do not state.
 _ADDED_LATER = ("override", "closed_utc", "closed_by")
-#: Entries that are attached to the certificate of a log that was solved again, but are not printed. Their numbers have
-#: no common scale for rounding.
+#: Entries that are attached to the certificate of a log that was solved again, but not printed, because their numbers
+#: have no common scale for rounding.
 _ONLY_ATTACHED = ("details", "observability")
 
 
 def load_source(report: ProgressCallback, path: Path) -> tuple[Result, Log]:
-    """Return the result of a result file, verified with its log, or the result of a log, and the log.
+    """Return the result in a result file, which is verified with its log, or the result of a log; and the log.
 
-    Raises InputError, also if the file contradicts its log.
+    Raises InputError, for example if the file contradicts its log.
     """
     result, log = read_source(path)
     if result is None or result.outcome == "resolved":
@@ -52,9 +52,9 @@ def load_source(report: ProgressCallback, path: Path) -> tuple[Result, Log]:
 
 
 def read_source(path: Path) -> tuple[Result | None, Log]:
-    """Read a result file and open its log, or open a log with the result of its run, None if it has none.
+    """Read a result file and open its log, or open a log and read the result of its run, None if it has none.
 
-    Only the digest of the log is checked. Raises InputError.
+    The result is not verified, apart from the digest of the log. Raises InputError.
     """
     if path.suffix != ".json":
         log = open_log(path)
@@ -72,7 +72,7 @@ def read_source(path: Path) -> tuple[Result | None, Log]:
 
 
 def _run_result(path: Path, result: Result, log: Log) -> Result:
-    """Return the result in the log of a run, with the override in the file if it is in the audit trail."""
+    """Return the result in the log of a run, with the override of the file if the audit trail contains it."""
     stored = stored_result(log)
     if stored is None:
         raise InputError("report.no_result_in_log", file=path, log=log.path)
@@ -85,7 +85,7 @@ def _run_result(path: Path, result: Result, log: Log) -> Result:
 
 
 def _solve_again(report: ProgressCallback, path: Path, result: Result | None, log: Log) -> Result:
-    """Solve a log with the options of a result file, or with defaults for a log without a result, and compare both."""
+    """Solve a log with the options of a result file, or with defaults if there is none, and compare the results."""
     facts = log.facts()
 
     def progress(stage: str, seq: int, done: float) -> None:
@@ -106,7 +106,7 @@ def _solve_again(report: ProgressCallback, path: Path, result: Result | None, lo
 
 
 def _with_registers(result: Result, run: Result | None) -> Result:
-    """Return the result of a log that was solved again with the registers of the unit before and after its run."""
+    """Return the result of a log that was solved again, completed by the registers before and after the run."""
     if run is None or run.registers is None:
         return result
     return result.model_copy(update={"registers": Registers(old=run.registers.old, new=run.registers.new)})
@@ -120,7 +120,7 @@ def _content(path: Path, omitted: tuple[str, ...]) -> dict[str, Any]:
 def _check_content(
     path: Path, log: Log, content: Mapping[str, Any], expected: Mapping[str, Any], rounding: float
 ) -> None:
-    """Raise InputError if a file differs from its expected content by more than rounding, ignoring the log's folder."""
+    """Raise InputError if a file differs by more than rounding from its expected content, except the log's folder."""
     log_section = {**expected["log"], "file": content["log"]["file"]}
     entry = difference(content, {**expected, "log": log_section}, rounding)
     if entry is not None:
@@ -130,8 +130,8 @@ def _check_content(
 def difference(one: Any, other: Any, rounding: float, scale: float = 0.0) -> str | None:
     """Return the first entry in which two JSON values differ, such as ``checks.2.value``; None if they agree.
 
-    Numbers agree within `rounding` times the `sigma` next to them, or else times the largest number of their row; whole
-    numbers are exact.
+    Numbers agree within `rounding` times the `sigma` next to them or, without one, times the largest number of their
+    row; whole numbers must be equal.
     """
     if isinstance(one, dict) and isinstance(other, dict):
         pairs = {key: (one.get(key, ...), other.get(key, ...)) for key in (*other, *one)}
@@ -151,7 +151,7 @@ def difference(one: Any, other: Any, rounding: float, scale: float = 0.0) -> str
 
 
 def _scale(row: Mapping[Any, Any]) -> float:
-    """Return the scale to which the rounding of a row's numbers is relative."""
+    """Return the scale for the rounding of the numbers of a row."""
     if _is_number(row.get("sigma")):
         return float(row["sigma"])
     numbers = (part for value in row.values() for part in (value if isinstance(value, list) else [value]))

@@ -1,6 +1,6 @@
-"""The engine process and the life cycle of a run: start, resume, finalize, start-up recovery.
+"""The engine process and the life cycle of a run: start, resumption, finalization and recovery at start-up.
 
-Steps and motion are in `sequencer`; a run on a virtual bench has the hooks of the bench.
+Steps and motion are in `sequencer`. A run on a virtual bench uses the hooks of the bench.
 """
 
 from calstation.runs.engine import INTERNAL, Engine

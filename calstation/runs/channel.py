@@ -1,4 +1,4 @@
-"""The engine's end of the pipe to its listener: sends events and heartbeats, receives commands, detects its loss."""
+"""The engine's end of the pipe to its listener, over which it sends events and receives commands."""
 
 import threading
 import time
@@ -9,7 +9,7 @@ from typing import Any
 
 from calstation.sequencer import LOSSY, Command, Event, to_json
 
-#: Heartbeat over the pipe; the listener replies to each with the same message.
+#: Heartbeat message, to which the listener replies with the same message.
 BEAT = "beat"
 
 #: Host time between two heartbeats, s.
@@ -23,11 +23,12 @@ _FLUSH_TIMEOUT = 5.0
 
 
 class Channel:
-    """Sends events without ever blocking the engine, and passes commands to `on_command`.
+    """Sends events without blocking the engine, and passes received commands to `on_command`.
 
-    Heartbeats are sent as long as `alive()` returns True (the engine's thread is not stuck). A listener that
-    disconnects, dies or sends invalid data is lost: `on_lost` is called once. A listener that does not reply to
-    heartbeats is frozen: `on_silent` is called each time, and the channel stays open in case it recovers.
+    Heartbeats are sent as long as `alive()` returns True, which means that the engine's thread is not stuck. If the
+    listener disconnects, dies or sends invalid data, `on_lost` is called once. If the listener does not reply to
+    heartbeats for `silent_after` s, it is considered frozen: `on_silent` is called, and the channel stays open,
+    because the listener may recover.
     """
 
     def __init__(
@@ -52,7 +53,7 @@ class Channel:
         self._receiver.start()
 
     def emit(self, event: Event) -> None:
-        """Send an event; one that only refreshes a display is dropped if the listener is slow."""
+        """Send an event; if the listener is slow, events that only refresh a display are dropped."""
         if self._lost.is_set() or (isinstance(event, LOSSY) and self._queue.qsize() > 100):
             return
         try:

@@ -1,6 +1,6 @@
-"""The end of a run: its verdict, its result file, and the automatic report of its verdict.
+"""The end of a run: its verdict, its result file, and the report that is made automatically.
 
-Reports are made in separate processes that cannot delay or stop the engine.
+Reports are made in separate processes, which cannot delay or stop the engine.
 """
 
 import json
@@ -25,10 +25,10 @@ from calstation.sequencer import Emit, Finalized, Message, RunEnd, State
 
 _ENDS = {State.DONE: End.COMPLETED, State.STOPPED: End.STOPPED, State.FAULT: End.FAULT}
 
-#: Program that runs several commands in sequence, so that only one report is made at a time.
+#: Program that runs commands one after another, so that only one report is made at a time.
 _RUN_IN_SEQUENCE = "import json, subprocess, sys\nfor command in json.loads(sys.argv[1]):\n    subprocess.run(command)"
 
-#: Longest time for which an unresponsive network share may delay the verdict, s; the report is started afterwards.
+#: Longest time for which an unresponsive network share may delay the verdict, s.
 _SEARCH_S = 2.0
 
 #: Processes that may outlive the engine; without a reference, Python would issue a warning about them.
@@ -38,9 +38,9 @@ logger = logging.getLogger(__name__)
 
 
 def close_run(run: OpenRun, ended: RunEnd) -> None:
-    """Write the result into the log and next to it; emit the verdict.
+    """Write the result into the log and next to it, and emit the verdict.
 
-    A run that ended early is judged by the stages that it solved. In a batch, the caller starts the reports after the
+    A run that ended early is judged by the stages that it solved. The caller starts the reports of a batch after the
     table has stopped.
     """
     run.closed = True
@@ -67,7 +67,7 @@ def close_run(run: OpenRun, ended: RunEnd) -> None:
     suppressed = () if ended.error is None else (ConfigurationError,)  # the fault itself is reported
     with suppress(*suppressed):
         write_json(result_file, result)
-    with suppress(OSError):  # only the index, which the next run restores
+    with suppress(OSError):  # the next run restores the index
         history.refresh()
     logger.info("verdict %s, result %s", verdict, result_file)
     if verdict.judged:
@@ -79,7 +79,7 @@ def close_run(run: OpenRun, ended: RunEnd) -> None:
 
 
 def _report_table(run: OpenRun, name: str) -> None:
-    """Emit a message if a control chart of the table's geometry raises an alarm for this run."""
+    """Emit a message if a control chart of the table geometry raises an alarm for this run."""
     station, product = run.setup.station, run.setup.product
     charts = table_charts(station, run.prepared.history.columns(RunFilter(product=product.name, station=station.name)))
     changed = [quantity for quantity, chart in charts.items() if name in {chart.names[k] for k in chart.alarms}]
@@ -91,8 +91,8 @@ def _report_table(run: OpenRun, name: str) -> None:
 def report_command(setup: RunConfiguration, result_file: Path, emit: Emit) -> list[str]:
     """Return the command that makes the report of a result, or [] if the station does not request reports.
 
-    A certificate that a second person must confirm is not made automatically; a message reports that it is pending.
-    Another message names a missing folder or file of the station file that a certificate needs.
+    If a second person must confirm the certificate, it is not made automatically, and a message says so. Another
+    message is emitted if a folder or file that the certificate needs is missing.
     """
     section, source = setup.station.report, setup.sources.get("station")
     if section is None or section.folder is None or source is None:

@@ -1,4 +1,4 @@
-"""Durations of the phases of a run, from its start to the load position and the result, derived from its events."""
+"""Durations of the phases of a run from its start to its result, which are derived from its events."""
 
 import threading
 import time
@@ -30,7 +30,7 @@ _MESSAGES = {
 
 
 class Cycle:
-    """The phases of a run; the first one, ``opening``, begins when this object is created.
+    """The phases of a run, of which the first, ``opening``, begins when the object is created.
 
     The duration of a phase is the longer of device time and host time. On hardware both are the same; on a bench at
     full speed, motion takes device time, and solving and files take host time.
@@ -46,7 +46,7 @@ class Cycle:
 
     @contextmanager
     def using(self, clock: Clock) -> Iterator[None]:
-        """Also use the station's clock while the context is open."""
+        """Measure device time with the clock of the station while the context is open."""
         self._measure()
         self._clock, self._station = clock, clock.now()
         try:
@@ -56,7 +56,7 @@ class Cycle:
             self._clock = None
 
     def follow(self, event: Event) -> None:
-        """Begin a phase if the event is the start of one."""
+        """Begin a phase if the event marks its start."""
         if isinstance(event, StageStarted):
             self._begin("stage", event.stage)
         elif isinstance(event, StageEnded):
@@ -73,13 +73,13 @@ class Cycle:
             self._begin(_MESSAGES[event.id])
 
     def phases(self) -> list[CyclePhase]:
-        """Return the phases so far, in order; the last one is still in progress."""
+        """Return the phases up to now in order; the last one is in progress."""
         with self._lock:
             self._measure()
             return [*self._completed, self._current()]
 
     def _on_solved(self) -> None:
-        """Begin the phase ``files``; in a batch, solving continues until the last unit has been solved."""
+        """Begin the phase ``files``; if it has already begun, another unit of the batch was solved until now."""
         with self._lock:
             if self._phase == "files":
                 solving = self._completed.pop()

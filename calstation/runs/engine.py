@@ -1,4 +1,4 @@
-"""Executes runs and register operations in a separate process, which receives commands and sends events."""
+"""The engine, a separate process that executes runs and register operations, receives commands and sends events."""
 
 import logging
 import signal
@@ -17,7 +17,7 @@ from calstation.jobs import ChildProcess
 from calstation.runs.channel import BEAT, Channel
 from calstation.sequencer import Command, Control, Event, Fault, Finalized, Settled, StopReason, from_json
 
-#: Maximum uninterruptible wait for a message, s.
+#: Maximum duration of an uninterruptible wait for a message, s.
 _SLICE = 0.2
 
 #: Host time without a message, while the listener polls, after which the engine is considered frozen, s.
@@ -29,23 +29,23 @@ _EVENTS_FROZEN_AFTER = 30.0
 #: Limit for the first event, s: a computer that was just started loads hundreds of megabytes of libraries.
 _FIRST_EVENT_TIMEOUT = 60.0
 
-#: Host time without processing commands after which the sequencer is considered stuck and heartbeats stop, s. It is
-#: longer than three lost replies of a slow table and a slow disk together.
+#: Host time after which a sequencer that processes no commands is considered stuck, and heartbeats stop, s. It exceeds
+#: the delay caused by three lost replies of a slow table together with a slow disk.
 STUCK_AFTER = 10.0
 
 #: Maximum time that `close` waits for the engine's safe stop and its result, s.
 _CLOSE_TIMEOUT = 60.0
 
-#: Kind of a `Fault` that is a programming error; its text is the traceback.
+#: Kind of a `Fault` caused by a programming error; its text is the traceback.
 INTERNAL = "internal"
 
 logger = logging.getLogger(__name__)
 
 
 class Engine:
-    """The listener's interface to a running engine: use `poll` in a timer, or `events` in a loop.
+    """The listener's interface to a running engine, whose events it reads with `poll` in a timer or `events` in a loop.
 
-    A listener must read at least every few seconds; otherwise it is considered frozen, and its run is stopped safely.
+    A listener must read events every few seconds; otherwise it is considered frozen, and the run is stopped safely.
     When `ended` is True, `poll` returns no more events.
     """
 
@@ -71,14 +71,14 @@ class Engine:
 
     @property
     def alive(self) -> bool:
-        """Whether the engine's process is alive; it may stay alive briefly after its last event."""
+        """Whether the engine's process is alive, which it may be for a short time after its last event."""
         return self.process.is_alive()
 
     def poll(self) -> list[Event]:
-        """Return all events since the last call, possibly none, without waiting.
+        """Return all events since the last call without waiting.
 
-        If the engine ended without a final event, or has been silent for `FROZEN_AFTER` s, one `Fault` of kind
-        DeviceFaultError is returned. A frozen engine may recover; its events then follow.
+        If the engine ended without a final event or has sent nothing for `FROZEN_AFTER` s, a `Fault` of kind
+        DeviceFaultError is returned once. If a frozen engine recovers, its events follow.
         """
         return self._read(FROZEN_AFTER)
 
@@ -99,11 +99,11 @@ class Engine:
         self.process.join(_CLOSE_TIMEOUT)
 
     def send(self, command: Command) -> None:
-        """Send a command; ignored if the engine has ended."""
+        """Send a command to the engine, unless it has ended."""
         self._send(str(command))
 
     def stop_listening(self) -> None:
-        """Stop listening without waiting: a run in progress then stops safely, a frozen engine is killed.
+        """Stop listening without waiting; a run in progress then stops safely, and a frozen engine is killed.
 
         `alive` becomes False when the process has ended.
         """
@@ -113,7 +113,7 @@ class Engine:
             self.process.kill()
 
     def close(self, within: float = _CLOSE_TIMEOUT) -> None:
-        """Stop listening and wait at most `within` s for the safe stop and the result; then kill the process."""
+        """Stop listening; if the safe stop and the result take more than `within` s, kill the process."""
         self.stop_listening()
         self._child.end(within)
 
@@ -124,7 +124,7 @@ class Engine:
         self.close()
 
     def _read(self, frozen_after: float, wait: float = 0.0) -> list[Event]:
-        """Return the complete messages; wait at most `wait` s for the first one, so that Ctrl-C always takes effect."""
+        """Return the complete messages, after waiting at most `wait` s for the first one."""
         events: list[Event] = []
         received = False
         while not self.ended:
@@ -135,7 +135,7 @@ class Engine:
             except EOFError:
                 self.ended = True
                 if not self._has_ending:
-                    self.process.join(0.02)  # until its exit code is known
+                    self.process.join(0.02)  # wait for its exit code
                     events.append(self._fault("run.engine_ended", exit_code=self.process.exitcode))
                 break
             received = True
@@ -158,7 +158,7 @@ class Engine:
             self._child.send(text)
 
     def _becomes_frozen(self, received: bool, frozen_after: float) -> bool:
-        """Return whether the engine has just become frozen, excluding time during which this listener did not poll."""
+        """Return whether the engine has just become frozen; time in which the listener did not poll does not count."""
         now = time.monotonic()
         if received:
             self._silence, self._frozen = 0.0, False
@@ -177,7 +177,7 @@ class Engine:
 
 
 def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterOperation) -> None:
-    """Run the engine in its process, which signals that can be handled end only after a safe stop."""
+    """Run the engine in its process, which ends after a signal only when the safe stop is complete."""
     applog.configure("engine")
     logger.info("engine begins, calstation %s", __version__)
     control = Control()

@@ -1,4 +1,4 @@
-"""Evaluation of a unit: it checks limits after each stage and at the end, and transfers and verifies the registers."""
+"""Evaluation of a unit, which checks its limits after each stage and at the end, and transfers its registers."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -38,7 +38,7 @@ logger = logging.getLogger(__name__)
 
 
 class Finalization:
-    """Evaluates a unit, see `calstation.sequencer.Evaluation`."""
+    """Evaluates a unit; see `calstation.sequencer.Evaluation`."""
 
     def __init__(self, run: OpenRun, imu: Imu) -> None:
         self.run = run
@@ -53,12 +53,12 @@ class Finalization:
         self._effects: dict[str, float] = {}
 
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
-        """Return a function that verifies a transfer finished before the run, or None if there is none."""
+        """Return a function that verifies a transfer completed before the run, or None if there is none."""
         unverified = self.run.unverified
         return None if unverified is None else unverified.verify_output
 
     def continues(self, solution: Solution) -> bool:
-        """Return whether to continue after a stage; False if the product ends early and a limit is exceeded.
+        """Return whether to continue after a stage, which is False if a limit is exceeded and the product ends early.
 
         Raises ConfigurationError if the measured latitude contradicts the station file.
         """
@@ -70,7 +70,7 @@ class Finalization:
         return False
 
     def judge(self, solutions: tuple[Solution, ...]) -> UnitDecision:
-        """Judge the unit, and determine the registers to write if it passes."""
+        """Judge the unit and, if it passes, determine the registers to write."""
         run = self.run
         judgement = judge(run.meta, run.chain.prior, solutions, standard=self._compare_standard(solutions))
         differs_only = judgement.standard is not None and all(check.passed for check in judgement.checks)
@@ -85,7 +85,7 @@ class Finalization:
         return UnitDecision(judgement, to_write)
 
     def read_registers(self, run_in_background: RunInBackground) -> None:
-        """Read the unit's registers, log them and sync the log to disk before anything is written to the unit.
+        """Read and log the registers of the unit, and write the log to disk before anything is written to the unit.
 
         Raises DeviceFaultError, or ConfigurationError if the log cannot be written.
         """
@@ -102,10 +102,10 @@ class Finalization:
             run.emit(Message("states_without_register", {"states": ", ".join(unregistered)}))
 
     def transfer(self, run_in_background: RunInBackground) -> None:
-        """Write the registers.
+        """Write the registers to the unit.
 
-        A stop before the first register takes effect immediately; a later one waits until the transfer is done. Raises
-        DeviceFaultError or StopRequested.
+        A stop requested before the first register is written takes effect immediately, a later one after the transfer.
+        Raises DeviceFaultError or StopRequested.
         """
         run, check_cancelled = self.run, self.run.prepared.control.check_cancelled
         check_cancelled()
@@ -123,7 +123,7 @@ class Finalization:
             raise
 
     def _compare_standard(self, solutions: tuple[Solution, ...]) -> StandardComparison | None:
-        """Compare a check standard with its reference; return None for a production unit."""
+        """Compare a check standard with its reference values; return None for a production unit."""
         run, standard = self.run, self._setup.check_standard
         if standard is None:
             return None
@@ -143,7 +143,10 @@ class Finalization:
         return comparison
 
     def verify(self, data: VerificationData, run_in_background: RunInBackground) -> None:
-        """Verify the restarted unit's output; if it is wrong, restore the old registers and raise DeviceFaultError."""
+        """Verify the output of the restarted unit.
+
+        If it is wrong, restores the old registers and raises DeviceFaultError.
+        """
         if self._transferred is None or self._posterior is None:
             raise RuntimeError("nothing was transferred")
         run, entry = self.run, self._transferred.entry
@@ -174,7 +177,7 @@ class Finalization:
         close_run(run, ended)
 
     def _registers_to_write(self, solutions: tuple[Solution, ...]) -> dict[str, float]:
-        """Return the registers to write: those of the parameters that a stage has estimated."""
+        """Return the registers of the parameters that a stage has estimated."""
         self._posterior = posterior = solutions[-1].posterior
         values = dict(zip(NAMES, posterior.mean.tolist(), strict=True))
         effects = {p.name for p in EFFECT_PARAMETERS}

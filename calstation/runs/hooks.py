@@ -1,4 +1,4 @@
-"""Hooks of a run, for example for a simulated operator; by default they do nothing."""
+"""Hooks of a run, for example for a simulated operator, which do nothing by default."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:  # the window uses hooks but no devices or logs
 
 
 class RunHooks:
-    """Callbacks of one run; every method does nothing unless a subclass overrides it.
+    """Callbacks of a run, which do nothing unless a subclass overrides them.
 
-    Only a run on a virtual bench has others, see `station_hooks`.
+    Only a run on a virtual bench uses a subclass; see `station_hooks`.
     """
 
     def adjust(self, setup: RunConfiguration) -> RunConfiguration:
@@ -25,18 +25,18 @@ class RunHooks:
         return setup
 
     def listener(self, setup: RunConfiguration, folder: Path, emit: Emit) -> Emit:
-        """Return the listener for the run's events, given the folder of its log. Called before any device is opened."""
+        """Return the listener for the events of the run whose log is in `folder`, before any device is opened."""
         return emit
 
     def connected(self, devices: Devices) -> None:
-        """Process the open and identified devices."""
+        """Process the devices after they have been opened and identified."""
 
     def log_opened(self, log: RawLogWriter) -> None:
-        """Process the run's log, which is open and empty."""
+        """Process the log of the run after it has been created."""
 
 
 def station_hooks(station: StationConfig) -> RunHooks:
-    """Return the hooks of a run at a station: those of its virtual bench, or hooks that do nothing on hardware."""
+    """Return the hooks of a run at a station, which do nothing unless the station is a virtual bench."""
     if station.bench is None:
         return RunHooks()
     hooks: type[RunHooks] = load_bench().hooks

@@ -1,4 +1,4 @@
-"""Incomplete runs: results for runs whose process died, and closing of runs that will not be resumed."""
+"""Incomplete runs: results of runs whose process died, and closing of runs that will not be resumed."""
 
 import json
 from contextlib import suppress
@@ -24,9 +24,9 @@ from calstation.results import (
 
 
 def finish_incomplete(folder: Path) -> list[Path]:
-    """Write the result ``incomplete`` next to every log in `folder` whose run died; return those logs.
+    """Write the result ``incomplete`` next to every log in `folder` whose run died, and return these logs.
 
-    Their results are delivered at the next hand-over, and their runs can still be resumed. Unreadable logs are ignored.
+    The results are delivered at the next hand-over, and the runs can still be resumed. Unreadable logs are ignored.
     """
     logs = []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
@@ -45,7 +45,7 @@ def finish_incomplete(folder: Path) -> list[Path]:
 
 
 def close_incomplete(path: Path, operator: str | None = None) -> Path:
-    """Record the decision not to resume a run; return its result file, which contains the operator and the time.
+    """Record in the result file of a run who decided not to resume it and when, and return the file.
 
     Raises ConfigurationError if the run is still in progress or the folder cannot be written, InputError if the log or
     its result file cannot be read.
@@ -83,7 +83,7 @@ def _write_result(log: Log) -> None:
 
 
 def close_incomplete_job(progress: ProgressCallback, log: Path, operator: str | None) -> Path:
-    """Job: close a run that is not to be resumed; return its result file."""
+    """Job: close a run that will not be resumed, and return its result file."""
     result = close_incomplete(log, operator)
     progress(1.0)
     return result
@@ -91,14 +91,14 @@ def close_incomplete_job(progress: ProgressCallback, log: Path, operator: str | 
 
 @dataclass(frozen=True)
 class StartupRecovery:
-    """Logs of the runs whose process died, and the result of the hand-over."""
+    """Logs of the runs whose process died, and the outcome of the hand-over."""
 
     incomplete: tuple[Path, ...]
     delivery: Delivery
 
 
 def recover_at_startup(progress: ProgressCallback, runs: Path, station: Path | None) -> StartupRecovery:
-    """Job: finish incomplete runs, refresh the history, and deliver pending results as set in the station file."""
+    """Job: finish incomplete runs, update the history, and deliver pending results as the station file specifies."""
     incomplete = finish_incomplete(runs) if runs.is_dir() else []
     progress(0.3)
     History(runs).refresh(lambda fraction: progress(0.3 + 0.4 * fraction))

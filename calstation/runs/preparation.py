@@ -1,4 +1,4 @@
-"""Preparation of a requested run: its configuration, folder, history, and log."""
+"""Preparation of a requested run: its configuration, folder, history and log."""
 
 import logging
 import re
@@ -41,7 +41,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class PreparedRun:
-    """The run of a unit before its devices are opened; `continuation` is the start of a resumed run.
+    """The run of a unit before its devices are opened; `continuation` is the part that a resumed run continues.
 
     The units of a batch share a `cycle`, which follows the events passed to the `listener`.
     """
@@ -61,7 +61,7 @@ class PreparedRun:
 
     @property
     def slot(self) -> str:
-        """Name of its slot on the table; "" at a station with one unit."""
+        """Name of the slot of the unit; "" at a station with one unit."""
         return self.setup.request.slot or ""
 
     @property
@@ -70,10 +70,11 @@ class PreparedRun:
         return self.setup.request.out
 
     def meta(self, registers: dict[str, float] | None) -> tuple[LogMeta, Message | None]:
-        """Return the log's configuration, and a message about the prior of a partial run that is not resumed.
+        """Return the configuration of the log, and a message about the prior of a partial run that is not resumed.
 
-        `registers` are the unit's registers, SI, or None if they could not be read. The prior of a partial run is the
-        current calibration. Raises ConfigurationError or DeviceFaultError if a run to be resumed has changed.
+        `registers` are the registers of the unit, SI, or None if they could not be read. The prior of a partial run is
+        the current calibration. Raises ConfigurationError or DeviceFaultError if the conditions of a run to be resumed
+        have changed.
         """
         continuation, serial, message = self.continuation, self.setup.request.serial, None
         attempt = 1 + self.history.attempts(serial) if continuation is None else continuation.attempt
@@ -93,9 +94,9 @@ class PreparedRun:
         return meta.model_copy(update={"previous": values}), message
 
     def open(self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None = None) -> "OpenRun":
-        """Open the run's log and register its result as pending for the hand-over.
+        """Create the log of the run, and register its result as pending for the hand-over.
 
-        Raises like `meta`, and ConfigurationError if the log cannot be created.
+        Raises the errors of `meta`, and ConfigurationError if the log cannot be created.
         """
         meta, message = self.meta(registers)
         stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
@@ -155,7 +156,7 @@ class OpenRun:
 def prepare(
     request: RunRequest, emit: Emit, control: Control, hooks: type[RunHooks] | None = None
 ) -> tuple[PreparedRun, ...]:
-    """Make all checks that need no open device, and return the run of each unit.
+    """Perform all checks that need no open device, and return the run of each unit.
 
     `hooks` replaces the hooks of the station. Raises ConfigurationError or InputError if the run is not possible as
     requested.
@@ -200,7 +201,7 @@ def _emit_of_slot(emit: Emit, slot: str, event: Event) -> None:
 
 
 def _check_permitted(setup: RunConfiguration, history: History) -> RunConfiguration:
-    """Raise ConfigurationError if a unit must not be calibrated; return its configuration, see `_check_standards`."""
+    """Return the configuration from `_check_standards`. Raises ConfigurationError if a unit must not be calibrated."""
     refusal, request = attempts_used(setup, history), setup.request
     if refusal is not None and not request.beyond_attempts:
         raise refusal
@@ -212,11 +213,10 @@ def _check_permitted(setup: RunConfiguration, history: History) -> RunConfigurat
 
 
 def _check_standards(setup: RunConfiguration, history: History) -> RunConfiguration:
-    """Refuse production if a check standard or a certificate is overdue or failed, or record the permitted exception.
+    """Refuse production if a check standard or a certificate is overdue or failed, unless an override permits it.
 
-    Returns the configuration with the override only if it was needed. Raises ConfigurationError, also if the site has
-    PINs and nobody has confirmed their identity, or if a second person required by the product has not confirmed the
-    exception.
+    Returns the configuration, with the override only if it was needed. Raises ConfigurationError, also if the site has
+    PINs and the person was not identified by one, or if the product requires a second person who has not confirmed.
     """
     problems, request = require_standards(setup, history, datetime.now(UTC)), setup.request
     if not problems:

@@ -1,6 +1,6 @@
-"""Resumption of a run after its last completed stage. The new log begins with the samples of the completed stages.
+"""Resumption of a run after its last completed stage, in a log that begins with the samples of the completed stages.
 
-The same chain solves these stages again with bit-identical results, so that posteriors are not stored.
+The same chain solves these stages again with bit-identical results, so that posteriors need not be stored.
 """
 
 import tomllib
@@ -40,9 +40,9 @@ _ENDED = ("passed", "failed", "imported")
 
 @dataclass(frozen=True)
 class Resumable:
-    """A run that can be resumed after its `finished` stages.
+    """A run that can be resumed after its stages `finished`.
 
-    `why` is the stop reason or error, "" if its process died.
+    `why` is the reason for the stop or the error; it is "" if the process died.
     """
 
     serial: str
@@ -59,9 +59,9 @@ class Resumable:
 
 
 def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
-    """Job: return the runs in a folder that can be resumed, the latest first.
+    """Job: find the runs in a folder that can be resumed, and return them with the latest first.
 
-    At most one run per unit is returned, and none that is older than a verdict of the unit.
+    At most one run per unit is returned, and no run that is older than the last verdict on the unit.
     """
     history = History(folder)
     history.refresh()
@@ -82,12 +82,12 @@ def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
 
 
 def resumable_run(folder: Path, serial: str) -> Resumable | None:
-    """Return the resumable run of a unit according to the index of the folder's runs, or None."""
+    """Return the resumable run of a unit according to the index of a folder of runs, or None."""
     return _best_run(History(folder).of(serial))
 
 
 def _best_run(runs: list[RunRecord]) -> Resumable | None:
-    """Return the folder's latest run with the most finished stages since the unit's last verdict at any station."""
+    """Return the run with the most finished stages since the last verdict on the unit at any station."""
     best: RunRecord | None = None
     for run in runs:
         if run.verdict.judged or run.closed:
@@ -98,7 +98,7 @@ def _best_run(runs: list[RunRecord]) -> Resumable | None:
 
 
 def _as_resumable(record: RunRecord) -> Resumable | None:
-    """Return a run that can be resumed; None if its log does not permit it."""
+    """Return the record as a resumable run, or None if its log does not permit it."""
     try:
         log = open_log(record.log)
         finished = _finished_stages(log)
@@ -142,7 +142,7 @@ def _finished_stages(log: Log) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Continuation:
-    """Start of a resumed run: its request, the log that it continues, and the stages finished in that log."""
+    """The earlier part of a resumed run: the request, the log that it continues, and the stages finished there."""
 
     request: RunRequest
     log: Log
@@ -180,10 +180,10 @@ class Continuation:
         return self.log.meta.run.attempt if self.log.meta.run is not None else 1
 
     def meta(self, new: LogMeta, registers_read: bool) -> LogMeta:
-        """Return the new log's configuration: a copy of the old one, so that the finished stages stay valid.
+        """Return the configuration of the new log, a copy of the old one, so that the finished stages stay valid.
 
-        `new` is the configuration of a new run, with the unit's registers if they could be read. Raises
-        ConfigurationError or DeviceFaultError if site, table, unit or product have changed.
+        `new` is the configuration of a new run, including the registers of the unit if they could be read. Raises
+        ConfigurationError or DeviceFaultError if the site, the table, the unit or the product has changed.
         """
         old, path = self.log.meta, self.log.path
         for name in ("site", "imu", "table", "product", "schedule"):
@@ -226,7 +226,7 @@ class Continuation:
         return LastSample(int(last.seq[-1]), float(last.time[-1]), int(last.step[-1]))
 
     def _blocks(self) -> Iterator[tuple[str, SampleBlock | None]]:
-        """Yield the blocks of the finished stages, each with the previous stage, and None at the end of each stage."""
+        """Yield the blocks of the finished stages with the stage before, and None at the end of each stage."""
         stage = ""
         remaining = list(self.finished)
         for block in self.log.blocks():
@@ -252,7 +252,7 @@ class Continuation:
 
 
 def _check_not_continued(log: Log) -> None:
-    """Raise ConfigurationError if another run has completed this one, because the unit may have changed since."""
+    """Raise ConfigurationError if another run has completed this one, since the unit may have changed after it."""
     history = History(log.path.parent)
     history.refresh()
     names = {log.path.name}
@@ -279,19 +279,19 @@ def _check_station(log: Log, here: StationConfig) -> None:
 
 
 def _schedule(meta: LogMeta, stage: str) -> dict[str, Any]:
-    """Return the original schedule of a stage; values that are not in the log were None."""
+    """Return the original schedule of a stage; values that are missing in the log were None."""
     values = meta.schedule.get(stage, {})
     return {name: values.get(name) for name in method(stage).schedule.model_fields}
 
 
 def _prior_information(meta: LogMeta) -> Any:
-    """Return the registers applied in a run, and its current calibration or else its prior."""
+    """Return the registers applied in a run, and its current calibration or, without one, its prior."""
     calibration = meta.run.calibration if meta.run is not None else None
     return meta.registers, meta.prior if calibration is None else calibration.log
 
 
 def _without_none(value: Any) -> Any:
-    """Return a section as stored in a log, without None values."""
+    """Return a section without its None values, as it is stored in a log."""
     plain = value.model_dump() if hasattr(value, "model_dump") else value
     if isinstance(plain, Mapping):
         return {key: _without_none(item) for key, item in plain.items() if item is not None}

@@ -1,4 +1,4 @@
-"""Execution of one run: preparation, opening of the devices, stages, finalization and result."""
+"""Execution of a run: preparation, opening of the devices, stages, finalization and result."""
 
 import logging
 from collections.abc import Iterator, Sequence
@@ -40,7 +40,7 @@ logger = logging.getLogger(__name__)
 
 
 def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHooks] | None = None) -> None:
-    """Execute a run to its end and emit the verdict of every unit; a result JSON is written next to each log.
+    """Execute a run, write a result JSON next to each log, and emit the verdict on every unit.
 
     `hooks` replaces the hooks of the station, see `station_hooks`. Raises ConfigurationError or InputError, before any
     device is opened, if the run is not possible as requested.
@@ -57,7 +57,7 @@ def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHo
 
 
 def _run(units: tuple[PreparedRun, ...]) -> None:
-    """Open the devices and run; if they cannot be opened, or after an early stop, the logs contain only results."""
+    """Open the devices and execute the run; if this fails before the logs are opened, they contain only results."""
     runs: list[OpenRun] = []
     first = units[0]
     try:
@@ -86,13 +86,13 @@ def _run(units: tuple[PreparedRun, ...]) -> None:
 
 
 def _name(runs: Sequence[OpenRun]) -> str:
-    """Return the name of the run in the application log: the name of its batch or of its log."""
+    """Return the name of the run in the application log, which is the name of its batch or of its log."""
     return runs[0].setup.request.batch or runs[0].log.path.stem
 
 
 @contextmanager
 def _closing_on_error(runs: Sequence[OpenRun]) -> Iterator[None]:
-    """Close the runs still open with a fault if the context ends with any exception, including programming errors."""
+    """Close the open runs with a fault if the context ends with an exception, including programming errors."""
     try:
         yield
     except StopRequested:
@@ -113,7 +113,7 @@ def _closing_on_error(runs: Sequence[OpenRun]) -> Iterator[None]:
 
 
 def _open(units: Sequence[PreparedRun], devices: Devices, runs: list[OpenRun]) -> list[Finalization]:
-    """Recover interrupted transfers, read the registers of the units and append their open runs to `runs`.
+    """Recover interrupted transfers, read the registers of the units, and append the opened runs to `runs`.
 
     Returns the evaluations of the units that can continue; units with an error have left the batch. Raises
     StopRequested, ConfigurationError if a log cannot be created, and any CalstationError of the only unit.

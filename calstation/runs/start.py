@@ -1,4 +1,4 @@
-"""Start of a run: the questions and refusals before it, and the request that the engine executes."""
+"""Start of a run: the questions before it, the reasons to refuse it, and the request that the engine executes."""
 
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -29,8 +29,8 @@ from calstation.runs.resume import Continuation, Resumable, resumable_run
 #: Role of the person who starts a run.
 Role = Literal["operator", "engineer"]
 
-#: Subject of a question: an interrupted run of the unit, attempts used up, a unit that has passed, a check standard or
-#: certificate that is overdue or failed, or the motion of a real table.
+#: Subject of a question: an interrupted run of the unit, attempts that are used up, a unit that has passed, a check
+#: standard or certificate that is overdue or failed, or the motion of a real table.
 Subject = Literal["resume", "attempts", "passed", "standard", "table_moves"]
 
 #: Refusals of production that an engineer can override.
@@ -48,18 +48,18 @@ class Question:
     text: Text  #: The question, an entry of the catalogue.
     #: Answers with which the run starts, entries of the catalogue family ``answer``; () if only an engineer may answer.
     answers: tuple[str, ...]
-    refusal: ConfigurationError  #: Error of a run that starts without an answer; its remedy names the option.
+    refusal: ConfigurationError  #: Error raised without an answer; its remedy names the option.
 
 
 class RunStart:
-    """A run before its start.
+    """A run before its start, with the questions that must be answered.
 
     `next_question` returns the next question, `answer` and `override` process the answers, and `request` is the request
     that the engine executes, for one unit or for a batch.
     """
 
     def __init__(self, request: RunRequest, role: Role) -> None:
-        """Check a request that a person of this role has made; its serial numbers are in the order of the slots.
+        """Check a request made by a person of this role; its serial numbers are in the order of the slots.
 
         Raises ConfigurationError or InputError if the run is not possible as requested.
         """
@@ -89,7 +89,7 @@ class RunStart:
         return None
 
     def answer(self, question: Question, answer: str) -> None:
-        """Process one of the answers to a question; see `override` for a check standard.
+        """Process an answer to a question other than the one about a check standard, for which see `override`.
 
         Raises ConfigurationError or InputError if an interrupted run cannot be resumed.
         """
@@ -102,14 +102,14 @@ class RunStart:
 
     @property
     def override_required(self) -> ConfirmationRequired:
-        """Who must confirm an `override`."""
+        """The persons who must confirm an `override`."""
         return confirmation_required("override", self._strictest.product, self._strictest.station)
 
     def override(self, reason: str, first: Person | None, second: Person | None = None) -> None:
         """Permit the run despite a check standard or a certificate that is overdue or has failed.
 
         `first` is None at a site without PINs, where a reason suffices. Raises ConfigurationError if the reason is
-        missing or a person may not permit it.
+        missing, or if a person is not allowed to permit the run.
         """
         if not reason.strip():
             raise ConfigurationError("quality.no_reason")
@@ -120,7 +120,7 @@ class RunStart:
 
     @property
     def _strictest(self) -> RunConfiguration:
-        """Configuration of a unit whose product requires two people for an override, or of the first unit."""
+        """Configuration of a unit whose product requires two people for an override, or else of the first unit."""
         setups = (s for s in self._setups if confirmation_required("override", s.product, s.station).second)
         return next(setups, self._setups[0])
 
@@ -183,19 +183,19 @@ class RunStart:
         return Question("table_moves", Text.of("question.table_moves", station=station), ("clear",), refusal)
 
     def _text(self, name: str, values: dict[str, Value]) -> Text:
-        """Return a question about the only unit, or about units of a batch."""
+        """Return a question about the only unit or about units of a batch."""
         return Text(f"question.{'units_' if self.request.serials else ''}{name}", values)
 
 
 def resume_question(run: Resumable) -> Text:
-    """Return the question of whether to resume a run after its finished stages."""
+    """Return the question whether to resume a run after its finished stages."""
     finished = len(run.finished)
     stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
     return Text.of("question.resume", serial=run.serial, number=finished + 1, stage=stage, when=run.started_utc)
 
 
 def attempts_used(setup: RunConfiguration, history: History) -> ConfigurationError | None:
-    """Return the refusal of a unit whose attempts are used up, or None; check standards have no limit."""
+    """Return the error if the attempts of a unit are used up, otherwise None; check standards have no limit."""
     serial, product = setup.request.serial, setup.product
     failures, allowed = history.failures(serial), product.attempts_allowed
     if allowed is None or failures < allowed or setup.check_standard is not None:
@@ -206,9 +206,9 @@ def attempts_used(setup: RunConfiguration, history: History) -> ConfigurationErr
 
 
 def _complete_request(request: RunRequest, history: History) -> RunRequest:
-    """Complete a request with the unit of the log that it resumes, the bench's units, and the id of a batch.
+    """Complete a request with the unit of the log to resume, the units of the bench, and the id of a batch.
 
-    Raises ConfigurationError if it names no unit, InputError if the log cannot be read.
+    Raises ConfigurationError if it names no unit, or InputError if the log cannot be read.
     """
     path, station = load_station(request.station)
     if request.resume is not None:
@@ -227,7 +227,7 @@ def _complete_request(request: RunRequest, history: History) -> RunRequest:
     if not any(serials) and station.bench is None:
         raise ConfigurationError("run.serial_missing", path=path)
     if not any(serials):
-        # the same seed means the same unit, also if it has passed
+        # the same seed selects the same unit, even if it has passed
         serials = virtual_serials(
             station.bench or {},
             station.slot_names,
@@ -239,7 +239,7 @@ def _complete_request(request: RunRequest, history: History) -> RunRequest:
 
 
 def product_of(log: Path) -> Path | None:
-    """Return the product file of the run of a log; None if the log names none, or one that is not in the library.
+    """Return the product file of the run of a log, or None if the log names none or the library does not contain it.
 
     Raises InputError if the log cannot be read.
     """
@@ -248,5 +248,5 @@ def product_of(log: Path) -> Path | None:
 
 
 def _product_name(meta: LogMeta) -> str | None:
-    """Return the name of the product file of a run, None if its log does not name it."""
+    """Return the name of the product file of a run, or None if its log does not name it."""
     return meta.run.files["product"].name if meta.run is not None and meta.run.files else None

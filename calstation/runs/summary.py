@@ -55,7 +55,7 @@ class RunSummary:
 
 
 def run_summary(request: RunRequest) -> RunSummary:
-    """Summarise the run of a request, for any serial number. Raises ConfigurationError."""
+    """Summarise a requested run, which need not name a serial number. Raises ConfigurationError."""
     setup = load_configuration(request)
     check_station(setup)
     load, picture = setup.product.load_angle, setup.product.picture

@@ -1,7 +1,7 @@
-"""Execution of runs on one table with its units: steps, protection of the table, data acquisition, and events.
+"""Execution of runs on a table with its units: steps, protection of the table, data acquisition and events.
 
 The package is independent of user interfaces; it writes the raw log only through `Slot.log`.
-It has more than 15 modules: one for each part of the control loop or kind of task.
+It has more than 15 modules, one for each part of the control loop and each kind of task.
 """
 
 from calstation.sequencer.acquisition import MAX_POLL_DURATION

@@ -1,4 +1,4 @@
-"""Data acquisition: reads the samples of an IMU, assigns table angles to them, and tags them with stage and step."""
+"""Data acquisition, which reads samples of an IMU, assigns table angles to them, and tags them with stage and step."""
 
 import math
 from collections import deque
@@ -16,28 +16,28 @@ from calstation.sequencer.context import Clock, LastSample, UnitTask
 #: Number of ticks over which the minimum delay between the IMU clock and the station clock is determined.
 CLOCK_WINDOW = 200
 
-#: Assumed interval between the last sample of a run and the first one after it is resumed, in s of counter and IMU
-#: time. The true interval is unknown if the unit lost power.
+#: Assumed interval of counter and IMU time between the last sample of a run and the first sample after it is resumed,
+#: s. The true interval is unknown if the unit lost power.
 RESUME_GAP = 1.0
 
-#: A channel is stuck if its noise is at least this many output steps and its value is constant over this many samples;
-#: the probability of this occurring by chance is 1e-28.
+#: A channel is stuck if its noise is at least this many output steps but its value is constant over this many samples.
+#: The probability that this occurs by chance is 1e-28.
 _MIN_NOISE, _STUCK_AFTER = 0.35, 400
 
-#: Delay of samples, as a fraction of the counter's wrap time, that indicates an undetected wrap. The transport can only
-#: increase the delay.
+#: Delay of samples, as a fraction of the wrap period of the counter, that indicates an undetected wrap; the transport
+#: can only increase the delay.
 _WRAP_DELAY = 0.9
 
-#: Maximum duration of a poll, s. A longer poll was lost and repeated, so the time of its angles is unknown.
+#: Maximum duration of a poll, s; a longer poll was lost and repeated, so that the time of its angles is unknown.
 MAX_POLL_DURATION = 0.3
 
 
 @dataclass(frozen=True)
 class DrainResult:
-    """Number of samples read, number of samples missing before or among them, and their combined status.
+    """The number of samples read, the number of samples missing before or among them, and their combined status.
 
-    `invalid` is True if some output is not a number. `stuck` is the name of a channel that was constant for too long,
-    or "" if there is none.
+    `invalid` is True if any output is not a number. `stuck` is the name of a channel that has been constant for too
+    long, or "".
     """
 
     count: int = 0
@@ -51,9 +51,9 @@ class DrainResult:
 
 @dataclass
 class SampleTags:
-    """The stage, step and validity that all units assign to the samples they read from now on.
+    """The stage, step and validity with which the samples of all units are tagged when they are read.
 
-    While `unlogged` is set, samples are passed to taps only.
+    While `unlogged` is set, samples are passed only to the taps.
     """
 
     step: int = 0
@@ -63,7 +63,7 @@ class SampleTags:
 
     @contextmanager
     def without_logging(self) -> Iterator[None]:
-        """Keep samples out of the logs while the context is open."""
+        """Do not log samples while the context is open."""
         before, self.unlogged = self.unlogged, True
         try:
             yield
@@ -74,21 +74,21 @@ class SampleTags:
 class Acquisition:
     """Converts the IMU's samples to tagged blocks for the log and the solver.
 
-    The IMU time of a table poll is the midpoint between the station times of request and reply, minus the latency and
-    the smallest delay observed between the IMU clock and the station clock. The angle, extrapolated with the polled
-    rate, is assigned to the nearest sample; all other samples have NaN.
+    The IMU time of a table poll is the midpoint of the station times of request and reply, minus the latency and the
+    smallest delay observed between the IMU clock and the station clock. The polled angle is extrapolated with the
+    polled rate to the nearest sample; the angles of all other samples are NaN.
 
-    If exactly one full wrap of the counter is lost, the counter has no gap. The station clock reveals the loss: the
-    following samples arrive later than all previous ones by the duration of a wrap.
+    If exactly one full wrap of the counter is lost, the counter shows no gap. The station clock reveals the loss,
+    because the following samples arrive later than all previous ones by the duration of a wrap.
 
     `newest_time` is the IMU time of the last sample, s, or None. `breaks` counts interruptions of the counter and
-    losses of readiness, `restarts` only those caused by a restart of the unit.
+    losses of readiness, and `restarts` counts only those caused by a restart of the unit.
 
     Parameters
     ----------
     imu, unit, clock : the unit, its properties and the station clock
     tags : tags of the samples
-    sink : receives each block that belongs in the log
+    sink : called with each block that belongs in the log
     latency : age of a polled angle at the midpoint of the poll, s
     after : last sample of the run that is resumed
     gimbal : whether the polled angles belong to three joints
@@ -132,7 +132,7 @@ class Acquisition:
         self.last_arrival = clock.now()
 
     def poll(self, status: TableStatus, requested: float, replied: float) -> None:
-        """Add a poll of the table with the station times of its request and its reply, s; ignore a slow poll."""
+        """Add a poll of the table with the station times of request and reply, s; a slow poll is ignored."""
         if replied - requested > MAX_POLL_DURATION:
             return
         middle = 0.5 * (requested + replied) - self._latency
@@ -140,7 +140,7 @@ class Acquisition:
         self._polls.append((middle, np.array(angles), np.array(rates)))
 
     def drain(self) -> DrainResult:
-        """Read all samples received so far, and pass them to the taps and, with their tags, to the log.
+        """Read all samples received so far; pass them to the taps and, with their tags, to the log.
 
         Raises DeviceFaultError, or ConfigurationError if the log cannot be written.
         """
@@ -226,7 +226,7 @@ class Acquisition:
             self._taps.remove(blocks)
 
     def _with_wraps(self, batch: SampleBatch, now: float) -> SampleBatch:
-        """Return the batch with the run's counter and time, corrected for lost whole wraps of the unit's counter."""
+        """Return the batch with the counter and time of the run, corrected for lost full wraps of the counter."""
         if self._delays and math.isfinite(self._unit.wrap):
             seconds = self._period * self._unit.wrap
             delay = now - (float(batch.time[-1]) + self._time_shift) - min(self._delays)
@@ -236,7 +236,7 @@ class Acquisition:
         return replace(batch, seq=batch.seq + self._seq_shift, time=batch.time + self._time_shift)
 
     def _stuck(self, counts: FloatArray) -> str:
-        """Return the first channel that is stuck, or "" if there is none."""
+        """Return the name of the first channel that is stuck, or ""."""
         before = counts[:1] if self._previous_counts is None else self._previous_counts[None]
         changed = counts != np.concatenate([before, counts[:-1]])
         self._previous_counts = counts[-1]

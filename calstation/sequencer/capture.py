@@ -1,4 +1,4 @@
-"""Capture of unit output for verification: rests in several attitudes and turns of both joints."""
+"""Capture of the output of units for verification: rests in several attitudes and turns of both joints."""
 
 from collections.abc import Callable, Iterable
 from typing import TypeVar
@@ -28,20 +28,20 @@ REST = 10.0
 #: Duration of a rest in each attitude on a table, s.
 TABLE_REST = 1.8
 
-#: IMU time recorded after a move has settled, so that its last samples are included, s.
+#: IMU time recorded after a move has settled so that its last samples are included, s.
 _AFTER_MOVE = 0.1
 
 _ATTEMPTS = 3
 
-#: Approximate total time to capture a unit's output on a table before and after its restart, s.
+#: Approximate total duration of the captures on a table before and after the restart of a unit, s.
 DURATION = 45.0
 
-#: Expected time to turn a unit over manually, s.
+#: Expected duration of turning a unit over manually, s.
 _MANUAL_MOVE_TIME = 6.0
 
 
 class UnitRestarted(Interruption):
-    """A unit restarted during a capture; samples before and after the restart must not be combined."""
+    """Raised if a unit restarts during a capture, because samples before and after the restart cannot be combined."""
 
     def __init__(self, unit: Unit) -> None:
         super().__init__(unit)
@@ -51,10 +51,12 @@ class UnitRestarted(Interruption):
 def verification_data(
     runner: StepRunner, path: VerificationPath, units: Iterable[Unit], *, is_reference: bool
 ) -> dict[Unit, VerificationData]:
-    """Capture rests and turns of some units along a path; units that leave the run during the capture have no data.
+    """Capture rests and turns of units along a path.
 
-    A reference needs no opposite rest, but it must return to the start of the path, where the next capture begins. The
-    table must be at the start, and no stream may be interrupted. Raises DeviceFaultError or UnitRestarted.
+    The table must be at the start of the path. A reference contains no opposite rest, but returns to the start, where
+    the next capture begins. The result has no entry for a unit that leaves the run during the capture.
+
+    Raises DeviceFaultError, or UnitRestarted if a stream was interrupted.
     """
     units = tuple(units)
     rests, opposites = [_rest(runner, units)], []
@@ -81,7 +83,7 @@ def verification_data(
 
 
 def _joined_legs(legs: list[TurnData]) -> TurnData:
-    """Return the sum of the measured legs of a turn."""
+    """Return a turn with the sums over its measured legs."""
     return TurnData(legs[0].turn, np.sum([leg.integral for leg in legs], axis=0), sum(leg.seconds for leg in legs))
 
 
@@ -106,7 +108,7 @@ def _turn(
         return TurnData(turn, counts.sum(axis=0) * unit.acquisition.scale * period, period * len(counts))
 
     def drive() -> None:
-        loop.tick()  # otherwise a gap before the first block would not be detected
+        loop.tick()  # without it, a gap before the first block would not be detected
         runner.drive(move)
         loop.wait_for_samples(_AFTER_MOVE)
 
@@ -123,7 +125,7 @@ def _capture_complete(
     measure: Callable[[Unit, list[SampleBlock]], _Value],
     before_repeat: Callable[[], None] = lambda: None,
 ) -> dict[Unit, _Value]:
-    """Record until every unit has complete samples; units without complete samples in any attempt leave the run."""
+    """Repeat a recording until every unit has complete samples; a unit that never has them leaves the run."""
     measured: dict[Unit, _Value] = {}
     streams = runner.streams
 
@@ -151,15 +153,16 @@ def _capture_complete(
 
 
 def _is_complete(blocks: list[SampleBlock]) -> bool:
-    """Return whether there is more than one sample, and all are valid."""
+    """Return whether there is more than one sample and all samples are valid."""
     return sum(map(len, blocks)) > 1 and all(block.valid.all() for block in blocks)
 
 
 def mean_at_rest(counts: FloatArray) -> FloatArray:
-    """Return the weighted mean, shape (6,), of samples at rest, shape (n, 6).
+    """Return the weighted mean of samples at rest.
 
-    The weights are parabolic, like those of the slope of a line fitted to the integral. They minimise the effect of
-    vibration of a stationary base whose velocities are uncorrelated and have equal sigmas (Gauss-Markov theorem).
+    `counts` has shape (n, 6), and the mean has shape (6,). The weights are parabolic, as they are for the slope of a
+    line fitted to the integral. They minimise the effect of vibration of a stationary base whose velocities are
+    uncorrelated and have equal sigmas (Gauss-Markov theorem).
     """
     n = len(counts)
     middle = np.arange(n) + 0.5
@@ -190,7 +193,7 @@ def manual_rig_data(runner: StepRunner) -> VerificationData:
 
 
 def _manual_rig_data(blocks: list[SampleBlock], first: int, scale: FloatArray) -> VerificationData | None:
-    """Return both rests, the first up to sample `first`, and the samples between them; None if any are missing."""
+    """Return both rests, the first of `first` samples, and the samples between them; None if samples are missing."""
     seq = np.concatenate([np.empty(0, np.int64), *(block.seq for block in blocks)])
     if len(seq) < 2 or (np.diff(seq) != 1).any() or not all(block.valid.all() for block in blocks):
         return None

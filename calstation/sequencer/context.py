@@ -1,4 +1,4 @@
-"""The task of a run, and the objects that its parts share: table, units, clock, commands and event listener."""
+"""The task of a run and the objects that its parts share: table, units, clock, commands and event listener."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -22,12 +22,12 @@ from calstation.sequencer.verification_path import VerificationData
 if TYPE_CHECKING:  # the window uses tasks but not logs
     from calstation.records import RawLogWriter
 
-#: Function that runs another function to its end in a separate thread and returns its result or raises its error.
+#: Function that runs another function in a separate thread to its end, and returns its result or raises its error.
 RunInBackground = Callable[[Callable[[], Any]], Any]
 
 
 class Output(StrEnum):
-    """When a unit outputs samples with its registers applied: always, on command, or never."""
+    """When a unit applies its registers to the samples that it outputs: always, on command, or never."""
 
     ALWAYS = "always"
     ON_COMMAND = "on_command"
@@ -36,7 +36,7 @@ class Output(StrEnum):
 
 @dataclass(frozen=True)
 class LastSample:
-    """Counter, IMU time (s) and step of the last sample of the run that is resumed."""
+    """Counter, IMU time, s, and step of the last sample of the run that is resumed."""
 
     seq: int
     time: float
@@ -45,12 +45,12 @@ class LastSample:
 
 @dataclass(frozen=True)
 class PreflightLimits:
-    """Limits of the checks of a unit and its mounting before the run.
+    """Limits for the checks of a unit and its mounting before the run.
 
-    Times are in s, angles in rad, rates in rad/s. `warm_up_slope` is in °C/min, or None if it is not checked. `gravity`
-    is in m/s²; `gravity_tolerance` and `turn_tolerance` are relative. At rest each gyro must measure a rate between
-    `rate_low` and `rate_high`, shape (3,). The data must have no gap within `flow` s. The output is not checked if
-    `output` is False, because the registers applied to it may be wrong.
+    Times are in s, angles in rad, and rates in rad/s. `warm_up_slope` is in °C/min, or None if it is not checked.
+    `gravity` is in m/s²; `gravity_tolerance` and `turn_tolerance` are relative. At rest, each gyro must measure a rate
+    between `rate_low` and `rate_high`, both of shape (3,). The data must contain no gap for `flow` s. If `output` is
+    False, the output is not checked, because the registers applied to it may be wrong.
     """
 
     serial_pattern: str
@@ -73,9 +73,9 @@ class PreflightLimits:
 
 @dataclass(frozen=True)
 class UnitTask:
-    """The properties of a unit's stream, its preflight limits, and the geometry of the table in the unit's axes.
+    """Properties of the stream of a unit, its preflight limits, and the geometry of the table in the axes of the unit.
 
-    `span` is the range of the channels, in counts. The counter wraps after `wrap` samples.
+    `span` is the range of the channels, counts. The counter wraps after `wrap` samples.
     """
 
     serial: str
@@ -90,7 +90,7 @@ class UnitTask:
 
 @dataclass(frozen=True)
 class Task:
-    """The motion of the table in a run and its limits; times in s, angles in rad.
+    """The motion of the table in a run and its limits, with times in s and angles in rad.
 
     Units are mounted at `load_angle`, to which the table moves with the travel rate and acceleration. `gimbal_turn`
     contains the settings of the turns of a gimbal.
@@ -114,7 +114,7 @@ class Task:
 
 @dataclass(frozen=True)
 class UnitDecision:
-    """The judgement of a unit, and whether to write its registers, which requires that it passed."""
+    """The judgement of a unit, and whether to write its registers, which requires that the unit passed."""
 
     judgement: Judgement
     to_write: bool
@@ -137,7 +137,7 @@ Emit = Callable[[Event], None]
 
 
 class Clock(Protocol):
-    """Station time, s: real time, or the time of the virtual bench."""
+    """A clock for station time, s, which is real time or the time of the virtual bench."""
 
     @property
     def tick(self) -> float:
@@ -157,9 +157,9 @@ class Clock(Protocol):
         """Let `seconds` of host time pass while the station computes."""
 
     def attach(self, received: Callable[[], Mapping[int, int]]) -> None:
-        """Let `sleep` wait for the IMUs' readers if the time is simulated.
+        """Make `sleep` wait for the readers of the IMUs if the time is simulated.
 
-        `received` returns the number of bytes that each reader has read, by the index of the IMU at the station.
+        `received` returns the number of bytes that each reader has read, by the index of the IMU.
         """
 
 
@@ -167,7 +167,7 @@ class Solving(Protocol):
     """The chain of stage solvers."""
 
     def warm(self) -> None:
-        """Prepare to solve; may take seconds on a new computer, because the kernels are compiled first."""
+        """Prepare to solve, which may take seconds on a new computer, because the kernels are compiled first."""
 
     def start(self, stage: str) -> None:
         """Begin a stage, with the posterior of the previous stage as its prior."""
@@ -179,44 +179,44 @@ class Solving(Protocol):
         """Return the current standard deviations of the 30 parameters, shape (30,), SI."""
 
     def ranking(self) -> Ranking | None:
-        """Return the observability at the last call of `sigma`; None if the stage does not compute it."""
+        """Return the observability at the last call of `sigma`, or None if the stage does not compute it."""
 
     def finish(self) -> Solution:
         """Solve the stage."""
 
 
 class Evaluation(Protocol):
-    """Decides whether a unit continues after a stage, whether it passes, and whether its registers are correct.
+    """Decisions about a unit: whether it continues after a stage, passes, and has correct registers.
 
-    Every communication with the unit runs in `run_in_background`, while the table is at rest; a stop request does not
-    interrupt it.
+    All communication with the unit runs in `run_in_background` while the table is at rest, and is not interrupted by a
+    stop request.
     """
 
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
-        """Return a function that verifies registers written before the run, or None if there are none to verify."""
+        """Return a function that verifies registers written before the run, or None if none have to be verified."""
 
     def continues(self, solution: Solution) -> bool:
         """Return whether to continue after a stage. Raises ConfigurationError."""
 
     def judge(self, solutions: tuple[Solution, ...]) -> UnitDecision:
-        """Compare the results with the limits; called once, after the last stage."""
+        """Compare the results with the limits; called once after the last stage."""
 
     def read_registers(self, run_in_background: RunInBackground) -> None:
-        """Read and log the registers that are to be replaced. Raises DeviceFaultError."""
+        """Read and log the registers that will be replaced. Raises DeviceFaultError."""
 
     def transfer(self, run_in_background: RunInBackground) -> None:
-        """Write the registers. Raises DeviceFaultError, or StopRequested before the first or after the last write."""
+        """Write the registers. Raises DeviceFaultError, or StopRequested before the first write or after the last."""
 
     def verify(self, data: VerificationData, run_in_background: RunInBackground) -> None:
         """Verify the written registers with the restarted unit's output. Raises DeviceFaultError if they are wrong."""
 
     def ended(self, ended: RunEnd) -> None:
-        """Write the result. Called once, in any thread, when the unit leaves a batch or the run ends."""
+        """Write the result; called once in any thread, when the unit leaves a batch or the run ends."""
 
 
 @dataclass(frozen=True)
 class Slot:
-    """A mounting position on the table with its unit, and all objects that belong to this unit.
+    """A mounting position on the table, its unit, and all objects that belong to the unit.
 
     `log`, `solving` and `evaluation` are None in a register operation. `after` is the last sample of the run that is
     resumed, and `solved` contains the solutions of its stages. `name` is "" for the only unit of a run.
@@ -232,7 +232,7 @@ class Slot:
     solved: tuple[Solution, ...] = ()
 
     def add_samples(self, block: SampleBlock) -> None:
-        """Log samples, and pass the samples of a stage to the solver."""
+        """Log samples; those of a stage are also passed to the solver."""
         if self.log is not None:
             self.log.append(block)
         if block.stage and self.solving is not None:
@@ -241,10 +241,11 @@ class Slot:
 
 @dataclass(frozen=True)
 class RunContext:
-    """The objects that the parts of a run on one table share.
+    """The objects that the parts of a run share.
 
-    `inactive` contains the names of the slots whose units have left the run; nothing more is written to their logs. If
-    a log of a batch cannot be written, `log_errors` contains the error by slot name until the unit leaves.
+    `inactive` contains the names of the slots whose units have left the run; nothing more is written to their logs.
+    `log_errors` contains, by the name of the slot, an error that occurred when the log was written, until the unit
+    leaves the batch.
     """
 
     task: Task
@@ -258,7 +259,7 @@ class RunContext:
 
     @property
     def slot(self) -> Slot:
-        """The first slot, which is the only one on a manual rig, on a gimbal and in a register operation."""
+        """The first slot, which is the only slot on a manual rig, on a gimbal and in a register operation."""
         return self.slots[0]
 
     def emit(self, event: Event) -> None:

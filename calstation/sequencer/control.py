@@ -1,4 +1,4 @@
-"""States of a run, its commands, and the exceptions with which commands interrupt the current step."""
+"""States and commands of a run, and the exceptions with which commands interrupt the current step."""
 
 import time
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ class State(StrEnum):
     DONE = "done"
 
 
-#: States in which a run or a register operation has ended. A fault is latched until a reset to idle.
+#: States in which a run or a register operation has ended; a fault is latched until it is reset to idle.
 ENDED = frozenset({State.STOPPED, State.FAULT, State.DONE})
 
 #: The states that may follow each state.
@@ -37,7 +37,7 @@ TRANSITIONS: dict[State, frozenset[State]] = {
 
 
 class IllegalTransitionError(RuntimeError):
-    """A programming error: a transition that `TRANSITIONS` does not allow."""
+    """Raised for a transition that `TRANSITIONS` does not allow, which is a programming error."""
 
 
 def transition(current: State, target: State) -> State:
@@ -57,7 +57,7 @@ class Command(StrEnum):
 
 
 class StopReason(StrEnum):
-    """Source of a stop request."""
+    """The source of a stop request."""
 
     OPERATOR = "operator"
     SIGNAL = "signal"
@@ -66,19 +66,19 @@ class StopReason(StrEnum):
 
 
 class Interruption(Exception):  # noqa: N818 - control flow, not an error
-    """Base of the exceptions that interrupt the current step."""
+    """Base class of the exceptions that interrupt the current step."""
 
 
 class StopRequested(Interruption):
-    """A safe stop of the run was requested."""
+    """Raised if a safe stop of the run was requested."""
 
 
 class PauseRequested(Interruption):
-    """A pause was requested; the step is repeated afterwards."""
+    """Raised if a pause was requested, after which the step is repeated."""
 
 
 class Control:
-    """Receives commands from any thread; the engine's thread processes them once per tick."""
+    """Receives commands from any thread, which the engine's thread processes once per tick."""
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[tuple[Command, StopReason]] = SimpleQueue()
@@ -86,11 +86,11 @@ class Control:
         self.stopping = False
         self.stop_reason: StopReason | None = None
         self.pausing = False
-        #: Whether to end and solve the current stage after the current move, if its plan repeats.
+        #: Whether to end and solve the current stage after the current move if its plan is repeated.
         self.ending_stage = False
 
     def send(self, command: Command, reason: StopReason = StopReason.OPERATOR) -> None:
-        """Send a command; callable from any thread."""
+        """Send a command, from any thread."""
         self._queue.put((command, reason))
 
     def take(self) -> None:
@@ -117,7 +117,7 @@ class Control:
 
     @contextmanager
     def ticking(self) -> Iterator[None]:
-        """Monitor whether the engine's thread processes commands at every tick, while the context is open."""
+        """Monitor, while the context is open, whether the engine's thread processes commands at every tick."""
         self._last_processed = time.monotonic()
         try:
             yield
@@ -125,6 +125,6 @@ class Control:
             self._last_processed = None
 
     def stuck(self, limit: float) -> bool:
-        """Return whether `take` was not called for `limit` s of host time in `ticking`; callable from any thread."""
+        """Return, in any thread, whether `take` has not been called for `limit` s of host time in `ticking`."""
         processed = self._last_processed
         return processed is not None and time.monotonic() - processed > limit

@@ -1,4 +1,4 @@
-"""The engine's control loop, which polls the table, reads samples, feeds the watchdog and processes commands."""
+"""The control loop, which polls the table, reads samples, feeds the watchdog and processes commands."""
 
 import logging
 import time
@@ -24,10 +24,10 @@ logger = logging.getLogger(__name__)
 
 
 class ControlLoop:
-    """Runs ticks in the engine's thread and interrupts the current step.
+    """The control loop in the engine's thread, which can interrupt the current step.
 
-    While `powered`, it is a fault if the axes are disabled. While `pausable`, a pause interrupts the step; otherwise it
-    is deferred. While `watchful`, lost or saturated samples of any unit invalidate the step.
+    While `powered` is set, disabled axes are a fault. While `pausable` is set, a pause interrupts the step; otherwise
+    it is deferred. While `watchful` is set, lost or saturated samples of any unit invalidate the step.
     """
 
     def __init__(self, context: RunContext, units: Units, on_progress: Callable[[], None]) -> None:
@@ -87,12 +87,12 @@ class ControlLoop:
             raise PauseRequested
 
     def feed_watchdog(self) -> None:
-        """Service the logs and feed the table's watchdog."""
+        """Write the logs to disk if necessary, and feed the watchdog of the table."""
         self.units.each(Unit.service)
         self.feed_table()
 
     def feed_table(self) -> None:
-        """Feed the table's watchdog every quarter of its timeout (host time)."""
+        """Feed the watchdog of the table if a quarter of its timeout has passed (host time)."""
         now = time.monotonic()
         if self.status.watchdog > 0.0 and now - self._fed_at > 0.25 * self.status.watchdog:
             with self.units.attributing_errors_to_table():
@@ -102,7 +102,7 @@ class ControlLoop:
     def wait(
         self, condition: Callable[[], bool], timeout: float, failure: CalstationError | Callable[[], CalstationError]
     ) -> None:
-        """Tick until `condition` is true; after `timeout` s of station time raise `failure` or the error it returns."""
+        """Tick until `condition` is true; after `timeout` s (station time), raise `failure` or the error it returns."""
         clock = self.context.clock
         deadline = clock.now() + timeout
         while not condition():
@@ -111,7 +111,7 @@ class ControlLoop:
             self.tick()
 
     def wait_for_units(self, condition: Callable[[Unit], bool], timeout: float, failure: CalstationError) -> None:
-        """Tick until `condition` is true for every unit; units that take more than `timeout` s of station time leave.
+        """Tick until `condition` is true for every unit; after `timeout` s of station time, the other units leave.
 
         Raises `failure` for the last unit.
         """

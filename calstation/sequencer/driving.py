@@ -1,4 +1,4 @@
-"""Preparation, motion and capture in a run; every exit path leaves the table at rest with its axes off."""
+"""Preparation, motion and capture in a run, which always ends with the table at rest and its axes off."""
 
 import logging
 import threading
@@ -28,10 +28,10 @@ from calstation.sequencer.verification_path import VerificationData, Verificatio
 #: Fraction of the gyro range used by the verification turns.
 _MAX_RANGE_FRACTION = 0.5
 
-#: Settling time after a move that may end before the next poll, s.
+#: Settling time after a move so short that it may end before the next poll, s.
 _SETTLE_TIME = 1.0
 
-#: Number of restarts of a unit during captures after which it is considered faulty; each restart repeats the capture.
+#: Number of captures interrupted by a restart of a unit after which the unit is considered faulty.
 _MAX_CAPTURES = 3
 
 #: Host time between polls while another thread works, s.
@@ -43,7 +43,7 @@ logger = logging.getLogger(__name__)
 class RunDriver:
     """Operates the table and the units of a run.
 
-    Nothing moves outside `run` or before `begin` and `preflight`. `begin` creates `control_loop` and `runner`.
+    The table moves only within `run`, after `begin`, which creates `control_loop` and `runner`, and `preflight`.
     """
 
     control_loop: ControlLoop
@@ -61,10 +61,10 @@ class RunDriver:
         self.tags = self.units.tags
 
     def run(self, work: Callable[[], State]) -> CalstationError | None:
-        """Run `work` and change to the state that it returns; every exit path leaves the table at rest, axes off.
+        """Run `work`, leave the table at rest with its axes off, and change to the state that `work` returns.
 
-        A CalstationError leads to the fault state and is returned. Any other exception is a programming error; it also
-        stops the table, and is raised.
+        After a CalstationError, the state is a fault and the error is returned. Any other exception is a programming
+        error, which is raised after the table has been stopped.
         """
         control = self._context.control
         try:
@@ -94,10 +94,10 @@ class RunDriver:
         previous, state = self.state, transition(self.state, state)
         logger.info("state %s -> %s", previous, state)
         self._context.emit(StateChanged(state, previous))
-        self.state = state  # not earlier: a fault of the log must be possible from the previous state
+        self.state = state  # only now, because a fault of the log must be possible in the previous state
 
     def begin(self) -> None:
-        """Poll the table for the first time; nothing moves. Raises DeviceFaultError if it does not respond."""
+        """Poll the table for the first time without motion. Raises DeviceFaultError if it does not respond."""
         self.control_loop = ControlLoop(self._context, self.units, self._on_show)
         self._streams = {
             unit: UnitStream(self.control_loop, unit, self.run_in_background, self._check_abandoned)
@@ -108,7 +108,10 @@ class RunDriver:
         self._has_begun = True
 
     def preflight(self) -> None:
-        """Run all preflight checks, switch the axes on and move home. Raises DeviceFaultError or ConfigurationError."""
+        """Perform all preflight checks, in which the axes are switched on and the table moves home.
+
+        Raises DeviceFaultError or ConfigurationError.
+        """
         Preflight(self.runner).run()
         for unit in self.units:
             unit.tolerates_noise = True  # the stream of a unit that restarts is requested again
@@ -123,10 +126,10 @@ class RunDriver:
             check_travel(limits, leg.move)
 
     def reference(self, units: Iterable[Unit], verified: Collection[Unit]) -> None:
-        """Capture the current output of some units on a table as the reference for `verification_data`.
+        """Capture the current output of units on a table as a reference for `verification_data`.
 
-        Half turns suffice in both captures if all units that will be `verified` are compared with the reference.
-        Raises DeviceFaultError, ConfigurationError or StopRequested.
+        Half turns suffice in both captures if all units in `verified` are compared with the reference. Raises
+        DeviceFaultError, ConfigurationError or StopRequested.
         """
         task = self._context.task
         compared = [unit for unit in units if unit.slot.unit.corrected is not Output.NEVER]
@@ -138,10 +141,10 @@ class RunDriver:
             self._references = self._capture(compared, "stream.restarts_before_write", is_reference=True)
 
     def verification_data(self, units: Iterable[Unit], *, restarted: bool = True) -> dict[Unit, VerificationData]:
-        """Capture the output of some units at rest and in turns without logging it, and restore the raw stream.
+        """Capture the output of units at rest and in turns without logging it, then restore their raw streams.
 
-        Units that leave the run during the capture have no data. Raises DeviceFaultError, ConfigurationError or
-        StopRequested.
+        The result has no entry for a unit that leaves the run during the capture. Raises DeviceFaultError,
+        ConfigurationError or StopRequested.
         """
         task, units = self._context.task, tuple(units)
         gimbal = task.gimbal  # a gimbal applies the registers itself
@@ -179,15 +182,15 @@ class RunDriver:
         }
 
     def _verification_path(self, units: Iterable[Unit], *, compared: bool) -> VerificationPath:
-        """Return the path of a capture from the load position, at which the run ends in any case."""
+        """Return the path of a capture from the load position, where the run ends in any case."""
         task, limits = self._context.task, self.control_loop.status.limits
         max_rate = _MAX_RANGE_FRACTION * min(map(_gyro_range, units))
         return verification_path(task.load_angle, task.geometry, limits, max_rate, compared=compared)
 
     def _capture(self, units: Iterable[Unit], code: str, *, is_reference: bool) -> dict[Unit, VerificationData]:
-        """Capture the output of some units along the path of the reference or a new one.
+        """Capture the output of units along the path of the reference, or along a new path.
 
-        If a unit restarts, the capture is repeated; `code` is the error code of a unit that restarts too often.
+        If a unit restarts, the capture is repeated; `code` is the code of the error if a unit restarts too often.
         """
         restarts: Counter[Unit] = Counter()
         has_arrived = self.runner.target is not None
@@ -211,9 +214,9 @@ class RunDriver:
         return {}
 
     def run_in_background(self, work: Callable[[], Any]) -> Any:
-        """Run uninterruptible `work` in a thread while feeding the table's watchdog, and return its result.
+        """Run `work`, which cannot be interrupted, in a thread while feeding the watchdog; return its result.
 
-        The watchdog is fed until the work is done; an error of the log or the table is raised only then.
+        An error of the log or the table is raised only after the work is done.
         """
         errors: list[CalstationError] = []
         self._is_abandoned.clear()

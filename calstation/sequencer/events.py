@@ -1,7 +1,7 @@
-"""Events of a run, which contain identifiers and values instead of text; the catalogue has the text.
+"""Events of a run, which contain identifiers and values instead of the texts in the catalogue.
 
-The progress bar, the log, the window and the database receive the same events. `to_json` and `from_json` convert an
-event for a pipe or a log.
+The progress bar, the log, the window and the database receive the same events. `to_json` and `from_json` convert
+events for a pipe or a log.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,7 +17,7 @@ from calstation.records import Verdict
 
 @dataclass(frozen=True)
 class Event:
-    """Base class of all events; `slot` is the slot of the unit concerned, "" for the whole run or its only unit."""
+    """Base class of all events; `slot` is the slot of the unit concerned, or "" for the whole run or its only unit."""
 
     slot: str = field(default="", kw_only=True)
 
@@ -32,7 +32,7 @@ class StateChanged(Event):
 
 @dataclass(frozen=True)
 class StageStarted(Event):
-    """Stage number `index` (from 0) of `count` begins; `duration` is its planned duration, s.
+    """Stage number `index` (from 0) of `count` has begun; `duration` is its planned duration, s.
 
     A `repeated` stage can be ended early by `Command.END_STAGE`.
     """
@@ -46,7 +46,7 @@ class StageStarted(Event):
 
 @dataclass(frozen=True)
 class StageProgress(Event):
-    """Progress of a stage: `fraction` from 0 to 1, `remaining` time, s, and largest current `sigma` by group, SI."""
+    """Progress of a stage: `fraction` from 0 to 1, `remaining` time, s, and largest `sigma` by group, SI."""
 
     stage: str
     fraction: float
@@ -56,7 +56,7 @@ class StageProgress(Event):
 
 @dataclass(frozen=True)
 class StageRanked(Event):
-    """Observability of a stage up to `step`: rank of the observability matrix, and strength by state; see `Ranking`."""
+    """Observability of a stage up to `step`: rank of the observability matrix and strength by state; see `Ranking`."""
 
     stage: str
     step: int
@@ -66,7 +66,7 @@ class StageRanked(Event):
 
 @dataclass(frozen=True)
 class StepStarted(Event):
-    """A step begins; `step` is its number in the samples, `label` its identifier and values from the plan."""
+    """A step has begun; `step` is its number in the samples, and `label` its identifier and values from the plan."""
 
     stage: str
     step: int
@@ -105,7 +105,7 @@ class JointsMoved(Event):
 
 @dataclass(frozen=True)
 class GimbalTurned(Event):
-    """Turn number `index` (from 1) about body axis `axis` by `angle`, rad, is complete.
+    """Turn number `index` (from 1) about the body axis `axis` by `angle`, rad, is complete.
 
     The `drift` of the other joints and the `threshold` are in rad; `gain` is α. `complete` is True if no more turns
     about the axis follow.
@@ -122,7 +122,7 @@ class GimbalTurned(Event):
 
 @dataclass(frozen=True)
 class Trace(Event):
-    """Output since the last trace: the IMU `time`, s, and the mean gyro x y z and accel x y z, SI, of each tick."""
+    """Output since the last trace: the IMU `time` of each tick, s, and the mean gyro and accel output x y z, SI."""
 
     time: tuple[float, ...]
     output: tuple[float, ...]
@@ -130,7 +130,7 @@ class Trace(Event):
 
 @dataclass(frozen=True)
 class PositionGuided(Event):
-    """Progress at position number `index` (from 1), to which the operator turns the unit.
+    """Progress at the position with number `index` (from 1), to which the operator turns the unit.
 
     `stage` is "" while the unit is turned to verify its new registers. `state` is the state of a `Guidance`. `rest` is
     the duration of the rest so far, and `wanted` the required duration, s. `outer` and `inner` are the requested rail
@@ -156,7 +156,7 @@ class PositionGuided(Event):
 
 @dataclass(frozen=True)
 class Message(Event):
-    """A message to the user: the text ``event.<id>`` of the catalogue with values."""
+    """A message to the user: the text ``event.<id>`` of the catalogue with its values."""
 
     id: str
     values: Mapping[str, Any] = field(default_factory=dict)
@@ -164,7 +164,7 @@ class Message(Event):
 
 @dataclass(frozen=True)
 class StageSolved(Event):
-    """The solution of a stage: value and sigma of each estimated parameter, SI, and consistency as in the result."""
+    """The solution of a stage: values and sigmas of the estimated parameters, SI, and the consistency of the stage."""
 
     stage: str
     parameters: Mapping[str, Mapping[str, float]]
@@ -185,9 +185,9 @@ class Finalized(Event):
 class Settled(Event):
     """A register operation has ended.
 
-    `closing` is the outcome in the journal, "done", "kept" or "restored", or else "stopped" if the operator stopped the
-    operation. `proof` is the method of verification, "turn", "rest" or "read_back", or "" without verification. `unit`
-    contains the registers of the unit; it is empty after a stop.
+    `closing` is the outcome in the journal, "done", "kept" or "restored", or "stopped" if the operator stopped the
+    operation. `proof` is the method of verification: "turn", "rest", "read_back", or "" without verification. `unit`
+    contains the registers of the unit, but is empty after a stop.
     """
 
     serial: str
@@ -198,7 +198,7 @@ class Settled(Event):
 
 @dataclass(frozen=True)
 class Fault(Event):
-    """The run failed; `kind` is the class of the error, or ``internal`` for a programming error."""
+    """The run has failed; `kind` is the class of the error, or ``internal`` for a programming error."""
 
     kind: str
     text: str
@@ -219,7 +219,7 @@ LOSSY = (StageProgress, StageRanked, TableMoved, JointsMoved, Trace, PositionGui
 
 
 def to_json(event: Event) -> dict[str, Any]:
-    """Convert an event to a dictionary that can be written as JSON, with its class name under ``event``."""
+    """Convert an event to a dictionary for JSON, with the name of its class under ``event``."""
     data = asdict(event)
     if not event.slot:
         del data["slot"]
@@ -229,7 +229,7 @@ def to_json(event: Event) -> dict[str, Any]:
 
 
 def from_json(data: Mapping[str, Any]) -> Event:
-    """Convert the result of `to_json` back to an event. Raises KeyError if its class is unknown."""
+    """Convert the result of `to_json` back to an event. Raises KeyError if the class is unknown."""
     values = dict(data)
     kind = _KINDS[values.pop("event")]
     for name in ("label", "time", "output", "up", "done", "joints", "rates", "drift"):

@@ -1,4 +1,4 @@
-"""Control of a gimbal: returns to zero, stabilised turns with the correction in the registers, and verification."""
+"""Control of a gimbal: return to zero, stabilised turns with the correction in the registers, and verification."""
 
 from collections.abc import Mapping
 from typing import cast
@@ -21,15 +21,15 @@ _ZERO_TOLERANCE = np.deg2rad(0.5)
 _MIN_TURN_FRACTION = 0.8
 #: Longest duration of a return to zero, s.
 _HOME_TIMEOUT = 60.0
-#: Largest accepted difference between the correction written and the one read back, rad.
+#: Largest accepted difference between the written and the read-back correction, rad.
 _MAX_READ_BACK_ERROR = 1e-6
 
 
 class GimbalLoop:
-    """Executes the steps of a gimbal stage in closed loop.
+    """Executes the steps of a gimbal stage in a closed loop.
 
-    The correction K is written to the unit's volatile registers before every turn and read back. `restore` writes the
-    original values. The values in flash change only in the transfer at the end of a run.
+    Before every turn, the correction K is written to the volatile registers of the unit and read back. `restore`
+    writes the original values. The values in flash change only in the transfer at the end of a run.
     """
 
     def __init__(self, control_loop: ControlLoop, run_in_background: RunInBackground = lambda work: work()) -> None:
@@ -59,7 +59,7 @@ class GimbalLoop:
         self._zero(step.rest)
 
     def turn(self, step: GimbalTurn) -> None:
-        """Execute the next turn and correct K by its drift; do nothing if the axis is complete."""
+        """Execute the next turn, and correct K by the measured drift; do nothing if the axis is complete."""
         iteration = self._iteration = self._iteration or _iteration(step, self._joints)
         if iteration.axis_done and iteration.courses[-1].axis == step.axis:
             return
@@ -87,7 +87,7 @@ class GimbalLoop:
         )
 
     def verification_turns(self) -> tuple[JointDrift, ...]:
-        """Turn once about every axis with the unit's registers and return the drifts. Raises DeviceFaultError."""
+        """Turn once about every axis with the registers of the unit, and return the drifts. Raises DeviceFaultError."""
         step = cast(GimbalTurn, self._context.task.gimbal_turn)
         drifts = []
         for axis in range(3):
@@ -100,7 +100,7 @@ class GimbalLoop:
         return tuple(drifts)
 
     def restore(self) -> None:
-        """Write the unit's original misalignments if K has replaced them. Raises DeviceFaultError."""
+        """Write the original misalignments of the unit if K has replaced them. Raises DeviceFaultError."""
         original, self._original_values = self._original_values, None
         if original is not None:
             self._run_in_background(lambda: self._context.slot.imu.write_registers(original))
@@ -127,7 +127,7 @@ class GimbalLoop:
         self._ready = self._zeroed = True
 
     def _measured_turn(self, axis: int, angle: float, step: GimbalTurn) -> Motion:
-        """Rest, turn by `angle`, rad, and rest; return the motion of the joints."""
+        """Rest, turn by `angle`, rad, and rest again; return the motion of the joints."""
         loop, model = self._control_loop, self._context.slot.unit.model
         if self._zeroed:
             self._gimbal.stabilise()
@@ -159,7 +159,7 @@ class GimbalLoop:
         return motion
 
     def _check_turn(self, axis: int, target: float) -> None:
-        """Check power, watchdog and travel before a turn to a joint angle, rad. Raises DeviceFaultError."""
+        """Check power, watchdog and travel before a turn to joint angle `target`, rad. Raises DeviceFaultError."""
         check_motion(self._control_loop.status)
         joints = self._measured().copy()
         joints[axis] = target
@@ -181,7 +181,7 @@ class GimbalLoop:
         )
 
     def _write(self, correction: FloatArray) -> None:
-        """Write K, shape (3, 3), to the unit's registers and read it back; K does not include their scale factors."""
+        """Write K, shape (3, 3), without the scale factors of the registers, and read it back."""
         imu = self._context.slot.imu
 
         def write() -> float:

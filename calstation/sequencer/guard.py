@@ -1,4 +1,4 @@
-"""Protection of the table by checks before every command and by the safe stop."""
+"""Protection of the table: checks before every command, and the safe stop."""
 
 import logging
 import math
@@ -11,7 +11,7 @@ from calstation.messages import Text, os_reason
 from calstation.physics import AXES, JOINTS, FloatArray, GimbalJoints, JointLimits, Move
 from calstation.sequencer.context import Clock
 
-#: Maximum station and host time for stopping, s.
+#: Maximum station time and host time for stopping, s.
 _STOP_TIMEOUT = 30.0
 
 #: Station time allowed for stopping if the table does not respond, s.
@@ -40,14 +40,17 @@ def check_power(status: TableStatus) -> None:
 
 
 def latched_fault_error(fault: str) -> DeviceFaultError:
-    """Return the error for a latched fault of the table; `fault` is its name in the table's profile."""
+    """Return the error for a latched fault of the table, given by its name in the table profile."""
     if fault == UNKNOWN_FAULT:
         return DeviceFaultError("table.latched_unknown")
     return DeviceFaultError(f"table.latched_{fault if fault in _LATCHED else 'other'}", fault=fault)
 
 
 def check_motion(status: TableStatus) -> None:
-    """Check that the table may move now. Raises DeviceFaultError like `check_power`, or if not enabled or homed."""
+    """Check that the table may move now.
+
+    Raises DeviceFaultError for the reasons of `check_power`, or if the table is not enabled or not homed.
+    """
     check_power(status)
     if not status.enabled:
         raise DeviceFaultError("motion.not_enabled")
@@ -56,7 +59,7 @@ def check_motion(status: TableStatus) -> None:
 
 
 def check_move(status: TableStatus, limits: JointLimits, move: Move) -> None:
-    """Check that the table may make a move now, and that the move is within the limits of profile and table.
+    """Check that the table may move now, and that the move is within the limits of the profile and the table.
 
     Raises DeviceFaultError or ConfigurationError.
     """
@@ -90,7 +93,7 @@ def check_travel(limits: JointLimits, move: Move) -> None:
 
 
 def check_joints(gimbal: GimbalJoints, joints: FloatArray) -> None:
-    """Check that no joint is beyond its travel; angles x, y, z in rad, shape (3,). Raises DeviceFaultError."""
+    """Check that no joint angle x, y or z (rad, shape (3,)) is beyond its travel. Raises DeviceFaultError."""
     joint = gimbal.outside(joints)
     if joint is not None:
         low, high = gimbal.travel[joint]
@@ -100,10 +103,10 @@ def check_joints(gimbal: GimbalJoints, joints: FloatArray) -> None:
 
 
 def safe_stop(table: Table, clock: Clock) -> list[Text]:
-    """Bring the table to rest and switch its axes off; return the failures instead of raising them.
+    """Bring the table to rest and switch its axes off; return any failures instead of raising them.
 
-    The watchdog, which was on when the axes were enabled, stops a table that no longer responds. A table without a
-    watchdog has only received moves to fixed angles, so its axes are switched off after `_UNRESPONSIVE_WAIT`.
+    A table that no longer responds is stopped by its watchdog, which was on when the axes were enabled. A table without
+    a watchdog receives only moves to fixed angles, so that its axes are switched off after `_UNRESPONSIVE_WAIT`.
     """
     failures: list[Text] = []
     _attempt(table.stop, failures)
@@ -131,7 +134,7 @@ def _attempt(action: Callable[[], None], failures: list[Text]) -> None:
 
 
 def reason_of(error: Exception) -> Text:
-    """Return the message of an error, for use in another message."""
+    """Return the message of an error for use in another message."""
     if isinstance(error, CalstationError):
         return error.as_text
     if isinstance(error, OSError):

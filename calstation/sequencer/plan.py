@@ -1,4 +1,4 @@
-"""Stage plans, their durations, and the rule that ends a repeated plan."""
+"""Stage plans, their durations, and the rules that end repeated plans."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -29,10 +29,10 @@ SETTLE = 1.5
 
 @dataclass(frozen=True)
 class StopRule:
-    """The conditions that end a repeated plan, checked at the end of each round; one of them suffices.
+    """The conditions of which any one ends a repeated plan, checked at the end of each round.
 
-    The conditions are a number of rounds, an IMU time, s, and the largest sigma by parameter or group, SI; each can be
-    None or empty. The operator can end a repeated plan after any move.
+    They are a number of rounds, an IMU time, s, and the largest sigma by parameter or group, SI; each can be None or
+    empty. The operator can end a repeated plan after any move.
     """
 
     rounds: int | None = None
@@ -44,11 +44,11 @@ class StopRule:
 
     @property
     def open_ended(self) -> bool:
-        """Whether neither rounds nor duration limit the plan."""
+        """Whether neither a number of rounds nor a duration limits the plan."""
         return self.rounds is None and self.duration is None
 
     def reason(self, rounds: int, elapsed: float, sigma: FloatArray | None) -> str | None:
-        """Return the reason to stop at the end of a round: ``rounds``, ``duration`` or ``targets``; None to continue.
+        """Return why to stop at the end of a round: ``rounds``, ``duration`` or ``targets``, or None to continue.
 
         `elapsed` is IMU time, s; `sigma` has shape (30,), SI, or is None if unknown.
         """
@@ -71,7 +71,7 @@ class StagePlan:
 
 
 class StageTrack:
-    """Progress of a stage, or of a round of an open-ended stage, with planned `duration`, s."""
+    """Progress of a stage, or of a round of an open-ended stage, whose planned `duration` is in s."""
 
     def __init__(self, stage: str, duration: float) -> None:
         self._stage, self._duration = stage, duration
@@ -92,14 +92,14 @@ class StageTrack:
         }
 
     def event(self, now: float, slot: str) -> StageProgress:
-        """Return the stage's progress at station time `now` for the unit of a slot."""
+        """Return the progress of the stage at station time `now` for the unit in a slot."""
         done = self._done + min(max(now - self._step_begin, 0.0), self._step)
         fraction = min(done / self._duration, 1.0) if self._duration > 0.0 else 1.0
         return StageProgress(self._stage, fraction, max(self._duration - done, 0.0), self._sigma.get(slot, {}))
 
 
 def move_time(start: tuple[float, float], move: Move) -> float:
-    """Return the duration, s, of a trapezoidal or triangular move from joint angles `start`, rad."""
+    """Return the duration, s, of a move with a trapezoidal rate profile from joint angles `start`, rad."""
     rate, acceleration = move.rate, move.acceleration
     distance = max(abs(move.outer - start[0]), abs(move.inner - start[1]))
     if distance * acceleration < rate * rate:
@@ -108,7 +108,7 @@ def move_time(start: tuple[float, float], move: Move) -> float:
 
 
 def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) -> float:
-    """Return the duration of a step from joint angles `start`, rad, in s, including `settle` s after a move."""
+    """Return the duration of a step from joint angles `start`, rad, including `settle` s after a move, s."""
     if isinstance(step, Move):
         return move_time(start, step) + settle
     if isinstance(step, ManualMove):
@@ -123,10 +123,10 @@ def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) ->
 def planned(
     steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE
 ) -> Iterator[tuple[Step, float]]:
-    """Yield the steps that a run will execute from joint angles `start`, rad, each with its duration in s.
+    """Yield the steps that a run will execute from joint angles `start`, rad, and the duration of each step, s.
 
-    A repeated plan ends when its rounds or duration are reached, or after one round if only targets or the operator can
-    end it.
+    A repeated plan ends after its rounds or its duration. If only the targets or the operator can end it, one round is
+    returned.
     """
     elapsed = 0.0
     for step in islice(steps, _MAX_STEPS):
@@ -140,7 +140,7 @@ def planned(
 
 
 def plan_time(steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE) -> float:
-    """Return the total duration of the steps from `planned`, s, at most until the targets usually end the plan."""
+    """Return the duration of the steps from `planned`, s, up to the usual number of rounds of the rule."""
     total = 0.0
     for step, seconds in planned(steps, rule, start, settle):
         total += seconds

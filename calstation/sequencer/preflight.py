@@ -1,4 +1,4 @@
-"""Checks of identity, power, homing, data flow, gravity and signs before the first stage, while the unit warms up."""
+"""Checks before the first stage, while the unit warms up: identity, power, homing, data flow, gravity and signs."""
 
 import re
 from collections import deque
@@ -17,15 +17,15 @@ from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.unit_stream import check_unit
 from calstation.sequencer.units import Unit
 
-#: Time over which the temperature slope is computed, s, and minimum time at rest for a slope, s.
+#: Period over which the temperature slope is computed, s, and minimum time at rest before it is computed, s.
 _SLOPE_OVER, _SLOPE_AFTER = 60.0, 20.0
 
 
 class Preflight:
-    """Runs the checks in an order in which each check can rely on the previous ones.
+    """Performs the checks in an order in which each check can rely on the previous ones.
 
-    The warm-up begins with the first check, so that an incorrectly mounted unit is refused before it is warm. A unit of
-    a batch that fails a check leaves, and the others continue.
+    The warm-up begins with the first check, so that an incorrectly mounted unit is refused before it is warm. A unit
+    that fails a check leaves the batch, and the other units continue.
     """
 
     def __init__(self, runner: StepRunner) -> None:
@@ -37,7 +37,7 @@ class Preflight:
         self._limits = self._context.slot.unit.preflight
 
     def run(self) -> None:
-        """Run all checks. Raises DeviceFaultError or ConfigurationError."""
+        """Perform all checks. Raises DeviceFaultError or ConfigurationError."""
         begin = self._context.clock.now()
         self._identify()
         self._wait_until_ready()
@@ -110,7 +110,7 @@ class Preflight:
         )
 
     def _warm_up(self, begin: float) -> None:
-        """Wait for the remaining warm-up, which began at station time `begin`, s."""
+        """Wait until the warm-up, which began at station time `begin`, s, is complete."""
         clock = self._context.clock
         warm_ups = {unit: _WarmUp(unit, begin, clock.now()) for unit in self._units}
         end = max(warm_up.end for warm_up in warm_ups.values())
@@ -126,7 +126,7 @@ class Preflight:
                     self._units.leave(unit, timeout_error)
 
     def _check_flow(self) -> dict[Unit, FloatArray]:
-        """Record some seconds at rest and return the counts per unit, shape (n, 6). A unit with a gap leaves."""
+        """Record data at rest, and return the counts of each unit, shape (n, 6); a unit with a gap leaves."""
         gaps = {unit: unit.acquisition.gaps for unit in self._units}
         with self._units.taps() as blocks:
             self._control_loop.rest(self._limits.flow)
@@ -141,7 +141,7 @@ class Preflight:
         return counts
 
     def _check_gravity(self) -> dict[Unit, FloatArray]:
-        """Check gravity and data flow; return the mean gyro output at rest per unit, rad/s, shape (3,)."""
+        """Check gravity and data flow, and return the mean gyro output of each unit at rest, rad/s, shape (3,)."""
         by_hand = self._context.task.by_hand or self._context.task.gimbal
         self._context.emit(Message("checking_gravity" if by_hand else "checking_mounting"))
         counts = self._check_flow()
@@ -151,7 +151,7 @@ class Preflight:
         return {unit: mean[:3] for unit, mean in means.items()}
 
     def _check_signs(self, biases: Mapping[Unit, FloatArray]) -> None:
-        """Turn each joint by a small angle, then both back; check the size, axis and sign of the measured turns."""
+        """Turn each joint by a small angle, then both back, and check size, axis and sign of the measured turns."""
         target = [0.0, 0.0]
         for joint, axis in enumerate(JOINTS):
             start = self._runner.position()
@@ -170,7 +170,7 @@ class Preflight:
 
 
 class _WarmUp:
-    """The warm-up of a unit, which began at station time `begin`, s, and ends at `end`, s, or later."""
+    """The warm-up of a unit from station time `begin`, s, to `end`, s, or later."""
 
     def __init__(self, unit: Unit, begin: float, now: float) -> None:
         self._acquisition, self._limits, self._begin = unit.acquisition, unit.slot.unit.preflight, begin
@@ -179,7 +179,7 @@ class _WarmUp:
         self._track: deque[tuple[float, float]] = deque()
 
     def done(self, now: float) -> bool:
-        """Record the temperature and return whether the unit is warm; called at every tick until it is."""
+        """Record the temperature, and return whether the unit is warm; called at every tick until it is."""
         if self._limits.warm_up_slope is None:
             return now >= self.end
         recent, track = self._acquisition.recent, self._track
@@ -206,7 +206,7 @@ def _check_output(task: UnitTask, mean: FloatArray, position: tuple[float, float
     size = float(np.linalg.norm(force))
     if abs(size / limits.gravity - 1.0) > limits.gravity_tolerance:
         raise DeviceFaultError("preflight.gravity_size", measured=size, expected=limits.gravity)
-    # No stage could detect rests in the data of a gyro whose bias is so far outside its profile.
+    # No stage could detect rests in the data of a gyro whose bias is so far outside the limits of its profile.
     for axis, rate, low, high in zip(AXES, rates, limits.rate_low, limits.rate_high, strict=True):
         if not low <= rate <= high:
             rate_dps, low_dps, high_dps = (float(np.rad2deg(v)) for v in (rate, low, high))
@@ -229,7 +229,7 @@ def _check_turn(
     start: tuple[float, float],
     end: tuple[float, float],
 ) -> None:
-    """Check the small turn of a joint from `start` to `end`, joint angles in rad. Raises DeviceFaultError."""
+    """Check a small turn of a joint from joint angles `start` to `end`, rad. Raises DeviceFaultError."""
     limits, geometry, scale = unit.slot.unit.preflight, unit.slot.unit.geometry, unit.acquisition.scale
     counts = _counts(blocks[unit])
     if len(counts) < 2:

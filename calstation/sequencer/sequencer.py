@@ -1,4 +1,4 @@
-"""The sequence of a run from preparation to verdict; every exit path leaves the table at rest with its axes off."""
+"""The sequence of a run from preparation to verdict, which always ends with the table at rest and its axes off."""
 
 import logging
 from collections.abc import Callable, Iterable
@@ -25,7 +25,7 @@ logger = logging.getLogger(__name__)
 
 
 class Sequencer:
-    """Executes one run; the end of the run is reported to the `Evaluation` of each unit."""
+    """Executes one run, and reports its end to the `Evaluation` of each unit."""
 
     def __init__(self, context: RunContext) -> None:
         if any(None in (slot.log, slot.solving, slot.evaluation) for slot in context.slots):
@@ -37,7 +37,7 @@ class Sequencer:
         self._units = self._drive.units
 
     def run(self) -> None:
-        """Prepare, run every stage, judge, and write the registers; see `RunDriver.run` for errors."""
+        """Prepare, run every stage, judge the units, and write the registers; see `RunDriver.run` for errors."""
         try:
             error = self._drive.run(self._calibrate)
         finally:
@@ -77,7 +77,7 @@ class Sequencer:
         self._units.each(lambda unit: earlier[unit](data[unit], background), data)
 
     def _finalize(self) -> None:
-        """Judge every unit; write and verify the registers of those that passed."""
+        """Judge every unit, and write and verify the registers of the units that passed."""
         drive, units, background = self._drive, self._units, self._drive.run_in_background
         writing: list[Unit] = []
 
@@ -121,7 +121,7 @@ class Sequencer:
             raise
 
     def _complete(self, units: Iterable[Unit]) -> None:
-        """Remove units that are complete, so that later faults do not change their results."""
+        """Remove complete units, so that later faults do not change their results."""
         for unit in units:
             self._units.remove(unit, State.DONE)
 
@@ -135,7 +135,7 @@ class Sequencer:
                     check_travel(self._drive.control_loop.status.limits, step)
 
     def _run_stage(self, stage: StagePlan, index: int) -> bool:
-        """Execute and solve a stage; return False if the run should not continue."""
+        """Execute and solve a stage, and return whether the run should continue."""
         drive, emit = self._drive, self._context.emit
         duration = plan_time(stage.steps(), stage.rule, drive.runner.position(), self._context.task.settle)
         count = self._solved_before + len(self._context.task.stages)
@@ -177,13 +177,13 @@ class Sequencer:
         unit.solutions.append(solution)
         for event in solution_events(solution):
             unit.emit(event)
-        # Once the log is on disk, a solved stage need not be repeated.
+        # A solved stage need not be repeated once the log is on disk.
         log = cast("RawLogWriter", unit.slot.log)
         self._wait_for(log.begin_sync())
         log.service()
 
     def _execute(self, stage: StagePlan, duration: float) -> tuple[str, int]:
-        """Execute the steps of a stage; return the reason for its end and the number of rounds."""
+        """Execute the steps of a stage, and return the reason for its end and the number of rounds."""
         drive, clock, units = self._drive, self._context.clock, self._units
         begin = {unit: unit.acquisition.newest_time or 0.0 for unit in units}
         rounds = 0
@@ -223,7 +223,7 @@ class Sequencer:
         return sigmas
 
     def _compute_for_each(self, work: Callable[[Unit], object]) -> None:
-        """Run time-consuming `work` for every unit, and feed the table's watchdog after each unit.
+        """Run time-consuming `work` for every unit, and feed the watchdog of the table after each unit.
 
         Raises StopRequested between units.
         """
@@ -242,7 +242,7 @@ class Sequencer:
                 unit.emit(self._track.event(now, unit.slot.name))
 
     def _wait_for(self, job: Future[_Result]) -> _Result:
-        """Feed the watchdog and read samples until a job is done, and return its result. Raises StopRequested."""
+        """Feed the watchdog and read samples until a job is done; return its result. Raises StopRequested."""
         clock, control_loop = self._context.clock, self._drive.control_loop
         while not job.done():
             before = clock.now()

@@ -1,4 +1,4 @@
-"""Execution of the steps of a plan by the table or, guided, by the operator of a manual rig.
+"""Execution of the steps of a plan by the table or, with guidance, by the operator of a manual rig.
 
 Each step is repeated from its start after a pause or lost samples.
 """
@@ -25,13 +25,13 @@ from calstation.sequencer.plan import move_time
 from calstation.sequencer.unit_stream import UnitStream
 from calstation.sequencer.units import StepInvalid, Unit
 
-#: Largest distance of a settled joint from its target at which it has arrived, rad.
+#: Largest distance from its target at which a settled joint has arrived, rad.
 ARRIVED = np.deg2rad(0.5)
 
-#: Maximum number of repetitions of a step due to invalid samples of a unit; then the unit is considered faulty.
+#: Number of repetitions of a step due to invalid samples after which a unit is considered faulty.
 REPEATS = 3
 
-#: Rest before a move is repeated, s, from which the solvers determine the attitude and the angles again.
+#: Duration of the rest before a repeated move, in which the solvers determine the attitude and the angles again, s.
 _REST_BEFORE_REPEAT = 5.0
 
 _RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
@@ -47,8 +47,8 @@ DrivenStep: TypeAlias = Move | Dwell | ManualMove | GimbalZero | GimbalTurn
 class OperatorGuide:
     """Guides the operator through the positions of each stage; an interrupted position is requested again.
 
-    Invalid samples and samples around a gap are not part of a rest. `requested` contains the rail angles requested
-    last, rad.
+    Invalid samples and samples around a gap are not part of a rest. `requested` contains the last requested rail
+    angles, rad.
     """
 
     def __init__(self, control_loop: ControlLoop) -> None:
@@ -60,23 +60,23 @@ class OperatorGuide:
         self.begin()
 
     def begin(self) -> None:
-        """Begin a stage, without completed positions."""
+        """Begin a stage, in which no position is completed yet."""
         self._guide = PositionGuide(self._context.slot.unit.model, 0.0)
 
     @property
     def done(self) -> bool:
-        """Whether the operator has ended the stage and the completed positions suffice."""
+        """Whether the operator has ended the stage and the completed positions are sufficient."""
         return self._context.control.ending_stage and self._guide.now.suffices
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Collect all samples for the guide while the context is open, even while the run is paused."""
+        """Collect all samples for the guidance while the context is open, even during a pause."""
         with self._control_loop.units.first.acquisition.tap() as self._blocks:
             yield
         self._blocks = []
 
     def follow(self, step: ManualMove) -> None:
-        """Wait until the step's position is completed or the operator ends the stage; call it within `listening`."""
+        """Wait, within `listening`, until the position of the step is completed or the operator ends the stage."""
         guide = self._guide
         guide.ask(step.rest)
         while len(guide.now.positions) < step.index and not self.done:
@@ -114,7 +114,7 @@ class OperatorGuide:
 
 
 def manual_move_label(step: ManualMove) -> tuple[str | float, ...]:
-    """Return the label of a manual move: requested angles, degrees, rest, s, index and number of positions."""
+    """Return the label of a manual move: requested angles, degrees, rest, s, index, and number of positions."""
     outer, inner = (float(np.rad2deg(angle)) for angle in (step.outer, step.inner))
     return ("carry", outer, inner, step.rest, float(step.index), float(step.count))
 
@@ -122,8 +122,8 @@ def manual_move_label(step: ManualMove) -> tuple[str | float, ...]:
 class StepRunner:
     """Executes the steps on the table or gimbal, or guides the operator of a manual rig.
 
-    Every move and every repetition increments the step number. Samples between the interruption of a step and its
-    repetition are tagged as invalid.
+    The step number is incremented by every move and every repetition. Samples between the interruption of a step and
+    its repetition are tagged as invalid.
     """
 
     def __init__(
@@ -147,10 +147,10 @@ class StepRunner:
         self._last_move: tuple[tuple[float, float], Move] | None = None
 
     def run(self, step: DrivenStep) -> None:
-        """Execute a step to its end; repeat it if it is interrupted.
+        """Execute a step to its end, and repeat it if it is interrupted.
 
         A dwell is repeated together with the move before it, because every turn must end in a rest. Raises
-        DeviceFaultError, also after too many repetitions, ConfigurationError if a move is outside the limits, and
+        DeviceFaultError, also after too many repetitions, ConfigurationError if a move is outside the limits, or
         StopRequested.
         """
         if isinstance(step, ManualMove):
@@ -193,7 +193,7 @@ class StepRunner:
             parts = [Dwell(_REST_BEFORE_REPEAT), *repetition] if moves else repetition
 
     def begin_stage(self) -> None:
-        """Begin a stage, in which moves of the previous stage are not repeated."""
+        """Begin a stage, after which the moves of the previous stage are no longer repeated."""
         self._last_move = None
         self.guiding.begin()
         self.gimbal.begin()
@@ -201,7 +201,7 @@ class StepRunner:
     def drive(self, move: Move) -> None:
         """Move both joints and wait until they have arrived and settled.
 
-        Raises DeviceFaultError, also if this takes too long, ConfigurationError if the move is outside the limits, and
+        Raises DeviceFaultError, also if this takes too long, ConfigurationError if the move is outside the limits, or
         the interruptions of `ControlLoop.update`.
         """
         check_move(self.control_loop.status, self._limits, move)
@@ -236,7 +236,7 @@ class StepRunner:
         return DeviceFaultError("motion.not_reached", **target_deg)
 
     def position(self) -> tuple[float, float]:
-        """Return the joint angles of the latest poll, rad."""
+        """Return the joint angles at the latest poll, rad."""
         outer, inner = self.control_loop.status.angles
         return float(outer), float(inner)
 
@@ -274,7 +274,7 @@ class StepRunner:
         )
 
     def _recover(self, start: tuple[float, float], moves: bool) -> None:
-        """Return to the start of a step that moves the table, restore all streams and increment the step number."""
+        """Return to the start of a step that moves the table, restore all streams, and increment the step number."""
         if moves and not self.arrived(start):
             check_motion(self.control_loop.status)
             speeds = self._limits.limited(_RETURN_RATE, _RETURN_ACCELERATION)

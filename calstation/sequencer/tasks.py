@@ -1,4 +1,4 @@
-"""The tasks of a run and of its units, built from its configuration."""
+"""The tasks of a run and its units, which are built from the configuration of the run."""
 
 from dataclasses import replace
 from functools import partial
@@ -36,7 +36,7 @@ def table_task(setup: RunConfiguration) -> Task:
 
 
 def unit_task(setup: RunConfiguration, meta: LogMeta | None = None) -> UnitTask:
-    """Return the task of a unit; `meta` is the configuration of its log, by default without registers."""
+    """Return the task of a unit; `meta` is the configuration of its log, by default one without registers."""
     meta = meta or setup.log_meta()
     context = context_from_meta(meta)
     prior, biases = prior_from_meta(meta), group_indices("gyro_bias")
@@ -63,14 +63,14 @@ def unit_task(setup: RunConfiguration, meta: LogMeta | None = None) -> UnitTask:
 
 
 def corrected_output(setup: RunConfiguration) -> Output:
-    """Return when the unit outputs samples corrected by its registers."""
+    """Return when a unit applies its registers to its output."""
     if setup.after_registers:
         return Output.ALWAYS
     return Output.NEVER if setup.imu.corrected is None else Output.ON_COMMAND
 
 
 def _stop_rule(schedule: BaseModel) -> StopRule:
-    """Return the stop rule of a schedule, which has no conditions if the plan does not repeat."""
+    """Return the stop rule of a schedule, without conditions if the plan is not repeated."""
     if not isinstance(schedule, RepeatedSchedule):
         return StopRule()
     return StopRule(

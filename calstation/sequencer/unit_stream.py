@@ -1,4 +1,4 @@
-"""The stream of a unit, which is requested again with the same kind of output if the unit restarts."""
+"""The stream of a unit, which is requested again if the unit restarts."""
 
 from collections.abc import Callable
 
@@ -17,11 +17,11 @@ _ATTEMPTS = 3
 
 
 class UnitStream:
-    """The stream of a unit, raw or corrected by its registers.
+    """The stream of a unit, which is raw or corrected by its registers.
 
-    A unit that restarts sends no data for a while or until it is commanded to stream. Its counter restarts, it is not
-    ready yet, and it outputs raw samples regardless of earlier requests. Therefore, after every silence and every
-    interruption of a corrected stream, the identity of the unit is checked and the stream is requested again.
+    A unit that restarts sends no data for some time, or until it is commanded to stream. Its counter restarts, it is
+    not ready yet, and it outputs raw samples regardless of earlier requests. Therefore, whenever a unit was silent or a
+    corrected stream was interrupted, the identity of the unit is checked and the stream is requested again.
 
     `check_cancelled` raises StopRequested in the background thread if its result is no longer needed.
     """
@@ -44,7 +44,7 @@ class UnitStream:
         self._breaks = self._restarts = 0
 
     def start(self, *, corrected: bool) -> None:
-        """Request raw or corrected output and wait until a ready unit streams it. Raises DeviceFaultError."""
+        """Request raw or corrected output, and wait until the unit is ready and streams it. Raises DeviceFaultError."""
         self._corrected = corrected
         self._request()
         if not self._is_streaming(requested=True):
@@ -52,11 +52,11 @@ class UnitStream:
 
     @property
     def broken(self) -> bool:
-        """Whether the unit is silent, or samples or readiness have been lost since `start` or `restore`."""
+        """Whether the unit is silent, or has lost samples or readiness since `start` or `restore`."""
         return self._unit.silent or self._acquisition.breaks != self._breaks
 
     def restore(self) -> bool:
-        """Restore the requested stream and wait until the unit is ready; return whether it had restarted.
+        """Restore the requested stream, wait until the unit is ready, and return whether it had restarted.
 
         Raises DeviceFaultError if this fails, and StopRequested.
         """
@@ -89,7 +89,7 @@ class UnitStream:
             check_unit(identity, self._slot.unit.serial)
 
     def _is_streaming(self, *, requested: bool) -> bool:
-        """Wait until the unit is ready; return whether the samples arrived without interruption since the first one."""
+        """Wait until the unit is ready, and return whether its samples arrived without interruption."""
         if not self._first_sample(requested):
             return False
         self._breaks, self._restarts = self._acquisition.breaks, self._acquisition.restarts
@@ -101,7 +101,7 @@ class UnitStream:
         return not self.broken
 
     def _first_sample(self, requested: bool) -> bool:
-        """Wait for a sample; return False if a unit that was not commanded to stream has stopped sending."""
+        """Wait for a sample, and return False if a unit that was not commanded to stream has stopped sending."""
         deadline = self._clock.now() + (_DATA_TIMEOUT if requested else NO_DATA)
         tolerates_noise, self._unit.tolerates_noise = self._unit.tolerates_noise, not requested
         try:

@@ -1,4 +1,4 @@
-"""The units of a run; a unit that fails leaves the run without stopping the others."""
+"""The units of a run; a unit that fails leaves the run without stopping the other units."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -22,18 +22,18 @@ from calstation.sequencer.guard import reason_of
 
 _Result = TypeVar("_Result")
 
-#: Station time without a sample after which the unit is silent, s.
+#: Station time without a sample after which a unit is considered silent, s.
 NO_DATA = 1.0
 
-#: Maximum number of ticks in a trace; if the listener is too slow, only the latest ticks are displayed.
+#: Maximum number of ticks in a trace; if the listener is too slow, earlier ticks are omitted.
 _MAX_TRACED = 400
 
 
 class Unit:
-    """A unit in a run, with its samples.
+    """A unit in a run and its samples.
 
-    If `tolerates_noise` is set, bytes outside frames are treated as silence; otherwise they are an immediate fault.
-    `unverified` is True if registers of the unit were written but not verified yet.
+    If `tolerates_noise` is set, bytes outside frames are treated as silence; otherwise they are a fault. `unverified`
+    is True if registers of the unit have been written but not verified.
     """
 
     def __init__(self, context: RunContext, slot: Slot, tags: SampleTags) -> None:
@@ -63,11 +63,14 @@ class Unit:
         self._context.emit(replace(event, slot=self.slot.name) if self.slot.name else event)
 
     def ended(self, state: State, error: CalstationError | None) -> RunEnd:
-        """Return how the run ended for this unit."""
+        """Return the end of the run for this unit."""
         return RunEnd(state, tuple(self.solutions), error, self.judgement)
 
     def drain(self) -> None:
-        """Read the samples received so far. Raises DeviceFaultError, or ConfigurationError if the log is unwritable."""
+        """Read the samples received so far.
+
+        Raises DeviceFaultError, or ConfigurationError if the log cannot be written.
+        """
         try:
             self.flow = self.acquisition.drain()
         except NoFramesError:
@@ -87,7 +90,7 @@ class Unit:
             self.slot.log.service()
 
     def trace(self) -> None:
-        """Emit the output of the ticks since the last trace."""
+        """Emit the output at the ticks since the last trace."""
         if self._traced:
             times, outputs = zip(*self._traced, strict=True)
             self.emit(Trace(times, tuple(value for output in outputs for value in output)))
@@ -100,7 +103,7 @@ class Unit:
 
     @property
     def invalid_reason(self) -> str:
-        """Reason why the last samples are unusable, a term of the family ``reason``; "" if they are usable."""
+        """Why the last samples are unusable, as a term of the family ``reason``; "" if they are usable."""
         if self.silent:
             return "no_data"
         if self.flow.missing:
@@ -111,7 +114,7 @@ class Unit:
 
 
 class StepInvalid(Interruption):
-    """Samples of the step are lost or unusable, so that it must be repeated.
+    """Raised if samples of a step are lost or unusable, so that the step must be repeated.
 
     `reasons` contains a term of the family ``reason`` for each unit concerned.
     """
@@ -124,7 +127,7 @@ class StepInvalid(Interruption):
 class Units:
     """The units that are still in the run, in the order of their slots.
 
-    An error is attributed to the unit that is being processed, which leaves the run while the others continue. The
+    An error is attributed to the unit that is being processed; this unit leaves the run, and the others continue. An
     error ends the run if no other unit remains, or if it is an error of the table.
     """
 
@@ -135,8 +138,8 @@ class Units:
         self._active = [Unit(context, slot, self.tags) for slot in context.slots]
         self._current: Unit | None = None
         self._table_errors: list[CalstationError] = []
-        # Units are solved, and the results of units that leave are written, in threads, because the control loop must
-        # feed the table's watchdog meanwhile.
+        # Solving, and writing the results of units that leave, happen in threads, because the control loop must feed
+        # the watchdog of the table in the meantime.
         self._solver, self._result_writer = ThreadPoolExecutor(1, "solver"), ThreadPoolExecutor(1, "leaving")
         self._ends: list[Future[None]] = []
 
@@ -156,7 +159,7 @@ class Units:
 
     @property
     def first(self) -> Unit:
-        """The first unit, which is the only one on a manual rig, on a gimbal and in a register operation."""
+        """The first unit, which is the only unit on a manual rig, on a gimbal and in a register operation."""
         return self._active[0]
 
     def of(self, units: Iterable[Unit]) -> list[Unit]:
@@ -164,7 +167,7 @@ class Units:
         return [unit for unit in units if unit in self._active]
 
     def each(self, work: Callable[[Unit], object], units: Iterable[Unit] | None = None) -> None:
-        """Call `work` for every unit or some units; a unit that fails leaves. Raises the error of the last one."""
+        """Call `work` for all or the given units; a unit that fails leaves. Raises the error of the last unit."""
         for unit in self if units is None else tuple(units):
             if unit in self._active:
                 with self.attributing_errors_to(unit):
@@ -172,7 +175,7 @@ class Units:
 
     @contextmanager
     def attributing_errors_to(self, unit: Unit) -> Iterator[None]:
-        """Attribute errors in this context to a unit, which then leaves. Raises the error of the last unit."""
+        """Attribute errors in the context to a unit, which then leaves. Raises the error of the last unit."""
         if self._current is unit:
             yield
             return
@@ -189,7 +192,7 @@ class Units:
 
     @contextmanager
     def jobs(self, work: Callable[[Unit], _Result]) -> Iterator[Mapping[Unit, Future[_Result]]]:
-        """Run `work` for every unit in another thread; leaving the context cancels jobs that have not started."""
+        """Run `work` for every unit in another thread; at the end of the context, jobs that wait are cancelled."""
         jobs = {unit: self._solver.submit(work, unit) for unit in self}
         for unit, job in jobs.items():
             unit.job = job
@@ -201,7 +204,7 @@ class Units:
 
     @contextmanager
     def attributing_errors_to_table(self) -> Iterator[None]:
-        """Attribute errors in this context to the table, even while a unit is being processed."""
+        """Attribute errors in the context to the table, even while a unit is being processed."""
         try:
             yield
         except CalstationError as error:
@@ -209,7 +212,7 @@ class Units:
             raise
 
     def leave(self, unit: Unit, error: CalstationError) -> None:
-        """Remove a unit that has an error, unless it has already left.
+        """Remove a unit with an error, unless it has already left.
 
         Raises `error` instead if no other unit remains, or while the unit is being processed.
         """
@@ -231,14 +234,14 @@ class Units:
 
         def end() -> None:
             if unit.job is not None and not unit.job.cancel():
-                wait([unit.job])  # the solver must not change the data while they are written
+                wait([unit.job])  # the solver must not change data that are being written
             if evaluation is not None:
                 evaluation.ended(ended)
 
         self._ends.append(self._result_writer.submit(end))
 
     def wait_for_results(self) -> None:
-        """Wait until the results of all units that have left are written."""
+        """Wait until the results of all units that have left have been written."""
         self._solver.shutdown(wait=False)
         self._result_writer.shutdown()
 

@@ -1,4 +1,4 @@
-"""The path of the table on which units are verified, and the data captured along it.
+"""The path of the table for the verification of units, and the data captured along it.
 
 The turns excite every gyro, and the rests every accelerometer.
 """
@@ -10,29 +10,30 @@ import numpy as np
 from calstation.errors import ConfigurationError
 from calstation.physics import INNER, JOINTS, OUTER, UP, FloatArray, JointLimits, Move, TableGeometry
 
-#: Maximum rate, rad/s, and acceleration, rad/s², and maximum fraction of the table's limits.
+#: Maximum rate, rad/s, and acceleration, rad/s².
 RATE, ACCELERATION = np.deg2rad(110.0), np.deg2rad(180.0)
+#: Maximum fraction of the rate and acceleration limits of the table.
 _SPEED_FRACTION = 0.9
 
 _FULL_TURN, _HALF_TURN, _QUARTER_TURN = 2.0 * np.pi, np.pi, 0.5 * np.pi
-#: Candidate turn angles, rad, of which the first one within the travel is used.
+#: Candidates for the angle of a turn, rad, of which the first one within the travel is used.
 _AMOUNTS = tuple(np.deg2rad(v) for a in (180.0, 90.0, 30.0) for v in (a, -a))
-#: Candidates without a reference; full turns come first, because the encoder error cancels in them.
+#: Candidates for a turn without a reference; full turns come first, because the encoder error cancels in them.
 _WHOLE_AMOUNTS = (_FULL_TURN, -_FULL_TURN, *_AMOUNTS)
 
-#: Candidate moves of the inner joint, rad, before the outer joint turns again about another body axis.
+#: Candidates for the move of the inner joint, rad, after which the outer joint turns about another body axis.
 _QUARTERS = tuple(np.deg2rad(v) for a in (90.0, 30.0) for v in (a, -a))
 
 _LEG_STEP = np.deg2rad(90.0)
-#: Minimum angle of gravity in the body frame from all previous rests at which another rest is useful, rad.
+#: Minimum angle between gravity in the body frame and its direction at all previous rests for a further rest, rad.
 _NEW_UP = np.deg2rad(20.0)
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A move of the path, possibly followed by a `rest`; `turn` is the number of the turn that it is part of, or None.
+    """A move of the path, which may be part of the turn with number `turn` and may be followed by a `rest`.
 
-    If `opposite` is set, gravity is opposite to its direction at another rest; a reference does not need this rest.
+    If `opposite` is set, the direction of gravity is opposite to that at another rest; a reference omits this rest.
     """
 
     move: Move
@@ -43,7 +44,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class Turn:
-    """A turn of one joint by `amount`, rad; earth rate along its axis equals its value at rest number `rest`."""
+    """A turn of a joint by `amount`, rad, along whose axis earth rate has the same value as at rest number `rest`."""
 
     joint: int
     amount: float
@@ -65,7 +66,7 @@ class VerificationPath:
 
     @property
     def measured(self) -> tuple[Leg, ...]:
-        """The legs without a final leg that only returns to the start."""
+        """The legs, except a final leg that only returns to the start."""
         last = self.legs[-1]
         returns = last.turn is None and not last.rest and not last.opposite
         return self.legs[:-1] if returns else self.legs
@@ -79,7 +80,7 @@ def verification_path(
     *,
     compared: bool = True,
 ) -> VerificationPath:
-    """Return a path on which the outer joint turns, turns back at another inner angle, and then the inner joint turns.
+    """Return a path on which the outer joint turns, turns back at another inner angle, and the inner joint turns.
 
     Raises ConfigurationError if a joint cannot turn.
 
@@ -97,7 +98,7 @@ def verification_path(
     path.turn(OUTER, amount_out)
     path.go(path.extra_quarter(amount_out), quarter)
     path.turn(OUTER, -amount_out)
-    # A turn in the opposite direction ends closer to the start.
+    # a turn in the opposite direction ends closer to the start
     path.turn(INNER, -np.sign(quarter) * abs(path.amount(INNER, -np.sign(quarter))))
     path.go(start[OUTER] - path.pose[OUTER], start[INNER] - path.pose[INNER])
     return VerificationPath(start, tuple(path.legs), tuple(path.turns))
@@ -124,7 +125,7 @@ class _PathBuilder:
         self._has_opposite = False
 
     def amount(self, joint: int, sign: float = 0.0) -> float:
-        """Return an angle by which a joint can turn now, rad; if `sign` is not 0, with this sign."""
+        """Return an angle by which a joint can turn from its current pose, rad, with `sign` unless `sign` is 0."""
         return self.first(joint, tuple(a for a in self._amounts if sign * a >= 0.0))
 
     def first(self, joint: int, amounts: tuple[float, ...]) -> float:
@@ -138,8 +139,8 @@ class _PathBuilder:
     def extra_quarter(self, angle: float) -> float:
         """Return the angle of a quarter turn of the outer joint after a turn by `angle`, rad; 0 if there is none.
 
-        If half a turn or more is followed by this quarter, the turn back begins with gravity perpendicular to the inner
-        axis and needs no intermediate stop.
+        After at least half a turn and this quarter, the turn back begins with gravity perpendicular to the inner axis,
+        so that it needs no intermediate stop.
         """
         quarter = float(np.sign(angle) * _QUARTER_TURN)
         return quarter if abs(angle) > _HALF_TURN - 1e-9 and self._reaches(OUTER, quarter) else 0.0
@@ -150,7 +151,7 @@ class _PathBuilder:
             self._add((outer, inner), None)
 
     def turn(self, joint: int, amount: float) -> None:
-        """Turn a joint, with a stop wherever gravity has a new direction in the body frame."""
+        """Turn a joint, and stop wherever gravity has a new direction in the body frame."""
         number, remaining, step = len(self.turns), amount, float(np.sign(amount) * _LEG_STEP)
         direction = np.array([joint == OUTER, joint == INNER], dtype=float)
         stops = range(1, round(abs(amount) / _LEG_STEP) + 1)
@@ -172,7 +173,7 @@ class _PathBuilder:
         self.turns.append(Turn(joint, float(amount), rest))
 
     def _matching_rest(self, joint: int) -> int | None:
-        """Return the number of the first rest with the other joint's current angle, modulo full turns, or None."""
+        """Return the number of the first rest at the current angle of the other joint, modulo full turns, or None."""
         other = 1 - joint
         for number, (pose, _) in enumerate(self._rest_poses):
             difference = (pose[other] - self.pose[other]) / _FULL_TURN
@@ -219,7 +220,7 @@ class _PathBuilder:
 
 
 def overturned_angle(geometry: TableGeometry, outer: float) -> float:
-    """Return the outer angle that turns a unit over from `outer`, rad, by half a turn or as far as possible."""
+    """Return the outer angle, rad, at which a unit is turned over from `outer` by half a turn or as far as possible."""
     for turn in (_HALF_TURN, -_HALF_TURN, _QUARTER_TURN, -_QUARTER_TURN):
         if geometry.limits.within(OUTER, outer + turn):
             return outer + turn
@@ -228,9 +229,9 @@ def overturned_angle(geometry: TableGeometry, outer: float) -> float:
 
 @dataclass(frozen=True)
 class JointDrift:
-    """Drift of the other joints in a turn about body axis `axis` that takes `seconds` s, rad, shape (2,).
+    """Drift of the other joints, rad, shape (2,), in a turn about the body axis `axis` that takes `seconds` s.
 
-    `matrix` is J, the drift per rad of misalignment, shape (2, 2). The drift at rest was measured over `rest` s.
+    `matrix` is J, the drift in rad per rad of misalignment, shape (2, 2). The drift at rest was measured over `rest` s.
     """
 
     axis: int
@@ -242,7 +243,7 @@ class JointDrift:
 
 @dataclass(frozen=True)
 class TurnData:
-    """A measured turn, with the integral of the output over its legs, rad and m/s, shape (6,), and its duration, s."""
+    """A measured turn, its duration, s, and the integral of the output over its legs, rad and m/s, shape (6,)."""
 
     turn: Turn
     integral: FloatArray
@@ -258,10 +259,10 @@ class TurnData:
 class VerificationData:
     """Output of a unit, captured for verification.
 
-    `rests` are means at rest over `seconds`, gyro in rad/s and accel in m/s², each of shape (6,). `turns` are measured
-    on a table, where the last rest is opposite to another one except in a reference. `carried` contains the samples
-    between two rests on a manual rig, shape (n, 6), at intervals of `period`, s. On a gimbal there are only `drifts`.
-    `reference` contains the same data before the transfer or without the registers applied, or None.
+    `rests` contains the means at rest over `seconds` s, gyro in rad/s and accel in m/s², each of shape (6,). `turns`
+    are measured on a table, where the last rest is opposite to another one, except in a reference. `carried` contains
+    the samples between two rests on a manual rig, shape (n, 6), at intervals of `period` s. On a gimbal there are only
+    `drifts`. `reference` contains the same data before the transfer or without the registers applied, or is None.
     """
 
     rests: tuple[FloatArray, ...]

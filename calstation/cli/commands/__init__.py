@@ -1,5 +1,6 @@
-"""The commands: each module is a command or a group of commands of its name, and is imported when it is called.
+"""The commands, one module for each command or group of commands, which is imported when it is called.
 
-A module has an `app`, made by `command_group`, whose functions are its commands. The program lists these
-modules; their help is in the families `command` and `option` of the catalogue. More than 15 modules: one a command.
+A module has an `app`, made by `command_group`, whose functions are its commands. The program lists these modules, and
+the families `command` and `option` of the catalogue contain their help. There are more than 15 modules, because each
+command has its own.
 """

@@ -18,7 +18,7 @@ from calstation.records import export_corrected, open_log, prior_from_meta
 from calstation.results import find_log, load_result
 from calstation.results.plots import Applied, before_and_after, read_recording
 
-#: Columns of the printed results at rest, before and after: JSON name and size of the display unit.
+#: JSON name of each quantity in the table of results at rest, and the size of its display unit.
 _QUANTITIES = (("force", MICRO_G), ("rate", DEGREE_PER_HOUR))
 
 
@@ -36,7 +36,8 @@ def apply(
 ) -> int:
     """Apply a result to a recording or to the output of the connected unit, and compare every rest before and after.
 
-    Raises ConfigurationError if both are given or another unit is connected, and the errors of reading them.
+    Raises ConfigurationError if both a recording and a station are given or if another unit is connected, and any
+    error of reading the data.
     """
     if log is not None and station is not None:
         raise ConfigurationError("cli.apply_to_one")
@@ -80,12 +81,12 @@ def _warnings(applied: Applied, serial: str) -> list[str]:
 
 
 def _summary(errors: FloatArray) -> dict[str, FloatArray]:
-    """Return rms and largest magnitude over the rests of both quantities before and after, shape (2, 2) each."""
+    """Return the rms and the largest magnitude over the rests, both of shape (2, 2): quantity, before and after."""
     return {"rms": np.sqrt(np.mean(errors**2, axis=1)), "max": np.abs(errors).max(axis=1)}
 
 
 def _json(applied: Applied, errors: FloatArray) -> dict[str, object]:
-    """Return the errors of every rest, shape (2, rests, 2), as JSON, SI."""
+    """Return `errors`, shape (2, rests, 2), as JSON in SI units."""
 
     def row(values: FloatArray) -> dict[str, float]:
         names = [f"{quantity[0]}_{when}" for quantity in _QUANTITIES for when in ("before", "after")]

@@ -25,10 +25,10 @@ def audit(
     file: Path | None = None,
     json: JsonOption = None,
 ) -> int:
-    """List the events of an audit trail, by default the site's, filtered by event, person and first day in UTC.
+    """List the events of an audit trail, filtered by event, person and first day (UTC).
 
-    Returns the exit code of an input error if the trail was changed. Raises InputError if `file` is missing,
-    ConfigurationError for an unknown event.
+    The default is the audit trail of the site. Returns the exit code of an input error if the trail was changed.
+    Raises InputError if `file` is missing, or ConfigurationError for an unknown event.
     """
     try:
         first = "" if since is None else date.fromisoformat(since).isoformat()
@@ -47,7 +47,7 @@ def audit(
 
 
 def check_audit(file: Path | None, json: str | None) -> int:
-    """Verify an audit trail, by default the site's; return the exit code of an input error if it was changed.
+    """Verify an audit trail, by default that of the site; return the exit code of an input error if it was changed.
 
     Raises InputError if `file` is missing.
     """

@@ -1,4 +1,4 @@
-"""`check`: shows the errors in a file, the contents of a recording, or whether the audit trail is intact."""
+"""`check`: shows the errors in a configuration file, the contents of a recording, or the state of an audit trail."""
 
 import math
 from dataclasses import replace
@@ -29,7 +29,7 @@ def check(
     file: Annotated[Path | None, typer.Argument(metavar="[FILE]")] = None,
     json: JsonOption = None,
 ) -> int:
-    """Show the contents of a recording, every error in a station, table, IMU or product file, or verify an audit trail.
+    """Show every error in a configuration file or the contents of a recording, or verify an audit trail.
 
     Returns 0, or the exit code of a configuration error if there is an error or no method can solve the recording.
     """

@@ -1,4 +1,4 @@
-"""`database`: exchanges runs with the shared database, manages its tables, and shows its state."""
+"""`database`: exchanges runs with the shared database, manages its tables and shows the state of the exchange."""
 
 import signal
 import sys
@@ -65,7 +65,7 @@ def exchange(
 
 
 def _watch(out: Path, url: str, name: str, archive: str | None) -> None:
-    """Exchange a folder until the process receives a signal to end, and show each change of the state."""
+    """Exchange the runs of a folder until the process receives a signal to end; show each change of the state."""
     stop, console, previous = threading.Event(), Console(stderr=True), list[str]()
 
     def wait(seconds: float) -> bool:

@@ -1,4 +1,4 @@
-"""`design`: the shortest schedule that meets a product's limits, or shorter stages."""
+"""`design`: searches for the shortest schedule that meets the limits of a product, or shortens its stages."""
 
 import tempfile
 from collections.abc import Iterator
@@ -46,10 +46,10 @@ def design(
     seed: Annotated[int, typer.Option(min=0)] = 0,
     json: JsonOption = None,
 ) -> int:
-    """Design a schedule, or shorten the present stages, write the product with the result, and show both.
+    """Design a schedule or shorten the present stages, and write the product with the new schedule.
 
-    Ctrl-C ends the search with the best schedule so far. Returns 1 if the schedule exceeds a limit, which is possible
-    for a given duration. Raises ConfigurationError.
+    Ctrl-C ends the search with the best schedule found so far. Returns 1 if a sigma exceeds its limit, which can
+    happen if the duration is given. Raises ConfigurationError.
     """
     request = DesignRequest(station, product, margin, duration, as_present, time_limit, seed, rate, acceleration)
     if duration is not None and as_present:

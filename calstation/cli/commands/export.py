@@ -1,4 +1,4 @@
-"""`export`: converts a raw log to a CSV."""
+"""`export`: converts a raw log to a CSV file."""
 
 from pathlib import Path
 from typing import Annotated
@@ -19,7 +19,7 @@ def export(
     log: Annotated[Path, typer.Argument(metavar="LOG")],
     out: Annotated[Path, typer.Option("-o", "--out")],
 ) -> None:
-    """Write a CSV and its TOML from a raw log."""
+    """Write a raw log as a CSV file and a TOML file."""
     facts = export_csv(log, out)
     code = "cli.exported_damaged" if facts.damaged else "cli.exported"
     show_line(Console(stderr=True), say(code, file=out, samples=facts.samples, damaged=facts.damaged))

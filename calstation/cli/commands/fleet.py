@@ -1,4 +1,4 @@
-"""`fleet`: re-solving of many logs on many cores, and comparison of the solutions of two versions."""
+"""`fleet`: solves many logs again on many cores, and compares the solutions of two versions."""
 
 import json as json_module
 import sys
@@ -63,7 +63,7 @@ def resolve(
     compare_with: Annotated[str | None, typer.Option(metavar="unchanged|online|VERSION")] = None,
     json: JsonOption = None,
 ) -> int:
-    """Solve many logs again, except those already in the database; Ctrl-C stops and keeps finished solutions."""
+    """Solve many logs again, except those already in the database; after Ctrl-C, the finished solutions are kept."""
     chosen, diagnostics = parsed_stages(stages), not parameters_only
     days = (None if day is None else day.date() for day in (since, until))
     request = FleetRequest(
@@ -92,7 +92,7 @@ def resolve(
 
 
 def _solve(console: Console, request: FleetRequest) -> FleetSummary:
-    """Solve the logs of a request, show progress, failures and counts, and return the summary."""
+    """Solve the logs of a request, show the progress and the failures, and return the summary."""
     stop = threading.Event()
 
     def interrupt() -> None:
@@ -141,7 +141,7 @@ def _solve(console: Console, request: FleetRequest) -> FleetSummary:
 
 
 def _json_parts(request: FleetRequest, summary: FleetSummary, comparison: Comparison | None) -> Iterator[str]:
-    """Yield the JSON of the contract; the results of many logs are never in memory together."""
+    """Yield the JSON in parts, because the results of many logs do not fit into memory."""
     begin = '{"results": [\n'
     for text in solved_results(request.database, summary):
         yield begin + text
@@ -173,7 +173,7 @@ def export(
     version: VersionOption,
     out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE.parquet")],
 ) -> None:
-    """Write the solutions of a version to a Parquet file, for DuckDB, pandas and others."""
+    """Write the solutions of a version to a Parquet file, which DuckDB, pandas and other programs can read."""
     with job_progress(say("cli.reading_solutions")) as progress:
         count = export_version(progress, database, version, out)
     show_line(Console(stderr=True), say("cli.solutions_written", file=out, count=count))

@@ -1,4 +1,4 @@
-"""`import`: converts a CSV, or a raw capture of an IMU's bytes, to a raw log."""
+"""`import`: converts a CSV file, or a raw capture of the bytes sent by an IMU, to a raw log."""
 
 from pathlib import Path
 from typing import Annotated
@@ -23,7 +23,7 @@ def import_(
     imu: Annotated[Path | None, typer.Option(callback=by_name("imus"))] = None,
     station: StationOption = None,
 ) -> None:
-    """Write a raw log from a CSV, or from a raw capture with the profile `imu` and the site of `station`."""
+    """Convert a CSV file, or a raw capture with the profile `imu` and the site of `station`, to a raw log."""
     if imu is None:
         log = open_log(source, meta)
         facts = write_log(out, log.meta, log.blocks())

@@ -13,7 +13,7 @@ app = command_group()
 
 @app.command()
 def pin(badge: str = "") -> None:
-    """Set or change the site's PIN, or the personal PIN of an engineer's badge."""
+    """Set or change the PIN of the site, or the personal PIN of the engineer with a badge."""
     exists = access.has_pin(badge)
     old = ""
     if exists:

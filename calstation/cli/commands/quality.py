@@ -1,4 +1,4 @@
-"""`quality`: statistics of stored runs, gauge studies, and the state of check standards and certificates."""
+"""`quality`: shows statistics of stored runs, gauge studies, and the state of check standards and certificates."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -71,9 +71,10 @@ def quality(
     out: FolderOption = Path("runs"),
     json: JsonOption = None,
 ) -> None:
-    """Show yield, control charts and capability of the runs of a folder; `since` is a local time without zone.
+    """Show yield, control charts and capability of the runs of a folder.
 
-    `relative` charts deviations in standard deviations, see `calstation.quality.summarise_quality`.
+    `since` is a local time without a time zone. If `relative`, the charts show deviations in standard deviations, see
+    `calstation.quality.summarise_quality`.
     """
     if context.invoked_subcommand is not None:
         return
@@ -109,7 +110,7 @@ def gauge(
 ) -> int:
     """Plan a study of repeatability and reproducibility (GR&R), or evaluate it from the stored runs.
 
-    Returns 1 if the measurement is unacceptable in a parameter.
+    Returns 1 if the measurement of a parameter is unacceptable.
     """
     if not plan:
         return _evaluate(path, product, parameter, out, json)
@@ -141,7 +142,7 @@ def _evaluate(path: Path, product: Path | None, parameter: str | None, out: Path
     """Evaluate a study from the stored runs.
 
     The tolerances are the widths of the limits of the plan's product, whose file may be given as `product`.
-    Raises InputError while runs are missing, or if no parameter was solved in all of them.
+    Raises InputError if runs are missing, or if no parameter was solved in all of them.
     """
     existing_folder(out)
     _check_parameter(parameter)
@@ -247,7 +248,7 @@ def _show_study(console: Console, plan: GaugePlan, studies: dict[str, GaugeStudy
 
 
 def _table(title: str, *columns: str | Text) -> Table:
-    """Create a table; `columns` are messages, or names of headings without ``cli.column_``."""
+    """Create a table; `columns` are the headings: messages, or codes without the prefix ``cli.column_``."""
     codes = (f"cli.column_{name}" if isinstance(name, str) and name else name for name in columns)
     return new_table(title, *codes, padding=(0, 1, 0, 0))
 
@@ -324,7 +325,7 @@ def _power(history: StandardHistory) -> dict[str, dict[str, float | None]]:
 
 
 def _power_lines(serial: str, power: Mapping[str, Mapping[str, float | None]]) -> list[str]:
-    """Return a heading and a line for each parameter; none without a run."""
+    """Return a heading and a line for each parameter, or no lines if there is no run."""
     lines = [say("cli.standard_power", serial=serial, percent=100.0 * POWER)] if power else []
     for name, row in power.items():
         value, unit = display(name, row["error"] or 0.0)

@@ -1,4 +1,4 @@
-"""`registers`: read a unit's registers, list transfers, complete interrupted ones, and restore earlier values."""
+"""`registers`: reads registers, lists transfers, completes an interrupted transfer, and restores earlier values."""
 
 import sys
 from collections.abc import Iterator
@@ -53,7 +53,7 @@ app = command_group()
 
 @dataclass(frozen=True)
 class _UnitTransfers:
-    """Transfers to the unit with a serial number at one kind of station, oldest first."""
+    """Transfers to one unit at one kind of station, the oldest first."""
 
     serial: str
     kind: str  #: ``hardware`` or ``virtual``.
@@ -61,7 +61,7 @@ class _UnitTransfers:
 
     @property
     def cycles(self) -> int:
-        """Number of flash cycles that the transfers used."""
+        """Number of flash cycles used by the transfers."""
         return sum(transfer.cycles for transfer in self.transfers)
 
 
@@ -238,7 +238,7 @@ def _change_text(transfer: Transfer) -> str:
 
 
 def largest_change(transfer: Transfer) -> str | None:
-    """Return the parameter with the largest change relative to the profile's prior sigma, None if nothing changes."""
+    """Return the parameter with the largest change relative to its prior sigma in the profile, or None."""
     sigmas = {p.name: p.prior_sigma for p in PARAMETERS} | _prior_sigmas(transfer.unit_type.profile)
     changes = {
         name: abs(value - transfer.old.get(name, 0.0)) / sigmas[name]

@@ -36,7 +36,7 @@ def report(
     by: ByOption = None,
     confirmed_by: ConfirmedByOption = None,
 ) -> None:
-    """Write the certificate of a result or log, and show its number and verdict. Raises ConfigurationError."""
+    """Write the certificate for a result or a log, and show its number and verdict. Raises ConfigurationError."""
     check_choice("--language", language, tuple(LANGUAGES))
     for file in (out, dcc):
         if file is not None and not file.absolute().parent.is_dir():

@@ -37,9 +37,10 @@ def resolve(
     states: Annotated[list[str] | None, typer.Option("--state", metavar="NAME")] = None,
     parameters_only: ParametersOnlyOption = False,
 ) -> int:
-    """Solve a log again, or selected stages between two sequence numbers, and show the result.
+    """Solve a log, or some of its stages between two sequence numbers, again and show the result.
 
-    Returns 1 if it is outside the limits. Raises InsufficientDataError after showing the result if a stage lacks data.
+    Returns 1 if the result is outside the limits. If a stage lacks data, raises InsufficientDataError after showing
+    the result.
     """
     chosen = parsed_stages(stages)
     if residuals and parameters_only:

@@ -1,4 +1,4 @@
-"""`run`: calibrates the unit on the station without a window."""
+"""`run`: calibrates the units at a station without opening the window."""
 
 from pathlib import Path
 from typing import Annotated
@@ -42,7 +42,7 @@ def run(
     operator: str | None = None,
     confirmed_by: ConfirmedByOption = None,
 ) -> int:
-    """Run a calibration, of several units at a station with slots, and return the exit code."""
+    """Calibrate a unit, or several units at a station with slots, and return the exit code."""
     request = RunRequest(
         "",
         station,

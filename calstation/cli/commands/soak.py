@@ -1,4 +1,4 @@
-"""`soak`: calibrations back to back on the virtual bench with random faults."""
+"""`soak`: runs one calibration after another on the virtual bench with random faults."""
 
 import tempfile
 from pathlib import Path
@@ -17,7 +17,7 @@ from calstation.errors import StoppedError
 from calstation.simulation import Soak
 from calstation.simulation import soak as run_soak
 
-#: Totals of a soak test: keys of the JSON.
+#: JSON keys of the totals of a soak test.
 _TOTALS = (
     *("runs", "faults_injected", "recovered", "stopped_safely", "wrong_verdicts"),
     *("unsafe", "hung", "lost_records", "samples", "samples_lost"),
@@ -34,7 +34,7 @@ def soak(
     full: Annotated[bool, typer.Option("--full")] = False,
     keep: Annotated[Path | None, typer.Option(metavar="DIR")] = None,
 ) -> int:
-    """Run calibrations with random faults and show the outcome.
+    """Run calibrations with random faults, and show the outcomes.
 
     Returns 0 if no verdict was wrong, no data were lost, and no run was unsafe or hung, otherwise 1; 4 after Ctrl-C.
     """

@@ -1,4 +1,4 @@
-"""`study`: a Monte Carlo study of simulated units."""
+"""`study`: runs a Monte Carlo study of simulated units."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -27,7 +27,7 @@ def study(
     json: JsonOption = None,
     method: str | None = None,
 ) -> int:
-    """Run the study of the stages, or of one method; return 0 if every statistic is within its band, 1 otherwise."""
+    """Run the study of the stages or of one method; return 0 if every statistic is within its band, otherwise 1."""
     check_choice("--grade", grade, get_args(GradeName) if method else tuple(SEEDS))
     if seeds is not None and seeds < 1:
         raise ConfigurationError("cli.too_small", option="--seeds", value=seeds, least=1, program="calstation study")

@@ -1,4 +1,4 @@
-"""`test`: tests the link to the table or to the IMUs. Nothing moves."""
+"""`test`: tests the link to the table or to the IMUs; nothing moves."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -34,7 +34,7 @@ def link(
     product: ProductOption = None,
     json: JsonOption = None,
 ) -> int:
-    """Test a link, or the links of the IMUs in all slots, and show every finding.
+    """Test the link to the table or the links to the IMUs in all slots, and show every finding.
 
     Returns the exit code of a device fault if a run would not start.
     """
@@ -68,7 +68,7 @@ def link(
 
 
 def _findings(report: Report, options: Mapping[str, str]) -> tuple[list[dict[str, Any]], list[str]]:
-    """Return the findings of a link test for JSON, and as lines of text."""
+    """Return the findings of a link test as JSON and as lines of text."""
     findings, lines = [], []
     for finding in report.findings:
         text = render(finding.message.code, {**finding.message.values, **options}, LANGUAGE)

@@ -1,4 +1,4 @@
-"""`watch`: monitors IMUs on one body, from a log or live, and calibrates those out of tolerance."""
+"""`watch`: monitors IMUs on one body, in a log or live, and calibrates the IMUs that are out of tolerance."""
 
 import sys
 import threading
@@ -24,9 +24,9 @@ from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G
 from calstation.records import LogMeta, open_log
 from calstation.results import CorrectedOutput, PairWatchResult, pair_report, watch_log
 
-#: Thresholds below these are shown in °/h and µg, SI.
+#: Thresholds in SI units below which a threshold is shown in °/h or µg.
 _MAX_SMALL_RATE, _MAX_SMALL_FORCE = 0.1 * DEGREE, 10_000 * MICRO_G
-#: Longest time for which a replay waits for a slow client, s per line.
+#: Longest time for which a replay waits for a slow client before it drops a line, s.
 _REPLAY_TIMEOUT = 10.0
 #: Interval of the messages while waiting for motion, s.
 _STATE_INTERVAL = 5.0
@@ -48,10 +48,11 @@ def watch(
     serve: Annotated[str | None, typer.Option(metavar="HOST:PORT")] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.jsonl")] = None,
 ) -> int:
-    """Monitor IMUs on one body, in a log or live, calibrate the sensors out of tolerance, and store the results.
+    """Monitor IMUs on one body, in a log or live, and calibrate the sensors that are out of tolerance.
 
-    Returns 0 if every sensor of every IMU was within its threshold at the last check or has been calibrated, every IMU
-    sends data at the end, and all data were written, otherwise 1; after Ctrl-C, the exit code of a stop.
+    The calibrations are stored. Returns 0 if every sensor was within its threshold at the last check or has been
+    calibrated, every IMU sends data at the end, and all data were written; otherwise 1, or the exit code of a stop
+    after Ctrl-C.
     """
     delivery = Delivery(serve, out)
     if log is not None and station is None:
@@ -63,7 +64,7 @@ def watch(
 
 @dataclass(frozen=True)
 class Delivery:
-    """Destinations of corrected data."""
+    """Destinations of the corrected data."""
 
     serve: str | None = None  #: ``HOST:PORT`` of a service for other programs.
     file: Path | None = None  #: File of JSON lines.
@@ -78,7 +79,7 @@ class _LinesFile:
     def __init__(self, path: Path, out: Console) -> None:
         self._path, self._out, self.failed = path, out, False
         try:
-            self._file = path.open("w", buffering=1, encoding="utf-8")  # each line is complete for other programs
+            self._file = path.open("w", buffering=1, encoding="utf-8")  # other programs always read complete lines
         except OSError as exc:
             raise self._error(exc) from exc
 
@@ -94,7 +95,7 @@ class _LinesFile:
 
     def close(self) -> None:
         """Close the file."""
-        with suppress(OSError):  # data that a full disk has refused
+        with suppress(OSError):  # writing the buffered data fails again if the disk is full
             self._file.close()
 
     def _error(self, exc: OSError) -> ConfigurationError:
@@ -120,7 +121,7 @@ def _watch_station(
     json: str | None,
     delivery: Delivery,
 ) -> int:
-    """Monitor until `seconds` of device time have passed or Ctrl-C is pressed; entering c requests a check."""
+    """Monitor until `seconds` of device time have passed or Ctrl-C is pressed; the input ``c`` requests a check."""
 
     def check_cancelled() -> None:
         if stop.is_set():
@@ -147,7 +148,7 @@ def _watch_station(
 
 
 def _console(json: str | None) -> Console:
-    """Return the console for events: standard output, unless the JSON is written there."""
+    """Return the console for events, which is standard output unless the JSON is written there."""
     return Console(file=sys.stderr if json == "-" else sys.stdout)
 
 
@@ -226,14 +227,14 @@ def _show_check(out: Console, imu: str, sensor: str, deviation: RestDeviation, v
 
 
 def _unit(sensor: str, limit: float) -> tuple[float, str]:
-    """Return the SI size and the name of a readable unit for a threshold."""
+    """Return the size in SI and the name of the unit in which a threshold is shown."""
     if sensor == "gyro":
         return (DEGREE_PER_HOUR, "°/h") if limit < _MAX_SMALL_RATE else (DEGREE, "°/s")
     return (MICRO_G, "µg") if limit < _MAX_SMALL_FORCE else (1.0, "m/s²")
 
 
 def _imu_names(value: Any) -> Any:
-    """Replace IMU numbers in a list by IMU names."""
+    """Replace the IMU numbers in a list by the names of the IMUs."""
     if not isinstance(value, list | tuple):
         return value
     return [f"imu{item}" if isinstance(item, int) else str(item) for item in value]
