@@ -1,4 +1,4 @@
-"""The graphical user interface: shows events and sends commands; no physics, device access or threads."""
+"""The graphical user interface, which shows events and sends commands, without physics, device access or threads."""
 
 from calstation.gui.shell import create_window
 

@@ -1,3 +1,3 @@
-"""The engineer page: selection of stages, preview, and analysis of results; `calstation.results` computes them."""
+"""The engineer page: selection of stages, preview, and analysis of the results that `calstation.results` computes."""
 
 from calstation.gui.engineer.page import EngineerPage

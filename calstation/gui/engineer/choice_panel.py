@@ -63,7 +63,7 @@ class ChoicePanel(QFrame):
 
     @property
     def schedule(self) -> dict[str, Mapping[str, Any]]:
-        """Deviations from the product's schedule, by selected stage; stages without deviations are omitted."""
+        """Deviations from the schedule of the product by selected stage, without stages that have none."""
         return {stage: values for stage in self.selector.stages if (values := self._forms[stage].deviations)}
 
     @property
@@ -87,7 +87,7 @@ class ChoicePanel(QFrame):
         self.selector.offer(options.offered, options.stages)
 
     def lock(self, busy: str, role: str, save: str, *, new_pin: bool) -> None:
-        """Disable all inputs for the reason `busy` or `role`, and saving also for the reason `save`; "" is no reason.
+        """Disable all inputs for the reason `busy` or `role`, and saving also for the reason `save`, where "" is none.
 
         The unlock button is shown for the reason `role`; it sets the first PIN if `new_pin` is True.
         """

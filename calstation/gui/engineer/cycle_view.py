@@ -1,4 +1,4 @@
-"""View of the cycle of a run: bars of its phases to scale, and a legend with their durations and shares."""
+"""View of the cycle of a run: bars that show its phases to scale, and a legend with their durations and shares."""
 
 from collections.abc import Sequence
 
@@ -26,10 +26,10 @@ _COLOURS = {
     "files": ("text", 255),
     "stopping": ("bad", 255),
 }
-#: Opacity of the first stage, decrease from stage to stage, and minimum opacity.
+#: Opacity of the first stage, its decrease from stage to stage, and its minimum.
 _FIRST, _DECREASE, _MIN_OPACITY = 255, 55, 60
 
-#: Name of a phase, and name of its stage if the phase is the motion of a stage, otherwise "".
+#: Name of a phase and, if the phase is the motion of a stage, the name of the stage, otherwise "".
 _Part = tuple[str, str]
 
 

@@ -31,7 +31,7 @@ from calstation.results import EXCESSIVE, NOTABLE, Diagnostics, PositionResidual
 _MAX_POINTS = 1500
 #: Normalised innovation above which an observation is drawn as an outlier.
 _BOUND = 3.0
-#: With fewer observations, a mean below its band is not significant.
+#: Number of observations below which a mean below its band is not significant.
 _MIN_COUNT = 100
 #: Minimum half range of a plot, in sigmas.
 _MIN_HALF_RANGE = 5.0
@@ -112,7 +112,7 @@ class InnovationsView(StackedPlots[Diagnostics]):
 
 
 def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
-    """Return the texts of a stage's row: its mean NIS, the expected band and the verdict with its badge shape."""
+    """Return the texts in the row of a stage: its mean NIS, the expected band, and the verdict with its badge shape."""
     c = stage.consistency
     state, verdict = "good", "inside"
     if not c.count:
@@ -132,7 +132,7 @@ def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
 
 #: Width of the left axes of the plots of residuals, px.
 _AXIS_WIDTH = 9 * theme.GRID
-#: Width of the bars of rests and moves, in rests.
+#: Width of the bars of rests and moves, in units of the distance between rests.
 _BAR = {"rest": 0.4, "move": 0.16}
 
 

@@ -1,4 +1,4 @@
-"""Header of the engineer page, in the strip next to STOP, with serial number, engineer, START and run status."""
+"""Header of the engineer page in the strip next to STOP: serial number, engineer, START and status of the run."""
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QWidget
@@ -9,7 +9,7 @@ from calstation.gui.widgets import button, column, label, line_edit, row, theme
 
 
 class EngineerHeader(QWidget):
-    """Fields for the serial number and the engineer, START and the run status.
+    """Fields for the serial number and the engineer, the START button and the status of the run.
 
     Signals: `start_pressed()`; `edited()` when a text changes; `serial_entered()` on Enter in the serial field, which
     scanners send, too.
@@ -65,7 +65,7 @@ class EngineerHeader(QWidget):
         self.start_button.setText(say("common.start_partial" if self._partial else "engineer.start"))
 
     def show_next(self, next_unit: bool, slot: str) -> None:
-        """Show whether the field is for the next unit, and the slot of the next scan, "" if there is none."""
+        """Show whether the field is for the next unit, and the slot for the next scan or ""."""
         if (next_unit, slot) != (self._next_unit, self._slot):
             self._next_unit, self._slot = next_unit, slot
             self._serial_caption.setText(self._serial_text())

@@ -19,7 +19,7 @@ from calstation.sequencer import StageRanked
 
 #: Strength above which a state is observable.
 _OBSERVED = 1.0 / OBSERVABLE
-#: Range of the colour scale in decades: strengths from 1 to 100 000.
+#: Range of the colour scale, decades, which covers strengths from 1 to 100 000.
 _DECADES = 5
 #: Width of the state names, height of a row, and height of the step axis, px.
 _NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 13 * theme.GRID
@@ -31,7 +31,7 @@ StepLabel = tuple[str | float, ...]
 
 
 class StepAxis(pg.AxisItem):  # type: ignore[misc]
-    """Axis above the map with vertical step names, which are elided if they are too long."""
+    """Axis above the map with vertical names of the steps, which are elided if they are too long."""
 
     def __init__(self) -> None:
         super().__init__("top", showValues=False)
@@ -64,7 +64,7 @@ class StepAxis(pg.AxisItem):  # type: ignore[misc]
 
 
 class StageCombo(QComboBox):
-    """Combo box of stages that emits `currentIndexChanged` only for a selection by the user."""
+    """Combo box of stages that emits `currentIndexChanged` only if the user selects a stage."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -116,14 +116,14 @@ class ObservabilityView(QWidget):
         theme.on_appearance_change(self, self._show)
 
     def show_stages(self, stages: Mapping[str, Mapping[str, Any]], labels: Mapping[int, StepLabel] = {}) -> None:
-        """Show the observability of stages from a result or a preview; `labels` are the labels of the moves by step."""
+        """Show the observability of stages from a result or a preview; `labels` contains the moves by step."""
         self._live, self._labels = {}, labels
         self._stages = {name: stage for name, stage in stages.items() if stage.get("segments")}
         self._stage_combo.offer(list(self._stages))
         self._show()
 
     def follow(self, ranked: StageRanked, labels: Mapping[int, StepLabel] = {}) -> None:
-        """Add the observability after a step of the run in progress; the first call clears the previous contents."""
+        """Add the observability after a step of the run in progress; the first step clears the previous contents."""
         self._labels = labels
         if not self._live:
             self._stages = {}

@@ -1,4 +1,4 @@
-"""The engineer page: stages and schedules on the left; preview, results, registers and design on the right."""
+"""The engineer page, with stages and schedules on the left, and preview, results, registers and design on the right."""
 
 import re
 from dataclasses import replace
@@ -39,14 +39,14 @@ _PANEL_WIDTH = 46 * theme.GRID
 
 
 class EngineerPage(Page):
-    """Page that selects stages and schedules, previews and starts runs, and shows results and registers."""
+    """The page on which engineers select stages, preview and start runs, and inspect results and registers."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app, "engineer")
         self._options: ScheduleOptions | None = None
         #: Serial number that the virtual bench suggested last.
         self._suggested = ""
-        #: Error in the files of station or product that prevents a run.
+        #: Error in the station or product files that prevents a run.
         self._problem: CalstationError | None = None
         self._faulty = False
         self.header = self._header = EngineerHeader(app.run)
@@ -112,7 +112,7 @@ class EngineerPage(Page):
     # ---- selection of stages and schedule
 
     def _read_options(self) -> None:
-        """Read station and product again; an error disables the controls, whose tooltips show it."""
+        """Read the station and the product again; an error disables the controls and is shown in their tooltips."""
         app = self.app
         self._start_dialog.drop()  # an open question refers to the previous station and product
         self._options = self._problem = None
@@ -132,7 +132,7 @@ class EngineerPage(Page):
         self._update()
 
     def _suggest(self) -> None:
-        """Suggest the unit of the virtual bench unless the verdict on it is displayed; clear the field on hardware."""
+        """Suggest the unit of the virtual bench unless its verdict is displayed; clear the field on hardware."""
         run = self.app.run
         displayed = run.unit.serial if run.ended or run.fault is not None else ""
         serial = "" if self._options is None else self._options.serial
@@ -148,7 +148,7 @@ class EngineerPage(Page):
         self._update()
 
     def _choice_undone(self) -> None:
-        """Reset the selection after another page has selected the complete calibration."""
+        """Reset the selection after another page has selected the whole calibration."""
         if self.app.stages is None and self.choice.selector.stages:
             self._restore_product()
 
@@ -193,7 +193,7 @@ class EngineerPage(Page):
         )
 
     def _register_request(self) -> RunRequest:
-        """Return the request of a register operation, by default for the unit of the last run on the virtual bench."""
+        """Return the request for a register operation; a virtual bench contains the unit of the last run by default."""
         request, serial = self._request(), self.app.run.unit.serial
         entered = self._header.serial not in ("", self._suggested)
         if not entered and serial and self._options is not None and self._options.virtual:
@@ -235,7 +235,7 @@ class EngineerPage(Page):
     # ---- START
 
     def _scan(self) -> None:
-        """Assign the entered serial number to the next slot, at a station with several slots."""
+        """At a station with several slots, assign the entered serial number to the next slot."""
         slots, serial = self.app.slots, self._header.serial
         if not slots or self.app.engine_link.running:
             return
@@ -291,7 +291,7 @@ class EngineerPage(Page):
     # ---- available actions
 
     def _update(self) -> None:
-        """Enable the actions that are possible; the tooltips of the others show why they are not."""
+        """Enable the possible actions, and explain in the tooltips why the others are not possible."""
         self._source.setText(self.analysis.source())
         self._show_next()
         options, role = self._options, ""

@@ -1,4 +1,4 @@
-"""Preview of the chosen stages: motion, duration, violated limits and expected sigmas, computed before the run."""
+"""Preview of the selected stages: motion, duration, violated limits and expected sigmas, computed before the run."""
 
 from collections.abc import Callable
 from functools import partial
@@ -36,7 +36,7 @@ from calstation.results import Preview, Violation, compute_preview
 
 
 class PreviewView(QWidget):
-    """Shows the preview of the run that `request` returns, and a button that computes it."""
+    """A view of the preview of the run that `request` returns, and a button that computes it."""
 
     def __init__(self, app: AppContext, request: Callable[[], RunRequest]) -> None:
         super().__init__()
@@ -69,7 +69,7 @@ class PreviewView(QWidget):
         on_language_change(self, self._show_texts)
 
     def mark_outdated(self) -> None:
-        """Mark the preview as outdated because the selection has changed."""
+        """Mark the preview as outdated after the selection has changed."""
         self._outdated = self._next_outdated = True
         self._refresh()
 
@@ -155,7 +155,7 @@ class MotionPlot(StackedPlots[Preview]):
 
 
 def _columns(preview: Preview) -> list[Cell]:
-    """Return the columns: unit, sigma before the run and after each stage, limit, target and verdict."""
+    """Return the columns for unit, sigma before the run and after each stage, limit, target and verdict."""
     stages = [
         Cell(partial(term, "stage", stage.stage), f"after_{number}", hint=f"gain_{number}")
         for number, stage in enumerate(preview.stages)
@@ -194,7 +194,7 @@ def _problem_texts(preview: Preview) -> list[str]:
 
 
 def _end_texts(preview: Preview) -> list[str]:
-    """Return a description of the end condition of every repeated stage."""
+    """Return for every repeated stage a description of the condition that ends it."""
     return [
         say(f"engineer.ends_{stage.reason}", stage=stage.stage, rounds=stage.rounds)
         for stage in preview.stages
@@ -260,7 +260,7 @@ def _names(preview: Preview) -> tuple[str, ...]:
 
 
 def _reached(preview: Preview, name: str) -> bool | None:
-    """Return whether a parameter is expected to meet its sigma limit; None if this is unknown or it has no limit."""
+    """Return whether the expected sigma of a parameter meets its limit, or None if either is unknown."""
     sigma = preview.stages[-1].sigma if preview.stages else None
     limit = preview.limits.get(name)
     return None if sigma is None or limit is None else float(sigma[INDEX[name]]) <= limit

@@ -1,4 +1,4 @@
-"""View that compares the unit's registers with those of a result, reads them, and has the engine write them."""
+"""View that reads the registers of the unit, compares them with a result, and has the engine write them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -44,7 +44,7 @@ from calstation.registers import Register, TargetRegisters, UnitRegisters, read_
 from calstation.results import FinishedRun
 from calstation.sequencer import Event, Fault, Message, Settled, StepStarted
 
-#: Placeholder for the serial number in a request while none has been entered.
+#: Placeholder in a request for a serial number that has not been entered.
 UNNAMED = "-"
 
 #: Events that report the state of the unit after an incomplete write.
@@ -52,7 +52,7 @@ _INCOMPLETE = ("transfer_unproved", "old_unproved")
 
 
 class RegistersView(QWidget):
-    """Shows old and new register values, and buttons that read and write them.
+    """A view of old and new register values, with buttons that read and write them.
 
     `request` returns the station, product and engineer of an operation. The signal `changed` is emitted when the
     available actions may have changed.
@@ -67,7 +67,7 @@ class RegistersView(QWidget):
         self.unit: UnitRegisters | None = None
         #: Registers computed from the result; None without a result.
         self.target: TargetRegisters | None = None
-        #: Name of the station whose table moves to verify a write; "" for a manual rig.
+        #: Name of the station whose table moves for the verification of a write; "" for a manual rig.
         self.table = ""
         self._run: FinishedRun | None = None
         self._operation: RegisterOperation | None = None
@@ -159,7 +159,7 @@ class RegistersView(QWidget):
         self.changed.emit()
 
     def _confirm(self, target: TargetRegisters, *, at_rest: bool) -> None:
-        """Write the registers, after two engineers have confirmed if the product requires it."""
+        """Write the registers, if the product requires it after the confirmation by two engineers."""
         try:
             product, station = self._files()
         except CalstationError as error:
@@ -218,7 +218,7 @@ class RegistersView(QWidget):
             self._show_end(event)
 
     def _show_end(self, event: Settled | Fault) -> None:
-        """Show the registers after a completed write, or why it failed or stopped."""
+        """Show the registers after a completed write, or why the write failed or stopped."""
         if isinstance(event, Fault):
             self._show_error(lambda: fault_text(event).sentences)
         elif event.closing != "stopped":
@@ -291,7 +291,7 @@ class RegistersView(QWidget):
         return say("engineer.in_unit" if in_unit else "engineer.old")
 
     def _before_run(self, name: str) -> str:
-        """Return the value before the run that wrote the registers, as a tooltip; "" if the run wrote none."""
+        """Return a tooltip with the value before the run that wrote the registers, or "" if the run wrote none."""
         before = self.target.before if self.target is not None and self.target.written else ()
         register = next((register for register in before if register.parameter == name), None)
         if register is None:
@@ -300,7 +300,7 @@ class RegistersView(QWidget):
         return say("engineer.before_run", value=f"{value:.4f}", unit=unit)
 
     def _ask(self) -> None:
-        """Ask for confirmation of a write; the question states the changes, and the verdict unless it is a PASS."""
+        """Ask for confirmation of a write in a question that states the changes and any verdict other than PASS."""
         target, unit, run = self.target, self.unit, self._run
         if target is None or unit is None or run is None:
             return
@@ -341,7 +341,7 @@ class RegistersView(QWidget):
         return ", ".join(f"{a}" if a == b else f"{a}–{b}" for a, b in ranges)
 
     def _show_reason(self) -> None:
-        """Show the reason next to a disabled button, because a touch screen shows no tooltips."""
+        """Show the reason next to a disabled button, because touch screens show no tooltips."""
         self._reason.setText(self._why_not)
         self._reason.setVisible(bool(self._why_not) and not self.watch.busy and not self._progress)
 

@@ -1,4 +1,4 @@
-"""Views of a finished run and the background jobs that compute some of their contents."""
+"""Views of a finished run, and the background jobs that compute their contents."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -65,16 +65,16 @@ _COLUMNS = (
     Cell("common.verdict", "verdict", number=False, state="verdict_state", hint="hint"),
 )
 _NUMBERS = ("value", "sigma", "previous", "change", "in_sigma", "limit", "accepted", "sigma_limit")
-#: Columns that compare with the previous run, or with the result without an added state.
+#: Columns for the comparison with the previous run or with the result without an added state.
 _COMPARED_COLUMNS = (3, 4, 5)
-#: Column of the acceptance limits if the decision rule narrows the limits.
+#: Column of the acceptance limits, which the decision rule may narrow.
 _ACCEPTED_COLUMN = 7
 #: Badge shape (`widgets.badge.KINDS`) of each parameter verdict.
 _SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad", "sigma": "bad", "both": "bad"}
 
 
 def verdict_text(result: Result, *, stages: bool = True) -> str:
-    """Return the verdict of a run, such as ``PASS``; if `stages` is True, the stages of a partial run are named."""
+    """Return the verdict on a run, such as ``PASS``, with the stages of a partial run if `stages` is True."""
     if result.released or not result.partial or not result.stages:
         return term("badge", result.badge)
     passed = result.verdict == "partial"
@@ -93,7 +93,7 @@ def verdict_badge(result: Result) -> tuple[str, str]:
 
 
 class ResultView(QWidget):
-    """The run's verdict, the parameter table, and the checks that do not refer to a single parameter."""
+    """A view of the verdict on a run, its parameters, and the checks that do not refer to a single parameter."""
 
     def __init__(self, adding: JobWatch, release: ReleaseBar) -> None:
         super().__init__()
@@ -161,7 +161,7 @@ class ResultView(QWidget):
 
 
 def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
-    """Return the texts of a row, with numbers in display units and rounded according to the sigma."""
+    """Return the texts in the row of a parameter, in display units and rounded according to the sigma."""
     result, previous = finished.result, finished.previous.get(name)
     parameter = result.parameters[name]
     checks: dict[str, Check] = {
@@ -200,7 +200,7 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
 
 
 def _conformity_hint(result: Result, name: str) -> str:
-    """Return the probability that the decision about a parameter is wrong, and the risks of its product."""
+    """Return the probability that the decision on a parameter is wrong, and the risks for its product."""
     decision = None if result.conformity is None else result.conformity.parameters.get(name)
     if decision is None:
         return ""
@@ -213,7 +213,7 @@ def _conformity_hint(result: Result, name: str) -> str:
 
 
 def _register_texts(registers: Registers) -> list[str]:
-    """Return whether and when the registers were written and, if read back only, that they were not verified."""
+    """Return whether and when the registers were written, and whether they were only read back."""
     code = "engineer.registers_written_at" if registers.written_utc else "engineer.registers_written"
     texts = [say(code, time=local_time(registers.written_utc or ""))]
     if registers.proved_on == "read_back":
@@ -222,7 +222,7 @@ def _register_texts(registers: Registers) -> list[str]:
 
 
 def _verdict(checks: dict[str, Check]) -> str:
-    """Return the verdict about a parameter, a key of `_SHAPES` or ``none``, from its checks by kind."""
+    """Return the verdict on a parameter from its checks by kind: a key of `_SHAPES`, or ``none``."""
     value = "within" in checks and not checks["within"].passed
     sigma = "sigma_below" in checks and not checks["sigma_below"].passed
     if value or sigma:
@@ -238,12 +238,12 @@ def _limit(value: float, digits: int = 4) -> str:
 
 
 def _display(name: str, value: float) -> tuple[float, str]:
-    """Return a value in its display unit and that unit; return (value, "") for a parameter unknown to this version."""
+    """Return a value in its display unit, and the unit; return the value and "" for an unknown parameter."""
     return display(name, value) if name in NAMES or further_parameter(name) else (value, "")
 
 
 class ResultAnalysis(QObject):
-    """Manages the views of a result and the background jobs that compute some of their contents.
+    """Manages the views of a result and the background jobs that compute their contents.
 
     Signals: `changed()` when a run starts to load and after it has loaded; `loaded(run)`; `failed(error)` if the run
     cannot be opened.
@@ -260,7 +260,7 @@ class ResultAnalysis(QObject):
         self._path: Path | None = None
         #: Whether the displayed observability belongs to the run in progress.
         self._following = False
-        #: Whether the run or register operation in progress has not reported the observability of a stage yet.
+        #: Whether the run or register operation in progress has not yet reported the observability of a stage.
         self._starting = False
         #: Labels of the moves of the run in progress, by step.
         self._step_labels: dict[int, tuple[str | float, ...]] = {}
@@ -309,7 +309,7 @@ class ResultAnalysis(QObject):
             self.observability.show_view()
 
     def prepare(self, view: QWidget | None) -> None:
-        """Compute innovations and residuals if `view` shows them and no job has computed them yet."""
+        """Compute innovations and residuals if `view` shows them and they have not been computed yet."""
         run = self._run
         if run is None or view not in self._computed or run.log == self._diagnosed_log is not None:
             return
@@ -401,7 +401,7 @@ View = TypeVar("View", bound=QWidget)
 
 
 class _LazyView(QStackedWidget, Generic[View]):
-    """A stack that shows a placeholder or the progress of a job until the view has contents."""
+    """A stack that shows a placeholder, or the progress of a job, until the view has contents."""
 
     def __init__(self, create: Callable[[], View], watch: JobWatch | None = None) -> None:
         super().__init__()
@@ -432,7 +432,7 @@ class _LazyView(QStackedWidget, Generic[View]):
         self.setCurrentWidget(self._work)
 
     def show_empty(self, why: Words = "") -> None:
-        """Show why the view has no contents or, without a reason, how to obtain them."""
+        """Show why the view has no contents or, if `why` is "", how to obtain them."""
         title = "engineer.nothing_to_show" if why else "engineer.no_run"
         self._empty.say(title, why or "engineer.about_no_run")
         self.setCurrentWidget(self._empty)

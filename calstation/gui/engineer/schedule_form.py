@@ -1,4 +1,4 @@
-"""Form for the schedule of a stage, generated from the schedule model of its method; errors are shown while typing."""
+"""Form for the schedule of a stage, generated from the schedule model of its method; it shows errors during input."""
 
 from functools import partial
 from typing import Any
@@ -38,7 +38,7 @@ _WRONG = {
 
 
 class ScheduleForm(QWidget):
-    """The fields of the schedule of one stage, whose values may be invalid; `changed()` is emitted on every edit."""
+    """The fields of the schedule of a stage, whose values may be invalid; every edit emits `changed()`."""
 
     changed = Signal()
 
@@ -63,12 +63,12 @@ class ScheduleForm(QWidget):
 
     @property
     def values(self) -> dict[str, Any]:
-        """Entered values by field; text that is not a number remains text, which the validation rejects."""
+        """Entered values by field; a text that is not a number is unchanged, and the validation rejects it."""
         return self._source.values
 
     @property
     def deviations(self) -> dict[str, Any]:
-        """Values that differ from the product's."""
+        """Values that differ from the values in the product."""
         deviations = {name: value for name, value in self.values.items() if self._source.differs((name,))}
         # a product without `rounds` would otherwise get a different limit
         if deviations.keys() & {"duration_s", "targets"}:
@@ -81,7 +81,7 @@ class ScheduleForm(QWidget):
         return not self._source.problems
 
     def reset(self) -> None:
-        """Restore the product's values."""
+        """Restore the values in the product."""
         self._source.reset()
 
     def lock(self, why: str) -> None:
@@ -91,7 +91,7 @@ class ScheduleForm(QWidget):
 
 
 class _Field(FormField):
-    """A field of a schedule, whose name is bold if the value differs from the product's."""
+    """A field of a schedule, whose name is bold if its value differs from the value in the product."""
 
     def __init__(
         self,
@@ -158,7 +158,7 @@ def _make_editor(spec: FieldSpec) -> Editor:
 
 
 def _number(text: str, whole: bool = False) -> float | int | str | None:
-    """Return the number in `text`, with a decimal point or comma, as an integer if `whole`; other text is unchanged."""
+    """Return the number in `text` with a decimal point or comma, an integer if `whole`; other text is unchanged."""
     number = typed_number(text.replace(",", "."))
     if not isinstance(number, float | int):
         return text.strip() or None

@@ -1,4 +1,4 @@
-"""The comparison of selected runs: a table of their parameters side by side, and a plot relative to the limits."""
+"""The comparison of selected runs: a table of their parameters, and a plot of the values relative to the limits."""
 
 from collections.abc import Callable, Sequence
 
@@ -40,7 +40,7 @@ Limits = dict[str, tuple[float, float]]
 
 
 class RunComparison(QWidget):
-    """Compares runs with the first of them; `back` is called to return to the list."""
+    """A comparison of runs with the first of them; `back` is called to return to the list."""
 
     def __init__(self, back: Callable[[], None]) -> None:
         super().__init__()
@@ -101,7 +101,7 @@ class ComparisonPlot(ThemedPlot):
         theme.on_appearance_change(self, self.draw)
 
     def show_results(self, names: Sequence[str], results: Sequence[Result]) -> None:
-        """Plot those of the named parameters for which at least one of the results has limits."""
+        """Plot the named parameters for which at least one result has limits."""
         self._results = results
         self.limits = {name: limits for result in reversed(results) for name, limits in limits_of(result).items()}
         self._names = [name for name in ordered(names) if name in self.limits]

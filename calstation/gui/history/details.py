@@ -1,4 +1,4 @@
-"""The details of a run: its outcome, facts and offline solutions, a trend over the runs of its unit, and actions."""
+"""The details of a run: outcome, facts, offline solutions, the trend over the runs of its unit, and actions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -53,7 +53,7 @@ from calstation.results import Result
 
 #: Maximum number of runs in the trend.
 MAX_TREND = 30
-#: Maximum number of failed checks in the list, and of dates on the axis of the trend.
+#: Maximum number of listed failed checks, and of dates on the axis of the trend.
 _MAX_FAILED, _MAX_DATES = 8, 4
 #: Vertical margin of the trend as a fraction of its range, and horizontal margin for the outer dates as a fraction of
 #: the number of runs.
@@ -62,7 +62,7 @@ _MARGIN, _DATE_MARGIN = 0.1, 0.06
 
 @dataclass(frozen=True)
 class Actions:
-    """The state that determines the possible actions: a run is active, one is being closed, this one can resume."""
+    """What determines the possible actions: a run is in progress, a run is being closed, this run can be resumed."""
 
     running: bool = False
     closing: bool = False
@@ -70,7 +70,7 @@ class Actions:
 
 
 class Trend(QWidget):
-    """Plots a parameter over the runs of a unit: dots for passed runs, crosses for failed ones, larger if selected."""
+    """A plot of a parameter over the runs of a unit, with dots for passed and crosses for failed runs."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -136,7 +136,7 @@ class Trend(QWidget):
 
 
 class RunDetails(QFrame):
-    """Shows the details of a run; the page connects the buttons, and passes those for the label and the certificate."""
+    """A panel with the details of a run; the page connects the buttons and provides those for documents."""
 
     def __init__(self, label_button: LabelButton, certificate_button: CertificateButton, release: ReleaseBar) -> None:
         super().__init__()
@@ -235,7 +235,7 @@ class RunDetails(QFrame):
             text = rendered(fault.as_text)
             return "\n".join(filter(None, (text.text, text.remedy)))
         if result is not None and result.override is not None:
-            return ""  # the note about the override states it
+            return ""  # the note on the override states the reason
         if run.verdict.judged and result is not None:
             if result.failed_checks:
                 return say("history.outside_limits")
@@ -278,7 +278,7 @@ class RunDetails(QFrame):
                 self._facts.addRow(label(code, "muted"), value)
 
     def _why_no_log(self, run: RunRecord) -> str:
-        """Return why the log cannot be opened, or "" if it can; logs of other stations are copied from an archive."""
+        """Return why the log, which may have to be copied from an archive, cannot be opened, or ""."""
         if run.log.exists() or is_archived(run.location):
             return ""
         if not run.origin:
@@ -286,7 +286,7 @@ class RunDetails(QFrame):
         return say("history.log_elsewhere", station=run.station or "?", location=run.location or "?")
 
     def _cycle_text(self) -> str:
-        """Return the duration of the cycle, and that of its phases other than stages; "" if the result has none."""
+        """Return the durations of the cycle and of its phases other than stages, or "" if they are unknown."""
         seconds = {} if self._result is None else self._result.cycle_seconds
         if not seconds:
             return ""
@@ -328,7 +328,7 @@ _COLUMNS = (
 
 
 class ResolvesTable(QWidget):
-    """Lists the offline solutions of a log, the latest first; hidden if there are none."""
+    """A table of the offline solutions of a log, the latest first, which is hidden if there are none."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -343,7 +343,7 @@ class ResolvesTable(QWidget):
         on_language_change(self, self._show)
 
     def show_records(self, records: Sequence[ResolveRecord], error: CalstationError | None) -> None:
-        """Show the records of a log, given the oldest first, or the error if they cannot be read."""
+        """Show the records of a log, of which the first is the oldest, or the error if they cannot be read."""
         self._records, self._error = records[::-1], error
         self._show()
 

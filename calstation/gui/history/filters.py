@@ -29,7 +29,7 @@ _DATE = "yyyy-MM-dd"
 
 
 class Filters(QWidget):
-    """The inputs of the filters; emits `changed` when one changes. The widget `beside` is shown next to the dates."""
+    """The inputs of the filters, which emit `changed`; the widget `beside` is shown next to the dates."""
 
     changed = Signal()
 
@@ -99,7 +99,7 @@ class Filters(QWidget):
         self.changed.emit()
 
     def show_choices(self, choices: RunChoices) -> None:
-        """Offer these values; the selection is kept."""
+        """Offer these values, and keep the selection."""
         if choices != self._choices:
             self._choices = choices
             self._fill_combos()
@@ -124,7 +124,7 @@ class Filters(QWidget):
         self.changed.emit()
 
     def _date_chosen(self, changed: QDateEdit, other: QDateEdit) -> None:
-        """Filter by the dates; if they are out of order, set the other to the changed one."""
+        """Filter by the dates; if they are not in order, set the other date to the changed one."""
         if self._from.date() > self._to.date():
             with QSignalBlocker(other):
                 other.setDate(changed.date())
@@ -159,6 +159,6 @@ class Filters(QWidget):
 
 
 def _midnight(day: QDate) -> str:
-    """Return the start of a local day in ISO 8601, in UTC without an offset."""
+    """Return the UTC time at which a local day starts, in ISO 8601 without an offset."""
     begin = datetime(day.year(), day.month(), day.day()).astimezone(UTC)
     return begin.replace(tzinfo=None).isoformat()

@@ -109,7 +109,7 @@ class HistoryPage(Page):
         self._list_visible()
 
     def _build_actions(self) -> QWidget:
-        """Create the row with the number of runs and the actions on several of them, or the progress of a job."""
+        """Create the row with the number of runs and the actions on several runs, or the progress of a job."""
         self._count_label = ElidedLabel("muted")
         self._count_label.setObjectName("history_count_label")
         self._count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
@@ -166,7 +166,7 @@ class HistoryPage(Page):
         self.show_runs()
 
     def _history(self) -> History:
-        """Return the index of the current folder, which stays open because opening it takes longer than a query."""
+        """Return the index of the current folder, which stays open, because opening takes longer than a query."""
         folder = self.app.runs_folder
         if self._index is None or self._index[0] != folder:
             self._index = (folder, History(folder))
@@ -200,7 +200,7 @@ class HistoryPage(Page):
     # ---- actions on the selected run
 
     def _open_result(self) -> None:
-        """Open the result of the selected run; that of another station is first read from the shared database."""
+        """Open the result of the selected run, which is read from the shared database for a run of another station."""
         run = self.table.run
         if run is None:
             return
@@ -214,7 +214,7 @@ class HistoryPage(Page):
         self.app.open_run.emit(result)
 
     def _open_log(self) -> None:
-        """Open the log of the selected run; that of another station is first copied from the archive."""
+        """Open the log of the selected run, which is copied from the archive for a run of another station."""
         run = self.table.run
         if run is None:
             return
@@ -276,7 +276,7 @@ class HistoryPage(Page):
         self.table.setFocus()
 
     def _export(self) -> None:
-        """Export the selected runs if there are several, or else all runs that match the filters."""
+        """Export the selected runs or, unless there are several, all runs that match the filters."""
         folder, conditions = self.app.runs_folder, self._filters.conditions
         if len(self.table.selected_runs) > 1:
             conditions = RunFilter(names=tuple(run.log.stem for run in self.table.selected_runs))
@@ -318,7 +318,7 @@ class HistoryPage(Page):
 def _result(run: RunRecord) -> Result | None:
     """Return the result of a run, or None if it is missing or unreadable.
 
-    The result of a run of another station is available after it has been opened once, and outdated after an override.
+    The result of a run of another station is available only after it has been opened, and lacks later overrides.
     """
     path = run.log.with_suffix(".json") if run.origin else run.result
     if path is None:

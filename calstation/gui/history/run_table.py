@@ -33,7 +33,7 @@ _NUMBERS = (4, 6)
 
 
 class RunTable(QTableWidget):
-    """Lists runs, the latest first; emits `selected(run)`, with None if there is no run, and `selection_changed`."""
+    """A table of runs, the latest first, which emits `selected(run)`, with None for no run, and `selection_changed`."""
 
     selected = Signal(object)
     selection_changed = Signal()
@@ -56,7 +56,7 @@ class RunTable(QTableWidget):
         header.setHighlightSections(False)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         header.setStretchLastSection(True)
-        header.setResizeContentsPrecision(0)  # columns are as wide as the visible rows need
+        header.setResizeContentsPrecision(0)  # only visible rows determine the widths of the columns
         self.selectionModel().currentRowChanged.connect(self._row_changed)
         self.selectionModel().selectionChanged.connect(lambda *_: self.selection_changed.emit())
         theme.themes.changed.connect(self._fill_rows)
@@ -74,7 +74,7 @@ class RunTable(QTableWidget):
         return tuple(self.runs[number] for number in sorted({index.row() for index in self.selectedIndexes()}))
 
     def show_runs(self, runs: Sequence[RunRecord]) -> None:
-        """Show these runs. The selection is kept, or else the latest run is selected."""
+        """Show these runs, and keep the selection or, if that is not possible, select the latest run."""
         log = self.run.log if self.run is not None else None
         selected_logs = {run.log for run in self.selected_runs}
         self.setRowCount(0)
@@ -113,10 +113,10 @@ class RunTable(QTableWidget):
             self.show_runs(self.runs)
 
     def _share_width(self) -> None:
-        """Fit the columns to their contents and the stages to the remaining width; hide columns if the table is narrow.
+        """Fit the columns to their contents and the stages to the remaining width; hide columns in a narrow table.
 
-        The station is shown only for runs of several stations, and batch and slot only for runs in batches, for which
-        duration and stages are hidden first.
+        The station is shown only if there are runs of several stations. Batch and slot are shown only if there are runs
+        in batches; duration and stages are then hidden first.
         """
         hidden = {_STATION} if len({run.station for run in self.runs if run.station}) < 2 else set()
         batches = any(run.batch for run in self.runs)
@@ -138,7 +138,7 @@ class RunTable(QTableWidget):
         self.setColumnWidth(_STAGES, max(free, minimum))
 
     def _select(self, current: int, rows: Sequence[int]) -> None:
-        """Make a row the current one, and select `rows`, by default that row, regardless of pressed keys."""
+        """Make a row the current row, and select `rows`, by default this row, regardless of pressed keys."""
         model, selected, flag = self.model(), QItemSelection(), QItemSelectionModel.SelectionFlag
         for number in rows or (current,):
             selected.select(model.index(number, 0), model.index(number, _STAGES))

@@ -1,4 +1,4 @@
-"""The comparison of two versions of the solutions of all logs: changed verdicts, and parameter changes."""
+"""The comparison of two versions of the solutions of all logs: changed verdicts and changed parameters."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -38,7 +38,7 @@ from calstation.messages import known, local_time
 
 #: Version of the results stored by the runs.
 _RUN_RESULTS = "online"
-#: Choices for the rows of the plot: parameters, or the groups of logs for the selected parameter.
+#: Choices for the rows of the plot: the parameters, or the groups of logs for the selected parameter.
 _GROUPS = {"": "history.by_parameter", **{kind: f"history.by_{kind}" for kind in GROUPS}}
 #: Maximum number of changed verdicts in the list; an export contains all.
 _MAX_CHANGES = 1000
@@ -60,7 +60,7 @@ _MOVES = (
 
 
 class VersionsView(QWidget):
-    """Compares two versions selected by the user; `back` is called to return to the list."""
+    """A comparison of two versions that the user selects; `back` is called to return to the list."""
 
     def __init__(self, page: Page, back: Callable[[], None]) -> None:
         super().__init__()
@@ -120,7 +120,7 @@ class VersionsView(QWidget):
     # ---- choosing and comparing
 
     def _offer(self, versions: list[str]) -> None:
-        """List the versions, and select the first, usually the results of the runs, and the last."""
+        """List the versions, and select the first one, usually the results of the runs, and the last one."""
         if versions == self._versions:
             self._show_texts()
             return
@@ -250,14 +250,14 @@ def _checks_text(names: str) -> str:
     return ", ".join(map(parameter_text, quantities))
 
 
-#: Lower end of the axis, to which smaller changes are rounded up, and minimum of its upper end, sigmas.
+#: Lower end of the axis, at which smaller changes are drawn, and minimum of its upper end, sigmas.
 _MIN_CHANGE, _MIN_END = 1e-3, 10.0
 #: Height of the horizontal axis with its label, px.
 _AXIS_HEIGHT = 7 * theme.GRID
 
 
 class MovesPlot(ThemedPlot, DataView[Mapping[str, ParameterShift]]):
-    """Plots the median, 95th percentile and maximum of the changes, one row per parameter or group of logs."""
+    """A plot of the median, 95th percentile and maximum of the changes, with a row per parameter or group of logs."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -269,7 +269,7 @@ class MovesPlot(ThemedPlot, DataView[Mapping[str, ParameterShift]]):
         theme.on_appearance_change(self, self.refresh)
 
     def show_data(self, data: Mapping[str, ParameterShift]) -> None:
-        """Plot changes; the keys are the labels of the rows."""
+        """Plot changes, whose keys are the labels of the rows."""
         self.setMinimumHeight(theme.BODY * len(data) + _AXIS_HEIGHT)
         self.getViewBox().reset()
         super().show_data(data)

@@ -1,4 +1,4 @@
-"""The Allan deviation of a log at rest, and the derived noise, which can be saved in the IMU profile."""
+"""The Allan deviation of a log at rest, and the noise derived from it, which can be saved in the IMU profile."""
 
 import csv
 from functools import partial
@@ -46,7 +46,7 @@ _COLUMNS = (
 
 
 class AllanPlot(MethodPlot, DataView[AllanDeviation]):
-    """Plots the Allan deviations of the axes of a sensor with their 95 % bands, and the noise of the profile."""
+    """A plot of the Allan deviations of the axes of a sensor, their 95 % bands, and the noise in the profile."""
 
     def __init__(self, sensor: str) -> None:
         super().__init__(log=True, log_x=True)
@@ -99,7 +99,7 @@ class AllanPlot(MethodPlot, DataView[AllanDeviation]):
     def _profile_line(
         self, name: str, tau: FloatArray, values: FloatArray, at: int, anchor: tuple[float, float]
     ) -> None:
-        """Draw a line of the profile, with its name at the point with index `at`."""
+        """Draw a line for a value in the profile, with its name at the point with index `at`."""
         colour = theme.colours().muted
         self.addItem(pg.PlotDataItem(tau, values, pen=dashed(colour), name=name))
         text = pg.TextItem(name, color=colour, anchor=anchor)
@@ -109,7 +109,7 @@ class AllanPlot(MethodPlot, DataView[AllanDeviation]):
 
 
 class AllanView(QWidget, DataView[AllanDeviation]):
-    """Computes and shows the Allan deviations of a range of a log; its Back button emits `closed`."""
+    """A view of the Allan deviations of a range of a log, which it computes; its Back button emits `closed`."""
 
     closed = Signal()
 
@@ -166,7 +166,7 @@ class AllanView(QWidget, DataView[AllanDeviation]):
 
     @property
     def _values(self) -> dict[str, float]:
-        """The entries of `[noise]` that all three axes determine: the largest value of the axes, SI."""
+        """The entries of `[noise]` that all three axes determine, each the largest value of the axes, SI."""
         data = self.data
         if data is None:
             return {}
@@ -192,7 +192,7 @@ class AllanView(QWidget, DataView[AllanDeviation]):
         enable(self._save_button, self._why_not_save(), say("logs.take_tip"))
 
     def _change_text(self, data: AllanDeviation) -> str:
-        """Return the text of the changed values, before and after, and of the unchanged ones."""
+        """Return a text that lists the changed values before and after the change, and the unchanged ones."""
         parts = []
         for name, value in self._values.items():
             _, unit, size = NOISE_DISPLAY[name]
@@ -232,7 +232,7 @@ class AllanView(QWidget, DataView[AllanDeviation]):
 
 
 def _cells(data: AllanDeviation, channel: str, curve: AllanCurve) -> dict[str, str]:
-    """Return the cells of a channel: the derived values, and those of the profile with their units."""
+    """Return the cells of a channel: the derived values, and the values in the profile with their units."""
     sensor, _, axis = channel.partition("_")
     cells = {"channel": say(f"logs.{sensor}_axis", axis=axis)}
     bound = f"≤ {curve.largest_instability / SENSOR_UNITS[sensor][1]:.2g}"

@@ -21,7 +21,7 @@ from calstation.results.plots import LogIndex
 
 
 class Comparison(QWidget):
-    """Shows the result of the run and, after the log has been solved offline, the offline result next to it."""
+    """A view of the result of the run and, after the log has been solved offline, of the offline result."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The row above the plot of a log: a summary, and buttons that select its channels and zoom it."""
+"""The row above the plot of a log, with a summary and buttons that select channels and zoom the plot."""
 
 from functools import partial
 
@@ -14,7 +14,7 @@ from calstation.results.plots import LogIndex
 
 
 class ChannelButton(QPushButton):
-    """Offers the channels of a log in a menu; emits `changed(channels)` with the set of ticked channels."""
+    """A button with a menu of the channels of a log, which emits `changed(channels)` with the ticked channels."""
 
     changed = Signal(object)
 
@@ -55,7 +55,7 @@ _SYMBOL_SIZE = 12
 
 
 class LogHead(QWidget):
-    """Shows the summary of a log, and zooms its plot, also to the range selected in a range bar."""
+    """The summary of a log, and buttons that zoom its plot, also to the range selected in a range bar."""
 
     def __init__(self, plot: LogPlot, range_bar: RangeBar) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The plots of a log over time, which can be zoomed to single samples: gyro, accelerometer, table, temperature."""
+"""Plots of the gyro, accelerometer, table and temperature data of a log over time, with zoom to single samples."""
 
 from collections.abc import Callable, Collection
 from functools import partial
@@ -28,9 +28,9 @@ from calstation.results.plots import CHANNELS, Columns, LogIndex
 
 #: Height of the row of stage names, px.
 _STRIP_HEIGHT = 34
-#: Margin beyond the ends of the log as a fraction of its length, so that a range edge there can be dragged.
+#: Margin at the ends of the log, as a fraction of its length, in which an edge of the range can be dragged.
 _MARGIN = 0.015
-#: Ratio of the widths of the view after and before zooming in.
+#: Ratio of the width of the view after zooming in to the width before.
 _ZOOM_FACTOR = 0.5
 
 
@@ -47,11 +47,11 @@ class _Graph(pg.GraphicsLayoutWidget):  # type: ignore[misc]
 
 
 class LogPlot(QWidget):
-    """Plots a log with about two points per pixel, and a range whose edges can be dragged.
+    """Plots of a log with about two points per pixel, and a range whose edges can be dragged.
 
-    Signals: `range_moved(first, last)` with sequence numbers during a drag; `samples_requested(request)` when the view
-    is narrow enough for single samples, which the receiver passes to `show_samples`; `pointed(seq)` with the sequence
-    number under the mouse, or None outside the log. The top of each plot shows the values under the mouse.
+    Signals: `range_moved(first, last)` with sequence numbers while an edge is dragged; `samples_requested(request)` if
+    the view is narrow enough for single samples, which the receiver passes to `show_samples`; `pointed(seq)` with the
+    sequence number under the mouse, or None outside the log. The top of each plot shows the values under the mouse.
     """
 
     range_moved = Signal(object, object)
@@ -91,7 +91,7 @@ class LogPlot(QWidget):
         theme.on_appearance_change(self, self._refresh)
 
     def show_log(self, log_index: LogIndex) -> None:
-        """Plot the whole of a log."""
+        """Plot a whole log."""
         self._columns = LogColumns(log_index)
         self._first, self._last, self._rate = log_index.facts.first_seq, log_index.facts.last_seq, log_index.rate
         self._length = self._seconds(self._last + 1)
@@ -119,7 +119,7 @@ class LogPlot(QWidget):
             item.setVisible(False)
 
     def show_channels(self, channels: Collection[str]) -> None:
-        """Show these members of `CHANNELS`, and only the plots that contain one of them."""
+        """Show these members of `CHANNELS`, and hide plots that contain none of them."""
         self._channels = channels
         for name, curve in self._curves.items():
             curve.setVisible(name in channels)
@@ -149,7 +149,7 @@ class LogPlot(QWidget):
             self._schedule_draw()
 
     def write_csv(self, target: Path) -> None:
-        """Write the visible channels as drawn, as two rows, the minima and maxima, where samples are merged."""
+        """Write the visible channels as drawn, with two rows, the minima and the maxima, for merged samples."""
         columns = self._drawn
         if columns is None:
             return
@@ -171,14 +171,14 @@ class LogPlot(QWidget):
         return left, right
 
     def show_all(self) -> None:
-        """Bring all samples and values into view."""
+        """Show all samples and values."""
         for plot in self._plots:
             plot.getViewBox().reset()
         self._set_view(0.0, self._length, _MARGIN)
         self._schedule_draw()
 
     def show_part(self, first_seq: int, last_seq: int) -> None:
-        """Bring a range into view, with a margin of 5 % on either side."""
+        """Show a range with a margin of 5 % on either side."""
         self._set_view(self._seconds(first_seq), self._seconds(last_seq + 1), 0.05)
 
     def zoom(self, closer: bool) -> None:
@@ -274,7 +274,7 @@ class LogPlot(QWidget):
         self._graph.viewport().update()
 
     def _write_notes(self) -> None:
-        """Show the names of the channels and, while the mouse points at the log, their values."""
+        """Show the names of the channels and, while the mouse is over the log, their values."""
         c = theme.colours()
         titles = "common.gyro_dps", "common.accel_mps2", "logs.table_degrees", "logs.temperature_celsius"
         letters = {"outer": say("joint.outer"), "inner": say("joint.inner"), "temperature": ""}
@@ -326,7 +326,7 @@ class LogPlot(QWidget):
         self.pointed.emit(seq)
 
     def leaveEvent(self, event: QEvent) -> None:
-        """Clear the values when the mouse leaves the log."""
+        """Remove the values when the mouse leaves the log."""
         self._point_to(None)
         super().leaveEvent(event)
 

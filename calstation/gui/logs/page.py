@@ -1,4 +1,4 @@
-"""The Offline page, which plots a log and solves it again by its stages or by a method without a rate table."""
+"""The Offline page, which plots a log and solves its stages again, or solves it by a method without a rate table."""
 
 import shutil
 import tempfile
@@ -41,14 +41,14 @@ from calstation.results.plots import Columns, LogIndex, log_index, longest_rest,
 
 
 class OfflinePage(Page):
-    """The page that shows a log, the selected range, and its solution."""
+    """The page that shows a log, the selected range and the solution."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app, "offline")
         self.setAcceptDrops(True)
         self.log: LogIndex | None = None
         self.solved: Resolved | None = None
-        #: Range and stages for which the last solution was started, and those of `solved`.
+        #: Range and stages for which the last solution was started, and range and stages of `solved`.
         self._started_with: tuple[object, ...] = ()
         self._solved_with: tuple[object, ...] = ()
         self._indexes = Path(tempfile.mkdtemp(prefix="calstation-"))
@@ -74,7 +74,7 @@ class OfflinePage(Page):
         return self._panels.get(self.methods.method)
 
     def open(self, path: Path) -> None:
-        """Close the open log, if any, and open another."""
+        """Close the open log, if any, and open another one."""
         self.methods.select("")
         if self._working:
             self.notice.inform("caution", str, self._wait_text, self.plot.setFocus)
@@ -182,7 +182,7 @@ class OfflinePage(Page):
             panel.open(path)
 
     def _show_method(self, method: str) -> None:
-        """Show the stages of the log, or the panel of a method, which is created at its first use."""
+        """Show the stages of the log or the panel of a method, which is created on first use."""
         if not method:
             self._body.setCurrentIndex(0)
             if self.log is not None:
@@ -233,7 +233,7 @@ class OfflinePage(Page):
         self._update()
 
     def _add_state(self, state: EffectName) -> None:
-        """Solve again with one more state than in the current result."""
+        """Solve the log again with one more state than in the current result."""
         self.solve(*(self.solved.result.states_added if self.solved is not None else ()), state)
 
     def _export_log(self) -> None:
@@ -265,7 +265,7 @@ class OfflinePage(Page):
         self._update()
 
     def _fetch_samples(self, request: SampleRequest) -> None:
-        """Fetch the samples of a request; requests during another fetch are ignored, and the plot repeats them."""
+        """Fetch the samples of a request; during another fetch it is ignored, and the plot repeats it."""
         log = self.log
         if log is not None and not self._sampler.busy:
             self._request = request

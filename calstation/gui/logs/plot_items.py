@@ -1,4 +1,4 @@
-"""Data and items of the plots of a log: columns, marks of stages and gaps, the selected range, and the time axis."""
+"""Data and items of the plots of a log: columns, marks of stages and gaps, the selected range and the time axis."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from calstation.results.plots import (
     merge_columns,
 )
 
-#: Channels of each plot, and the unit and decimals of their values.
+#: Channels of each plot, and the unit and number of decimals of their values.
 PLOTS = (
     (CHANNELS[:3], "°/s", 5),
     (CHANNELS[3:6], "m/s²", 5),
@@ -39,7 +39,7 @@ _SYMBOL_SIZE = 9.0
 
 
 class LogMarks:
-    """The marks of a log in seconds from its first sample; there are none without a log."""
+    """The marks of a log, s from its first sample, which are empty without a log."""
 
     def __init__(self, log_index: LogIndex | None = None) -> None:
         self.stages: list[tuple[str, float, float]] = []
@@ -56,7 +56,7 @@ class LogMarks:
 
 
 class _Layer(pg.GraphicsObject):  # type: ignore[misc]
-    """Draws marks in pixel coordinates over a whole view; `to_pixels` converts times, s, to positions, px."""
+    """A layer that draws marks in pixels over a whole view; `to_pixels` converts times, s, to positions, px."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -91,7 +91,7 @@ class _Layer(pg.GraphicsObject):  # type: ignore[misc]
 
 
 class Backdrop(_Layer):
-    """Draws bands for every other stage, and the moves, gaps and invalid samples, in the layer behind the curves."""
+    """The layer behind the curves, with bands for every other stage, moves, gaps and invalid samples."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -121,7 +121,7 @@ class Backdrop(_Layer):
 
 
 class StageStrip(_Layer):
-    """Draws the names of the stages in a row of their own, above symbols for gaps and invalid samples."""
+    """A row of the names of the stages above symbols for gaps and invalid samples."""
 
     def __init__(self, stage_name: Callable[[str], str]) -> None:
         super().__init__()
@@ -162,7 +162,7 @@ def draw_symbol(painter: QPainter, kind: str, box: QRectF) -> None:
 
 
 def _visible_ranges(ranges: FloatArray, box: QRectF) -> FloatArray:
-    """Return the ranges within a box, px, shape (n, 2), widened to the minimum width and merged if adjacent."""
+    """Return the ranges within a box, px, shape (n, 2), which are widened to a minimum width and merged if adjacent."""
     inside = ranges[(ranges[:, 1] >= box.left()) & (ranges[:, 0] <= box.right())]
     if len(inside) == 0:
         return inside
@@ -187,7 +187,7 @@ class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
         self.setBrush(theme.faint(accent, 18))
         for line in self.lines:
             line.setPen(QPen(QColor(accent), 2))
-            line.setHoverPen(QPen(theme.faint(accent, 160), 20))  # the width in which an edge can be dragged
+            line.setHoverPen(QPen(theme.faint(accent, 160), 20))  # an edge can be dragged within this width
             line.pen.setCosmetic(True)
             line.hoverPen.setCosmetic(True)
 
@@ -220,7 +220,7 @@ class TimeAxis(pg.AxisItem):  # type: ignore[misc]
         return [(next((s for s in _SPACINGS if s >= minimum), _SPACINGS[-1]), 0.0)]
 
     def tickStrings(self, values: Sequence[float], _: float, spacing: float) -> list[str]:
-        """Return labels of the form h:mm:ss, with the decimals that the spacing needs."""
+        """Return labels of the form h:mm:ss with the decimals that the spacing requires."""
         return [time_text(value, spacing) for value in values]
 
 
@@ -248,7 +248,7 @@ class SampleRequest:
 
 
 class LogColumns:
-    """The columns of a log, from its min-max pyramid or the samples of the last request."""
+    """The columns of a log from its min-max pyramid or from the samples of the last request."""
 
     def __init__(self, log_index: LogIndex) -> None:
         self._facts = log_index.facts
@@ -277,8 +277,8 @@ class LogColumns:
 def split_at_gaps(columns: Columns, max_gap: float) -> tuple[NDArray[np.float64], Values, Values]:
     """Return sequence numbers, minima and maxima, with NaN where more than `max_gap` samples are missing.
 
-    The line is interrupted there. A merged column with such a gap is omitted, because it may contain samples from both
-    sides of the gap.
+    NaN interrupts the line. A merged column with such a gap is omitted, because it may contain samples from both sides
+    of the gap.
     """
     gaps = np.flatnonzero(np.diff(columns.seq) - columns.samples > max_gap)
     seq, low, high = columns.seq.astype(np.float64), columns.low, columns.high

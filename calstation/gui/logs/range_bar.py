@@ -1,4 +1,4 @@
-"""Widgets that select what to solve in a log: a range of sequence numbers, and stages."""
+"""Widgets that select the range of sequence numbers and the stages of a log that are solved."""
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QDoubleSpinBox, QMenu, QWidget
@@ -10,12 +10,12 @@ from calstation.results.plots import LogIndex, StageSpan
 
 #: Number of stage check boxes in a row.
 _COLUMNS = 4
-#: Largest value; up to it, a double, the value type of the spin box, represents every integer.
+#: Largest value up to which a double, the value type of the spin box, represents every integer.
 _MAX_VALUE = 2**53
 
 
 class CountSpin(QDoubleSpinBox):
-    """A spin box for integers up to 2^53, which emits a value when it is entered instead of at every keystroke."""
+    """A spin box for integers up to 2^53, which emits a value only when it has been entered."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -34,7 +34,7 @@ class CountSpin(QDoubleSpinBox):
 
 
 class RangeBar(QWidget):
-    """Selects a range of sequence numbers; emits `changed(first, last)` when the user enters another range."""
+    """Inputs for a range of sequence numbers, which emit `changed(first, last)` when the user enters another range."""
 
     changed = Signal(object, object)
     #: Emitted to request the selection of the longest rest in the log.
@@ -62,7 +62,7 @@ class RangeBar(QWidget):
         on_language_change(self, self._show_texts)
 
     def show_log(self, log_index: LogIndex) -> None:
-        """Set the limits to the range of a log and select all of it."""
+        """Set the limits to the range of a log, and select the whole log."""
         self._log_index = log_index
         self.set_range(log_index.facts.first_seq, log_index.facts.last_seq)
         self._fill_menu()
@@ -120,7 +120,7 @@ class RangeBar(QWidget):
         self.changed.emit(*self.range)
 
     def _accept_value(self, spin: CountSpin) -> None:
-        """Accept a new value, limited by that of the other box."""
+        """Accept a new value, limited by the value of the other box."""
         first, last = self.range
         self._show_note(str)
         if first > last and spin is self.first_spin:
@@ -150,7 +150,7 @@ class RangeBar(QWidget):
 
 
 class StageChoice(QWidget):
-    """A check box for each stage, disabled if the range has no sample of it; emits `changed()` for a new selection."""
+    """Check boxes of the stages with samples in the range, which emit `changed()` when the selection changes."""
 
     changed = Signal()
 

@@ -1,4 +1,4 @@
-"""The bar that selects a log by a path, a dialog or the list of recent logs; and exports of a log and its result."""
+"""The bar that selects a log by a path, a dialog or a list of recent logs, and the exports of a log and its result."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +15,7 @@ from calstation.results import Result, export_log, export_result
 from calstation.results.plots import LogIndex
 
 _KEY = "offline/recent"
-#: Maximum number of recent logs in the menu, and of logs of the latest runs.
+#: Maximum number of recent logs in the menu, and maximum number of logs of the latest runs.
 MAX_RECENT = 8
 
 
@@ -30,7 +30,7 @@ def ask_log(parent: QWidget, title: str, folder: Path, then: Callable[[Path], ob
 
 
 class SourceBar(QWidget):
-    """Emits `path_selected(path)`. `latest` returns the logs of the latest runs, which are listed below recent logs."""
+    """A bar that emits `path_selected(path)`; `latest` returns the logs of the latest runs for the menu."""
 
     path_selected = Signal(object)
 
@@ -41,7 +41,7 @@ class SourceBar(QWidget):
         self.log_edit = line_edit("log_edit", hint="logs.path_tip")
         self.log_edit.setAcceptDrops(False)  # the page handles dropped files
         self.log_edit.returnPressed.connect(self._open_typed)
-        #: A path that does not change during the interval, such as a pasted one, is opened if the file exists.
+        #: Timer after which a path that has not changed, such as a pasted path, is opened if the file exists.
         self._paste_timer = QTimer(self, singleShot=True, interval=400)
         self._paste_timer.timeout.connect(self._open_pasted)
         self.log_edit.textChanged.connect(self._paste_timer.start)
@@ -71,7 +71,7 @@ class SourceBar(QWidget):
         return [Path(p) for p in ([stored] if isinstance(stored, str) else stored)]
 
     def browse(self) -> None:
-        """Open the file dialog in the folder of the current path, or else of the most recent log."""
+        """Open the file dialog in the folder of the current path or, without one, of the most recent log."""
         typed = self.log_edit.text()
         latest = Path(typed) if typed else next(iter(self.recent()), Path("runs/log"))
         ask_log(self, say("logs.open_log"), latest.parent, self.path_selected.emit)

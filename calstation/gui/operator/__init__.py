@@ -1,4 +1,4 @@
-"""The operator page: loading, scan, START, live view and verdict; the run status is in `calstation.gui.state`."""
+"""The operator page: loading, scan, START, live view and verdict; `calstation.gui.state` has the status of the run."""
 
 from calstation.gui.operator import advice
 from calstation.gui.operator.page import OperatorPage

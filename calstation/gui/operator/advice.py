@@ -1,4 +1,4 @@
-"""Explanation of a result for operators: the reason, the next action, and the values beyond or near their limits."""
+"""Explanation of a result for operators: the reason, the next action, and the values outside or near their limits."""
 
 import math
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from calstation.messages import local_time
 from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
 from calstation.results import Parameter, Result
 
-#: Maximum number of figures below the verdict on a small screen, without and with a long reason above them.
+#: Maximum number of figures below the verdict on a small screen, without and with a long reason.
 _MAX_FIGURES, _MAX_BELOW_REASON = 9, 7
 
 
@@ -35,11 +35,11 @@ class Figure:
     unit: str
     passed: bool
     near: bool = False
-    by_sigma: bool = False  #: Whether the sigma decides, and `limit` is its limit.
+    by_sigma: bool = False  #: Whether the sigma is decisive and `limit` is its limit.
 
 
 def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str:
-    """Return the reason for an outcome or verdict; `stopped` is the term of ``advice`` for a stopped run."""
+    """Return the reason for an outcome; `stopped` is the term of the family ``advice`` for a stopped run."""
     checks = [] if result is None else result.checks
     if outcome in ("passed", "partial"):
         passed = say(f"advice.{outcome}", stages=[] if result is None else result.stages)
@@ -56,7 +56,7 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
 
 
 def override_notes(result: Result | None) -> list[str]:
-    """Return notes on an overridden check standard and on the release of a failed unit."""
+    """Return notes on the override of a check standard and on the release of a failed unit."""
     notes = []
     if result is not None and result.standard_override is not None:
         notes.append(say("advice.standard_override", why=result.standard_override))
@@ -73,7 +73,7 @@ def next_action(outcome: str, result: Result | None) -> str:
 
 
 def brief_reason(outcome: str, result: Result | None) -> str:
-    """Return the worst failed check of a failed unit, or the value of a passed unit that is nearest to its limit."""
+    """Return the worst failed check of a failed unit, or the value nearest to its limit of a passed unit."""
     if outcome in ("passed", "partial"):
         return "" if result is None else _near(result.checks)
     if outcome != "failed" or result is None:
@@ -108,10 +108,10 @@ def _action(outcome: str, result: Result | None) -> str:
 
 
 def figures(result: Result) -> list[Figure]:
-    """Return the failing parameters and checks, in descending order of value over limit, then the passing ones.
+    """Return the failing parameters and checks in descending order of their ratio to the limit, then the passing ones.
 
-    Of the passing parameters of a group, only the one nearest to its limit is returned; near misses take precedence if
-    there are too many figures. An incomplete run has no failing figures.
+    For the passing parameters of a group, only the parameter nearest to its limit is returned. If there are too many
+    figures, near misses take precedence. An incomplete run has no failing figures.
     """
     judged = result.verdict.judged
     failing: list[tuple[float, Figure]] = []
@@ -166,7 +166,7 @@ def failed_check_text(check: Check, result: Result) -> str:
 
 
 def _near(checks: Sequence[Check]) -> str:
-    """Return the near miss that is nearest to its limit, and the number of others; "" if there is none."""
+    """Return the near miss nearest to its limit and the number of other near misses, or "" if there is none."""
     near = [check for check in checks if check.near_miss]
     if not near:
         return ""
@@ -176,7 +176,7 @@ def _near(checks: Sequence[Check]) -> str:
 
 
 def _ratio(check: Check | None) -> float:
-    """Return the ratio of the value of a check to its limit; 0 without a value."""
+    """Return the ratio of the value of a check to its limit, or 0 without a value."""
     if check is None or math.isnan(check.value):
         return 0.0
     limit = check.compared_with

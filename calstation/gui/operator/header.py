@@ -1,4 +1,4 @@
-"""Header of the operator page, in the strip next to STOP, with operator, serial number, product, START and Pause."""
+"""Header of the operator page in the strip next to STOP: operator, serial number, product, START and Pause."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from calstation.gui.operator.production import BadgeField
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import StateIcon, button, column, enable, label, row, theme
 
-#: Size of the symbol in the serial field that shows whether a scan was accepted, px.
+#: Size of the symbol that shows in the serial field whether a scan was accepted, px.
 _SYMBOL = 28
 
 _COMMAND = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier
@@ -36,7 +36,7 @@ class RunHeader(QWidget):
         self.operator_edit = self.badge_field.edit
         self.start_button = button("start_button", pressed=self.start_pressed, kind="primary")
         self.pause_button = button("pause_button", pressed=self.pause_pressed)
-        self.pause_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # keeps the keys of a scan away from the button
+        self.pause_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the keys of a scan must not press it
         self._serial_caption = label()
         self._serial_note = ""
         self._symbol = StateIcon(_SYMBOL)
@@ -76,12 +76,12 @@ class RunHeader(QWidget):
 
     @property
     def product(self) -> Path | None:
-        """The file of the selected product; None without one."""
+        """The file of the selected product, or None."""
         name = self.product_combo.currentData()
         return None if name is None else Path(name)
 
     def set_products(self, products: list[tuple[str, Path]], selected: Path | None) -> None:
-        """List products, each with its name and file, and select `selected`."""
+        """List products, given by name and file, and select `selected`."""
         self.product_combo.clear()
         for name, path in products:
             self.product_combo.addItem(name, str(path))
@@ -99,7 +99,7 @@ class RunHeader(QWidget):
         self.note_serial("")
 
     def focus_scan(self) -> None:
-        """Focus the field for the next scan, the badge field if a badge is required, and select its text."""
+        """Focus the field for the next scan, which is the badge field if a badge is required, and select its text."""
         field = self._scan_field
         field.setFocus()
         field.selectAll()
@@ -109,7 +109,7 @@ class RunHeader(QWidget):
         return self.operator_edit if self.badge_field.required else self.serial_edit
 
     def note_serial(self, note: str, *, accepted: bool | None = None) -> None:
-        """Show a note in the caption of the serial number and, after a scan, a tick or a cross."""
+        """Show a note in the caption of the serial number, with a tick or a cross after a scan."""
         self._serial_note = note
         theme.set_kind(self._serial_caption, "error" if accepted is False else "")
         self._symbol.set_kind("good" if accepted else "bad")
@@ -139,12 +139,12 @@ class RunHeader(QWidget):
         self.pause_button.setText(say("common.resume" if paused else "operator.pause"))
 
     def guard(self, combo: QComboBox) -> None:
-        """Prevent a scan from changing the selection of a combo box, open or closed."""
+        """Prevent a scan from changing the selection of an open or closed combo box."""
         combo.installEventFilter(self)
         combo.view().installEventFilter(self)
 
     def handle_key(self, event: QKeyEvent) -> bool:
-        """Enter the character of a key, the first one of a scan, into the field for the next scan, and return True.
+        """Enter the character of a key, the first of a scan, into the field for the next scan, and return True.
 
         Return False for other keys, while the page is hidden, and during a run.
         """

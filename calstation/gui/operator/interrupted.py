@@ -1,4 +1,4 @@
-"""Offers to resume interrupted runs or to close them."""
+"""The offer to resume or close interrupted runs."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -33,7 +33,7 @@ class InterruptedRuns(QObject):
         self._app, self._header, self._notice, self._resume = app, header, notice, resume
         #: Summary of the next run; None if station and product are unusable.
         self.run_summary: RunSummary | None = None
-        #: Unit and log of the run that is offered; None for any.
+        #: Unit and log of the offered run; None for any.
         self._serial: str | None = None
         self._log: Path | None = None
         self._search = app.job(self, find_resumable, self._search_done, failed=self._search_failed)
@@ -45,13 +45,13 @@ class InterruptedRuns(QObject):
         app.resume_run.connect(lambda log: self.offer(log=log))
 
     def recover(self) -> None:
-        """Close aborted runs, deliver pending results, and offer to resume interrupted runs."""
+        """Write the results of aborted runs, deliver pending results, and offer to resume interrupted runs."""
         if self._app.runs_folder.is_dir():
             self._recovery.start(self._app.runs_folder, self._app.station_path)
         self.offer()
 
     def _recovery_failed(self, error: CalstationError) -> None:
-        if self.run_summary is not None:  # otherwise the page shows the error in station or product
+        if self.run_summary is not None:  # otherwise the page shows the error in the station or product file
             self._notice.report("operator.earlier_not_closed", error, self.offer)
 
     def _show_delivery(self, delivery: Delivery) -> None:
@@ -61,7 +61,7 @@ class InterruptedRuns(QObject):
             self._notice.ask("caution", Text("event.handover_waiting", values), "")
 
     def offer(self, serial: str | None = None, log: Path | None = None) -> None:
-        """Offer to resume interrupted runs, only those of the unit `serial` or the one of `log` if given."""
+        """Offer to resume interrupted runs: all runs, those of the unit `serial`, or the run of `log`."""
         self._serial, self._log = serial, log
         if self._app.runs_folder.is_dir():
             self._search.start(self._app.runs_folder)
@@ -87,7 +87,7 @@ class InterruptedRuns(QObject):
         ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
 
     def _offer(self, runs: list[Resumable]) -> None:
-        """Ask whether to resume or close the first run, and after it about the others."""
+        """Ask whether to resume or close the first run, then ask about the others."""
         if not runs or self._notice.asking:
             return
         run, others = runs[0], runs[1:]

@@ -1,4 +1,4 @@
-"""Instructions for loading a unit in four steps, next to a picture of the product or the table."""
+"""Instructions for loading a unit in four steps, next to a picture of the unit or the table."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from calstation.runs import RunSummary
 
 
 class FixturePicture(QWidget):
-    """Picture from an SVG, PNG or JPEG file, as large as possible, on a white background in both themes."""
+    """A picture from an SVG, PNG or JPEG file, drawn as large as possible on a white background in both themes."""
 
     def __init__(self) -> None:
         super().__init__()

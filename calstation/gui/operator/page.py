@@ -48,7 +48,7 @@ from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import Command
 
-#: Description of a station that is incompatible with the product, by the code of the error.
+#: Text for a station that is incompatible with the product, by the code of the error.
 _WRONG_RIGS = {
     "product.needs_manual_table": "window.driven_station",
     "plan.needs_gimbal": "window.not_gimbal_station",
@@ -57,12 +57,12 @@ _WRONG_RIGS = {
 
 
 class OperatorPage(Page):
-    """Page with which an operator calibrates units; it contains no settings that an operator must not change."""
+    """The page on which operators calibrate units, without settings that they must not change."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("operator_page")
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)  # keeps the keys of a scan during a run away from buttons
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)  # receives the keys of a scan during a run instead of a button
         #: Whether the serial field is for the next unit; the engine of the last run may still be running.
         self._next_awaited = True
         self._problem: Text | None = None
@@ -96,7 +96,7 @@ class OperatorPage(Page):
             on_language_change(self, show)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Prepare for a scan; when first shown, also offer to resume interrupted runs."""
+        """Prepare for a scan and, when the page is first shown, offer to resume interrupted runs."""
         super().showEvent(event)
         self._update_products()
         if not self._opened:
@@ -188,7 +188,7 @@ class OperatorPage(Page):
             self._plan()  # its notice contains product names
 
     def _plan(self) -> None:
-        """Read station and product again; if they are unusable, show the reason and disable START."""
+        """Read the station and the product again; if they are unusable, show the reason and disable START."""
         app = self.app
         self._starting.dialog.drop()  # an open question refers to the previous station and product
         if app.product_path is not None:
@@ -214,7 +214,7 @@ class OperatorPage(Page):
         self._refresh()
 
     def _summarise(self) -> tuple[RunSummary | None, list[Choice]]:
-        """Return the summary of the next run, or None and choices of compatible products; set `_problem`."""
+        """Return the summary of the next run or None, and choices of compatible products; set `_problem`."""
         app = self.app
         self._problem = None
         try:
@@ -278,7 +278,7 @@ class OperatorPage(Page):
         if not self._next_awaited:
             self._await_next()
         elif self.app.run.state == "idle":
-            self._starting.check()  # the next unit was scanned before the engine ended
+            self._starting.check()  # the next unit may have been scanned before the engine ended
         self._ask_transfer()
 
     def _show_serial(self) -> None:
@@ -289,7 +289,7 @@ class OperatorPage(Page):
             self.header.set_serial(count if request.serials else request.serial)
 
     def _await_next(self) -> None:
-        """Clear the serial number of the calibrated unit for that of the next unit."""
+        """Clear the serial number of the calibrated unit, so that the next unit can be scanned."""
         run = self.app.run
         self._next_awaited = True
         if not run.register_operation:
@@ -302,7 +302,7 @@ class OperatorPage(Page):
             self._starting.offer_same_units() if run.in_slots else self._starting.interrupted.offer(run.unit.serial)
 
     def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
-        """Ask whether to stop the run and close; after the stop has been requested, offer to close immediately."""
+        """Ask whether to stop the run and close the window; after a stop request, offer to close it immediately."""
 
         def stop() -> None:
             stop_and_close()
@@ -344,7 +344,7 @@ class OperatorPage(Page):
         self._message.setText(self._message_text())
 
     def _choose_view(self) -> None:
-        """Show the view for the state of the run; the verdicts on several units hide the list of stages."""
+        """Show the view for the state of the run, and hide the list of stages next to the verdicts on several units."""
         run = self.app.run
         if run.state == "idle":
             self._views.setCurrentWidget(self._slots if self._starting.slots else self._loading)
@@ -358,11 +358,11 @@ class OperatorPage(Page):
             self._views.setCurrentWidget(self._verdict)
         view, size = self._views.currentWidget(), QSizePolicy.Policy
         self._stages.setVisible(view is not self._verdicts)
-        # leaves room for a notice above the slots, which need less height than the live view
+        # a notice needs space above the slots, which need less height than the live view
         self._live.setSizePolicy(size.Preferred, size.Ignored if view is self._slots else size.Preferred)
 
     def _open_unit(self, *, opened: bool) -> None:
-        """Show the verdict on the selected unit, or those on all units."""
+        """Show the verdict on the selected unit, or the verdicts on all units."""
         self._unit_opened = opened
         self._choose_view()
         if opened:

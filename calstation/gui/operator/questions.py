@@ -1,4 +1,4 @@
-"""Questions and notices in notice bars, and the dialog before the start of a run."""
+"""Questions in notice bars, and the dialog before the start of a run."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -26,7 +26,7 @@ def ask(
     primary: str = "",
     others: Sequence[Choice] = (),
 ) -> None:
-    """Ask a question in a notice bar, or show a notice if there are no answers.
+    """Ask a question in a notice bar or, if there are no answers, show a notice.
 
     Parameters
     ----------
@@ -49,10 +49,10 @@ def ask(
 
 
 class StartDialog:
-    """Asks the questions of a `RunStart` in a notice bar, then starts the engine.
+    """Dialog that asks the questions of a `RunStart` in a notice bar, then starts the engine.
 
-    `panel` is the name of the panel `people`, in which engineers permit a run; `cancelled` is called when a question
-    is cancelled.
+    `panel` is the object name of the panel `people`, in which engineers permit a run; `cancelled` is called when a
+    question is cancelled.
     """
 
     def __init__(self, app: AppContext, notice: NoticeBar, panel: str, cancelled: Callable[[], None]) -> None:
@@ -60,7 +60,7 @@ class StartDialog:
         self.people = PeoplePanel(panel)
 
     def begin(self, request: RunRequest) -> None:
-        """Ask the questions about a requested run, then start it; show the reason if it cannot start."""
+        """Ask the questions about a requested run, then start it or show why it cannot start."""
         role: Role = "engineer" if self._app.role.engineer else "operator"
         request = replace(request, operator=self._app.badge or request.operator)
         self._attempt(lambda: self._continue(RunStart(request, role)), resume=request.resume is not None)
@@ -97,7 +97,7 @@ class StartDialog:
             self._continue(start)
 
     def _ask_engineer(self, start: RunStart) -> None:
-        """Ask for the reason of an override, and for the badges and PINs of the engineers who permit it."""
+        """Ask for the reason for an override, and for the badges and PINs of the engineers who permit it."""
 
         def confirmed(reason: str, first: Person, second: Person | None) -> None:
             try:
@@ -116,7 +116,7 @@ class StartDialog:
         self.people.ask(Text.of("operator.ask_calibrate", serial=units), required, confirmed, by=by)
 
     def _launch(self, request: RunRequest) -> None:
-        """Start the engine unless a badge is missing; while a job uses a device, ask first."""
+        """Start the engine unless a badge is missing; if a job uses a device, ask first."""
         app = self._app
         if app.badge_required:
             ask(self._notice, "caution", Text("station.badge_missing"), {})
@@ -133,7 +133,7 @@ class StartDialog:
 
 
 class ClaimNotice(NoticeBar):
-    """Warns that another station works on a unit of this station, which does not prevent a run."""
+    """Warning that another station is calibrating a unit of this station, which does not prevent a run."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__("claim_notice")

@@ -24,7 +24,7 @@ _KINDS = {
 
 
 class _Row(QFrame):
-    """Row of a stage: icon and name on the left, state and time on the right, and a progress bar while it runs."""
+    """Row of a stage with icon, name, state and time, and a progress bar while the stage is in progress."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -37,7 +37,7 @@ class _Row(QFrame):
         column((line, 1), self._bar, on=self, spacing=0)
 
     def show_stage(self, kind: str, name: str, state: str, time: str, fraction: float) -> None:
-        """Show the badge shape of a stage, its name, its state and time, and its completed fraction."""
+        """Show the badge shape, name, state, time and completed fraction of a stage."""
         active = kind == "active"
         if self.property("kind") != ("current" if active else ""):
             theme.set_kind(self, "current" if active else "")
@@ -90,7 +90,7 @@ class StageList(QFrame):
         on_language_change(self, self.refresh)
 
     def set_next_run(self, run_summary: RunSummary | None) -> None:
-        """Set the next run, whose stages are displayed while no run is in progress."""
+        """Set the next run, whose stages are shown while no run is in progress."""
         self._next_run = run_summary
         self.refresh()
 

@@ -21,7 +21,7 @@ from calstation.results import History
 from calstation.runs import Resumable, RunSummary, product_of, resumable_run
 from calstation.sound import play
 
-#: Notes next to the serial field, by the reason why a scan is refused.
+#: Note next to the serial field by the reason why a scan is refused.
 _NOTES = {
     "question.invalid_serial": "operator.not_valid",
     "question.missing_serial": "operator.not_valid",
@@ -31,7 +31,7 @@ _NOTES = {
 
 
 class RunStarter(QObject):
-    """Checks scanned serial numbers, fills the slots, and asks the questions before a start."""
+    """The steps to a run: checks scanned serial numbers, fills the slots, and asks the questions before the start."""
 
     def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar) -> None:
         super().__init__(header)
@@ -61,7 +61,7 @@ class RunStarter(QObject):
         self.suggest()
 
     def suggest(self) -> None:
-        """On the virtual bench, fill the empty field or slots with serial numbers of units that have not passed yet.
+        """On the virtual bench, fill empty fields or slots with the serial numbers of units that have not passed yet.
 
         Earlier suggestions are removed. While verdicts are displayed, other units are suggested.
         """
@@ -90,7 +90,7 @@ class RunStarter(QObject):
         self.suggest()
 
     def offer_same_units(self) -> None:
-        """Offer to calibrate the unfinished units after an incomplete run of several units."""
+        """After an incomplete run of several units, offer to calibrate the unfinished units again."""
         serials = {unit.slot: unit.serial for unit in self._app.run.units if unit.unfinished}
         if not serials:
             return
@@ -108,10 +108,10 @@ class RunStarter(QObject):
         ask(self._notice, "paused", question, {"same_units": fill, "cancel": self._header.focus_scan})
 
     def scan(self) -> None:
-        """Check the entered serial number; if the run of its unit was interrupted, offer to resume it.
+        """Check the entered serial number; if a run of the unit was interrupted, offer to resume it.
 
-        A badge signs in the operator instead: a badge in the list of the station, or a text that has the form of a
-        badge but not of a serial number.
+        A badge signs in the operator instead. It is in the list of the station, or has the form of a badge but not of a
+        serial number.
         """
         header, badge = self._header, self._header.serial
         sign_in = header.badge_field.section
@@ -140,7 +140,7 @@ class RunStarter(QObject):
         self._header.focus_scan()
 
     def _signal(self, *, accepted: bool) -> None:
-        """Play the sound of an accepted or a refused scan, unless sounds are switched off."""
+        """Play the sound for an accepted or a refused scan, unless sounds are switched off."""
         if self._app.settings.value("sounds", True, type=bool):
             play("accepted" if accepted else "refused")
 
@@ -154,9 +154,9 @@ class RunStarter(QObject):
             self._notice.dismiss()
 
     def check(self) -> bool:
-        """Return whether the serial number is valid; if so, move the focus to START, which must be pressed separately.
+        """Return whether the serial number is valid; if so, move the focus to START, which must still be pressed.
 
-        At a station with several slots, put the unit into the next slot; the focus moves to START when all slots are
+        At a station with several slots, assign the unit to the next slot; the focus moves to START when all slots are
         full, or on Enter without a serial number.
         """
         header, slots = self._header, self.slots
@@ -208,7 +208,7 @@ class RunStarter(QObject):
         )
 
     def ask_transfer(self, request: RunRequest, serial: str) -> None:
-        """Ask whether to undo or finish an interrupted transfer, then start a run of only this unit."""
+        """Ask whether to undo or finish an interrupted transfer, then start a run of this unit only."""
         slots = tuple(other if other == serial else "" for other in request.serials)
         request = replace(request, serial=serial, serials=slots, batch=None)
         manual = self.run_summary is None or self.run_summary.by_hand
@@ -235,7 +235,7 @@ class RunStarter(QObject):
         return History(self._app.runs_folder).attempts(serial)
 
     def _note_next(self, *, accepted: bool | None = None) -> None:
-        """Show beside the serial field which unit or slot the next scan is for."""
+        """Show next to the serial field to which unit or slot the next scan applies."""
         judged = self._app.run.ended or self._app.run.fault is not None
         note, next_slot = (say("operator.next_unit") if judged else ""), self.slots.marked
         if self.slots and not judged and not self._app.run.in_progress:
@@ -247,7 +247,7 @@ class RunStarter(QObject):
 
 
 def suggested_serial(run_summary: RunSummary, unsuitable: Callable[[str], bool]) -> str:
-    """Return the next serial number of the virtual bench for which `unsuitable` returns False; "" for hardware.
+    """Return the next serial number of the virtual bench for which `unsuitable` returns False, or "" for hardware.
 
     A number that does not match the product's pattern is suggested only if it is in the station file.
     """

@@ -1,4 +1,4 @@
-"""The verdict on a unit: a large banner, the reason, the next action, and the decisive values."""
+"""The verdict on a unit: a large banner, the reason, the next action and the decisive values."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -24,7 +24,7 @@ from calstation.sequencer import Fault, Finalized
 
 
 class FiguresTable(QWidget):
-    """Table of the values of a result that are nearest to or beyond their limits, with the decisive number in bold.
+    """Table of the values nearest to or outside their limits, with the decisive number in bold.
 
     `size` is the font size, px; long names are wrapped if `wrap` is True.
     """
@@ -105,7 +105,7 @@ class VerdictPanel(QFrame):
         beside = column(self._facts, self._notes, None, buttons)
         people, values = self.certificate_button.panel, QWidget()
         row(column(self._figures, None), (beside, 1), on=values, spacing=3 * theme.GRID)
-        # a small screen does not have room for both
+        # a small screen does not have space for both
         people.open_changed.connect(lambda asking: values.setVisible(not asking))
         column(
             (self._banner, 2),
@@ -142,7 +142,7 @@ class VerdictPanel(QFrame):
 
     @property
     def _current_fault(self) -> Fault | None:
-        """Fault of the run or of the unit."""
+        """The fault of the run or of the unit."""
         return self._run.fault or self._run.unit.fault
 
     @property

@@ -1,6 +1,6 @@
-"""The Quality page: control charts, capability, yield, check standards and repeatability over many runs.
+"""The Quality page: control charts, capability, yield, check standards and repeatability.
 
-Statistics are computed in `calstation.quality`; single runs are shown on the History page.
+`calstation.quality` computes the statistics; single runs are shown on the History page.
 """
 
 from calstation.gui.quality.page import QualityPage

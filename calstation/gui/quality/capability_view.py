@@ -1,4 +1,4 @@
-"""The process capability of every parameter with limits, and the distribution of the selected parameter."""
+"""The process capability of the parameters with limits, and the distribution of the selected parameter."""
 
 from collections.abc import Sequence
 
@@ -31,7 +31,7 @@ _COLUMNS = (
 
 
 class CapabilityView(QWidget):
-    """Shows the capability indices of the parameters of runs relative to the limits of their product."""
+    """A view of the capability indices of parameters relative to the limits of the product."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -86,7 +86,7 @@ class CapabilityView(QWidget):
 
 
 class Histogram(ThemedPlot, DataView[ParameterQuality]):
-    """A histogram of a parameter with its limits and the normal distribution with its mean and standard deviation."""
+    """A histogram of a parameter with its limits and a normal distribution of equal mean and standard deviation."""
 
     def __init__(self) -> None:
         super().__init__()

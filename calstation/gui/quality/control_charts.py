@@ -12,11 +12,11 @@ from calstation.gui.widgets import ElidedLabel, StackedPlots, ThemedPlot, column
 from calstation.physics import FloatArray, IntArray, display, number
 from calstation.quality import Charts, EwmaChart, ParameterQuality
 
-#: The kinds of the chart at the bottom, which shows slow changes.
+#: The kind of the chart at the bottom, which shows slow changes.
 SlowChart = Literal["ewma", "cusum"]
 
-#: Maximum number of runs that are drawn as single points, and of marks at runs that signal. For more runs, the extremes
-#: in each pixel are drawn; of more marks, every n-th.
+#: Maximum number of runs that are drawn as single points, and of marks at runs that signal. If there are more runs, the
+#: extremes in each pixel are drawn; if there are more marks, every n-th is drawn.
 _MAX_POINTS, _MAX_MARKS = 400, 2000
 #: Width of the left axes, px.
 _AXIS_WIDTH = 9 * theme.GRID
@@ -24,17 +24,17 @@ _AXIS_WIDTH = 9 * theme.GRID
 
 @dataclass(frozen=True)
 class ParameterCharts:
-    """The charts of a parameter, with its displayed name and unit."""
+    """The charts of a parameter, and its displayed name and unit."""
 
     parameter: ParameterQuality
     charts: Charts
     quantity: str
     unit: str
-    size: float  #: Factor from the values of the charts to the displayed unit.
+    size: float  #: Factor by which the values of the charts are converted to the displayed unit.
 
 
 class ControlCharts(StackedPlots[ParameterCharts]):
-    """Plots the individuals, the moving range, and below them the EWMA or CUSUM chart against the run number."""
+    """Plots of the individuals, the moving range and, at the bottom, the EWMA or CUSUM chart over the run number."""
 
     def __init__(self) -> None:
         self._slow: SlowChart = "ewma"
@@ -55,7 +55,7 @@ class ControlCharts(StackedPlots[ParameterCharts]):
         super().show_data(data)
 
     def choose(self, run: int | None) -> None:
-        """Mark the run with an index in all charts; None removes the mark."""
+        """Mark the run with this index in all charts; None removes the mark."""
         if run != self._marked_run:
             self._marked_run = run
             self.refresh()
@@ -124,7 +124,7 @@ class ControlCharts(StackedPlots[ParameterCharts]):
             self.add(plot, pg.PlotDataItem([1.0], [limit], pen=pg.mkPen(None)))
 
     def _values(self, plot: ThemedPlot, values: FloatArray, signals: IntArray, first: int = 0) -> None:
-        """Draw values that start at run number `first` + 1, and mark those at the indices `signals`."""
+        """Draw values that start at run number `first` + 1, and mark the values at the indices `signals`."""
         c = theme.colours()
         run = np.arange(first + 1, first + 1 + len(values))
         symbol = {"symbol": "o", "symbolSize": 5, "symbolBrush": QColor(c.accent), "symbolPen": None}

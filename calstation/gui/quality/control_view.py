@@ -1,4 +1,4 @@
-"""The view of control charts: a list of parameters, the charts of the selected one, and the runs that signal."""
+"""The view of control charts: a list of parameters, the charts of the selected parameter, and the runs that signal."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -14,11 +14,11 @@ from calstation.messages import local_time
 from calstation.physics import IntArray, display
 from calstation.quality import ParameterQuality
 
-#: Maximum number of signalling runs in the list, the latest first.
+#: Maximum number of listed runs that signal, the latest first.
 _MAX_LISTED = 200
 #: Number of rows that determine the width of a column.
 _ROWS_FOR_WIDTH = 20
-#: Number of the latest runs whose signals mark a parameter as bad.
+#: Number of latest runs in which a signal marks a parameter as bad.
 _LATEST_RUNS = 10
 _QUANTITIES = (
     Cell("quality.runs", "runs"),
@@ -32,7 +32,7 @@ _SIGNALS = (
 
 
 class ControlView(QWidget):
-    """Shows the charts of the parameters; emits `run_requested(name)` for a run that the user opens."""
+    """The charts of the parameters, which emit `run_requested(name)` for a run that the user opens."""
 
     run_requested = Signal(str)
 
@@ -59,7 +59,7 @@ class ControlView(QWidget):
         on_language_change(self, self._draw)
 
     def show_charts(self, charts: Sequence[ParameterQuality], *, relative: bool) -> None:
-        """Show the charts of one product; `relative` values are in standard deviations."""
+        """Show the charts of a product, whose values are in standard deviations if `relative`."""
         current = self.quantities.current_name
         self._charts, self._relative = {each.parameter: each for each in charts}, relative
         self.quantities.show_cells(
@@ -107,7 +107,7 @@ class ControlView(QWidget):
 
     @property
     def _index(self) -> int | None:
-        """Index of the selected signalling run."""
+        """Index of the selected run that signals."""
         return int(self.signals.current_name) if self.signals.current_name else None
 
     def _open(self) -> None:

@@ -50,7 +50,7 @@ class QualityPage(Page):
     def __init__(self, app: AppContext) -> None:
         super().__init__(app, "quality")
         self._summary: QualitySummary | None = None
-        #: Views that do not show the summary yet.
+        #: Views that do not yet show the summary.
         self._outdated: set[QWidget] = set()
         unread = "common.runs_not_read"
         self._refresher = self.job(refresh_history, self._show_refreshed, failure=unread)
@@ -101,7 +101,7 @@ class QualityPage(Page):
         self._watch.start(folder, product, unit, since=since, relative=relative)
 
     def _read_all(self) -> None:
-        """Read the selected runs, and the data that do not depend on the selection: the station and an open study."""
+        """Read the selected runs, and the station and an open study, which do not depend on the selection."""
         self.read()
         folder, product = self.app.runs_folder, self.product.currentData()
         if folder.is_dir() and product is not None:
@@ -148,7 +148,7 @@ class QualityPage(Page):
             self._read_all()
 
     def _offer_units(self) -> None:
-        """Offer all units together, and each check standard of the product."""
+        """Offer all units together and each check standard of the product."""
         try:
             product = load_product(self.product.currentData())[1]
             serials = [each.serial for each in product.check_standards]
@@ -213,7 +213,7 @@ class QualityPage(Page):
         self.count_label.setText("" if overall is None else say("chart.judged_runs", count=overall.count))
 
     def _open_run(self, name: str) -> None:
-        """Open the result of a run; another station's result is first read from the shared database."""
+        """Open the result of a run, which is read from the shared database for a run of another station."""
         file = self.app.runs_folder / f"{name}.json"
         if file.is_file():
             self.app.open_run.emit(file)

@@ -1,4 +1,4 @@
-"""The check standards and instruments of a station, the errors of a check, and the geometry of the table."""
+"""The check standards and instruments of a station, the errors of a check standard, and the table geometry."""
 
 import math
 from collections.abc import Mapping
@@ -33,9 +33,9 @@ from calstation.quality import BASELINE, StandardHistory, StationQuality, TableC
 #: Quantities of the table geometry, in the order of the plots.
 _QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
 _STATE = Cell("quality.state", "state", number=False, state="kind")
-#: State of an instrument by its symbol.
+#: Catalogue term of the state of an instrument, by symbol.
 _INSTRUMENT_STATES = {"bad": "overdue", "good": "good", "none": "undated"}
-#: Object name, accessible name and columns of the tables of standards, runs, instruments and detectable errors.
+#: Object name, accessible name and columns of the tables of standards, runs, instruments and smallest errors.
 _TABLES = (
     (
         "standards_table",
@@ -82,7 +82,7 @@ _TABLES = (
 
 
 class StandardsView(QWidget, DataView[StationQuality]):
-    """Shows the check standards of a station; emits `run_requested(name)` for a run that the user opens."""
+    """A view of the check standards of a station, which emits `run_requested(name)` for a run that the user opens."""
 
     run_requested = Signal(str)
 
@@ -206,7 +206,7 @@ class StandardsView(QWidget, DataView[StationQuality]):
 
 
 class ErrorBars(ThemedPlot, DataView[tuple[Mapping[str, float], float]]):
-    """Plots the normalised errors of the parameters as horizontal bars, with their limit."""
+    """A plot of the normalised errors of the parameters as horizontal bars, with their limit."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -241,7 +241,7 @@ class ErrorBars(ThemedPlot, DataView[tuple[Mapping[str, float], float]]):
 
 
 class TableCharts(StackedPlots[Mapping[str, TableChart]]):
-    """Plots the EWMA charts of the table geometry."""
+    """Plots of the EWMA charts of the table geometry."""
 
     def __init__(self) -> None:
         super().__init__(len(_QUANTITIES), 9 * theme.GRID)
@@ -269,7 +269,7 @@ class TableCharts(StackedPlots[Mapping[str, TableChart]]):
 
 
 def _power_cells(standard: StandardHistory, k: int) -> dict[str, dict[str, str]]:
-    """Return the cells of the smallest errors that a run detects, by parameter."""
+    """Return the cells for the smallest errors that a run detects, by parameter."""
     cells = {}
     verdict = standard.verdicts[k]
     for name, error in verdict.detectable.items():

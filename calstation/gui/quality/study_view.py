@@ -1,4 +1,4 @@
-"""The repeatability study: its plan, the missing runs, and finally the analysis of variance."""
+"""The repeatability study: its plan, the missing runs and, when it is complete, the analysis of variance."""
 
 import secrets
 from collections import Counter
@@ -62,7 +62,7 @@ _ANOVA = (
 
 
 class StudyView(QWidget):
-    """Creates and opens study plans, and shows their evaluation; `product` returns the product file of a new plan."""
+    """A view that creates, opens and evaluates study plans; `product` returns the product file for a new plan."""
 
     def __init__(self, page: Page, product: Callable[[], Path | None]) -> None:
         super().__init__()
@@ -192,7 +192,7 @@ class StudyView(QWidget):
 
 
 class PlanForm(QWidget):
-    """The inputs of a new plan for the product file that `product` returns; `then` is called with the plan."""
+    """The inputs for a new plan for the product file that `product` returns; `then` is called with the plan."""
 
     def __init__(self, product: Callable[[], Path | None], then: Callable[[GaugePlan], object]) -> None:
         super().__init__()
@@ -246,13 +246,13 @@ def _cells(variation: Variation, size: float, digits: float) -> dict[str, str]:
 
 
 def _order_notes(state: StudyState) -> list[str]:
-    """Return a sentence about runs out of the planned order, if there are any."""
+    """Return a sentence about runs that were not made in the planned order, if there are any."""
     values = {"count": state.out_of_order, "runs": len(state.plan.order) - len(state.missing)}
     return [say("quality.order_not_kept", **values)] if state.out_of_order else []
 
 
 def _components(study: GaugeStudy) -> dict[str, Variation]:
-    """Return the components of variation, each sum after its parts."""
+    """Return the components of variation, in which each sum follows its parts."""
     parts = {name: each for name, each in study.components.items() if len(study.levels) > 2 and name != "unit"}
     components = {
         "repeatability": study.repeatability,

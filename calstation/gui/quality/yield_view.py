@@ -17,7 +17,7 @@ from calstation.quality import FailedCheck, Share, Yields
 _MAX_CHECKS = 7
 #: Maximum number of days that are plotted individually; more days are plotted by week.
 _MAX_DAYS = 60
-#: Lower end of the yield axis, unless a yield is smaller.
+#: Lower end of the yield axis if no yield is smaller.
 _MIN_SHARE = 0.5
 _COLUMNS = (
     Cell("quality.by", "by", number=False),
@@ -30,7 +30,7 @@ _COLUMNS = (
 
 
 class YieldView(QWidget, DataView[Yields]):
-    """Shows the yield of the selected runs."""
+    """A view of the yield of the selected runs."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -90,7 +90,7 @@ class DayAxis(pg.DateAxisItem):  # type: ignore[misc]
 
 
 class DailyYield(ThemedPlot, DataView[Mapping[str, Share]]):
-    """Plots the yield of each day or week, by date, with its confidence interval."""
+    """A plot of the yield per day or week with its confidence interval."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -119,7 +119,7 @@ class DailyYield(ThemedPlot, DataView[Mapping[str, Share]]):
 
 
 class Pareto(ThemedPlot, DataView[tuple[FailedCheck, ...]]):
-    """Plots the failed checks, the most frequent first, with their cumulative fraction of all failed runs."""
+    """A plot of the failed checks, the most frequent first, with their cumulative share of the failed runs."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -146,7 +146,7 @@ class Pareto(ThemedPlot, DataView[tuple[FailedCheck, ...]]):
 
 
 def _by_week(days: Mapping[str, Share]) -> dict[str, Share]:
-    """Return the yields by week, each with the date of its Monday."""
+    """Return the yields by week, keyed by the date of Monday."""
     weeks: dict[str, list[Share]] = {}
     for day, share in days.items():
         local = date.fromisoformat(day)

@@ -61,7 +61,7 @@ class Draft(FormValues):
         self._show_text(text, editing.check(self.kind, text, self.path))
 
     def discard(self) -> None:
-        """Revert to the stored text."""
+        """Restore the stored text."""
         if self.path is not None:
             self.open(self.path)
 
@@ -107,7 +107,7 @@ class Drafts(QObject):
         return draft
 
     def switch(self, draft: Draft, path: Path) -> None:
-        """Open a file in a draft, with the unsaved changes of another draft of this file, which is removed."""
+        """Open a file in a draft, which replaces another draft of this file and adopts its unsaved changes."""
         other = next((d for d in self._all if (d.kind, d.path) == (draft.kind, path) and d is not draft), None)
         if other is not None:
             self._all.remove(other)
@@ -117,7 +117,7 @@ class Drafts(QObject):
             draft.rewrite(other.text)
 
     def reload(self) -> None:
-        """Reread the files of all drafts without unsaved changes."""
+        """Read the files of all drafts without unsaved changes again."""
         for draft in [draft for draft in self._all if not draft.dirty]:
             draft.discard()
 
@@ -132,17 +132,17 @@ class Drafts(QObject):
         return [draft for draft in self.dirty if draft.problems]
 
     def discard(self) -> None:
-        """Discard all unsaved changes, those of the station last, because its table is opened with it."""
+        """Discard all unsaved changes; the station is last, because its table is opened with it."""
         for draft in reversed(self.dirty):
             draft.discard()
 
     @property
     def author(self) -> str:
-        """The author of new versions: the name in the settings, or else the user of this computer."""
+        """The author of new versions: the name in the settings or, without one, the user of this computer."""
         return str(self._settings.value("author", "")).strip() or default_author()
 
     def save(self) -> None:
-        """Store all changes in the site folder, each as a new version, the station last.
+        """Store all changes in the site folder as new versions, with the station last.
 
         Raises
         ------
@@ -159,7 +159,7 @@ class Drafts(QObject):
             self.saved.emit(draft.kind)
 
     def create(self, kind: str, name: str, source: Path) -> Path:
-        """Copy a file under a new name, which is also written into a station file, and return its path.
+        """Copy a file under a new name, which is also entered in a station file, and return the path.
 
         Raises
         ------

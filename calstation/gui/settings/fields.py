@@ -1,4 +1,4 @@
-"""The fields, rows and panels of the sections, and inputs for addresses and ports."""
+"""Fields, rows and panels of the sections, and inputs for addresses and ports."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -57,7 +57,7 @@ class PortBox(EditableBox):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setCompleter(None)  # type: ignore[arg-type]  # which could complete to another port
+        self.setCompleter(None)  # type: ignore[arg-type]  # a completer could enter another port
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self._ports: Sequence[SerialPortInfo] = ()
         self.view().setMinimumWidth(56 * theme.GRID)
@@ -143,7 +143,7 @@ class Field(FormField):
 
 
 class Row(QWidget):
-    """A label and an input that does not edit a single value; `name` selects the label in the family ``setting``."""
+    """A label, the term `name` of the family ``setting``, and an input that does not edit a single value."""
 
     def __init__(self, editor: QWidget, name: str = "") -> None:
         super().__init__()
@@ -155,7 +155,7 @@ class Row(QWidget):
 
 
 class Section(QWidget):
-    """A section of the page with fields and rows that edit a draft; subclasses call `connect_draft` last."""
+    """A section of the page with fields and rows that edit a draft; the constructor must call `connect_draft` last."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__()
@@ -170,7 +170,7 @@ class Section(QWidget):
         """Show the values of the draft."""
 
     def lock(self, reason: str) -> None:
-        """Disable the inputs of all fields and rows, with `reason` as their tooltip; "" enables them."""
+        """Disable the inputs of all fields and rows and show `reason` in their tooltips; "" enables them."""
         for field in self.findChildren(Field):
             field.lock(reason)
         for each in self.findChildren(Row):
@@ -190,7 +190,7 @@ def folder_row(name: str, draft: Draft, key_path: KeyPath) -> Row:
 
 
 def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:
-    """Create a framed panel of items that is as high as its contents."""
+    """Create a framed panel of items, which is as high as its contents."""
     frame = QFrame()
     frame.setProperty("kind", "panel")
     wide = 2 * theme.GRID
@@ -199,7 +199,7 @@ def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:
 
 
 def problem_text_with_name(problem: Problem) -> str:
-    """Return the text of a problem with the name of its field, for display away from the field."""
+    """Return the text of a problem with the name of its field, for display elsewhere."""
     if known(f"field.{problem.kind}") and problem.place:
         return f"{problem.name}: {problem_text(problem)}"
     return say(problem.as_text)

@@ -1,4 +1,4 @@
-"""The forms for limits, noise, priors and register maps: editable tables of values in display units."""
+"""Forms for limits, noise, priors and register maps, which are editable tables of values in display units."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -33,7 +33,7 @@ from calstation.schema import Problem
 
 Index = QModelIndex | QPersistentModelIndex
 
-#: Maximum width of a column, and width of the arrow of a cell with choices, px.
+#: Maximum width of a column, and width of the arrow in a cell with choices, px.
 _MAX_WIDTH, _ARROW_WIDTH = 34 * theme.GRID, 3 * theme.GRID
 
 _EDIT_TRIGGERS = (
@@ -86,7 +86,7 @@ class FormModel(ParameterModel):
         return self.index(number, self.rows[number].cells.index(cell))
 
     def describe(self, problem: Problem) -> str:
-        """Return the sentence of a problem with the names of its row and column, or "" if it is not in this form."""
+        """Return a sentence on a problem with the names of its row and column, or "" if it is not in this form."""
         cells = cells_with_problem(self.rows, problem)
         if not cells:
             return ""
@@ -100,7 +100,7 @@ class FormModel(ParameterModel):
         return say("form.problem", name=f"{name[0].upper()}{name[1:]}", what=what)
 
     def lines(self, rows: Iterable[int]) -> list[list[str]]:
-        """Return the headings and rows as in a spreadsheet."""
+        """Return the headings and the rows for a spreadsheet."""
         lines = super().lines(rows)
         lines[0][0] = self.form.names
         return lines
@@ -209,9 +209,7 @@ class _Delegate(QStyledItemDelegate):
             box = ChoiceBox(lambda: [(value, model.choice_text(cell, value)) for value in cell.choices])
             box.setParent(parent)
             box.typed.connect(lambda: self._done(box))
-            box.view().setMinimumWidth(
-                box.view().sizeHintForColumn(0) + _ARROW_WIDTH
-            )  # because the column may be narrower
+            box.view().setMinimumWidth(box.view().sizeHintForColumn(0) + _ARROW_WIDTH)  # the column may be narrower
             return box
         if isinstance(cell, FormCell) and cell.choices:
             editable = EditableBox(cell.choices)
@@ -258,7 +256,7 @@ class _Delegate(QStyledItemDelegate):
 
 
 class FormTable(ParameterTable):
-    """The table of a form. Typing or a double click edits a value, a click opens its choices, and Delete clears it."""
+    """The table of a form: typing or a double click edits a value, a click opens its choices, Delete clears it."""
 
     def __init__(self, model: FormModel) -> None:
         super().__init__(model)
@@ -292,7 +290,7 @@ class FormTable(ParameterTable):
 
 
 class FormView(QWidget):
-    """A form and the buttons for actions on its rows."""
+    """A form, and buttons for actions on its rows."""
 
     def __init__(self, form: Form) -> None:
         super().__init__()
@@ -323,7 +321,7 @@ class FormView(QWidget):
 
     @property
     def title(self) -> str:
-        """The catalogue code of the name."""
+        """The catalogue code of the name of the form."""
         return f"form.tab_{self.form.name}"
 
     def show_draft(self, draft: Draft) -> None:

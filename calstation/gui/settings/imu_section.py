@@ -1,4 +1,4 @@
-"""The links to the units of a station: the link to its only IMU, or the slots of the table with their links."""
+"""The links to the units of a station: the link to the only unit, or the slots of the table and their links."""
 
 from calstation.config import SLOTS, takes_one_unit, with_one_unit, with_slots
 from calstation.gui.settings.drafts import Draft
@@ -36,7 +36,7 @@ class _SlotsView(FormView):
 
 
 class ImuSection(Section):
-    """Edits the link to the only unit of a station, or the slots and the links to their units."""
+    """The section for the link to the only unit of a station, or for the slots and the links to their units."""
 
     def __init__(self, app: AppContext, draft: Draft) -> None:
         super().__init__(draft)

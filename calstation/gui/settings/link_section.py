@@ -1,4 +1,4 @@
-"""The link to a device: its network address or serial port and settings, and a connection test."""
+"""The link to a device: network address or serial port, settings, and a connection test."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -52,7 +52,7 @@ _SERIAL_KEYS = {"baud", "data_bits", "parity", "stop_bits"}
 
 
 class LinkSection(Section):
-    """Edits the link to the ``table`` or ``imu`` of a station, or to the unit in a slot, counted from 0."""
+    """The section for the link to the ``table`` or ``imu`` of a station, or to the unit in a slot, counted from 0."""
 
     def __init__(self, app: AppContext, device: str, draft: Draft, slot: int | None = None) -> None:
         super().__init__(draft)
@@ -208,16 +208,16 @@ class LinkSection(Section):
         return [(False, say("settings.of_profile") + profile), (True, say("settings.of_station"))]
 
 
-#: Symbols of the states of a finding and of a test.
+#: Symbol of each state of a finding or a test.
 _SYMBOLS = {"ok": "good", "info": "none", "warning": "caution", "error": "bad", "failed": "bad"}
-#: Findings after which a reset of the table can be tried.
+#: Findings after which the user can try to reset the table.
 _RESETTABLE = ("fault", "fault_untold")
 
 
 class TestPanel(QFrame):
-    """Tests the link to the ``table`` or ``imu``, and shows the findings.
+    """A panel that tests the link to the ``table`` or ``imu``, and shows the findings.
 
-    `station` returns the station, or None while its values are invalid; `slot` returns the name of the slot, if any.
+    `station` returns the station, or None while its values are invalid; `slot` returns the name of the slot or None.
     """
 
     __test__ = False  # not a pytest class
@@ -280,7 +280,7 @@ class TestPanel(QFrame):
         )
 
     def start(self) -> None:
-        """Test the current settings, saved or unsaved."""
+        """Test the current settings, whether saved or not."""
         self.reset.clear()
         self._test()
 
@@ -316,7 +316,7 @@ class TestPanel(QFrame):
         self._show_running()
 
     def _request(self) -> LinkTestRequest | None:
-        """Return the request for a test, or None while the values of the station are invalid."""
+        """Return the request for a test, or None if the values of the station are invalid."""
         station = self._station()
         return None if station is None else LinkTestRequest(station, self._product(), self._slot())
 
@@ -343,7 +343,7 @@ class TestPanel(QFrame):
         for finding in report.findings:
             self._list.addWidget(_finding_row(finding))
         self._show_running()
-        # This call is last, so that the focus does not move from the hidden job row to the reset button.
+        # this call is last, because otherwise the focus would move from the hidden job row to the reset button
         self.reset.offer(self._device == "table" and any(map(report.find, _RESETTABLE)))
 
     def _failed(self, error: CalstationError) -> None:

@@ -1,4 +1,4 @@
-"""The Station page: the selected station, the links to its devices, its site, and all configuration files."""
+"""The Station page: the current station, the links to its devices, its site, and all configuration files."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -39,7 +39,7 @@ from calstation.schema import KeyPath
 
 _NAV_WIDTH = 26 * theme.GRID
 _LINK_KEYS = ("port", "timeout_s", "serial")
-#: Key paths of the station file that the first five sections edit.
+#: Key paths in the station file that the first five sections edit.
 _SECTION_KEYS: tuple[tuple[KeyPath, ...], ...] = (
     (("name",), ("table", "profile"), ("handover",), ("bench",)),
     (*(("table", key) for key in _LINK_KEYS), ("table", "unit")),
@@ -48,7 +48,7 @@ _SECTION_KEYS: tuple[tuple[KeyPath, ...], ...] = (
     (("records",),),
 )
 
-#: Catalogue codes of the names of the sections after the links.
+#: Catalogue codes of the names of the sections that follow the links.
 _OTHER_TITLES = (
     *("settings.site", "settings.shared_records", "settings.table"),
     *("settings.profiles_and_products", "settings.this_computer"),
@@ -56,7 +56,7 @@ _OTHER_TITLES = (
 
 
 class StationPage(Page):
-    """The page that lists the sections and shows the selected one; edits are checked at once and saved on demand."""
+    """The page with a list of sections, of which one is shown; edits are checked at once and saved on demand."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app, "station")
@@ -126,12 +126,12 @@ class StationPage(Page):
         self.nav.setCurrentRow(0)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Reread the files without unsaved changes, which may have changed outside the page."""
+        """Read files without unsaved changes again, because they may have been changed outside the page."""
         super().showEvent(event)
         self._open()
 
     def may_leave(self, go: Callable[[], object]) -> bool:
-        """Return whether the page may be left now; if not, ask the user, and call `go` unless the user stays.
+        """Return whether the page may be left now; otherwise ask the user, and call `go` unless the user stays.
 
         During a run, the page may always be left, and unsaved changes are kept.
         """
@@ -157,7 +157,7 @@ class StationPage(Page):
         return False
 
     def save(self) -> bool:
-        """Save all changes, and return whether they were saved; an error is shown."""
+        """Save all changes, show any error, and return whether the changes were saved."""
         if self.drafts.invalid or self._why_not_save():
             return False
         self.notice.dismiss()
@@ -236,7 +236,7 @@ class StationPage(Page):
             section.search()
 
     def _open(self) -> None:
-        """Show the current station and its table profile, and reread all files without unsaved changes."""
+        """Show the current station and its table profile, and read all files without unsaved changes again."""
         path = self.app.station_path or library.find("stations", DEFAULT_STATION)
         if self.drafts.station.path != path:
             self.drafts.switch(self.drafts.station, path)
@@ -256,7 +256,7 @@ class StationPage(Page):
         self.station_box.show_value(None if current is None else str(current.absolute()))
 
     def _stations(self) -> list[tuple[str, str]]:
-        """Return the paths and names of the stations, and of the current one, which may be in another folder."""
+        """Return the paths and names of the stations, including the current one, which may be in another folder."""
         paths = [entry.path.absolute() for entry in editing.list_files("stations")]
         if (current := self.drafts.station.path) is not None:
             paths.append(current.absolute())

@@ -15,7 +15,7 @@ from calstation.gui.widgets import ChoiceBox, FlagBox, button, choices_of, colum
 
 
 class PersonalSection(QWidget):
-    """Edits the settings of this computer; PIN, name and folder require the engineer role."""
+    """The section for the settings of this computer, of which PIN, name and folder require the engineer role."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The forms and the text of product, IMU, table and station files, with their problems and earlier versions."""
+"""Forms and text of product, IMU, table and station files, with their problems and earlier versions."""
 
 import difflib
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ from calstation.schema import Problem
 
 
 class TextView(QPlainTextEdit):
-    """Shows or edits a text without line wrapping."""
+    """A view or an editor of a text without line wrapping."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -34,7 +34,7 @@ class TextView(QPlainTextEdit):
         self.setTabChangesFocus(True)
 
     def shade(self, lines: Iterable[tuple[int, str]]) -> None:
-        """Shade these lines, numbered from 1, each in its colour, and no others."""
+        """Shade only these lines, numbered from 1, each in its colour."""
         selections = []
         for number, colour in lines:
             form = QTextCharFormat()
@@ -57,7 +57,7 @@ class TextView(QPlainTextEdit):
 
 
 class NewFileBar(NameBar):
-    """A bar that creates a file as a copy of another. `ask` shows it; it emits `created(kind, path)`."""
+    """A bar that is shown by `ask`, creates a file as a copy of another, and emits `created(kind, path)`."""
 
     created = Signal(str, object)
 
@@ -101,7 +101,7 @@ class NewFileBar(NameBar):
 
 
 class ProfilesSection(QWidget):
-    """Edits one file at a time, and lists its versions."""
+    """The section in which one file at a time is edited and its versions are listed."""
 
     def __init__(self, app: AppContext, drafts: Drafts) -> None:
         super().__init__()
@@ -228,18 +228,18 @@ class ProfilesSection(QWidget):
         self._show_difference()
 
     def _problem_line(self, problem: Problem) -> str:
-        """Return the sentence of a problem with its location in the current form, or else in the text."""
+        """Return a sentence on a problem with its location in the current form or, if it is not there, in the text."""
         view = self.views.currentWidget()
         text = view.model.describe(problem) if isinstance(view, FormView) else ""
         return text or say("settings.line", number=problem.line, problem=say(problem.as_text))
 
     def showEvent(self, event: QShowEvent) -> None:
-        """List the files and versions again, because they may have changed outside the section."""
+        """List the files and versions again, because they may have been changed outside the section."""
         super().showEvent(event)
         self._fill()
 
     def _fill(self) -> None:
-        """List the files of the selected kind; the current file is kept if it is among them."""
+        """List the files of the selected kind, and keep the current file if it is among them."""
         kind = self.kind_box.value()
         current = self.file_box.currentText()
         self.file_box.clear()
@@ -264,7 +264,7 @@ class ProfilesSection(QWidget):
         self.refresh()
 
     def _show_tabs(self, kind: str) -> None:
-        """Show the tabs for a kind of file; if the current form is not for this kind, show the first that is."""
+        """Show the tabs for a kind of file; if the current form does not belong to it, show the first that does."""
         with QSignalBlocker(self.views):
             forms = [form for form in self.forms if form.form.kind == kind]
             current = self.views.currentWidget()

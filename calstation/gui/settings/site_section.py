@@ -1,4 +1,4 @@
-"""The site of the table: latitude, longitude, height, azimuth and gravity."""
+"""The site of a station: latitude, longitude, height, azimuth and gravity."""
 
 import math
 from functools import partial
@@ -18,13 +18,13 @@ from calstation.schema import KeyPath
 _NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2")
 _AZIMUTH, _GRAVITY = ("site", "azimuth_deg"), ("site", "gravity_mps2")
 _CONFIRMED: KeyPath = ("site", "confirmed_on")
-#: Initial value of the surveyed gravity, m/s². It does not occur on earth, so that no run starts with it.
+#: Initial value of the surveyed gravity, m/s², which does not occur on earth, so that no run starts with it.
 _PLACEHOLDER_GRAVITY = 9.7
 _COMPASS_SIZE = 26 * theme.GRID
 
 
 class SiteSection(Section):
-    """Edits the table `[site]` of a station file."""
+    """The section for the table `[site]` of a station file."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__(draft)
@@ -78,12 +78,12 @@ class SiteSection(Section):
         enable(self._confirmation.button, reason)
 
     def refresh(self) -> None:
-        """Show the values of the draft, and the quantities derived from them."""
+        """Show the values of the draft and the quantities derived from them."""
         for key_path, (box, field) in self._optional.items():
             value = self._draft.value(key_path)
             if value is not None:
                 self._last[key_path] = value
-            # An input with the focus remains visible, because it is briefly empty while its value is replaced.
+            # an input with the focus remains visible, because it is briefly empty while its value is replaced
             has_value = value is not None or field.editor.hasFocus()
             box.show_value(has_value)
             field.setVisible(has_value)
@@ -108,7 +108,7 @@ class SiteSection(Section):
 
 
 class _Confirmation(QWidget):
-    """Lists the computers on which the site was confirmed, and confirms it; hidden for a virtual bench."""
+    """A list of the computers on which the site was confirmed, and a button to confirm it; hidden for a bench."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__()
@@ -132,7 +132,7 @@ class _Confirmation(QWidget):
         return [str(name) for name in value] if isinstance(value, list) else []
 
     def _key(self) -> str:
-        """Return the confirmation key of this computer, or "" while the file is invalid."""
+        """Return the confirmation key for this computer, or "" while the file is invalid."""
         station = self._draft.model
         return confirmation_key(station.site) if isinstance(station, StationConfig) else ""
 
@@ -143,7 +143,7 @@ class _Confirmation(QWidget):
 
 
 class _Compass(QWidget):
-    """A compass with north at the top and an arrow for body +y, or a question mark if the azimuth is not known."""
+    """A compass with north at the top and an arrow along body +y, or a question mark if the azimuth is unknown."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -190,5 +190,5 @@ class _Compass(QWidget):
 
 
 def _polar(radius: float, angle: float) -> QPointF:
-    """Return the point at a radius and an angle in degrees, clockwise from north."""
+    """Return the point at a radius and an angle, degrees clockwise from north."""
     return QPointF(radius * math.sin(math.radians(angle)), -radius * math.cos(math.radians(angle)))

@@ -1,4 +1,4 @@
-"""The general settings of a station, and its shared records."""
+"""General settings of a station, and settings of its shared records."""
 
 from PySide6.QtWidgets import QFormLayout, QWidget
 
@@ -16,7 +16,7 @@ _URL_WIDTH = EDITOR + 14 * theme.GRID
 
 
 class StationSection(Section):
-    """Edits the general settings of a station, and shows a summary of the station file."""
+    """The section for the general settings of a station, with a summary of the station file."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__(draft)
@@ -105,7 +105,7 @@ def _about_file(draft: Draft) -> str:
 
 
 class RecordsSection(Section):
-    """Edits the table `[records]` of a station file, and shows the state of the exchange with the database."""
+    """The section for the table `[records]` of a station file, with the state of the exchange with the database."""
 
     def __init__(self, app: AppContext, draft: Draft) -> None:
         super().__init__(draft)

@@ -1,4 +1,4 @@
-"""The table profile: travel, rate and acceleration limits of both joints, their axes, and accuracies."""
+"""The table profile: travel, rate and acceleration limits of both joints, axes and accuracies."""
 
 from typing import Any
 
@@ -29,7 +29,7 @@ _NARROW_WIDTH = 14 * theme.GRID
 
 
 class TableSection(Section):
-    """Edits the joints, the axes and the accuracies of a table profile."""
+    """The section for the joints, the axes and the accuracies of a table profile."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__(draft)
@@ -82,7 +82,7 @@ class TableSection(Section):
 
 
 class TravelPlot(ThemedPlot):
-    """Plots the travel of both joints as bars on a common scale in degrees."""
+    """A plot of the travel of both joints as bars on a common scale in degrees."""
 
     def __init__(self) -> None:
         super().__init__(zoom=False)
@@ -96,7 +96,7 @@ class TravelPlot(ThemedPlot):
         theme.themes.changed.connect(self._draw)
 
     def show_travel(self, travel: dict[str, tuple[Any, Any]]) -> None:
-        """Show the low and high angle of each joint in degrees, by its name; an invalid range has no bar."""
+        """Show the low and high angle of each joint by name, degrees; an invalid range has no bar."""
         if travel != self._travel:
             self._travel = travel
             self._draw()

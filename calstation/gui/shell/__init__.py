@@ -1,3 +1,3 @@
-"""The application and its main window; code shared by the pages belongs in `calstation.gui.state`."""
+"""The application and its main window; code that the pages share belongs in `calstation.gui.state`."""
 
 from calstation.gui.shell.app import create_window, main

@@ -68,7 +68,7 @@ class RecordsExchange(QObject):
 
 
 def create_window(station: Path | None = None) -> MainWindow:
-    """Create the main window, and the QApplication if there is none; the default `station` is the last one."""
+    """Create the main window, and the QApplication if there is none; by default for the last station."""
     app = cast("QApplication", QApplication.instance() or QApplication(sys.argv[:1]))
     app.setApplicationName("calstation")
     if not app.styleSheet():  # setting the style again would slowly polish every widget
@@ -89,7 +89,7 @@ def main(station: Path | None = None) -> int:
     """
     window = create_window(station)
     signal.signal(signal.SIGINT, lambda number, frame: window.stop_and_close())
-    signal_timer = QTimer(window, interval=200)  # Python runs its signal handlers between events
+    signal_timer = QTimer(window, interval=200)  # lets Python run its signal handlers
     signal_timer.timeout.connect(lambda: None)
     signal_timer.start()
     window.show()

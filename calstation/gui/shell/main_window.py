@@ -1,4 +1,4 @@
-"""The main window with its top bar, its pages, and STOP at the same position on every page."""
+"""The main window with a top bar, the pages, and STOP at the same position on every page."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -31,7 +31,7 @@ _DEFAULT, _MINIMUM, _FRAME = QSize(1366, 768), QSize(900, 400), QSize(16, 48)
 
 
 def _lazy_page(package: str, page: str) -> Callable[[AppContext], Page]:
-    """Return a constructor that imports the package of a page when it is called, which saves 0.2 s at the start."""
+    """Return a constructor that imports the package of a page when it is called, which saves 0.2 s at start-up."""
     return lambda app: cast("Page", getattr(import_module(f"calstation.gui.{package}"), page)(app))
 
 
@@ -44,12 +44,12 @@ _PAGES: dict[str, Callable[[AppContext], Page]] = {
     "quality_page": _lazy_page("quality", "QualityPage"),
     "station_page": _lazy_page("settings", "StationPage"),
 }
-#: Time from showing the window to the creation of the engineer page, ms; the window is painted before.
+#: Time from showing the window to the creation of the engineer page, ms, in which the window is painted.
 _CREATION_DELAY_MS = 50
 
 
 class _Tab(QWidget):
-    """Tab that creates its page below the strip when it is first used."""
+    """A tab that creates its page below the strip when it is first used."""
 
     def __init__(self, app: AppContext, create: Callable[[AppContext], Page]) -> None:
         super().__init__()
@@ -102,7 +102,7 @@ class MainWindow(QMainWindow):
         self.page_tabs.setCornerWidget(self._corner(), Qt.Corner.TopRightCorner)
         self._strip, self._headers = QWidget(self.page_tabs), QStackedWidget()
         self.stop_button = button("stop_button", "window.stop", app.run.stop, tip="window.stop_tip")
-        self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Esc stops a run, and the keys of a scan must not
+        self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Esc stops a run; the keys of a scan must not
         self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
         row((self._headers, 1), self.stop_button, on=self._strip, spacing=2 * theme.GRID, margins=PANEL)
         self._tabs = {name: _Tab(app, make) for name, make in _PAGES.items()}
@@ -151,7 +151,7 @@ class MainWindow(QMainWindow):
         QTimer.singleShot(_CREATION_DELAY_MS, self, self.create_engineer_page)
 
     def create_engineer_page(self) -> None:
-        """Create the engineer page, which monitors runs from the start; other pages are created when they are shown."""
+        """Create the engineer page early, because it monitors runs; other pages are created when first shown."""
         _ = self._tabs["engineer_page"].page
 
     @property
@@ -193,7 +193,7 @@ class MainWindow(QMainWindow):
         return super().eventFilter(watched, event)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Treat a key that no widget has handled as the start of a scan."""
+        """Handle a key that no widget has accepted as the start of a scan."""
         if self._role_panel.isVisible() or not self.operator_page.header.handle_key(event):
             super().keyPressEvent(event)
 

@@ -1,4 +1,4 @@
-"""State and widgets shared by the pages: the context, the status of the run, the role, and panels for a run.
+"""State and widgets that the pages share: the context, the status of the run, the role, and panels for a run.
 
 Widgets that do not depend on runs belong in `calstation.gui.widgets`.
 """

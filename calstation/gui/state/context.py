@@ -1,4 +1,4 @@
-"""The state shared by all pages of a window."""
+"""The context of a window, with the state that all its pages share."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -25,7 +25,7 @@ def _warm_up() -> None:
 
 
 class AppContext(QObject):
-    """The state shared by all pages of a window."""
+    """The state that all pages of a window share."""
 
     station_changed = Signal()
     product_changed = Signal()
@@ -35,9 +35,9 @@ class AppContext(QObject):
     open_run = Signal(object)
     resume_run = Signal(object)
     released = Signal(object)  #: Result file of a failed unit that has been released.
-    page_requested = Signal(str)  #: Object name of the page to be shown.
+    page_requested = Signal(str)  #: Object name of the page to show.
     runs_folder_changed = Signal()
-    exchange_changed = Signal()  #: `exchange_state` has changed.
+    exchange_changed = Signal()  #: Emitted after `exchange_state` has changed.
     claim_changed = Signal()
     closing = Signal()
 
@@ -63,7 +63,7 @@ class AppContext(QObject):
         self.schedule: Mapping[str, Mapping[str, Any]] | None = None
         #: State of the exchange with the shared database; None for a station without one.
         self.exchange_state: ExchangeState | None = None
-        #: Units claimed in the shared database, each serial number with its operator.
+        #: Serial numbers of the units that are claimed in the shared database, with their operators.
         self.claimed: Mapping[str, str | None] = {}
         self.runs_folder = runs_folder or Path(str(self.settings.value("runs_folder", "runs")))
 
@@ -79,8 +79,8 @@ class AppContext(QObject):
     ) -> JobWatch:
         """Return a watch whose `start` calls `work` with its arguments in the background; see `JobQueue.submit`.
 
-        The slots are called in the window's thread until `owner` is destroyed. If `work` is None, the function is the
-        first argument of `start`.
+        The slots are called in the thread of the window until `owner` is destroyed. If `work` is None, the first
+        argument of `start` is the function.
         """
         submit = partial(self.job_queue.submit, cancellable=cancellable)
         if work is not None:
@@ -99,7 +99,7 @@ class AppContext(QObject):
             self.product_changed.emit()
 
     def choose(self, stages: tuple[str, ...] | None, schedule: Mapping[str, Mapping[str, Any]] | None) -> None:
-        """Select the stages of the next runs and the changes to their schedules; None selects those of the product."""
+        """Select the stages of the next runs and the changes to their schedules, or None for those of the product."""
         if (stages, schedule) != (self.stages, self.schedule):
             self.stages, self.schedule = stages, schedule
             self.choice_changed.emit()
@@ -111,7 +111,7 @@ class AppContext(QObject):
         self.runs_folder_changed.emit()
 
     def claim(self, *serials: str) -> None:
-        """Claim these units in the shared database in place of the previous ones."""
+        """Claim these units in the shared database instead of the previous ones."""
         claimed = dict.fromkeys(serials, self.operator)
         if claimed != self.claimed:
             self.claimed = claimed

@@ -1,4 +1,4 @@
-"""Polls the engine process from a timer and emits its events as Qt signals."""
+"""The link to the engine process, which a timer polls for events."""
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
@@ -8,14 +8,14 @@ from calstation.sequencer import Command
 
 
 class EngineLink(QObject):
-    """Starts runs and register operations, and emits the events of their engine process.
+    """The link that starts runs and register operations, and emits the events of their engine process.
 
     Signals: `event(event)`, a `Fault` if the engine process dies; `running_changed(running)` when the process has
     started or ended. `request` is the request of the last run or register operation, and `operation` is the last
     register operation, or None after a run.
     """
 
-    event = Signal(object)  # type: ignore[assignment] # hides QObject.event, which is not used
+    event = Signal(object)  # type: ignore[assignment] # replaces QObject.event, which is not used
     running_changed = Signal(bool)
 
     def __init__(self, parent: QObject | None = None) -> None:

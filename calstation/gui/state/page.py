@@ -1,4 +1,4 @@
-"""Base classes of the pages and of other views with background jobs."""
+"""Base classes of the pages and other views with background jobs."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +14,7 @@ from calstation.results import drop_partial
 
 
 class JobView(QWidget):
-    """Base class of views with background jobs, whose errors the notice bar reports.
+    """Base class of views with background jobs; a notice bar reports their errors.
 
     The signal `busy_changed` is emitted when a job starts and after it has ended. The focus proxy of the view receives
     the keyboard focus when a notice is closed.
@@ -30,7 +30,7 @@ class JobView(QWidget):
 
     @property
     def busy(self) -> bool:
-        """Whether a job of the view is waiting or running."""
+        """Whether a job of the view waits or runs."""
         return any(job.busy for job in self._jobs)
 
     def job(
@@ -87,7 +87,7 @@ class Page(JobView):
 
 
 class FileExport:
-    """Writes files selected by the user in jobs of `view`; `then` is called after the notice has been closed."""
+    """Export to files that the user selects, in jobs of `view`; `then` is called after the notice has been closed."""
 
     def __init__(self, view: JobView, then: Callable[[], None] | None = None) -> None:
         self._view, self._then = view, then or view.setFocus
@@ -98,7 +98,7 @@ class FileExport:
         self._cleanup = view.app.job(view, drop_partial)
 
     def ask(self, title: str, proposed: Path, kinds: list[str], work: Callable[[Path], tuple[Any, ...]]) -> None:
-        """Ask for a file, and start a job with the function and arguments that `work` returns for the file."""
+        """Ask for a file, and start a job with the function and the arguments that `work` returns for it."""
 
         def begin(target: Path) -> None:
             self._target = target

@@ -1,4 +1,4 @@
-"""Panel in which one or two people confirm an action, and the bar that releases a failed unit."""
+"""The panel in which one or two people confirm an action, and the bar that releases a failed unit."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +20,7 @@ ConfirmedCallback = Callable[[str, Person, Person | None], None]
 
 
 class PeoplePanel(QFrame):
-    """Panel that is shown by `ask`; the caller hides it after the action, or calls `retry` for another attempt."""
+    """A panel that `ask` shows; the caller hides it after the action, or calls `retry` for another attempt."""
 
     open_changed = Signal(bool)  #: Emitted with True when the panel opens, and with False when it closes.
 
@@ -69,9 +69,9 @@ class PeoplePanel(QFrame):
         by: str = "",
         reason: bool = True,
     ) -> None:
-        """Ask for the badges, PINs and, if `reason`, the reason of an action titled `words`; then call `then`.
+        """Ask for badges, PINs and, if `reason` is True, the reason for the action `words`; then call `then`.
 
-        `by` is the proposed acting person.
+        `by` is the badge proposed for the acting person.
         """
         self._words, self._confirmed, self._badges = words, then, required.badge
         visible_fields = (reason, True, required.pin, required.second, required.second)
@@ -124,7 +124,7 @@ class PeoplePanel(QFrame):
 
 
 class ReleaseBar(QWidget):
-    """Bar that releases the unit of a failed run; it emits `AppContext.released` after the release."""
+    """A bar that releases the unit of a failed run, and emits `AppContext.released` after the release."""
 
     def __init__(self, app: AppContext, name: str) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Button that resets a latched fault of the table and shows the result."""
+"""The button that resets a latched fault of the table, and the text that shows the result."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ from calstation.gui.widgets import StateIcon, button, column, enable, label, row
 
 
 class ResetBar(QWidget):
-    """Resets a latched fault of the table when its button is pressed, and shows the result.
+    """A bar whose button resets a latched fault of the table, and which shows the result.
 
     `request` returns the link of the table, or None if there is none, and `name` is the object name of the button.
     Signals: `changed()` when a reset starts and after it has ended; `ended(result)` with a `TableReset`.

@@ -10,7 +10,7 @@ from calstation.gui.widgets import button, column, grid, label, row, show_text, 
 
 
 class RoleLock(QObject):
-    """The current role, initially operator."""
+    """The current role, which is operator at the start."""
 
     changed = Signal(str)
     pin_requested = Signal()  #: Emitted by `ask`.
@@ -156,7 +156,7 @@ class RolePanel(QFrame):
         self._show_wait()
 
     def _show_wait(self) -> None:
-        """Show the error, and disable Unlock during the waiting time after wrong PINs."""
+        """Show the error, and disable Unlock during the delay after wrong PINs."""
         wait = 0.0
         try:
             wait = access.wait()

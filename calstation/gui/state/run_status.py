@@ -1,4 +1,4 @@
-"""Status of the run, derived from the events of the engine."""
+"""The status of the run, which is derived from the events of the engine."""
 
 import time
 from typing import Any
@@ -32,7 +32,7 @@ _IN_PROGRESS = ("starting", "preparing", "running", "pausing", "paused", "stoppi
 #: States of the sequencer after a run or a register operation.
 _ENDED = ("stopped", "fault", "done")
 
-#: Verdicts of a run without a fault; the verdict on several units is the first of theirs in this order.
+#: Verdicts of a run without a fault; the verdict of a run of several units is the first of theirs in this order.
 _VERDICTS = (Verdict.STOPPED, Verdict.INCOMPLETE, Verdict.FAILED, Verdict.PARTIAL, Verdict.PASSED)
 
 #: Events that change the status of the run.
@@ -41,10 +41,10 @@ _STATUS_EVENTS = (
     *(Message, Settled, Fault, Finalized),
 )
 
-#: Message about one unit that is displayed for all.
+#: Message about one unit that is displayed for all units.
 _UNIT_LEFT = "unit_left"
 
-#: Minimum host time for an estimate of the pace, s.
+#: Minimum host time after which the pace is estimated, s.
 _MIN_ELAPSED = 2.0
 
 
@@ -58,11 +58,11 @@ class RunStatus(QObject):
     def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._link = link
-        #: State of the sequencer, ``starting`` before its first event, and the verdict after the run.
+        #: State of the sequencer, or ``starting`` before its first event, or the verdict after the run.
         self.state = "idle"
         self.run_summary: RunSummary | None = None
         self.register_operation = False
-        #: Whether station and product are usable for the next run.
+        #: Whether the station and the product are usable for the next run.
         self.runnable = True
         #: Whether the sequencer may have moved the table; False while devices are opened and identified.
         self.commanded = False
@@ -72,7 +72,7 @@ class RunStatus(QObject):
         self.unit = self.units[0]
         #: Latest message ("message", id, values) or step ("step", kind, label); a dwell has the label of its move.
         self.latest: tuple[str, str, Any] | None = None
-        #: Name of the stage that the operator has ended early, until the next run.
+        #: Name of the stage that the operator has ended early; kept until the next run.
         self.stage_ending = ""
         #: Fault of the last run until `acknowledge` is called.
         self.fault: Fault | None = None
@@ -110,13 +110,13 @@ class RunStatus(QObject):
 
     @property
     def display_state(self) -> str:
-        """`state`, but ``writing`` during a register operation, and ``not_ready`` if no run can start."""
+        """`state`, or ``writing`` during a register operation, or ``not_ready`` if no run can start."""
         if self.state == "idle" and not self.runnable:
             return "not_ready"
         return "writing" if self.register_operation and self.state == "running" else self.state
 
     def display_state_of(self, unit: UnitStatus) -> str:
-        """Return the verdict on a unit or, while it takes part in the run, the state of the run."""
+        """Return the verdict on a unit, or the state of the run while the unit takes part in it."""
         return unit.verdict if unit.verdict and unit.slot else self.display_state
 
     @property
@@ -132,7 +132,7 @@ class RunStatus(QObject):
 
     @property
     def stages(self) -> list[StageState]:
-        """Stages of the first unit in progress; after the run, those of the displayed unit.
+        """Stages of the first unit in progress or, after the run, of the displayed unit.
 
         Units that keep their registers come last, because they skip the remaining stages.
         """
@@ -158,7 +158,7 @@ class RunStatus(QObject):
 
     @property
     def pace(self) -> float | None:
-        """Ratio of device time to host time: 1 on hardware, measured on a virtual bench; None while unknown."""
+        """Ratio of device time to host time, which is 1 on hardware; None while it is unknown."""
         if self.run_summary is not None and not self.run_summary.virtual:
             return 1.0
         elapsed, done = time.monotonic() - self._started_at, self.done - self._done_before
@@ -179,7 +179,7 @@ class RunStatus(QObject):
         return stage.remaining if stage.state in ("active", "stopped", "fault") else 0.0
 
     def sigma_ratio(self, unit: UnitStatus) -> float | None:
-        """Return the largest ratio of a unit's sigmas to their targets; None while unknown."""
+        """Return the largest ratio of a sigma of a unit to its target, or None while it is unknown."""
         targets = {} if self.run_summary is None else self.run_summary.targets
         ratios = [value / targets[group] for group, value in unit.sigma.items() if group in targets]
         return max(ratios, default=None)
@@ -192,12 +192,12 @@ class RunStatus(QObject):
             self.changed.emit()
 
     def set_runnable(self, runnable: bool) -> None:
-        """Set whether station and product are usable for the next run."""
+        """Set whether the station and the product are usable for the next run."""
         self.runnable = runnable
         self.changed.emit()
 
     def stop(self) -> None:
-        """Stop a run in progress safely; the state becomes ``stopping`` before the engine confirms the stop."""
+        """Stop a run in progress safely; the state is ``stopping`` even before the engine confirms the stop."""
         self._link.send(Command.STOP)
         self.stop_pressed.emit()
         if self.in_progress and self.state != "stopping":
@@ -224,7 +224,7 @@ class RunStatus(QObject):
     def acknowledge(self) -> None:
         """Clear the fault and disconnect from the engine, so that a run can start.
 
-        If units had a verdict or a fault of their own before a fault of the table, the verdict of the run is set.
+        If units had a verdict or their own fault before a fault of the table, the verdict of the run is set.
         """
         state = "idle"
         if self.fault is not None:
@@ -297,7 +297,7 @@ class RunStatus(QObject):
         self._changed_timer.start()
 
     def _change_state(self, state: str) -> bool:
-        """Adopt a state of the sequencer, and return True if the units must adopt it, too."""
+        """Adopt a state of the sequencer, and return whether the units must also adopt it."""
         self.commanded = self.commanded or state not in _ENDED
         if self.state == "stopping" and state not in _ENDED:
             return False  # sent before STOP was pressed

@@ -13,12 +13,12 @@ from calstation.gui.text import KINDS, bind, duration_text, on_language_change, 
 from calstation.gui.widgets import STEPS, StateBadge, column, enable, label, progress_bar, row, show_text, theme
 from calstation.messages import local_time
 
-#: Outcomes of units in the order of their counts.
+#: Outcomes of units in the order in which they are counted.
 _COUNTED = ("passed", "partial", "failed", "fault", "stopped", "incomplete")
 
 
 class RunStrip(QWidget):
-    """Shows the status of the current run."""
+    """A strip that shows the status of the current run."""
 
     def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -46,9 +46,9 @@ class RunStrip(QWidget):
 
 
 def run_badge(run: RunStatus) -> tuple[str, str]:
-    """Return the shape and the text of a run's badge.
+    """Return the shape and the text of the badge of a run.
 
-    The text states whether a run in progress is partial and, after a run of several units, counts their outcomes.
+    The text states whether a run in progress is partial, and counts the outcomes after a run of several units.
     """
     if run.in_slots and run.ended:
         counts = Counter(run.display_state_of(unit) for unit in run.units)
@@ -61,7 +61,7 @@ def run_badge(run: RunStatus) -> tuple[str, str]:
 
 
 class EndStageButton(QPushButton):
-    """Button that ends the current stage after its move; it is visible during a run if `allowed` returns True."""
+    """A button that ends the current stage after its move, visible during a run if `allowed` returns True."""
 
     def __init__(self, run: RunStatus, name: str, allowed: Callable[[], bool] = lambda: True) -> None:
         super().__init__()
@@ -80,7 +80,7 @@ class EndStageButton(QPushButton):
 
 
 class ExchangeLabel(QLabel):
-    """Line that counts the runs and logs that an error prevents from being sent; the tooltip shows the error."""
+    """A line with the numbers of runs and logs that cannot be sent because of an error, which its tooltip shows."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()

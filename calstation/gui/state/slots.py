@@ -1,4 +1,4 @@
-"""The slots of a station with several units, and the serial numbers of the units in them."""
+"""The slots of a station for several units, and the serial numbers of the units in the slots."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class Slot:
 
 
 class Slots(QObject):
-    """The slots of the next run in order; none at a station for a single unit. Emits `changed`."""
+    """The slots of the next run in order, which are empty at a station for a single unit; emits `changed`."""
 
     changed = Signal()
 
@@ -57,7 +57,7 @@ class Slots(QObject):
 
     @property
     def next(self) -> Slot | None:
-        """The slot for the next scan: `marked`, or the first slot whose suggested unit the scan replaces."""
+        """The slot for the next scan: `marked`, or the first slot with a suggested unit, which the scan replaces."""
         return self.marked or next((slot for slot in self._slots if slot.suggested), None)
 
     @property
@@ -66,14 +66,14 @@ class Slots(QObject):
         return not any(slot.open for slot in self._slots)
 
     def set_names(self, names: tuple[str, ...]) -> None:
-        """Set the names of the slots; the units are removed if the names differ from the current ones."""
+        """Set the names of the slots, and remove the units if the names differ from the current ones."""
         if names != tuple(slot.name for slot in self._slots):
             self._slots = [Slot(name) for name in names]
             self._chosen = None
             self.changed.emit()
 
     def refusal(self, serial: str) -> Text | None:
-        """Return why a scanned unit cannot be put into a slot, or None."""
+        """Return why a scanned unit cannot be assigned to a slot, or None."""
         slot = next((slot for slot in self._slots if slot.serial == serial and not slot.suggested), None)
         if slot is not None:
             return Text.of("question.serial_twice", serial=serial, slot=slot.name)
@@ -85,7 +85,7 @@ class Slots(QObject):
         self.changed.emit()
 
     def fill(self, slot: Slot, serial: str, attempts: int) -> None:
-        """Put a unit into a slot, and remove a suggestion of the same serial number."""
+        """Assign a unit to a slot, and remove a suggestion of the same serial number."""
         for other in self._slots:
             if other.serial == serial:
                 other.serial, other.suggested = "", False

@@ -1,4 +1,4 @@
-"""Status of a unit of a run, derived from the events of the engine."""
+"""The status of a unit in a run, which is derived from the events of the engine."""
 
 import time
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ from calstation.sequencer import (
     StepStarted,
 )
 
-#: Messages that are repeated with the verdict.
+#: Messages that are shown again with the verdict.
 _REMARKS = (
     "step_repeated",
     "look_repeated",
@@ -48,13 +48,13 @@ TRANSFER = "transfer"
 #: Messages that start and end the transfer.
 _TRANSFER_STARTS = ("registers_reading", "registers_transfer", "registers_writing")
 _TRANSFER_ENDS = ("registers_written", "registers_proved", "registers_read_back")
-#: Fraction of the transfer per move of the verification, which has 17 moves, some of which may be repeated.
+#: Fraction of the transfer per move of the verification, which has 17 moves or, with repetitions, more.
 _VERIFICATION_STEP = 1.0 / 18.0
 
 
 @dataclass
 class StageState:
-    """State of a stage, or of the register transfer after the stages, for display."""
+    """The displayed state of a stage, or of the register transfer after the stages."""
 
     name: str
     duration: float  #: Planned duration, s of device time.
@@ -78,7 +78,7 @@ class StageState:
 
 
 def largest_sigmas(event: StageSolved) -> dict[str, float]:
-    """Return the largest sigma of each parameter group, SI units."""
+    """Return the largest sigma of each parameter group, SI."""
     largest: dict[str, float] = {}
     for name, solved in event.parameters.items():
         group = PARAMETERS[INDEX[name]].group if name in INDEX else ""
@@ -89,16 +89,16 @@ def largest_sigmas(event: StageSolved) -> dict[str, float]:
 
 @dataclass
 class UnitStatus:
-    """Status of a unit; `slot` is the name of its slot, "" at a station for a single unit."""
+    """The status of a unit; `slot` is the name of its slot, or "" at a station for a single unit."""
 
     serial: str
     slot: str = ""
     #: The stages in order and, if the unit has registers, the transfer.
     stages: list[StageState] = field(default_factory=list)
     sigma: dict[str, float] = field(default_factory=dict)  #: Largest sigma of each parameter group, SI units.
-    #: Messages that are repeated with the verdict: (id, values).
+    #: Ids and values of the messages that are shown again with the verdict.
     remarks: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
-    #: Values of an interrupted register transfer about which the operator has to decide, or None.
+    #: Values of an interrupted register transfer on which the operator has to decide, or None.
     transfer: Mapping[str, Any] | None = None
     fault: Fault | None = None  #: Fault of the unit or of the table, at a station with several slots.
     finalized: Finalized | None = None
@@ -113,7 +113,7 @@ class UnitStatus:
 
     @property
     def unfinished(self) -> bool:
-        """Whether the run stopped before the unit passed, failed, or had a fault of its own."""
+        """Whether the run stopped before the unit passed, failed or had its own fault."""
         own_fault = self.fault is not None and bool(self.fault.slot)
         return not own_fault and (self.verdict is None or not self.verdict.judged)
 
@@ -166,7 +166,7 @@ class UnitStatus:
                 if event.verdict in (Verdict.STOPPED, Verdict.FAULT):
                     self._end_stage(event.verdict)
                 if self.slot and (self.fault is None or not self.fault.slot):
-                    # the unit may have passed before a fault of the table, or its own fault may be in the result only
+                    # the unit may have passed before a fault of the table, or only the result may contain its own fault
                     self.fault = None if self.result.fault is None else Fault.of(self.result.fault)
                 if self.result.verdict.judged:  # otherwise later stages might have improved the values
                     for row in self.stages:
@@ -197,5 +197,5 @@ class UnitStatus:
                 stage.state = state
 
     def _row(self, name: str) -> StageState:
-        """Return the row of a stage, or a new row that is not in `stages`."""
+        """Return the row of a stage, or a new row if the stage is not in `stages`."""
         return next((s for s in self.stages if s.name == name), StageState(name, 0.0))

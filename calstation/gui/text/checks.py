@@ -25,7 +25,7 @@ _PRODUCT_KINDS = (
     "previous",
 )
 
-#: Display unit and its size, by the unit of a check that does not compare a parameter.
+#: Display unit and its size by the unit of a check that does not compare a parameter.
 _DISPLAY_UNITS = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma": ("σ", 1.0), "1": ("", 1.0)}
 
 
@@ -91,7 +91,7 @@ def _sentence(check: Check) -> str:
 
 
 def _unit(check: Check) -> tuple[str, float]:
-    """Return the display unit of a check, and its size in the unit of the check."""
+    """Return the display unit of a check and its size in the unit of the check."""
     if check.kind == "latitude":
         return "°", DEGREE
     name = check.subject

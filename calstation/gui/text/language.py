@@ -1,4 +1,4 @@
-"""The language of the window, English or Simplified Chinese, which can be switched while the window is open."""
+"""The language of the window, English or Simplified Chinese, which can be changed while the window is open."""
 
 from PySide6.QtCore import QCoreApplication, QLibraryInfo, QLocale, QObject, QTranslator, Signal
 from PySide6.QtWidgets import QComboBox
@@ -10,7 +10,7 @@ LANGUAGES: tuple[tuple[Language, str], ...] = (("en", "English"), ("zh_CN", "中
 
 _current: Language = "en"
 
-#: Translator of the texts of Qt itself, such as those of file dialogs.
+#: Translator for the texts of Qt itself, for example in file dialogs.
 _qt_texts = QTranslator()
 
 
@@ -18,7 +18,7 @@ class _Languages(QObject):
     changed = Signal()
 
 
-#: Emits `changed` after `use` has switched the language.
+#: Emits `changed` after `use` has changed the language.
 languages = _Languages()
 
 
@@ -28,7 +28,7 @@ def current() -> Language:
 
 
 def system_language() -> Language:
-    """Return the code of the language of the operating system if it is supported, otherwise that of English."""
+    """Return the code of the language of the operating system or, if it is not supported, of English."""
     return "zh_CN" if QLocale.system().language() == QLocale.Language.Chinese else "en"
 
 
@@ -48,7 +48,7 @@ def use(code: str) -> None:
 
 
 def language_combo() -> QComboBox:
-    """Create a combo box that lists the native names of the languages, with their codes as data."""
+    """Create a combo box of the languages, with their native names as texts and their codes as data."""
     combo = QComboBox()
     combo.setObjectName("language_combo")
     for code, name in LANGUAGES:

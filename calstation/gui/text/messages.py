@@ -1,4 +1,4 @@
-"""Sentences, terms and names in the language of the window, and their binding to widgets."""
+"""Sentences, terms and names in the language of the window, and the binding of texts to widgets."""
 
 import re
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from calstation.messages import Rendered, Text, known, rendering, step_text
 from calstation.messages import with_minus as with_minus
 from calstation.sequencer import Fault
 
-#: A text of the window: a code of the message catalogue, a message, or a function that returns a text; "" is no text.
+#: Source of a text: a code of the catalogue, a message, or a function that returns the text; "" is no text.
 Words = str | Text | Callable[[], str]
 
 #: Badge shape (`widgets.badge.KINDS`) of each state and outcome of a run.
@@ -42,7 +42,7 @@ KINDS = {
 
 
 def say(words: Words, /, **values: Any) -> str:
-    """Return a text in the current language; `values` are the values of a code.
+    """Return a text in the current language; `values` are the values for a code.
 
     Raises KeyError if the catalogue does not contain the code.
     """
@@ -52,7 +52,7 @@ def say(words: Words, /, **values: Any) -> str:
 
 
 def rendered(message: Text) -> Rendered:
-    """Render a message in the current language; `text` and `remedy` of a question are its title and its explanation."""
+    """Render a message in the current language; the `remedy` of a question is its explanation."""
     return rendering.render(message.code, message.values, language.current(), window=True)
 
 
@@ -62,14 +62,14 @@ def term(family: str, name: str, **values: Any) -> str:
 
 
 def step_sentence(kind: str, label: tuple[str | float, ...]) -> str:
-    """Return a description of a step; that of a dwell includes the position if its move has a label."""
+    """Return a description of a step, which for a dwell includes the position if its move has a label."""
     if kind == "dwell" and label:
         return f"{say(step_text('move', label))}  ·  {say(step_text(kind, ()))}"
     return say(step_text(kind, label))
 
 
 def fault_text(fault: Fault) -> Rendered:
-    """Render the fault of a run; the text of a fault without a code, such as a programming error, is unchanged."""
+    """Render the fault of a run, or return its text if it has no code, as for a programming error."""
     if fault.code:
         return rendered(Text(fault.code, fault.values))
     return Rendered("", fault.text, "", language.current())
@@ -88,13 +88,13 @@ def duration_text(seconds: float) -> str:
 
 
 def product_text(name: str) -> str:
-    """Return the display name of a product, which is translated for shipped products, from the name in its file."""
+    """Return the display name of a product from the name in its file; names of shipped products are translated."""
     code = f"product_name.{re.sub(r'[^a-z0-9]+', '_', name.lower())}"
     return say(code) if known(code) else name
 
 
 def offered_products() -> list[tuple[str, Path]]:
-    """Return the display name and file of each product in the library; equal names include the file name."""
+    """Return the display name and the file of each product in the library; equal names include the file name."""
     files = [library.find("products", stem) for stem in library.names("products")]
     names = [_product_name(file) for file in files]
     return [
@@ -112,7 +112,7 @@ def _product_name(file: Path) -> str:
 
 
 class _Binding(QObject):
-    """Calls `show` when it is created and after each change of language, until its owner is destroyed."""
+    """A binding that calls `show` at once and after each change of language, until its owner is destroyed."""
 
     def __init__(self, owner: QObject, show: Callable[[], Any]) -> None:
         super().__init__(owner)

@@ -1,4 +1,4 @@
-"""Widgets that show a state as a symbol and a word, and the icons of the top bar; colours only repeat the symbols."""
+"""Widgets that show a state as a symbol and a word, and icons of the top bar; colours only support the symbols."""
 
 from collections.abc import Callable
 from functools import cache, partial
@@ -10,8 +10,8 @@ from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import row
 
-#: Kinds of state. Their symbols are: ring, ring with a dot, filled triangle, tick, half-filled ring, cross, triangle
-#: with an exclamation mark, two bars, square, and a tick without a statement about quality.
+#: Kinds of states, with the symbols ring, ring with a dot, filled triangle, tick, half-filled ring, cross, triangle
+#: with an exclamation mark, two bars, square, and a tick that makes no statement about quality.
 KINDS = ("none", "waiting", "active", "good", "partial", "bad", "caution", "paused", "stopped", "done")
 
 #: Size of the icons of the top bar, px, and device pixels per px.
@@ -26,7 +26,7 @@ def state_colour(kind: str) -> QColor:
 
 
 def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None = None) -> None:
-    """Draw the symbol of one of `KINDS` in the largest centred square of a box, by default in the state's colour."""
+    """Draw the symbol of one of `KINDS`, by default in the colour of the state, as large as possible in a box."""
     colour = colour or state_colour(kind)
     side = min(box.width(), box.height())
     box = QRectF(box.center().x() - side / 2, box.center().y() - side / 2, side, side)
@@ -105,7 +105,7 @@ def padlock_icon(*, closed: bool) -> QIcon:
 
 
 def theme_icon() -> QIcon:
-    """Return the icon for switching the theme, a disc half light and half dark."""
+    """Return the icon for switching the theme, a disc that is half light and half dark."""
 
     def draw(painter: QPainter) -> None:
         painter.drawEllipse(QRectF(4, 4, 16, 16))

@@ -1,4 +1,4 @@
-"""Base class of drawings of the level frame in parallel projection, seen from the front, the right and above."""
+"""Base class of drawings of the level frame in a parallel projection from the front, the right and above."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ _SA, _CA = float(np.sin(_AZIMUTH)), float(np.cos(_AZIMUTH))
 _SE, _CE = float(np.sin(_ELEVATION)), float(np.cos(_ELEVATION))
 #: Direction towards the viewer, shape (3,).
 VIEWER = np.array([_SA * _CE, -_CA * _CE, _SE])
-#: Projection from the level frame to the screen, y downward, shape (3, 2).
+#: Projection from the level frame to the screen, where y points down, shape (3, 2).
 _SCREEN = np.array([[_CA, _SA * _SE], [_SA, -_CA * _SE], [0.0, -_CE]])
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 73)
 
@@ -33,7 +33,7 @@ _FACES = (
 
 
 def depth(point: FloatArray) -> float:
-    """Return the depth of a point, shape (3,), along the line of sight: 0 at the origin, positive behind it."""
+    """Return the depth of a point, shape (3,), along the line of sight, positive behind the origin."""
     return float(-point @ VIEWER)
 
 
@@ -46,7 +46,7 @@ def basis(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def circle(normal: FloatArray) -> FloatArray:
-    """Return points, shape (n, 3), of the unit circle in the plane normal to `normal`."""
+    """Return points on the unit circle in the plane normal to `normal`, shape (n, 3)."""
     u, v = basis(normal)
     return np.asarray(np.outer(np.cos(_ANGLES), u) + np.outer(np.sin(_ANGLES), v))
 
@@ -117,7 +117,7 @@ class Drawing(QWidget):
         self.area([screen(p) for p in radius * circle(normal)], fill, edge, 0.018)
 
     def box(self, corners: FloatArray) -> None:
-        """Draw a box from its corners, shape (8, 3), with the last coordinate varying fastest."""
+        """Draw a box from its corners, shape (8, 3), of which the last coordinate varies fastest."""
         c = theme.colours()
         dark = theme.current() == "dark"
         shade = (120, 150, 200) if dark else (112, 124, 100)
@@ -127,9 +127,10 @@ class Drawing(QWidget):
             self.area([screen(p) for p in corners[list(face)]], fill, c.muted, 0.015)
 
     def axes(self, attitude: FloatArray, starts: Sequence[float], length: float, hidden: Sequence[bool]) -> None:
-        """Draw the axes of the unit, the columns of `attitude`, shape (3, 3), as labelled arrows, dotted if `hidden`.
+        """Draw the axes of the unit, the columns of `attitude`, shape (3, 3), as labelled arrows.
 
-        `starts` and `length` are the distances of the start and end points of the arrows from the centre.
+        `starts` and `length` are the distances of the start and end points of the arrows from the centre. Hidden arrows
+        are dotted.
         """
         for i in sorted(range(3), key=lambda i: -depth(attitude[:, i])):
             name, direction = "xyz"[i], attitude[:, i]

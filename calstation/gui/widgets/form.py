@@ -1,4 +1,4 @@
-"""The form engine: fields with label, input, unit and message, which edit the values of a source."""
+"""The form engine: fields with a label, an input, a unit and a message, which edit the values of a source."""
 
 from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
@@ -17,7 +17,7 @@ from calstation.schema import KeyPath, Problem, value_at
 
 
 class FormValues(QObject):
-    """The values of a form: the `stored` ones, the edited `values`, and the problems that `check` finds in them."""
+    """The values of a form: the stored values, the edited `values`, and the problems that `check` finds in them."""
 
     changed = Signal()
 
@@ -105,7 +105,7 @@ class FormField(QWidget):
     def refresh(self) -> None:
         """Show the value and the message."""
         value = self._source.value(self._key_path)
-        if not self._typing or self.editor.value() != value:  # do not replace what the user types
+        if not self._typing or self.editor.value() != value:  # do not replace the text while the user types
             with QSignalBlocker(self.editor):
                 self.editor.show_value(self.default if value is None else value)
         problem = next((p for p in self._source.problems if self._shows(p.place)), None)
@@ -139,7 +139,7 @@ class FormField(QWidget):
 
 
 class NameBar(QFrame):
-    """A bar that asks for the name of a new file. `ask_name` shows it, and a valid name is passed to `accept`.
+    """A bar that asks for the name of a new file and passes a valid name to `accept`; `ask_name` shows it.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ class NameBar(QFrame):
         self.check()
 
     def check(self) -> None:
-        """Show why the name cannot be used, or the remark on it."""
+        """Show why the name cannot be used, or a remark on it."""
         name = self.edit.text()
         problem = self.problem(name) if name else ""
         show_text(self.message, problem)
@@ -213,7 +213,7 @@ def problem_text(problem: Problem) -> str:
 
 
 def choices_of(name: str, *values: Any) -> Callable[[], list[tuple[Any, str]]]:
-    """Return a function that lists values with their texts: numbers as digits, others from the family ``setting``."""
+    """Return a function that lists values with their texts: the digits of a number, or a term of ``setting``."""
     return lambda: [(v, f"{v:g}" if isinstance(v, float | int) else say(f"setting.{name}_{v}")) for v in values]
 
 

@@ -1,4 +1,4 @@
-"""Inputs for single values; each has a signal `typed` for edits by the user, `value` and `show_value`."""
+"""Inputs for single values, with a signal `typed` for edits by the user and the methods `value` and `show_value`."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -27,7 +27,7 @@ class WordEdit(QLineEdit):
         return self.text() or None
 
     def show_value(self, value: Any) -> None:
-        """Show a value; while the input has the focus, an equivalent text, such as 1.50, is not replaced."""
+        """Show a value; an equivalent text, such as 1.50, is not replaced while the input has the focus."""
         if not self.hasFocus() or self.value() != value:
             self.setText(_value_text(value))
 
@@ -41,7 +41,7 @@ class NumberEdit(WordEdit):
     def __init__(self, size: float = 1.0, read: Callable[[str], Any] | None = None) -> None:
         super().__init__()
         self._size, self._read = size, read or typed_number
-        #: The last text shown in a display unit, and its exact value, which is returned while the text is unchanged.
+        #: The last shown text and its exact value, which is returned as long as the text is unchanged.
         self._exact: tuple[str, Any] = ("", None)
         self.setAlignment(Qt.AlignmentFlag.AlignRight)
 
@@ -138,7 +138,7 @@ class _Box(QComboBox):
 
 
 class ChoiceBox(_Box):
-    """Selects one of several values; `choices` returns them with their texts in the current language."""
+    """A combo box for one of several values; `choices` returns them with their texts in the current language."""
 
     def __init__(self, choices: Callable[[], Sequence[tuple[Any, str]]], name: str = "") -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Polling of background jobs, and rows that show their progress with a Cancel button."""
+"""Polling of background jobs, and rows that show their progress and a Cancel button."""
 
 from collections.abc import Callable
 from typing import Any
@@ -22,9 +22,9 @@ Slot = Callable[..., object] | None
 
 
 class JobWatch(QObject):
-    """Polls one job at a time; `done`, `failed` and `cancelled` are slots for the signals of the same names.
+    """A watch that polls one job at a time; `done`, `failed` and `cancelled` are slots for its signals of these names.
 
-    `submit` queues the job of `start`; a newer job replaces the previous one, whose result is then ignored.
+    `submit` queues a job that is started; a newer job replaces the previous one, whose result is then ignored.
 
     Signals: `busy_changed()` when a job begins and after it has ended; `progress(fraction, remaining)` with the
     remaining seconds or None; `done(result)`; `failed(error)` with a `CalstationError`; `cancelled()`.
@@ -95,7 +95,7 @@ class JobWatch(QObject):
 
 
 class JobRow(QWidget):
-    """Shows the text and progress of a `JobWatch`, and a Cancel button with the object name `cancel_name`."""
+    """A row with the text and progress of a `JobWatch`, and a Cancel button with the object name `cancel_name`."""
 
     def __init__(self, watch: JobWatch, cancel_name: str = "", words: Words = "") -> None:
         super().__init__()
@@ -136,7 +136,7 @@ class JobRow(QWidget):
 
 
 class JobStack(QStackedWidget):
-    """Shows the row of the running job, or an idle widget if no job is running."""
+    """A stack that shows the row of the running job, or the widget `idle` if no job is running."""
 
     def __init__(self, idle: QWidget, *rows: JobRow) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Functions that build layouts, labels, buttons, bars and file dialogs; their texts change with the language."""
+"""Functions that build layouts, labels, buttons, bars and file dialogs, whose texts change with the language."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
@@ -31,8 +31,8 @@ from PySide6.QtWidgets import (
 from calstation.gui.text import Words, bind, on_language_change, say
 from calstation.gui.widgets import theme
 
-#: An item of a layout: a widget or layout, alone or in a tuple with its stretch and alignment; a distance in px; None
-#: for a stretch.
+#: An item of a layout: a widget or layout, alone or in a tuple with its stretch and alignment, a distance in px, or
+#: None for a stretch.
 Item = QWidget | QLayout | tuple[Any, ...] | int | None
 
 #: Left, top, right and bottom, px.
@@ -72,7 +72,7 @@ def box(*items: Item, spacing: int = theme.GRID, margins: Margins = (0, 0, 0, 0)
 def grid(
     on: QWidget | None = None, *, across: int = theme.GRID, down: int = theme.GRID, stretch: int | None = None
 ) -> QGridLayout:
-    """Create a grid layout, in the widget `on` if it is given; column `stretch` takes the remaining width."""
+    """Create a grid layout, in the widget `on` if it is given; the column `stretch` takes the remaining width."""
     layout = QGridLayout()
     layout.setContentsMargins(0, 0, 0, 0)
     layout.setHorizontalSpacing(across)
@@ -105,7 +105,7 @@ def scroll_area(content: QWidget, *, wide: bool = True) -> QScrollArea:
 
 
 def stack(*pages: QWidget) -> QStackedWidget:
-    """Stack widgets, of which one is visible at a time."""
+    """Create a stack of widgets, of which one is visible at a time."""
     stacked = QStackedWidget()
     for page in pages:
         stacked.addWidget(page)
@@ -115,7 +115,7 @@ def stack(*pages: QWidget) -> QStackedWidget:
 def split(
     *parts: tuple[QWidget, int], handle: int = theme.GRID, along: Qt.Orientation = Qt.Orientation.Horizontal
 ) -> QSplitter:
-    """Lay out widgets in a line, each with a share of its length that the user can change."""
+    """Create a splitter, in which the user can change the sizes of the widgets."""
     splitter = QSplitter(along)
     splitter.setChildrenCollapsible(False)
     splitter.setHandleWidth(handle)
@@ -127,7 +127,7 @@ def split(
 
 
 class DataView(Generic[Data]):
-    """Mixin for a widget that draws data; the widget registers `refresh` for changes of language or theme."""
+    """Mixin for a widget that draws data, which must register `refresh` for changes of language or theme."""
 
     data: Data | None = None
 
@@ -235,7 +235,7 @@ def line_edit(
 def combo_box(name: str, items: Mapping[Any, Words] = {}, *, fit: bool = False, characters: int = 0) -> QComboBox:
     """Create a combo box; `items` maps the data of its items to their texts.
 
-    It is as wide as its longest item if `fit`, or else as the given number of `characters`, if not 0.
+    It is as wide as its longest item if `fit`, otherwise as wide as the number of `characters` unless this is 0.
     """
     combo = QComboBox()
     combo.setObjectName(name)
@@ -293,7 +293,7 @@ def enable(widget: QWidget, why_not: str, tip: str = "") -> None:
 
 
 class ElidedLabel(QLabel):
-    """A line of text that ends in an ellipsis if it is too long; the tooltip shows all of it."""
+    """A line of text that ends in an ellipsis if it is too long; the tooltip shows the whole text."""
 
     def __init__(self, kind: str = "") -> None:
         super().__init__()
@@ -319,7 +319,7 @@ class ElidedLabel(QLabel):
 
 
 class PageArea(QScrollArea):
-    """Shows contents that fill it; they scroll only if the area is smaller than their minimum size."""
+    """A scroll area filled by its contents, which scroll only if the area is smaller than their minimum size."""
 
     def __init__(self, content: QWidget) -> None:
         super().__init__()
@@ -419,5 +419,5 @@ def ask_file(
 
 
 def _suffix(kind: str) -> str:
-    """Return the suffix in the brackets of a name filter, without its first dot."""
+    """Return the suffix in the brackets of a name filter without its first dot."""
     return kind.rpartition("*.")[2].rstrip(")")

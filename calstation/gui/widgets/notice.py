@@ -1,4 +1,4 @@
-"""An inline bar that shows a notice or asks a question, in place of a dialog."""
+"""An inline bar that shows a notice or asks a question instead of a dialog."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from calstation.gui.widgets.layout import button, clear, column, label, row, sho
 
 @dataclass(frozen=True)
 class Choice:
-    """A reply to a question: name and text of its button, its action, and whether the button receives the focus."""
+    """A reply to a question: object name and text of its button, its action, and whether the button has the focus."""
 
     name: str
     words: Words
@@ -26,7 +26,7 @@ class Choice:
 
 
 class NoticeBar(QFrame):
-    """A bar for one notice or question, which replaces the previous one; hidden while there is nothing to show."""
+    """A bar for one notice or question, which replaces the previous one; hidden if there is nothing to show."""
 
     def __init__(self, name: str = "") -> None:
         super().__init__()
@@ -81,7 +81,7 @@ class NoticeBar(QFrame):
         self.inform("bad", title, error.as_text, then)
 
     def report_failures(self, watch: JobWatch, title: Words, then: Callable[[], None]) -> None:
-        """Report every error of a watch's jobs."""
+        """Report every error of the jobs of a watch."""
         watch.failed.connect(lambda error: self.report(title, error, then))
 
     def button(self, name: str) -> QPushButton:

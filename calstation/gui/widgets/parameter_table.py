@@ -1,4 +1,4 @@
-"""Tables with one parameter per row: a model defined by its columns, and views whose rows can be copied and saved."""
+"""Tables with one parameter per row: a model that is defined by its columns, and views that can be copied and saved."""
 
 import csv
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -24,7 +24,7 @@ _MIN_WIDTH = 15 * theme.GRID
 #: Height of a row, px.
 ROW = 26
 
-#: Differences above this number of sigmas are highlighted.
+#: Number of sigmas above which a difference is highlighted.
 NOTABLE_SIGMAS = 3.0
 
 
@@ -62,7 +62,7 @@ def align_columns(cells: Mapping[str, dict[str, str]], columns: Iterable[str]) -
 class ParameterModel(QAbstractTableModel):
     """A table model with parameters as rows and their names as the vertical header.
 
-    The tooltip of a name is the name in files. If `grouped`, every second group of parameters is shaded.
+    The tooltip of a name is the name used in files. If `grouped`, every second group of parameters is shaded.
     """
 
     def __init__(self, columns: Sequence[Column], *, grouped: bool = True) -> None:
@@ -83,7 +83,7 @@ class ParameterModel(QAbstractTableModel):
         self.endResetModel()
 
     def lines(self, rows: Iterable[int]) -> list[list[str]]:
-        """Return the headings and rows as in a spreadsheet, with the parameter names in the first column."""
+        """Return the headings and rows for a spreadsheet, with the parameter names in the first column."""
         lines = [["parameter", *(say(column.heading) for column in self.columns)]]
         for name in (self._names[row] for row in rows):
             lines.append([name, *(without_minus(column.text(name)).strip() for column in self.columns)])
@@ -140,7 +140,7 @@ class ParameterModel(QAbstractTableModel):
 
 
 class ParameterTable(QTableView):
-    """Shows a `ParameterModel`; rows can be copied as text, and the table saved."""
+    """A view of a `ParameterModel`, whose rows can be copied as text, and which can be saved."""
 
     def __init__(self, model: ParameterModel, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -161,7 +161,7 @@ class ParameterTable(QTableView):
         theme.on_appearance_change(self, model.refresh)
 
     def fit_columns(self) -> None:
-        """Fit the columns to their contents and distribute the free width; without any, elide the widest column."""
+        """Fit the columns to their contents, and distribute the free width or elide the widest column."""
         self.resizeColumnsToContents()
         visible = [i for i in range(self.parameters.columnCount()) if not self.isColumnHidden(i)]
         free = self.viewport().width() - sum(map(self.columnWidth, visible))
@@ -208,7 +208,7 @@ class ParameterTable(QTableView):
 
 @dataclass(frozen=True)
 class Cell:
-    """A column of a `CellTable`: its heading, and the keys of its texts, symbols and tooltips; "" for none."""
+    """A column of a `CellTable`: its heading, and the keys of its texts, symbols and tooltips ("" for none)."""
 
     heading: Words
     key: str
@@ -218,7 +218,7 @@ class Cell:
 
 
 class CellTable(ParameterTable):
-    """A table of the texts in `cells`, by row name and column key; a missing text is shown as a dash.
+    """A table of texts by row name and column key, in which a missing text is shown as a dash.
 
     Parameters
     ----------
@@ -259,7 +259,7 @@ class CellTable(ParameterTable):
     def show_cells(
         self, cells: Mapping[str, dict[str, str]], numbers: Iterable[str] = (), columns: Sequence[Cell] = ()
     ) -> None:
-        """Show these rows, in other `columns` if given; the columns `numbers` are aligned at the decimal point."""
+        """Show these rows, in other `columns` if given, and align the columns `numbers` at the decimal point."""
         self.cells = dict(cells)
         align_columns(self.cells, numbers)
         self.parameters.show(self._columns_of(columns) or self.parameters.columns, list(self.cells))

@@ -1,4 +1,4 @@
-"""A pyqtgraph plot in the colours of the theme, which the user can zoom, and labels at the ends of its lines."""
+"""A pyqtgraph plot in the colours of the theme, which the user can zoom, and labels at the ends of lines."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -21,9 +21,9 @@ from calstation.gui.widgets.layout import ask_file
 
 
 class ZoomBox(pg.ViewBox):  # type: ignore[misc]
-    """A zoomable view box; while it is zoomed, ranges set by the program are stored until a double click ends the zoom.
+    """A view box that the user can zoom, and that stores ranges set by the program while it is zoomed.
 
-    The middle button pans. `sig_reset` is emitted by the double click.
+    The middle button pans. A double click ends the zoom, applies the stored ranges, and emits `sig_reset`.
     """
 
     sig_reset = Signal()
@@ -38,13 +38,13 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
         self._ranges: list[Any] = [None, None]
 
     def _keep_ranges(self) -> None:
-        """Keep the ranges set by the program."""
+        """Store the ranges set by the program."""
         if not self.zoomed:
             self._auto, self._ranges = list(self.state["autoRange"]), self.viewRange()
 
     @contextmanager
     def _pass(self) -> Iterator[None]:
-        """Set ranges even while the box is zoomed."""
+        """Allow ranges to be set even while the box is zoomed."""
         before, self._passing = self._passing, True
         try:
             yield
@@ -53,7 +53,7 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
 
     @contextmanager
     def _user(self) -> Iterator[None]:
-        """Set ranges on behalf of the user."""
+        """Allow ranges to be set by the user."""
         self._keep_ranges()
         self._zooming = True
         try:
@@ -77,7 +77,7 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
             super().enableAutoRange(axis, enable, x, y)
 
     def linkedViewChanged(self, view: pg.ViewBox, axis: int) -> None:
-        """Follow a linked box even if zoomed; if the user zooms the linked box, this one is zoomed as well."""
+        """Follow a linked box even if this box is zoomed; a zoom of the linked box by the user zooms this one too."""
         if isinstance(view, ZoomBox) and view._zooming and not self.linksBlocked:
             self._keep_ranges()
             self.zoomed = True
@@ -119,9 +119,10 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
 
 
 class TimeBox(ZoomBox):
-    """The view box of a plot over time: the wheel zooms the time, or with Ctrl or over the vertical axis the values.
+    """The view box of a plot over time, in which the wheel zooms the time or, with Ctrl, the values.
 
-    The program may set the time range at any time, so that only the value range is kept while the box is zoomed.
+    The wheel also zooms the values over the vertical axis. Because the program may set the time range at any time, only
+    the range of the values is kept while the box is zoomed.
     """
 
     def setRange(self, *args: Any, **options: Any) -> None:
@@ -151,10 +152,10 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class NumberAxis(pg.AxisItem):  # type: ignore[misc]
-    """A vertical or horizontal axis with minus signs instead of hyphens, whose labels do not overlap if it is short."""
+    """An axis with minus signs instead of hyphens, on which labels do not overlap even if the axis is short."""
 
     def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
-        """Return the spacings of labelled and of smaller ticks; vertically stacked labels need their height."""
+        """Return the spacings of labelled and smaller ticks; on a vertical axis, labels need their height."""
         levels: list[tuple[float, float]] = super().tickSpacing(minVal, maxVal, size)
         if self.orientation == "left" and levels and levels[0][0] * size < theme.BODY * abs(maxVal - minVal):
             return [(2.0 * levels[0][0], 0.0), levels[0]]
@@ -174,7 +175,7 @@ class LogAxis(pg.AxisItem):  # type: ignore[misc]
 
 
 def _plain(exponent: float) -> str:
-    """Return the label of a tick; it is empty unless the mantissa is 1, 2 or 5."""
+    """Return the label of a tick, which is empty unless the mantissa is 1, 2 or 5."""
     power = int(np.floor(exponent + 1e-9))
     mantissa = round(float(10.0 ** (exponent - power)), 6)
     if mantissa not in (1.0, 2.0, 5.0):
@@ -290,7 +291,7 @@ _LEADER_WIDTH = 2 * theme.GRID
 
 @dataclass(frozen=True)
 class LineLabel:
-    """A label at `y` px from the top, with the symbol of a state before it (`badge.KINDS`, "" for none)."""
+    """A label at `y` px from the top, after the symbol of a state (`badge.KINDS`, "" for none)."""
 
     y: float
     text: str
@@ -300,7 +301,7 @@ class LineLabel:
 
 
 def spread(heights: Sequence[float], distance: float, top: float, bottom: float) -> list[float]:
-    """Space ascending heights at least `distance` apart between `top` and `bottom`, or evenly if they are too close."""
+    """Space ascending heights between `top` and `bottom` at least `distance` apart, or evenly if there is no space."""
     if len(heights) > 1:
         distance = min(distance, (bottom - top) / (len(heights) - 1))
     positions = []

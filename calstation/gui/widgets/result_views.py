@@ -1,4 +1,4 @@
-"""Views of results: their checks, their parameters side by side, and an effect missing in their error model."""
+"""Views of results: checks, parameters side by side, and an effect that is missing in the error model."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -29,7 +29,7 @@ _COLUMNS = (
 
 
 class ChecksTable(CellTable):
-    """Lists failed checks first, then near misses, then the others, each group in the order of the result."""
+    """A table of checks: failed checks, then near misses, then the others, each in the order of the result."""
 
     def __init__(self) -> None:
         self._checks: Sequence[Check] = ()
@@ -51,7 +51,7 @@ class ChecksTable(CellTable):
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """Parameters to compare, their heading, and the symbols of their values and sigmas."""
+    """A set of parameters to compare, with its heading and the symbols of the values and sigmas."""
 
     heading: Words
     parameters: Mapping[str, Parameter]
@@ -61,7 +61,7 @@ class ParameterSet:
 
 
 class ComparisonTable(CellTable):
-    """Shows the value and sigma of every parameter in each set, and the difference from the first set in sigmas.
+    """A table of values and sigmas of parameters in several sets, with the difference from the first set in sigmas.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class ComparisonTable(CellTable):
         super().__init__(name, words, grouped=True, row=4 * theme.GRID)
         self._independent, self._differences = independent, differences
         self.names: list[str] = []
-        #: Difference from the first set in sigmas by parameter, for each further set.
+        #: For each further set, the difference from the first set in sigmas, by parameter.
         self.in_sigma: list[dict[str, float]] = []
 
     def show_sets(self, sets: Sequence[ParameterSet]) -> None:
@@ -128,9 +128,9 @@ class ComparisonTable(CellTable):
 
 
 class MissingState(QWidget):
-    """Shows an effect that a failed check reports as missing in the error model; its button emits `requested(effect)`.
+    """A row for an effect that is missing in the error model, whose button emits `requested(effect)`.
 
-    The row is hidden without such an effect. The job of `watch` replaces the button while it runs.
+    It is hidden if no failed check reports such an effect. The job of `watch` replaces the button while it runs.
     """
 
     requested = Signal(str)
@@ -146,7 +146,7 @@ class MissingState(QWidget):
         on_language_change(self, self._refresh)
 
     def show_result(self, result: Result | None) -> None:
-        """Show the effect that the model of a result lacks, if any."""
+        """Show the effect that is missing in the error model of a result, if any."""
         self._check = None if result is None else result.missing_state
         self.setVisible(self._check is not None)
         self._refresh()

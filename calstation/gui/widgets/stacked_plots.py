@@ -1,4 +1,4 @@
-"""Plots that are stacked and share their horizontal axis."""
+"""Stacked plots with a common horizontal axis."""
 
 from collections.abc import Sequence
 
@@ -11,15 +11,15 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import Data, DataView
 from calstation.gui.widgets.plot import ThemedPlot
 
-#: Name of a stage, and the start and the end of its band on the horizontal axis.
+#: Name of a stage, and start and end of its band on the horizontal axis.
 Band = tuple[str, float, float]
 
-#: Minimum width per character of a band's name, as a fraction of the plot's width.
+#: Minimum width per character of the name of a band, as a fraction of the width of the plot.
 _MIN_CHARACTER_WIDTH = 0.008
 
 
 class StackedPlots(QWidget, DataView[Data]):
-    """Base class of views with `count` linked plots, each with a left axis `left` px wide.
+    """Base class of views with `count` linked plots, whose left axes are `left` px wide.
 
     `draw` is called for new data and after a change of language or theme, but not while the view is hidden.
     """
@@ -41,7 +41,7 @@ class StackedPlots(QWidget, DataView[Data]):
         theme.on_appearance_change(self, self.refresh)
 
     def refresh(self) -> None:
-        """Redraw now, or when the view is next shown if it is hidden."""
+        """Redraw now or, if the view is hidden, when it is next shown."""
         self._outdated = True
         if self.isVisible():
             self._redraw()
@@ -85,7 +85,7 @@ class StackedPlots(QWidget, DataView[Data]):
 
 
 def time_unit(duration: float) -> float:
-    """Return the unit of the time axis for a duration, s: 1 s, or 60 s if it is longer than three minutes."""
+    """Return the unit of the time axis, s, which is 60 for a `duration` of more than three minutes and 1 otherwise."""
     return 60.0 if duration > 180.0 else 1.0
 
 

@@ -1,4 +1,4 @@
-"""Appearance of the window: light and dark colours, sizes on an 8 px grid, fonts and style sheet."""
+"""Appearance of the window: light and dark colours, sizes on an 8 px grid, fonts, and a style sheet."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -47,14 +47,14 @@ _SIZES = {
 }
 _STYLE_SHEET = Path(__file__).with_suffix(".qss")
 
-#: Colours of x, y and z in both themes, safe for colour-blind viewers.
+#: Colours of x, y and z in both themes, which colour-blind viewers can distinguish.
 AXIS_COLOURS = {"x": "#0072B2", "y": "#D55E00", "z": "#009E73"}
 
 #: Colours of the letters x, y and z in the light and the dark theme, darker or brighter than the axis colours, because
 #: letters need more contrast than lines.
 _AXIS_TEXT = {"x": ("#0072B2", "#4DA3D9"), "y": ("#A84A00", "#E8741A"), "z": ("#007A59", "#10B284")}
 
-#: The shipped font. Qt takes characters that it does not contain from the system fonts.
+#: The shipped font; Qt takes characters that it does not contain from the system fonts.
 FAMILY = "Calstation Sans"
 
 
@@ -150,7 +150,7 @@ def on_appearance_change(owner: QObject, show: Callable[[], object]) -> None:
 
 
 def faint(colour: str, alpha: int) -> QColor:
-    """Return a colour with an opacity `alpha` of 0..255."""
+    """Return a colour with the opacity `alpha` from 0 to 255."""
     result = QColor(colour)
     result.setAlpha(alpha)
     return result
@@ -190,7 +190,7 @@ def style_sheet(c: Colours) -> str:
 
 
 def font(size: int = BODY, *, bold: bool = False) -> QFont:
-    """Return the font of the window at a size in px; its figures have equal widths."""
+    """Return the font of the window with a size in px and figures of equal width."""
     return QFont(_font(size, bold))
 
 

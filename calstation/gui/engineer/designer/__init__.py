@@ -1,3 +1,3 @@
-"""The view of the schedule designer on the engineer page; the search is in `calstation.design`."""
+"""The view of the schedule designer on the engineer page; `calstation.design` contains the search."""
 
 from calstation.gui.engineer.designer.view import DesignView

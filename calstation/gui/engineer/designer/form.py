@@ -119,7 +119,7 @@ class DesignForm(QFrame):
 
 
 class _SpinField(FormField):
-    """Input of a limited number below its label; the text `zero` is shown for 0."""
+    """Label and input of a number between limits; the text `zero` is shown for 0."""
 
     def __init__(
         self, source: FormValues, name: str, spin: SpinEdit, words: Words, tip: Words = "", zero: Words = ""
@@ -149,13 +149,13 @@ class SaveBar(NameBar):
         self.ask_name(f"{source}_fast")
 
     def problem(self, name: str) -> str:
-        """Return why a name is not allowed; "" if it is."""
+        """Return why a name is not allowed, or "" if it is allowed."""
         if not editing.is_name(name):
             return say("engineer.name_rule")
         return say("engineer.other_name") if name == self._source else ""
 
     def remark(self, name: str) -> str:
-        """Return a remark if a product with this name exists, otherwise ""."""
+        """Return a remark if a product with this name already exists, otherwise ""."""
         return say("engineer.design_name_taken", name=name) if name in library.names("products") else ""
 
     def accept(self, name: str) -> None:

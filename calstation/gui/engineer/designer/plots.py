@@ -1,4 +1,4 @@
-"""Plots of a design: worst sigma ratio over duration, joint angles over time, and directions of gravity."""
+"""Plots of a design: worst ratio of sigma to limit over duration, joint angles over time, directions of gravity."""
 
 import csv
 from dataclasses import dataclass
@@ -32,14 +32,14 @@ from calstation.results import Preview
 
 #: Maximum rotation of a joint between two points of the drawn path, rad.
 _STEP = np.deg2rad(4.0)
-#: Maximum displayed ratio relative to the smallest one; the ratios after the first moves are far larger.
+#: Maximum displayed ratio relative to the smallest ratio; the ratios after the first moves are far larger.
 _MAX_RATIO = 30.0
 #: Rotation of the sphere per press of an arrow key, degrees.
 _ROTATION_STEP = 10
 
 
 class FrontPlot(ThemedPlot):
-    """Smallest achievable value of the worst sigma-to-limit ratio over duration, with the selected design."""
+    """Plot of the smallest achievable worst ratio of sigma to limit over duration, with the selected design."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -95,7 +95,7 @@ class FrontPlot(ThemedPlot):
 
 @dataclass(frozen=True)
 class Path3D:
-    """Motion of a design in the form required by the plots."""
+    """The motion of a design in the form that the plots require."""
 
     design: Design
     preview: Preview
@@ -124,7 +124,7 @@ class Path3D:
 
 
 class PathPlot(MotionPlot):
-    """The angles of both joints over time, with the planned part and the reserve."""
+    """Plots of the angles of both joints over time, with the planned part and the reserve."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -144,7 +144,7 @@ class PathPlot(MotionPlot):
 
 
 class Sphere(ThemedPlot):
-    """The path of the direction of gravity on a sphere in the body frame, with the rests numbered in order."""
+    """Plot of the direction of gravity in the body frame as a path on a sphere, with numbered rests."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -205,7 +205,7 @@ class Sphere(ThemedPlot):
         self.setRange(xRange=(-1.2, 1.2), yRange=(-1.2, 1.2), padding=0.0)
 
     def _draw_rests(self, path: Path3D) -> None:
-        """Draw a dot for each attitude of the planned rests, labelled with the numbers of the rests."""
+        """Draw a dot at each attitude of the planned rests, labelled with the numbers of the rests."""
         c = theme.colours()
         rests: dict[tuple[float, ...], list[int]] = {}
         for number, down in enumerate(path.rests[: path.design.planned], start=1):
@@ -244,11 +244,11 @@ class Sphere(ThemedPlot):
 
     @property
     def _view(self) -> FloatArray:
-        """Rotation of the body frame to the drawing, shape (3, 3)."""
+        """Rotation matrix from the body frame to the drawing, shape (3, 3)."""
         return np.asarray(axis_rotation((0.0, 0.0, 1.0), self._angle))
 
     def _in_front(self, points: FloatArray) -> BoolArray:
-        """Return whether each point is on the side of the viewer, shape (n,)."""
+        """Return whether each point is on the side that faces the viewer, shape (n,)."""
         return np.asarray(points @ self._view.T @ VIEWER >= 0.0)
 
     def _on_screen(self, points: FloatArray) -> FloatArray:

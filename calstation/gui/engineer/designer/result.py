@@ -64,7 +64,7 @@ Index = QModelIndex | QPersistentModelIndex
 
 
 class RatioBar(QStyledItemDelegate):
-    """Draws the ratio of each row of a table as a bar, whose full width is the largest ratio but at least 1."""
+    """Draws the ratio in each row of a table as a bar, whose full width is the larger of the largest ratio and 1."""
 
     def __init__(self, table: CellTable) -> None:
         super().__init__(table)
@@ -194,7 +194,7 @@ def _headline(design: Design) -> str:
 
 
 def _summary(design: Design, options: ScheduleOptions) -> str:
-    """Return the conditions of the search and its size."""
+    """Return the conditions and the size of the search."""
     return say(
         "engineer.design_made",
         product=product_text(options.name),
@@ -227,7 +227,7 @@ def _parameter_cells(design: Design) -> dict[str, dict[str, str]]:
 
 
 def _variation_cells(design: Design) -> dict[str, dict[str, str]]:
-    """Return the rows of the conditions; of several conditions with the same text, only the worst one."""
+    """Return a row for each condition, or only for the worst of several conditions with the same text."""
     cells = {}
     for variation in sorted(design.variations, key=lambda v: (v.duration is None, v.duration or 0.0, v.worst)):
         angle = variation.value if variation.name == "noise" else float(np.rad2deg(variation.value))

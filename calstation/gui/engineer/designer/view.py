@@ -1,4 +1,4 @@
-"""The schedule designer, which starts and stops a search, shows its progress, and shows and saves its result."""
+"""The schedule designer, which runs a search in the background, and shows and saves its result."""
 
 import tempfile
 from collections.abc import Callable
@@ -90,7 +90,7 @@ class DesignView(QWidget):
         return self._result_view
 
     def offer(self, options: ScheduleOptions | None) -> None:
-        """Set the options of the product and station for the next search; None if they are unusable."""
+        """Set the options of the product and the station for the next search, or None if they are unusable."""
         self._options = options
         if options is not None:
             self.form.offer(options)

@@ -1,4 +1,4 @@
-"""The panels of the Offline page for the methods that need no rate table; `procedures` contains the methods."""
+"""The panels of the Offline page for methods that need no rate table; `procedures` contains the methods."""
 
 from calstation.gui.logs.methods.gimbal_view import GimbalView
 from calstation.gui.logs.methods.guidance import MethodBar

@@ -1,4 +1,4 @@
-"""The view of a solution applied to a recording or to live data: force and rate over time, before and after."""
+"""The view of a solution that is applied to a recording or to live data: force and rate over time before and after."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -31,12 +31,12 @@ from calstation.results.plots import Applied, MethodAnswer, apply_to_recording, 
 
 
 class AppliedView(QWidget):
-    """Applies a solution to its own recording, or to another recording or the connected unit if the user selects it."""
+    """A view that applies a solution to its own recording, to a selected recording or to the connected unit."""
 
     def __init__(self, panel: JobView) -> None:
         super().__init__()
         self._panel, self._app = panel, panel.app
-        #: The current solution, and the one that the running job applies.
+        #: The current solution, and the solution that the running job applies.
         self._solution: MethodAnswer | None = None
         self._applying: MethodAnswer | None = None
         self.applied: Applied | None = None
@@ -92,13 +92,13 @@ class AppliedView(QWidget):
 
     @property
     def _reading_unit(self) -> bool:
-        """Whether the running job reads the unit; such a job cannot be cancelled or replaced."""
+        """Whether the running job reads the unit, so that it cannot be cancelled or replaced."""
         job = self.watch.job
         return job is not None and not job.cancellable
 
     @staticmethod
     def _vectors(solution: MethodAnswer) -> tuple[FloatArray, FloatArray]:
-        """Return all parameters before and after; those that the method does not estimate are equal."""
+        """Return all parameters before and after; parameters that the method does not estimate are equal."""
         return before_and_after({name: value for name, (value, _) in solution.before.items()}, solution.parameters)
 
     def _choose(self) -> None:
@@ -166,7 +166,7 @@ class AppliedView(QWidget):
         self.rate_plot.finish([(say("logs.rate_dph"), c.text), *note, earth_note])
 
     def _fill(self, plot: MethodPlot, a: Applied, curves: FloatArray, means: FloatArray) -> list[tuple[str, str]]:
-        """Draw the curves and the means at rest, both with columns before and after, and return their legend."""
+        """Draw the curves and the means at rest, whose columns are before and after, and return their legend."""
         c = theme.colours()
         plot.empty()
         at_rest = np.zeros(len(a.time), bool)

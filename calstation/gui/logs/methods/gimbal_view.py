@@ -1,4 +1,4 @@
-"""The view of a gimbal solution: drift in each turn, drift predicted from the gain, and the range of stable gains."""
+"""The view of a gimbal solution: drift in each turn, drift predicted from the gain, and range of stable gains."""
 
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
@@ -25,7 +25,7 @@ from calstation.results.plots import GimbalAxis, GimbalPlotData
 
 
 class GimbalView(QWidget, DataView[GimbalPlotData]):
-    """Plots the drift measured in each turn (dots), the predicted drift (thin line), and the threshold (dashed)."""
+    """Plots of the drift in each turn: measured (dots), predicted (thin line), and its threshold (dashed line)."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -75,12 +75,12 @@ class GimbalView(QWidget, DataView[GimbalPlotData]):
 
 
 _BAR_TOP, _BAR = 10.0, 14.0
-#: Length of the bar relative to the largest stable gain, or to the gain divided by 1.1 if this is larger.
+#: Length of the bar relative to the larger of the largest stable gain and the gain divided by 1.1.
 _EXTENT = 1.35
 
 
 class _GainBar(QWidget):
-    """A bar of the stable gains, with ticks at the fastest and the largest one, and a triangle at the gain used."""
+    """A bar of the stable gains with ticks at the fastest and the largest gain, and a triangle at the gain used."""
 
     def __init__(self, axis: GimbalAxis) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The methods that need no rate table: the tabs that select one, and the guidance on how to carry it out."""
+"""The methods that need no rate table: tabs that select a method, and guidance on how to perform it."""
 
 from functools import cache, partial
 from pathlib import Path
@@ -16,7 +16,7 @@ MULTI_POSITION, GIMBAL, CROSS_CALIBRATION = "multi_position", "gimbal", "cross_c
 STAGES = (MULTI_POSITION, GIMBAL, CROSS_CALIBRATION)
 
 _FOLDER = Path(__file__).parent / "images"
-#: Colours in the SVG files, by the names of the theme colours that replace them.
+#: Colour in the SVG files by the name of the theme colour that replaces it.
 _SVG_COLOURS = {"text": "#14191d", "muted": "#55616a", "track": "#c3ccd2", "field": "#ffffff", "accent": "#1f5f8b"}
 #: Half the width of an illustration in the unit of `_PARTS`.
 _EXTENT = 1.3
@@ -31,7 +31,7 @@ _NAMES_SHARE = 0.3
 
 
 class MethodBar(ViewTabs):
-    """Tabs for the stages of the log ("") and for the methods; emits `method_selected(method)`."""
+    """Tabs for the stages of the log ("") and for the methods, which emit `method_selected(method)`."""
 
     method_selected = Signal(str)
 
@@ -53,7 +53,7 @@ class MethodBar(ViewTabs):
 
 
 def guidance(stage: str) -> QScrollArea:
-    """Create the view that explains how to carry out a method: steps, requirements and results, and an illustration."""
+    """Create the view that explains how to perform a method, with steps, requirements, results and an illustration."""
     wide = 2 * theme.GRID
     steps, foot = (grid(across=wide, down=wide, stretch=1) for _ in range(2))
     for number in (1, 2, 3, 4):

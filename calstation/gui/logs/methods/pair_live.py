@@ -17,7 +17,7 @@ from calstation.results import CorrectedTrace
 
 
 class PairLiveView(QWidget):
-    """Starts and stops the monitoring of the station in a separate process, and shows its state."""
+    """A view that starts and stops the monitoring in a separate process, and shows its state."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
@@ -116,7 +116,7 @@ class PairLiveView(QWidget):
         self._stored.setText("\n".join(map(stored_text, status.stored)))
 
     def _show_corrected(self, trace: CorrectedTrace) -> None:
-        """Draw the corrected output of all IMUs, that of the valid IMU in bold."""
+        """Draw the corrected output of all IMUs, with a bold line for the IMU whose output is valid."""
         names = {
             name: say("logs.primary" if name == "primary" else "logs.imu", number=name.removeprefix("imu"))
             for name in trace.force

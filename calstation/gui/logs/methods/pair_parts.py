@@ -1,4 +1,4 @@
-"""Widgets of a pair check: bars that compare deviations with thresholds, and a timeline of events."""
+"""Widgets for the check of a pair: bars that compare deviations with thresholds, and a timeline of events."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from calstation.gui.text import duration_text, on_language_change, term
 from calstation.gui.widgets import StateBadge, clear, draw_state, label, state_colour, theme
 from calstation.results import PairProgress
 
-#: Position of the threshold as a fraction of the full width, at which longer bars are clipped.
+#: Position of the threshold as a fraction of the full width of the bars; longer bars are clipped.
 _THRESHOLD_AT = 0.5
 
 
 @dataclass(frozen=True)
 class CheckBar:
-    """The deviation of a sensor; `share` is its ratio to the threshold, and `state` its symbol (`badge.KINDS`)."""
+    """The deviation of a sensor: `share` is its ratio to the threshold, and `state` is its symbol (`badge.KINDS`)."""
 
     name: str
     share: float
@@ -28,7 +28,7 @@ class CheckBar:
 
 
 class CheckBars(QWidget):
-    """Shows one bar per sensor, with the thresholds aligned."""
+    """A bar for each sensor, with aligned thresholds."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -82,7 +82,7 @@ class _Bar(QWidget):
 
 _TOP, _MARK, _LANE = 26.0, 16.0, 22.0
 _LANES = 2
-#: Symbol of each kind of event (`badge.KINDS`), the most important kinds last.
+#: Symbol of each kind of event (`badge.KINDS`); the last kind is the most important.
 _STATES = {
     "triggered": "waiting",
     "checked": "none",
@@ -101,7 +101,7 @@ _STATES = {
 
 
 class Timeline(QWidget):
-    """A timeline with symbol and text of each event; overlapping symbols are merged, and overlapping texts omitted."""
+    """A timeline with a symbol and a text for each event, in which overlapping items are merged or omitted."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -158,7 +158,7 @@ def _state_text(progress: PairProgress) -> str:
 
 
 def _merge_overlapping(marks: list[tuple[float, str, str]]) -> list[tuple[float, str, str]]:
-    """Merge overlapping marks (position, kind, text); the result has the most important of their kinds."""
+    """Merge overlapping marks (position, kind, text) into a mark with the most important of their kinds."""
     merged: list[tuple[float, str, str]] = []
     for x, kind, text in marks:
         if merged and x - merged[-1][0] < 1.5 * _MARK:

@@ -1,4 +1,4 @@
-"""The views of IMUs on one body: check at rest against thresholds, replay, stored calibrations, and residuals."""
+"""The views of IMUs on one body: check at rest, replay, stored calibrations, and residuals."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -19,14 +19,14 @@ _SENSORS = ("gyro", "accel")
 
 
 def unit_bars(number: int, check: Mapping[str, Any] | None, after: Mapping[str, float | None]) -> list[CheckBar]:
-    """Return the rows of a unit, 0 for the primary; `after` contains deviations after the calibration by sensor."""
+    """Return the rows of a unit (0 is the primary); `after` contains the deviations after the calibration by sensor."""
     name = say("logs.imu" if number else "logs.primary", number=number)
     unit_check = check and check["secondary" if number else "primary"]
     return [_bar(name, s, unit_check and unit_check[s], after.get(s)) for s in _SENSORS]
 
 
 def _bar(unit: str, sensor: str, check: Mapping[str, Any] | None, after: float | None) -> CheckBar:
-    """Return the row of a sensor; `after` is its deviation after a calibration, if there was one."""
+    """Return the row of a sensor; `after` is its deviation after a calibration, if any."""
     name = f"{unit}  {term('sensor', sensor)}"
     if check is None:
         return CheckBar(name, 0.0, "–", "", say("logs.no_rest_to_check"), "none")
@@ -41,7 +41,7 @@ def _bar(unit: str, sensor: str, check: Mapping[str, Any] | None, after: float |
 
 
 def stored_text(stored: StoredPairFile) -> str:
-    """Return the text of a stored calibration, or of a secondary without one."""
+    """Return a description of a stored calibration, or of a secondary that has none."""
     if not stored.utc:
         return say("logs.nothing_stored", number=stored.number, serial=stored.serial)
     return say(
@@ -55,7 +55,7 @@ def stored_text(stored: StoredPairFile) -> str:
 
 
 class PairCheckView(QWidget):
-    """Shows the check at rest, the replay and the stored calibrations; emits `check_requested()` to start a replay."""
+    """A view of the check at rest, the replay and the stored calibrations, which emits `check_requested()`."""
 
     check_requested = Signal()
 
@@ -128,7 +128,7 @@ class PairCheckView(QWidget):
 
 
 def _deviation(sensor: str, value: float) -> str:
-    """Return the text of a deviation at rest in its display unit."""
+    """Format a deviation at rest in its display unit."""
     unit, size = SENSOR_UNITS[sensor]
     return f"{three_digits(value / size)} {unit}"
 
@@ -165,7 +165,7 @@ def _threshold(sensor: str, rule: Mapping[str, Any]) -> Text:
 
 
 class PairResidualsView(QWidget):
-    """Shows the residuals of a secondary against the primary over time, its clock offset and its lever arm."""
+    """A view of the residuals of a secondary with respect to the primary, its clock offset and its lever arm."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -219,7 +219,7 @@ class PairResidualsView(QWidget):
         plot.finish([(title, c.text), *legend])
 
     def _values(self, names: list[str], imu: int) -> str:
-        """Format values with their unit, a single value also with its sigma; return a dash if one was not estimated."""
+        """Format values with their unit, and a single value with its sigma; a missing value results in a dash."""
         texts, unit = [], ""
         for name in names:
             estimate = self._parameters.get(pair_name(name, imu))

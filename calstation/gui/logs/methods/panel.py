@@ -21,7 +21,7 @@ _RECORDING_KINDS = {MULTI_POSITION: "hand", GIMBAL: "gimbal", CROSS_CALIBRATION:
 
 
 class MethodPanel(JobView):
-    """Opens, simulates, solves and exports a recording, and shows its solution."""
+    """A panel that opens or simulates a recording, solves it, and shows and exports the solution."""
 
     def __init__(self, app: AppContext, stage: str, source: SourceBar) -> None:
         super().__init__(app, stage)

@@ -13,7 +13,7 @@ from calstation.gui.text import with_minus
 from calstation.gui.widgets import LogAxis, PlotNote, ThemedPlot, column, dashed, fit_below_note, label, theme
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray
 
-#: Display unit of small rates and specific forces by sensor, and its size in SI.
+#: Display unit of small rates or specific forces, and its size in SI, by sensor.
 SENSOR_UNITS = {"gyro": ("°/h", DEGREE_PER_HOUR), "accel": ("µg", MICRO_G)}
 
 
@@ -44,7 +44,7 @@ class MethodPlot(ThemedPlot):
         self._values = []
 
     def finish(self, note: Sequence[tuple[str, str]]) -> None:
-        """Show a legend, given as pairs of text and colour, and fit the vertical range to the data."""
+        """Show a legend of pairs of text and colour, and fit the vertical range to the data."""
         self._note.say(note)
         self._fit()
 

@@ -1,4 +1,4 @@
-"""The view of a multi-position solution: sphere of positions, residuals of force at rest and of motion angles."""
+"""The view of a multi-position solution: a sphere of positions, and residuals of the force and of motion angles."""
 
 import numpy as np
 from PySide6.QtCore import QLineF, QPointF, QSize, Qt
@@ -13,7 +13,7 @@ from calstation.results.plots import PositionPlotData
 
 
 class PositionsView(QWidget, DataView[PositionPlotData]):
-    """Plots residuals before (hollow dots) and after (filled dots), with the product's limit as a dashed line."""
+    """Plots of the residuals before (hollow dots) and after (filled dots), with the limit as a dashed line."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -86,7 +86,7 @@ class PositionSphere(QWidget):
         return QSize(280, 280)
 
     def show_positions(self, up: FloatArray) -> None:
-        """Show the upward direction in the body frame b at each rest, unit vectors, shape (n, 3)."""
+        """Show the upward directions in the body frame at the rests, unit vectors, shape (n, 3)."""
         self._up = up
         self.update()
 

@@ -25,10 +25,10 @@ _TRUTH = (
 
 
 class SolutionTable(CellTable, DataView[MethodAnswer]):
-    """Shows the value and sigma of the estimated parameters, and the values before the calibration.
+    """A table of the estimated parameters with their sigmas, and of the values before the calibration.
 
-    For a gimbal, it shows the least-squares solution instead of the previous values; for a recording of the virtual
-    bench, it also shows the true values.
+    For a gimbal, it contains the least-squares solution instead of the values before; for a recording of the virtual
+    bench, it also contains the true values.
     """
 
     def __init__(self) -> None:
@@ -90,7 +90,7 @@ def _cells(
 
 
 def _in_sigma(kind: str, difference: float, sigma: float) -> dict[str, str]:
-    """Return the cell of a difference in sigmas, and its symbol."""
+    """Return the cell for a difference in sigmas, and the symbol of the difference."""
     sigmas = difference / max(sigma, 1e-300)
     state = "caution" if abs(sigmas) > NOTABLE_SIGMAS else ""
     return {f"{kind}_in_sigma": with_minus(f"{sigmas:+.2f}"), f"{kind}_state": state}

@@ -1,4 +1,4 @@
-"""The tabs of a method: its guidance, and the views of its solution."""
+"""The tabs of a method: its guidance and the views of its solution."""
 
 from PySide6.QtWidgets import QPushButton, QStackedWidget, QWidget
 
@@ -29,7 +29,7 @@ from calstation.results.plots import GimbalPlotData, MethodAnswer, PairPlotData,
 
 
 class SolutionViews(QWidget):
-    """Shows the guidance of a method, its special views, and the views of parameters and checks."""
+    """The guidance of a method, its special views, and the views of parameters and checks."""
 
     def __init__(self, panel: JobView, stage: str, export_button: QPushButton) -> None:
         super().__init__()
@@ -97,7 +97,7 @@ class SolutionViews(QWidget):
 
 
 class _SolutionHead(QWidget, DataView[MethodAnswer]):
-    """Shows the verdict on a solution, its recording and its remarks; hidden without a solution."""
+    """The verdict on a solution, its recording and its remarks; hidden if there is no solution."""
 
     def __init__(self) -> None:
         super().__init__()

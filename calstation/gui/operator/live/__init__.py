@@ -1,4 +1,4 @@
-"""Views of a run in progress: the table or the manual rig, traces, and convergence."""
+"""Views of a run in progress: table or manual rig, traces and convergence."""
 
 from calstation.gui.operator.live.live_view import LiveView
 from calstation.gui.operator.live.position_picture import PositionPicture

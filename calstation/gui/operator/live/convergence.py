@@ -18,13 +18,13 @@ from calstation.physics import DISPLAY
 _MAX_POINTS = 2000
 #: Minimum host time between two updates of the plot, s.
 _DRAW_INTERVAL = 0.25
-#: Ratios that the vertical axis always includes, and margin, decades.
+#: Ratios that the vertical axis always includes, and its margin, decades.
 _RATIOS, _MARGIN = (0.3, 30.0), 0.1
 
 
 @dataclass
 class Line:
-    """Ratio of the sigma of a group to its `target`, SI units, over device time, s."""
+    """Ratio of the sigma of a group to its `target`, SI, over device time, s."""
 
     target: float
     curve: pg.PlotCurveItem = field(default_factory=lambda: pg.PlotCurveItem(skipFiniteCheck=True))
@@ -32,7 +32,7 @@ class Line:
     ratios: list[float] = field(default_factory=list)
 
     def add(self, at: float, ratio: float) -> None:
-        """Add a point; of points with the same ratio, only the first and the last one are stored."""
+        """Add a point; only the first and the last of several points with the same ratio are stored."""
         if len(self.ratios) > 1 and self.ratios[-1] == self.ratios[-2] == ratio:
             self.times[-1] = at
             return
@@ -48,7 +48,7 @@ class Line:
 
 
 class Convergence(QFrame):
-    """Plot of the ratio of the sigma of each group to its target, a dashed line, over device time."""
+    """Plot of the ratio of the sigma of each group to its target over device time, with a dashed line at the target."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -77,7 +77,7 @@ class Convergence(QFrame):
         theme.on_appearance_change(self, self._refresh)
 
     def start(self, targets: Mapping[str, float], slots: Sequence[str] = ("",)) -> None:
-        """Start a run of the units in `slots` with the targets of the groups, SI units, and show the first unit."""
+        """Start a run of the units in `slots` with target sigmas by group, SI, and show the first unit."""
         self._all_lines = {slot: {group: Line(target) for group, target in targets.items()} for slot in slots}
         self._now = 0.0
         self.show_unit(slots[0])
@@ -94,7 +94,7 @@ class Convergence(QFrame):
         self.draw()
 
     def add(self, at: float, sigma: Mapping[str, float], slot: str = "") -> None:
-        """Add the sigmas of a unit by group, SI units, at device time `at`, s since the start of the first stage."""
+        """Add the sigmas of a unit by group, SI, at device time `at`, s since the start of the first stage."""
         self._now = max(self._now, at)
         lines = self._all_lines.get(slot, {})
         for group, value in sigma.items():
@@ -110,7 +110,7 @@ class Convergence(QFrame):
         ratios = [*_RATIOS, *(ratio for line in self.lines.values() for ratio in line.ratios)]
         low, high = np.log10(min(ratios)) - _MARGIN, np.log10(max(ratios)) + _MARGIN
         for line in self.lines.values():
-            if line.times:  # extends the last value to the current time
+            if line.times:  # extend the last value to the current time
                 times, ratios = [*line.times, self._now], [*line.ratios, line.ratios[-1]]
                 line.curve.setData(np.array(times) / 60.0, np.log10(ratios))
         decades = range(int(np.ceil(low)), int(np.floor(high)) + 1)

@@ -1,4 +1,4 @@
-"""View of a run in progress: preparation, table, traces and convergence, or the positions of a manual rig."""
+"""View of a run in progress: preparation, table, traces and convergence, or positions of a manual rig."""
 
 from math import ceil
 
@@ -29,7 +29,7 @@ from calstation.sequencer import (
     Trace,
 )
 
-#: Minimum window height for the convergence plot below tiles, and additional height per row of tiles, px.
+#: Minimum window height for the convergence plot below the tiles, and additional height per row of tiles, px.
 _MIN_HEIGHT, _TILE_HEIGHT = 704, 54
 
 #: Preparation steps, named by the messages that start them; the first one starts with START.
@@ -62,7 +62,7 @@ class Preparation(QFrame):
             self._current = 0
         elif message in steps:
             self._current = steps.index(message)
-        elif message == "registers_writing":  # ends the preparation of a register operation
+        elif message == "registers_writing":  # the preparation of a register operation has ended
             self._current = len(steps)
         for number, widgets in enumerate(self._rows):
             for widget in widgets:
@@ -150,7 +150,7 @@ class LiveView(QWidget):
         self.table.picture.set_orientation(by_slot.get(self._run.unit.slot, ALIGNED))
 
     def refresh(self) -> None:
-        """Show the widgets that are relevant in the state of the run."""
+        """Show the widgets that are relevant in the current state of the run."""
         run = self._run
         started = any(stage.state != "waiting" for stage in run.stages) and not run.register_operation
         guiding = run.by_hand and started

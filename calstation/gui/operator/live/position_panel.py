@@ -12,7 +12,7 @@ from calstation.messages import Text
 from calstation.runs import RunSummary
 from calstation.sequencer import PositionGuided
 
-#: Font sizes of the state and the task, px, legible from two metres; they are a third larger on a wide panel.
+#: Font sizes of the state and the task, px, which are legible from two metres, and a third larger on a wide panel.
 _STATE_SIZE, _TASK_SIZE = theme.VERDICT // 2, theme.VERDICT // 3
 #: Minimum rotation of a rail for which an instruction is shown, rad.
 _MIN_ROTATION = np.deg2rad(1.0)
@@ -20,7 +20,7 @@ _KINDS = {"waiting": "waiting", "moving": "active", "still": "paused", "enough":
 
 
 class PositionPanel(QFrame):
-    """Shows `PositionGuided` events; emits `finish_requested` when the operator ends a stage early."""
+    """A panel that shows `PositionGuided` events, and emits `finish_requested` when the operator ends a stage early."""
 
     finish_requested = Signal()
 
@@ -104,7 +104,7 @@ class PositionPanel(QFrame):
         self.finish_button.setEnabled(now.suffices and not self._finishing)
 
     def _rotation_text(self, now: PositionGuided) -> str:
-        """Return the instruction to rotate a rail to its angle; of two rails, the outer one is rotated first."""
+        """Return the instruction to rotate a rail to its angle; the outer rail is rotated before the inner one."""
         outer = abs(now.outer - now.outer_before) > _MIN_ROTATION
         inner = abs(now.inner - now.inner_before) > _MIN_ROTATION
         if outer and inner:

@@ -1,4 +1,4 @@
-"""Drawing of the unit on a manual rig, with its attitude, its positions and the progress of a rest."""
+"""Drawing of the unit on a manual rig, its attitude, the positions, and the progress of a rest."""
 
 import itertools
 
@@ -12,7 +12,7 @@ from calstation.runs import RunSummary
 from calstation.sequencer import PositionGuided
 
 _UP = np.array([0.0, 0.0, 1.0])
-#: Half size of the box of the unit along x, y and z; the radius of the sphere is 1.
+#: Half the size of the box of the unit along x, y and z; the radius of the sphere is 1.
 _HALF_SIZE = np.array([0.34, 0.46, 0.16])
 _CORNERS = _HALF_SIZE * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 #: Radius and width of the ring that fills while the unit is at rest, and radius of the dot of a position.
@@ -27,7 +27,7 @@ _COS_SAME = np.cos(np.deg2rad(20.0))
 class PositionPicture(Drawing):
     """Draws `PositionGuided` events.
 
-    Only the direction of gravity is measured; the heading is that of the angles requested for the latest position.
+    Only the direction of gravity is measured; the heading is computed from the angles of the latest position.
     """
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class PositionPicture(Drawing):
         on_language_change(self, self.update)
 
     def set_plan(self, run_summary: RunSummary) -> None:
-        """Show the unit level on the rig of a run until the first measurement."""
+        """Show a level unit on the rig of a run until the first measurement."""
         self._outer, self._inner = run_summary.outer_axis, run_summary.inner_axis
         self._planned = _distinct(np.array(run_summary.positions).reshape(-1, 3))
         self._guided, self._attitude = None, np.eye(3)
@@ -56,11 +56,11 @@ class PositionPicture(Drawing):
         self.update()
 
     def up_at(self, outer: float, inner: float) -> FloatArray:
-        """Return the up direction in frame b, shape (3,), at rail angles, rad."""
+        """Return the up direction in the body frame b, shape (3,), at rail angles, rad."""
         return np.asarray(self._attitude_at(outer, inner)[2])
 
     def _attitude_at(self, outer: float, inner: float) -> FloatArray:
-        """Return the attitude matrix from b to the level frame, shape (3, 3), at rail angles, rad."""
+        """Return the attitude matrix from the body frame b to the level frame, shape (3, 3), at rail angles, rad."""
         return np.asarray(axis_rotation(self._outer, outer) @ axis_rotation(self._inner, inner))
 
     def draw(self) -> None:
@@ -84,7 +84,7 @@ class PositionPicture(Drawing):
             self.arc(_RING, min(now.rest / now.wanted, 1.0), c.accent, _WIDTH)
 
     def _draw_sphere(self) -> None:
-        """Draw a sphere that rotates with the unit, as three circles normal to its axes that are pale at the back."""
+        """Draw a sphere that rotates with the unit: three circles normal to its axes, pale at the back."""
         colour = theme.colours().line
         self.disc(QPointF(), 1.0, colour, 0.012)
         for normal in self._attitude.T:
@@ -94,7 +94,7 @@ class PositionPicture(Drawing):
         self.set_opacity(1.0)
 
     def _draw_positions(self, *, behind: bool) -> None:
-        """Draw the positions behind or in front of the unit: dots if completed, rings if not, the next one larger."""
+        """Draw the positions behind or in front of the unit: dots if completed, otherwise rings, the next one large."""
         c, now = theme.colours(), self._guided
         done = np.array(now.done if now is not None else ()).reshape(-1, 3)
         following = np.empty((0, 3))
@@ -115,7 +115,7 @@ class PositionPicture(Drawing):
         self.set_opacity(1.0)
 
     def _draw_gravity(self) -> None:
-        """Draw the mark at the top, which the next position must reach, and an arrow that points down."""
+        """Draw the mark at the top, to which the next position must be moved, and an arrow that points down."""
         c = theme.colours()
         top, foot, tip = screen(1.02 * _UP), screen(-1.0 * _UP), screen(-1.26 * _UP)
         self.area([top, top + QPointF(-0.09, -0.16), top + QPointF(0.09, -0.16)], c.accent)
@@ -125,7 +125,7 @@ class PositionPicture(Drawing):
 
 
 def _upright(attitude: FloatArray, up: FloatArray) -> FloatArray:
-    """Return the attitude, shape (3, 3), after the smallest rotation that makes `up`, shape (3,) in b, point up."""
+    """Return the attitude, shape (3, 3), after the smallest rotation that turns `up`, shape (3,) in b, upwards."""
     present = attitude @ up
     axis = np.cross(present, _UP)
     size = float(np.linalg.norm(axis))

@@ -1,4 +1,4 @@
-"""Panel with a drawing of the table or gimbal, its joint angles and rates, and its state of motion."""
+"""Panel with a drawing of the table or gimbal, its joint angles and rates, and whether it moves."""
 
 import numpy as np
 from PySide6.QtCore import Qt
@@ -23,7 +23,7 @@ from calstation.sequencer import JointsMoved, TableMoved
 
 #: Radii of the ring, its hole and the disc of a table.
 _RING, _HOLE, _DISC = 1.0, 0.86, 0.8
-#: Corners of the box of the unit, shape (8, 3), along two directions in the plane of the disc and its normal.
+#: Corners of the box of the unit along two directions in the plane of the disc and along its normal, shape (8, 3).
 _CORNERS = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0.0, 0.26)])
 
 #: Radius of the middle ring of a gimbal, width of its rings, and corners of the box of the unit, shape (8, 3).
@@ -34,7 +34,7 @@ Axis = tuple[float, float, float]
 
 
 class TablePicture(Drawing):
-    """Draws a table as a ring and a disc, or a gimbal as two rings, at its joint angles, with the axes of the unit."""
+    """Drawing of a table (ring and disc) or a gimbal (two rings) at its joint angles, with the axes of the unit."""
 
     def __init__(self) -> None:
         super().__init__(220)
@@ -48,12 +48,12 @@ class TablePicture(Drawing):
         self.setGraphicsEffect(self._pale)
 
     def set_axes(self, outer: Axis, inner: Axis) -> None:
-        """Set the table axes, unit vectors at home in frame b of a unit aligned with the table."""
+        """Set the table axes at home, unit vectors in the body frame of a unit that is aligned with the table."""
         self._outer_axis, self._inner_axis = outer, inner
         self.update()
 
     def set_orientation(self, orientation: Orientation) -> None:
-        """Set the rotation from the axes of the unit, which are drawn, to those of the table."""
+        """Set the rotation from the axes of the unit, which are drawn, to the axes of the table."""
         self._orientation = orientation
         self.update()
 
@@ -65,7 +65,7 @@ class TablePicture(Drawing):
             self.update()
 
     def set_joints(self, order: str, joints: tuple[float, ...] = (0.0, 0.0, 0.0), *, known: bool = False) -> None:
-        """Set the order of gimbal joints, letters from base to body, and their angles x, y, z, rad; "" for a table."""
+        """Set the order of gimbal joints, letters from base to body or "" for a table, and the angles x, y, z, rad."""
         self._order = order
         if order:
             self._pale.setEnabled(not known)
@@ -139,14 +139,14 @@ class TablePanel(QFrame):
             angle.setFont(theme.font(theme.SECTION, bold=True))
             for at, part in enumerate((name, angle, rate)):
                 figures.addWidget(part, row, at)
-            for number in (angle, rate):  # fills its cell, so that no number is cut off
+            for number in (angle, rate):  # the label fills its cell, so that no number is cut off
                 number.setAlignment(right)
         figures.setColumnMinimumWidth(2, 9 * theme.GRID)
         column(self.badge, (self.picture, 1), figures, on=self, spacing=theme.GRID // 2, margins=PANEL)
         on_language_change(self, self._show_state)
 
     def set_order(self, order: str) -> None:
-        """Show a gimbal with an order of joints, letters from base to body; "" for a table."""
+        """Show a gimbal with this order of joints, letters from base to body, or a table for ""."""
         self._order = order
         self.picture.set_joints(order)
         self._show_state()

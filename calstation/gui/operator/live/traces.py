@@ -1,4 +1,4 @@
-"""Live plots of the gyro and accelerometer output, which can be held and zoomed during a run."""
+"""Live plots of the gyro and accelerometer output, which can be frozen and zoomed during a run."""
 
 from functools import partial
 
@@ -15,12 +15,12 @@ from calstation.sequencer import Trace
 
 #: Selectable time spans, s.
 _SPANS = (10.0, 60.0, 600.0)
-#: Approximate number of points per line, and maximum number of stored rows, about a quarter of an hour.
+#: Approximate number of points per line, and maximum number of stored rows (about a quarter of an hour).
 _POINTS, _MAX_ROWS = 2000, 16_384
 
 
 class _Plot(QWidget):
-    """Plot of the three axes of a sensor, with their names at the ends of the lines."""
+    """Plot of the output of the three axes of a sensor, with the names of the axes at the ends of the lines."""
 
     def __init__(self, first: int, factor: float) -> None:
         super().__init__()
@@ -39,7 +39,7 @@ class _Plot(QWidget):
         row((self.plot, 1), self._labels, on=self, spacing=0)
 
     def show_rows(self, rows: FloatArray, span: float) -> None:
-        """Draw rows with time, s, and six outputs, shape (n, 7); the axis covers the latest `span` seconds."""
+        """Draw rows of time, s, and six outputs, shape (n, 7), on an axis that covers the latest `span` s."""
         self.plot.setXRange(-span, 0.0, padding=0.0)
         values = rows[:, 1:][:, self._columns] * self._factor
         times = rows[:, 0] - rows[-1:, 0]
@@ -59,12 +59,12 @@ class _Plot(QWidget):
 
 
 class Traces(QFrame):
-    """Both plots, with buttons that select the time span and hold the display."""
+    """Both plots, with buttons that select the time span and freeze the display."""
 
     def __init__(self) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
-        #: Latest rows with time, s, and six outputs, shape (n, 7).
+        #: Latest rows of time, s, and six outputs, shape (n, 7).
         self.rows: FloatArray = np.empty((0, 7))
         self._new_rows = False
         self._gyro, self._accel = _Plot(0, 1.0 / DEGREE), _Plot(3, 1.0)
@@ -99,7 +99,7 @@ class Traces(QFrame):
         self._show_rows()
 
     def add(self, trace: Trace) -> None:
-        """Store a trace, which the timer draws."""
+        """Store a trace, which the next timer event draws."""
         times = np.array(trace.time)
         rows = np.column_stack((times, np.array(trace.output).reshape(len(times), 6)))
         self.rows = np.concatenate((self.rows, rows))[-_MAX_ROWS:]
@@ -132,7 +132,7 @@ class Traces(QFrame):
         self._draw()
 
     def _draw(self) -> None:
-        """Draw new rows, unless the display is held."""
+        """Draw new rows, unless the display is frozen."""
         if self._new_rows and not self.hold_button.isChecked() and self.isVisible():
             self._new_rows = False
             self._show_rows()

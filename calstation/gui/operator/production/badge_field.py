@@ -1,4 +1,4 @@
-"""Field for the operator: an optional name or, if the station requires it, the badge to sign in."""
+"""Field for the operator: an optional name or, if the station requires sign-in, a badge."""
 
 from typing import cast
 
@@ -18,10 +18,10 @@ _MIN_WIDTH = 28 * theme.GRID
 
 
 class BadgeField(QWidget):
-    """Shows the operator and, with a `SignInSection`, requires a badge to sign in.
+    """The field for the operator, who signs in with a badge if the station has a `SignInSection`.
 
-    An operator is signed out by the button or after an idle timeout. Signals: `entered()` on Enter in the field while
-    no badge is required; `signed_in()` and `signed_out()`; `refused(error)` if a badge is not accepted.
+    The operator is signed out by a button or after an idle timeout. Signals: `entered()` on Enter in the field if no
+    badge is required; `signed_in()` and `signed_out()`; `refused(error)` if a badge is not accepted.
     """
 
     entered = Signal()
@@ -61,7 +61,7 @@ class BadgeField(QWidget):
 
     @property
     def operator(self) -> str | None:
-        """The operator for a request: the badge or, without sign-in, the entered name or the user of the computer."""
+        """The operator for a request: the badge or, without sign-in, the entered name or the computer's user."""
         if self._section is not None:
             return self._badge or None
         return self.edit.text().strip() or computer_user()
@@ -72,7 +72,7 @@ class BadgeField(QWidget):
         return self.operator if self._section is None else self.edit.text() if self._badge else None
 
     def set_section(self, section: SignInSection | None) -> None:
-        """Set the sign-in settings; the operator is signed out if they differ from the current ones."""
+        """Set the sign-in settings, and sign out the operator if they differ from the current ones."""
         if section != self._section:
             self._section = section
             self.setMinimumWidth(0 if section is None else _MIN_WIDTH)

@@ -1,4 +1,4 @@
-"""Buttons that print the label of a unit, and that issue or open its calibration certificate."""
+"""Buttons that print the label of a unit and issue or open its calibration certificate."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,7 +21,7 @@ from calstation.results import Result
 
 
 class _DocumentButton(QPushButton):
-    """Button that creates a document of a result; `then` is called after the notice about it has been closed."""
+    """Button that creates a document for a result; `then` is called after the notice about it has been closed."""
 
     def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__()
@@ -35,7 +35,7 @@ class _DocumentButton(QPushButton):
 
 
 class LabelButton(_DocumentButton):
-    """Prints the label of a unit; visible if the unit has passed and its product has a label."""
+    """Button that prints the label of a unit, visible if the unit has passed and its product has a label."""
 
     def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__(app, name, notice, then)
@@ -46,7 +46,7 @@ class LabelButton(_DocumentButton):
         bind(self, "operator.print_label")
 
     def offer(self, result: Result | None, result_file: Path | None) -> None:
-        """Show the button if there is a label for the result."""
+        """Show the button if the result has a label."""
         self._result_file = result_file
         try:
             template = None if result is None or result_file is None else label_template(result)
@@ -64,9 +64,10 @@ class LabelButton(_DocumentButton):
 
 
 class CertificateButton(_DocumentButton):
-    """Issues the calibration certificate of a result with parameters, or opens it and offers a revision.
+    """Button that issues the calibration certificate of a result, or opens it and offers a revision.
 
-    The caller lays out `panel`, which asks for the reason of a revision, and for two people if the product requires it.
+    The caller lays out `panel`, which asks for the reason for a revision and, if the product requires it, for two
+    people.
     """
 
     def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
@@ -103,7 +104,7 @@ class CertificateButton(_DocumentButton):
         self._state_watch.start(self._result_file, self._app.station_path, language.current())
 
     def _begin(self, state: IssueState) -> None:
-        """Issue the certificate, or show the one that has been issued."""
+        """Issue the certificate, or show the certificate that has been issued."""
         if state.last is None and state.required.second:
             self._ask_people("operator.ask_certificate", state)
         elif state.last is None or (state.pdf is None and not state.changed):

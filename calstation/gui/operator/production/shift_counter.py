@@ -1,4 +1,4 @@
-"""Line with the counts of the shift: completed, passed and failed units, yield, and mean time per unit."""
+"""Line with the counts of the shift: completed, passed and failed units, yield and mean time per unit."""
 
 from datetime import datetime
 
@@ -16,7 +16,7 @@ _CHECK_MS = 60_000
 
 
 class ShiftCounter(QLabel):
-    """Shows the counts of the shift, which a background job computes; hidden while the station is unusable."""
+    """A line with the counts of the shift, which a background job computes; hidden while the station is unusable."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
@@ -25,7 +25,7 @@ class ShiftCounter(QLabel):
         self._app = app
         self._summary: RunSummary | None = None
         self._since: datetime | None = None
-        self._count: ShiftCount | None = None  #: None until a job has counted.
+        self._count: ShiftCount | None = None  #: None until a job has counted the units.
         self._watch = app.job(self, count_shift, self._counted)
         self._timer = QTimer(self, interval=_CHECK_MS)
         self._timer.timeout.connect(self._check_shift)
@@ -38,7 +38,7 @@ class ShiftCounter(QLabel):
             self.count()
 
     def count(self) -> None:
-        """Count now and, from then on, whenever a shift starts."""
+        """Count the units now and whenever a shift starts."""
         self._timer.start()
         summary, folder = self._summary, self._app.runs_folder
         since = None if summary is None else shift_start(summary.shift_starts)

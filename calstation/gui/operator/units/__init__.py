@@ -1,4 +1,4 @@
-"""Views of several units on one table: slots before a run, tiles during it, and verdicts after it."""
+"""Views of several units on one table: slots before a run, tiles during the run, and verdicts after it."""
 
 from calstation.gui.operator.units.banner import Banner
 from calstation.gui.operator.units.slots_panel import SlotsPanel

@@ -1,4 +1,4 @@
-"""Banner with a verdict, its shape and the unit, whose texts are fitted to its size."""
+"""Banner with a verdict, its shape and the unit, in which the texts are fitted to the size of the banner."""
 
 from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPaintEvent, QResizeEvent
@@ -7,14 +7,14 @@ from PySide6.QtWidgets import QBoxLayout, QWidget
 from calstation.gui.text import KINDS, term
 from calstation.gui.widgets import draw_state, label, state_colour, theme
 
-#: Margin at the right end, px, and minimum gap between the texts, in units of the font size.
+#: Margin at the right end, px, and minimum gap between the texts, as a multiple of the font size.
 _RIGHT_MARGIN, _MIN_GAP = 3 * theme.GRID, 0.4
-#: Minimum enlargement of the verdict for which the unit is placed below it.
+#: Minimum enlargement of the verdict above which the unit is placed below it.
 _MIN_ENLARGEMENT = 1.3
 
 
 def _width(text: str) -> float:
-    """Return the width of a bold text, in units of the font size."""
+    """Return the width of a bold text as a multiple of the font size."""
     return QFontMetricsF(theme.font(theme.VERDICT, bold=True)).horizontalAdvance(text) / theme.VERDICT
 
 
@@ -61,7 +61,7 @@ class Banner(QWidget):
         if below:
             size = alone
         self._texts.setDirection(QBoxLayout.Direction.TopToBottom if below else QBoxLayout.Direction.LeftToRight)
-        self._texts.setStretch(1, int(below))  # both have half of the height
+        self._texts.setStretch(1, int(below))  # each has half of the height
         self._texts.setContentsMargins(self.height(), 0, _RIGHT_MARGIN, 0)
         self.word.setFont(theme.font(int(size), bold=True))
         self.serial.setFont(theme.font(int(min(size, room / max(serial, 1.0))), bold=True))

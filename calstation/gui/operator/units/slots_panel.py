@@ -1,4 +1,4 @@
-"""Panel with a tile for each slot of the table, for scanning the units of the next run."""
+"""Panel with a tile for each slot of the table, in which the units of the next run are scanned."""
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QLabel
@@ -20,10 +20,10 @@ class _SlotTile(Tile):
         self._serial, self._note = ElidedLabel(), ElidedLabel("muted")
         self._serial.setFont(theme.font(theme.SECTION, bold=True))
         self.action = button(f"{prefix}slot_{slot.name}_button", pressed=self._act)
-        # keeps the keys of a scan away from the button after it has been clicked
+        # after a click on the button, the keys of a scan must not press it
         self.action.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         policy = self.action.sizePolicy()
-        policy.setRetainSizeWhenHidden(True)  # keeps the names of all tiles at the same height
+        policy.setRetainSizeWhenHidden(True)  # the names in all tiles stay at the same height
         self.action.setSizePolicy(policy)
         head = row(self._icon, (self._name, 1), spacing=theme.GRID)
         unit = row((column(None, self._serial, self._note, None, spacing=0), 1), self.action, spacing=theme.GRID)
@@ -61,7 +61,7 @@ class _SlotTile(Tile):
 
 
 class SlotsPanel(QFrame):
-    """Tiles of all slots below instructions; emits `clicked` when a tile or its button is clicked.
+    """Tiles of all slots below instructions, which emit `clicked` when a tile or its button is clicked.
 
     `prefix` is the beginning of the object names.
     """

@@ -1,4 +1,4 @@
-"""Tiles for units, which have the same arrangement before, during and after a run, and those of a run in progress."""
+"""Tiles for units, with the same arrangement before, during and after a run, and the tiles of a run in progress."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -24,7 +24,7 @@ COLUMNS = 4
 
 
 class Tile(QAbstractButton):
-    """Button that contains widgets and fills its cell of the grid."""
+    """A button that contains widgets and fills its cell in the grid."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -40,25 +40,25 @@ class Tile(QAbstractButton):
         QStylePainter(self).drawPrimitive(QStyle.PrimitiveElement.PE_Widget, option)
 
     def show_selected(self, selected: bool) -> None:
-        """Show whether the tile is the one of the next scan or of the displayed unit."""
+        """Show whether the tile belongs to the next scan or to the displayed unit."""
         kind = "tile_chosen" if selected else "tile"
         if self.property("kind") != kind:
             theme.set_kind(self, kind)
 
     def describe(self, *texts: str) -> None:
-        """Set the accessible name and the tooltip from texts, of which empty ones are omitted."""
+        """Set the accessible name and the tooltip from texts; empty texts are omitted."""
         self.setAccessibleName(", ".join(filter(None, texts)))
         self.setToolTip(self.accessibleName())
 
 
 def pass_clicks(*widgets: QWidget) -> None:
-    """Make clicks on widgets reach the tile that contains them."""
+    """Pass clicks on widgets to the tile that contains them."""
     for widget in widgets:
         widget.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
 
 
 def arrange(layout: QGridLayout, tiles: Sequence[QWidget]) -> None:
-    """Put tiles into a grid in order, in place of the current ones."""
+    """Replace the tiles in a grid with `tiles` in order."""
     clear(layout)
     for index in range(COLUMNS):
         layout.setColumnStretch(index, index < len(tiles))

@@ -1,4 +1,4 @@
-"""Panel with the verdicts on several units: a tile for each with the verdict, the reason and the next action."""
+"""Panel with the verdicts on several units, in tiles that show the verdict, the reason and the next action."""
 
 from functools import partial
 from math import ceil
@@ -13,14 +13,14 @@ from calstation.gui.state import RunStatus, UnitStatus, run_badge
 from calstation.gui.text import fault_text, say
 from calstation.gui.widgets import PANEL, ElidedLabel, StateBadge, column, grid, label, row, theme
 
-#: Minimum height of the banner of a tile, maximum heights in one row and in several, and font size of the summary, px.
+#: Minimum height of a banner, maximum heights in one row and in several rows, and font size of the summary, px.
 _MIN_BANNER, _MAX_ONE_ROW, _MAX_SEVERAL_ROWS, _SUMMARY = 4 * theme.GRID, 13 * theme.GRID, 10 * theme.GRID, 28
-#: Maximum number of rows with room for whole sentences in the tiles.
+#: Maximum number of rows in which the tiles have space for whole sentences.
 _MAX_ROOMY_ROWS = 2
 
 
 class _VerdictTile(Tile):
-    """Tile with the verdict on a unit; the texts are abbreviated if the number of `rows` leaves no room."""
+    """Tile with the verdict on a unit; the texts are abbreviated if there are too many `rows`."""
 
     def __init__(self, unit: UnitStatus, rows: int) -> None:
         name = f"unit_{unit.slot}_verdict"
@@ -63,7 +63,7 @@ class _VerdictTile(Tile):
 
 
 class VerdictGrid(QFrame):
-    """Tiles with the verdicts on all units of a run below a summary; emits `opened` when a tile is clicked."""
+    """Tiles with the verdicts on all units of a run below a summary; a click on a tile emits `opened`."""
 
     opened = Signal()
 
