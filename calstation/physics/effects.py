@@ -70,6 +70,7 @@ class Effect:
     velocity: Callable[[OuterTurn], FloatArray] | None = None
     is_state: bool = False  #: Whether a unit's model may contain it; otherwise it is only tested.
     between_sensors: bool = False  #: Whether it depends on both gyros and accelerometers.
+    on_table: bool = False  #: Whether it is tested only for the known motion of a table.
     #: Parameter that each component changes during the stage, by 1 per unit of its size; empty for a constant effect.
     parameters: tuple[str, ...] = ()
     begin: float = 0.0  #: Time in the stage before which its errors are zero, s.
@@ -114,6 +115,56 @@ def _off_axis(m: Motion) -> FloatArray:
     return errors
 
 
+#: Rate above which an axis turns, rad/s.
+_TURNING = np.deg2rad(1.0)
+
+
+def _flex(m: Motion) -> FloatArray:
+    """Return the products ω_i f_j and their opposites, shape (n, 18)."""
+    products = m.rate[:, :, None] * m.force[:, None, :]
+    return np.concatenate([products, -products], axis=1).reshape(len(products), -1)
+
+
+def _channel_delay(m: Motion) -> FloatArray:
+    """Return the errors of channels that are late, shape (n, 21): six for each gyro, and one for each accelerometer.
+
+    A gyro error dψ/dt in b, with ψ = 0 at rest, is equivalent to the gyro error −ω×ψ and the specific force error ψ×f,
+    which are smoother. The delay τ of gyro i is ψ = −τ ω_i e_i.
+    """
+    gyros = [
+        m.rate[:, [i]] * np.hstack([np.cross(m.rate, unit), np.cross(m.force, unit)])
+        for i, unit in enumerate(np.eye(3))
+    ]
+    return np.hstack([*gyros, -m.jerk])
+
+
+def _low_pass(m: Motion) -> FloatArray:
+    """Return the errors of channels with a low-pass per half the variance c of its impulse response, shape (n, 6).
+
+    Beyond the common mean delay, which has no effect, the gyro error is c d²ω/dt². With ψ = c dω/dt, see
+    `_channel_delay`, and the force error c d²f/dt² of a constant force in n, dω/dt cancels in the force.
+    """
+    return np.hstack([np.cross(m.angular_acceleration, m.rate), np.cross(m.rate, np.cross(m.rate, m.force))])
+
+
+def _last_turn(m: Motion) -> FloatArray:
+    """Return the sense of the last completed turn about each axis, +1, −1, or 0 before the first, shape (n, 3).
+
+    A turn lasts from rest to rest.
+    """
+    moving, sense = np.abs(m.rate).max(axis=1) > _TURNING, np.zeros_like(m.rate)
+    edges = np.flatnonzero(np.diff(moving.astype(np.int64), prepend=0, append=0))
+    for begin, end in edges.reshape(-1, 2).tolist():
+        turned = m.rate[begin:end].sum(axis=0)
+        sense[end:] = np.where(np.abs(turned) > 5.0 * _TURNING, np.sign(turned), sense[max(begin - 1, 0)])
+    return sense
+
+
+def _moving(m: Motion) -> FloatArray:
+    """Return 1 while the IMU turns and 0 at rest, shape (n, 1)."""
+    return np.asarray(np.abs(m.rate).max(axis=1, keepdims=True) > _TURNING, np.float64)
+
+
 def _axis_offset(turn: OuterTurn) -> FloatArray:
     """Return the velocity q̇ u × d of the inner axis where it passes the outer axis u at d, per unit of two sizes.
 
@@ -133,8 +184,8 @@ EFFECTS: tuple[Effect, ...] = (
         lambda m: m.force, tuple(Term(k // 3, k, k % 3) for k in range(9)), is_state=True,
     ),
     Effect("gyro_asymmetry", "1", 1e-2, _AXES, lambda m: np.abs(m.rate), OF_GYROS, is_state=True),
-    Effect("gyro_square", "s/rad", 1e-2, _AXES, lambda m: m.rate**2, OF_GYROS),
-    Effect("gyro_cubic", "s²/rad²", 1e-2, _AXES, lambda m: m.rate**3, OF_GYROS),
+    Effect("gyro_square", "s/rad", 1e-2, _AXES, lambda m: m.rate**2, OF_GYROS, is_state=True),
+    Effect("gyro_cubic", "s²/rad²", 1e-2, _AXES, lambda m: m.rate**3, OF_GYROS, is_state=True),
     Effect("accel_cubic", "s⁴/m²", 1e-5, _AXES, lambda m: m.force**3, OF_ACCELEROMETERS, is_state=True),
     Effect(
         "accel_cross", "s²/m", 1e-4, tuple(f"{AXES[i]}{AXES[j]}" for i, j in _PAIRS),
@@ -143,7 +194,7 @@ EFFECTS: tuple[Effect, ...] = (
         tuple(Term(3 + i, k, i if j == (i + 1) % 3 else j) for k, (i, j) in enumerate(_PAIRS)),
         is_state=True,
     ),
-    Effect("accel_asymmetry", "1", 1e-2, _AXES, lambda m: np.abs(m.force), OF_ACCELEROMETERS),
+    Effect("accel_asymmetry", "1", 1e-2, _AXES, lambda m: np.abs(m.force), OF_ACCELEROMETERS, is_state=True),
     Effect(
         "accel_off_axis", "m", 0.1, _AXES, _off_axis,
         tuple(Term(3 + (k // 2 + k % 2 + 1) % 3, k // 2, k) for k in range(6)), is_state=True,
@@ -153,7 +204,46 @@ EFFECTS: tuple[Effect, ...] = (
         is_state=True, between_sensors=True,
     ),
     Effect(
+        # relative to accelerometer x, because a common delay has no effect
+        "channel_delay", "s", 0.02, ("gyro_x", "gyro_y", "gyro_z", "accel_y", "accel_z"), _channel_delay,
+        tuple(Term(s + j, i, 6 * i + s + j) for i in range(3) for s in (0, 3) for j in range(3) if j != i)
+        + tuple(Term(3 + i, 2 + i, 18 + i) for i in (1, 2)),
+        between_sensors=True, on_table=True,
+    ),
+    Effect(
+        "low_pass", "s²", 1e-3, ("",), _low_pass, tuple(Term(i, 0, i) for i in range(6)),
+        between_sensors=True, on_table=True,
+    ),
+    Effect(
+        "coning", "s²", 1e-3, ("",), lambda m: np.cross(m.rate, m.angular_acceleration),
+        tuple(Term(i, 0, i) for i in range(3)), on_table=True,
+    ),
+    Effect(
+        "gyro_flex", "rad·s²/m", 1e-4, tuple(f"{a}{b}" for a in AXES for b in AXES), _flex,
+        # a rotation by K f adds ω × K f: component kj of K, times f_j, acts on the two gyros other than k
+        tuple(
+            Term(gyro, 3 * k + j, 9 * (other == (gyro + 2) % 3) + 3 * other + j)
+            for k in range(3) for j in range(3)
+            for gyro, other in (((k + 1) % 3, (k + 2) % 3), ((k + 2) % 3, (k + 1) % 3))
+        ),
+        between_sensors=True,
+    ),
+    Effect(
+        "gyro_g_square", "rad·s³/m²", 1e-5, tuple(f"{a}{b}" for a in AXES for b in AXES),
+        lambda m: m.force**2, tuple(Term(k // 3, k, k % 3) for k in range(9)),
+    ),
+    Effect("gyro_fifth", "s⁴/rad⁴", 1e-2, _AXES, lambda m: m.rate**5, OF_GYROS),
+    Effect("accel_fifth", "s⁸/m⁴", 1e-7, _AXES, lambda m: m.force**5, OF_ACCELEROMETERS),
+    Effect(
+        "accel_rate_square", "m", 0.1, tuple(f"{a}{b}" for a in AXES for b in AXES),
+        lambda m: m.rate**2, tuple(Term(3 + k // 3, k, k % 3) for k in range(9)), between_sensors=True,
+    ),
+    Effect("gyro_moving_bias", "rad/s", 1e-2, _AXES, _moving, tuple(Term(i, i, 0) for i in range(3)), on_table=True),
+    Effect("accel_moving_bias", "m/s²", 0.1, _AXES, _moving, tuple(Term(3 + i, i, 0) for i in range(3)), on_table=True),
+    Effect("gyro_hysteresis", "rad/s", 1e-2, _AXES, _last_turn, OF_GYROS, on_table=True),
+    Effect("gyro_scale_hysteresis", "1", 1e-2, _AXES, lambda m: m.rate * _last_turn(m), OF_GYROS, on_table=True),
+    Effect(
         "axis_offset", "m", 5e-3, ("hinge", "inner"), lambda m: np.empty((len(m.rate), 0)), (),
-        velocity=_axis_offset, is_state=True,
+        velocity=_axis_offset, is_state=True, on_table=True,
     ),
 )  # fmt: skip

@@ -34,6 +34,11 @@ _BY_UNIT: dict[str, tuple[str, float]] = {
     "m": ("mm", 1e-3),
     "m/s": ("mm/s", 1e-3),
     "s": ("ms", 1e-3),
+    "s²": ("ms²", 1e-6),
+    "s⁴/rad⁴": ("ppm at 100 °/s", 1e-6 / (100.0 * DEGREE) ** 4),
+    "s⁸/m⁴": ("µg/g⁵", MICRO_G / STANDARD_GRAVITY**5),
+    "rad·s²/m": ("µrad/g", 1e-6 / STANDARD_GRAVITY),
+    "rad·s³/m²": ("°/h/g²", DEGREE_PER_HOUR / STANDARD_GRAVITY**2),
     "1": ("ppm", 1e-6),
 }
 

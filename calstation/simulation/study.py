@@ -28,7 +28,16 @@ from calstation.estimation.common import (
 from calstation.estimation.effects import plausible_changes, table_priors
 from calstation.estimation.navigation import solve_navigation
 from calstation.judgement import ModelTests
-from calstation.physics import NAMES, PARAMETERS, EffectName, FloatArray, TableGeometry, group_indices, targets_reached
+from calstation.physics import (
+    AXIS_OFFSET_SIGMA,
+    NAMES,
+    PARAMETERS,
+    EffectName,
+    FloatArray,
+    TableGeometry,
+    group_indices,
+    targets_reached,
+)
 from calstation.results import one_blas_thread
 from calstation.simulation.instability import instability_ratio
 from calstation.simulation.study_table import UnitResult, summary
@@ -80,18 +89,19 @@ CASES = (
     Case(
         "full, optional states",
         DEFAULT_STAGES,
-        states=("g_sensitivity", "gyro_asymmetry", "accel_cubic", "accel_off_axis", "time_skew"),
+        states=("g_sensitivity", "gyro_asymmetry", "accel_cubic", "accel_cross", "accel_off_axis", "time_skew"),
     ),
 )
 
 
-def _present(dph_g: float, ppm: float, ug_g3: float, mm: float, ms: float) -> Effects:
+def _present(dph_g: float, ppm: float, ug_g3: float, ug_g2: float, mm: float, ms: float) -> Effects:
     """Return effects for all states; accelerometer displacements along an axis are opposite, not a lever."""
     displacements = ((0.0, -mm, mm), (mm, 0.0, -mm), (-mm, mm, 0.0))
     return Effects(
         g_sensitivity_dph_g=dph_g,
         gyro_asymmetry_ppm=ppm,
         accel_cubic_ug_g3=ug_g3,
+        accel_cross_ug_g2=ug_g2,
         accel_off_axis_mm=displacements,
         accel_delay_ms=ms,
     )
@@ -99,9 +109,9 @@ def _present(dph_g: float, ppm: float, ug_g3: float, mm: float, ms: float) -> Ef
 
 #: Effects of a grade's units in the cases with optional states: many sigmas of the parameters that they resemble.
 PRESENT: dict[GradeName, Effects] = {
-    "nav": _present(0.1, 30.0, 10.0, 5.0, 0.5),
-    "tactical": _present(3.0, 100.0, 100.0, 10.0, 1.0),
-    "mems": _present(30.0, 500.0, 500.0, 20.0, 2.0),
+    "nav": _present(0.1, 30.0, 10.0, 30.0, 5.0, 0.5),
+    "tactical": _present(3.0, 100.0, 100.0, 100.0, 10.0, 1.0),
+    "mems": _present(30.0, 500.0, 500.0, 500.0, 20.0, 2.0),
 }
 
 
@@ -157,17 +167,30 @@ def _unit(job: _Job) -> tuple[GradeName, list[UnitResult]]:
     with one_blas_thread():
         for lever, instability, states in dict.fromkeys((c.outer_lever, c.instability, c.states) for c in cases):
             selected = [c for c in cases if (c.outer_lever, c.instability, c.states) == (lever, instability, states)]
-            truth, context = draw_unit(grade, seed, lever, instability, PRESENT[grade] if states else Effects())
+            present, along, across = PRESENT[grade] if states else Effects(), *_draw_offset(seed)
+            offset = along, across if lever == "fixed" else 0.0
+            truth, context = draw_unit(grade, seed, lever, instability, present, offset)
             stages = [s for s in (*DEFAULT_STAGES, "designed") if any(s in c.stages for c in selected)]
             data = simulate_stages(truth, seed, stages, schedules)
             results += [_solve(c, truth, context, data, schedules) for c in selected]
     return grade, results
 
 
+def _draw_offset(seed: int) -> tuple[float, float]:
+    """Draw the offset between the axes of a table as a profile bounds it by default, mm."""
+    along, across = 1e3 * AXIS_OFFSET_SIGMA * np.random.default_rng([seed, 4]).standard_normal(2)
+    return float(along), float(across)
+
+
 def draw_unit(
-    grade: GradeName, seed: int, outer_lever: Lever, instability: bool, effects: Effects | None = None
+    grade: GradeName,
+    seed: int,
+    outer_lever: Lever,
+    instability: bool,
+    effects: Effects | None = None,
+    axis_offset: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[BenchTruth, SolveContext]:
-    """Draw a bench of the study; return it with the context of its solvers."""
+    """Draw a bench of the study, with axes of the table `axis_offset` apart, mm; return it and its solvers' context."""
     truth = BenchConfig(
         grade=grade,
         seed=seed,
@@ -178,6 +201,7 @@ def draw_unit(
         azimuth_error_deg=TILT_DEG,
         instability=instability,
         effects=effects or Effects(),
+        axis_offset_mm=axis_offset,
     ).truth()
     imu = truth.imu
     noise = (imu.gyro_arw, imu.accel_vrw, imu.gyro_bias_instability, imu.accel_bias_instability)
@@ -226,7 +250,7 @@ def _solve(
 ) -> UnitResult:
     """Solve the stages of a case like a run, and compute its bound: the same stages linearised at the truth.
 
-    Optional states increase the bound by the same amount as the covariance.
+    Optional states and the offset of the table's axes increase the bound by the same amount as the covariance.
     """
     posterior = study_prior(truth.grade, case.outer_lever)
     bound = Posterior(truth.parameters, posterior.covariance)
@@ -243,8 +267,7 @@ def _solve(
         seconds += len(samples.seq) / context.imu.sample_rate
         solution = solver.finish()
         posterior = solution.posterior
-        if case.states:
-            solution = model.add_tests(solution, (), joint)
+        solution = model.with_states(solution)
         joint = solution.posterior
         effects_covariance = joint.covariance - posterior.covariance
         mask = np.array([n in solution.estimated for n in NAMES])

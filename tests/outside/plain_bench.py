@@ -25,6 +25,9 @@ RMS = (2.0 * VIBRATION / 0.1 * (1.0 - VIBRATION / 0.1)) ** -0.5
 READING_SIGMA = np.deg2rad(0.0005)
 CHUNK = 20_000
 AXES = "xyz"
+OFF_DIAGONAL = ("accel_cross_ug_g2", "accel_off_axis_mm")
+MATRICES = (*OFF_DIAGONAL, "g_sensitivity_dph_g", "accel_rate_square_ug", "gyro_flex_urad_g", "gyro_g_square_dph_g2")
+FAST = np.deg2rad(100.0)
 PAIRS = [(i, j) for i in range(3) for j in range(3) if i != j]
 
 
@@ -142,14 +145,16 @@ class PlainBench:
         self.joints: tuple[Any, Any] = (Joint(), Joint())
         self.produced = self.steps = 0
         self.effects = dict(unit.effects)
-        for name in ("accel_cross_ug_g2", "accel_off_axis_mm", "g_sensitivity_dph_g"):
+        for name in MATRICES:
             value = np.asarray(self.effects.get(name, 0.0), dtype=float)
             if value.ndim == 0:
                 value = value * self.random.choice([-1.0, 1.0], (3, 3))
-                value = value if name == "g_sensitivity_dph_g" else value * (1.0 - np.eye(3))
+                value = value * (1.0 - np.eye(3)) if name in OFF_DIAGONAL else value
             self.effects[name] = value
         self.interval = 1.0 / unit.sample_rate / (1.0 + 1e-6 * self.effect("sample_clock_ppm")[0])
         self.residue = np.zeros(6)
+        self.filtered: Array | None = None  # output of the low-pass at the end of the last sample
+        self.angle, self.sense = np.zeros(3), np.zeros(3)  # of the current turn about each axis, and of the last one
         self.walk = np.zeros(6)
         self.slow = np.zeros((0, 3))
         self.velocity = RMS * site.velocity_sigma * self.random.standard_normal(3)
@@ -236,8 +241,10 @@ class PlainBench:
 
     def output(self, times: Array) -> tuple[Array, Array]:
         """Output of gyros and accelerometers at times, without noise, each of shape (n, 3)."""
-        gyro, _ = self.sensed(times)
-        _, accel = self.sensed(times - 1e-3 * self.effect("accel_delay_ms")[0])
+        delays = 1e-3 * np.concatenate([self.effect("gyro_delay_ms"), self.effect("accel_delay_ms")])
+        late = {delay: np.hstack(self.sensed(times - delay)) for delay in set(delays)}
+        both = np.stack([late[delay][:, i] for i, delay in enumerate(delays)], axis=1)
+        gyro, accel = both[:, :3], both[:, 3:]
         grown = 1.0 - np.exp(-times / self.effect("warm_up_s", 300.0)[0])[:, None]
         stepped = (times > self.effect("jump_at_s", 600.0)[0])[:, None]
         gyro = gyro * (1.0 + 1e-6 * grown * self.effect("warm_up_gyro_scale_ppm"))
@@ -264,13 +271,59 @@ class PlainBench:
         products = np.stack([in_g[:, 1] * in_g[:, 2], in_g[:, 2] * in_g[:, 0], in_g[:, 0] * in_g[:, 1]], axis=1)
         accel = f @ self.matrix("accel").T + self.vector("accel_bias") + self.vector("accel_quadratic") * f**2
         accel += UG * (self.effect("accel_cubic_ug_g3") * in_g**3 + products @ self.effects["accel_cross_ug_g2"].T)
+        accel += UG * (w / FAST) ** 2 @ self.effects["accel_rate_square_ug"].T
+        accel += UG * self.effect("accel_fifth_ug_g5") * in_g**5
+        gyro += DPH * in_g**2 @ self.effects["gyro_g_square_dph_g2"].T
+        gyro += 1e-6 * self.effect("gyro_fifth_ppm") * w * share**4
+        gyro += np.cross(w, 1e-6 * in_g @ self.effects["gyro_flex_urad_g"].T)
+        running = sum(np.abs(joint.states(times)[1]) for joint in self.joints)[:, None] > 1e-3
+        gyro += DPH * running * self.effect("gyro_moving_bias_dph")
+        accel += UG * running * self.effect("accel_moving_bias_ug")
         return gyro, accel + 1e-6 * self.effect("accel_asymmetry_ppm") * np.abs(f)
 
     def increments(self, first: int, count: int) -> Array:
         """Noise-free increments of samples from number `first` on, shape (count, 6)."""
-        times = (first + 0.5 * np.arange(2 * count + 1)) * self.interval
+        constant = 1e-3 * self.effect("low_pass_ms")[0]
+        per = 2 * int(np.ceil(2.0 * self.interval / constant)) if constant else 2  # parts of a sample, in pairs
+        times = (first + np.arange(per * count + 1) / per) * self.interval
         output = np.hstack(self.output(times))
-        return self.interval / 6.0 * (output[:-1:2] + 4.0 * output[1::2] + output[2::2])
+        if constant:
+            step = self.interval / per / constant  # in which the input is taken as linear
+            keep, after = np.exp(-step), 1.0 + np.expm1(-step) / step
+            start = output[0] if self.filtered is None else self.filtered
+            driven = (1.0 - keep - after) * output[:-1] + after * output[1:]
+            smooth, _ = lfilter([1.0], [1.0, -keep], driven, axis=0, zi=keep * start[None])
+            output = np.vstack([start, smooth])
+            self.filtered = output[-1]
+        if any(self.effect(name).any() for name in ("gyro_hysteresis_dph", "gyro_scale_hysteresis_ppm")):
+            turned = self.last_turns(times)
+            output[:, :3] *= 1.0 + 1e-6 * turned * self.effect("gyro_scale_hysteresis_ppm")
+            output[:, :3] += DPH * turned * self.effect("gyro_hysteresis_dph")
+        coning = np.zeros((count, 3))
+        if self.effect("coning_compensation").any():
+            # rotation vector of a sample from the increments of its halves (Miller's two-sample algorithm)
+            ends, middles = output[::per, :3], output[per // 2 :: per, :3]
+            halves = [self.interval / 24.0 * (5.0 * ends[:-1] + 8.0 * middles - ends[1:])]
+            halves += [self.interval / 24.0 * (5.0 * ends[1:] + 8.0 * middles - ends[:-1])]
+            coning = 2.0 / 3.0 * self.effect("coning_compensation")[0] * np.cross(*halves)
+        pairs = (output[:-1:2] + 4.0 * output[1::2] + output[2::2]).reshape(count, per // 2, 6)
+        increments = self.interval / (3.0 * per) * pairs.sum(axis=1)
+        increments[:, :3] += coning
+        return increments
+
+    def last_turns(self, times: Array) -> Array:
+        """Sense of the last turn from rest to rest about each axis at times, shape (n, 3)."""
+        rates = self.motion(times)[1]
+        step, completed = times[1] - times[0], np.empty_like(rates)
+        for k, rate in enumerate(rates):
+            if (np.abs(rate) > np.deg2rad(1.0)).any():
+                self.angle += rate * step
+            else:
+                far = np.abs(self.angle) > np.deg2rad(1.0)
+                self.sense[far] = np.sign(self.angle)[far]
+                self.angle[:] = 0.0
+            completed[k] = self.sense
+        return completed
 
     def produce(self, duration: float) -> tuple[Array, Array, Array]:
         """Return counts, angles and step numbers of the next samples."""

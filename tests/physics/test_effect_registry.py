@@ -28,6 +28,7 @@ every_effect = pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: eff
 def test_effect_has_an_error_for_every_component_and_none_without_input(effect: Effect) -> None:
     random = np.random.default_rng(1)
     moving = Motion(*random.normal(size=(4, 50, 3)), np.arange(50.0))
+    moving.rate[::3] = 0.0
     errors, still = effect.errors(moving), np.zeros((50, 3))
     assert errors.shape == (50, 6, len(effect.components))
     assert not effect.errors(Motion.steady(still, still, np.arange(50.0))).any()

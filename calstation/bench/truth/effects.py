@@ -23,24 +23,38 @@ _PPM = 1e-6
 _RATE = np.deg2rad(100.0)
 
 _SENSORS = ("gyro", "accel")
+#: Rate above which a gyro turns, rad/s.
+_TURNING = np.deg2rad(1.0)
+#: Angle about an axis that counts as a turn, rad.
+_TURNED = np.deg2rad(1.0)
 
 
 @dataclass(frozen=True)
 class EffectTruth:
     """The errors of one unit outside the model, SI; arrays of shape (6,) are gyros x, y, z, then accelerometers.
 
-    `terms`, shape (11, 3), are the coefficients of f_i³ (s⁴/m²), |f_i| (1), |ω_i| (1), ω_i² (s/rad), ω_i³ (s²/rad²),
-    the gyros' matrix of f (3 rows, s/m), and the accelerometers' matrix of (f_y f_z, f_z f_x, f_x f_y) (3 rows, s²/m),
-    where f and ω are sensed by the unit. Row i of `off_axis` is the displacement of accelerometer i, m, shape (3, 3).
-    The accelerometers have a delay of `accel_delay` s. The unit samples at (1 + `clock`) times the nominal rate. The
-    gyros clip at `gyro_clip`, rad/s. The scale factors have changed since time 0 by (1 − e^(−t/`warm_up_time`))
-    `warm_up_scale`, and the biases by the same fraction of `warm_up_bias`, by `jump` after `jump_time`, and by a random
-    walk of intensity `walk` per √s.
+    `terms`, shape (24, 3), are the coefficients of f_i³ (s⁴/m²), |f_i| (1), |ω_i| (1), ω_i² (s/rad), ω_i³
+    (s²/rad²), the gyros' matrix of f (3 rows, s/m), and the accelerometers' matrix of (f_y f_z, f_z f_x, f_x f_y)
+    (3 rows, s²/m), the accelerometers' matrix of (ω_x², ω_y², ω_z²) (3 rows, m), the matrix K of the rotation K f
+    of the gyros relative to the accelerometers (3 rows, rad s²/m), the gyros' matrix of (f_x², f_y², f_z²) (3 rows,
+    rad s³/m²), f_i⁵ (s⁸/m⁴), ω_i⁵ (s⁴/rad⁴), and the biases of accelerometers (m/s²) and gyros (rad/s) while a
+    joint turns, where f and ω are sensed by the unit. Row i of `off_axis` is the displacement of accelerometer i,
+    m, shape (3, 3). The channels have delays of `delay` s, and then a first-order low-pass of time constant
+    `low_pass` s; the gyro increments are then compensated for coning by the share `coning_compensation`. After a
+    turn in the positive sense, the biases of the gyros are larger by `bias_hysteresis`, rad/s, and their scale
+    factors by `scale_hysteresis`; after a negative turn, they are smaller by the same amount, both of shape (3,).
+    The unit samples at (1 + `clock`) times the nominal rate. The gyros clip at `gyro_clip`, rad/s. The scale
+    factors have changed since time 0 by (1 − e^(−t/`warm_up_time`)) `warm_up_scale`, and the biases by the same
+    fraction of `warm_up_bias`, by `jump` after `jump_time`, and by a random walk of intensity `walk` per √s.
     """
 
-    terms: FloatArray = field(default_factory=lambda: np.zeros((11, 3)))
+    terms: FloatArray = field(default_factory=lambda: np.zeros((24, 3)))
     off_axis: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
-    accel_delay: float = 0.0
+    delay: FloatArray = field(default_factory=lambda: np.zeros(6))
+    low_pass: float = 0.0
+    coning_compensation: float = 0.0
+    bias_hysteresis: FloatArray = field(default_factory=lambda: np.zeros(3))
+    scale_hysteresis: FloatArray = field(default_factory=lambda: np.zeros(3))
     clock: float = 0.0
     gyro_clip: float = np.inf
     warm_up_time: float = 300.0
@@ -53,7 +67,8 @@ class EffectTruth:
     @property
     def changing(self) -> bool:
         """Whether the errors change over time."""
-        return bool(np.any([self.warm_up_scale, self.warm_up_bias, self.jump, self.walk]))
+        hysteresis = np.any([self.bias_hysteresis, self.scale_hysteresis])
+        return bool(hysteresis or np.any([self.warm_up_scale, self.warm_up_bias, self.jump, self.walk]))
 
 
 class Changes:
@@ -62,6 +77,8 @@ class Changes:
     def __init__(self, effects: EffectTruth, interval: float, random: np.random.Generator) -> None:
         self._effects, self._interval, self._random = effects, interval, random
         self._walk = np.zeros((1, 6))
+        #: Sense of the last completed turn about each gyro's axis, and angle of the current one, rad.
+        self._turned, self._angle = np.zeros(3), np.zeros(3)
 
     def apply(self, increments: FloatArray, first: int) -> None:
         """Change the increments of the samples from number `first` on in place, rad and m/s, shape (n, 6)."""
@@ -70,8 +87,24 @@ class Changes:
         steps = effects.walk * np.sqrt(interval) * self._random.standard_normal(increments.shape)
         walk = np.cumsum(np.vstack([self._walk, steps]), axis=0)
         self._walk = walk[-1:]
+        if np.any([effects.bias_hysteresis, effects.scale_hysteresis]):
+            turned = self._last_turns(increments[:, :3] / interval)
+            increments[:, :3] *= 1.0 + turned * effects.scale_hysteresis
+            increments[:, :3] += turned * effects.bias_hysteresis * interval
         increments *= 1.0 + self._warm_up(times) * effects.warm_up_scale
         increments += (self._bias(times) + walk[1:]) * interval
+
+    def _last_turns(self, rates: FloatArray) -> FloatArray:
+        """Return the sense of the last turn from rest to rest at each sample, +1, -1 or 0 before, shape (n, 3)."""
+        turned = np.empty_like(rates)
+        for n, rate in enumerate(rates):
+            if np.abs(rate).max() > _TURNING:
+                self._angle = self._angle + rate * self._interval
+            elif self._angle.any():
+                far = np.abs(self._angle) > _TURNED
+                self._turned, self._angle = np.where(far, np.sign(self._angle), self._turned), np.zeros(3)
+            turned[n] = self._turned
+        return turned
 
     def parameters(self, parameters: FloatArray, time: float) -> FloatArray:
         """Return the unit's 30 parameters at `time`, the end of the last sample, s, from their values at time 0."""
@@ -101,12 +134,24 @@ class Effects(BaseModel):
     accel_cross_ug_g2: Coefficients = 0.0
     accel_asymmetry_ppm: Axes = 0.0
     accel_off_axis_mm: Coefficients = 0.0
-    accel_delay_ms: float = 0.0
+    accel_delay_ms: Axes = 0.0
+    accel_fifth_ug_g5: Axes = 0.0
+    accel_moving_bias_ug: Axes = 0.0
+    accel_rate_square_ug: Coefficients = 0.0
     accel_noise: NonNegative = 1.0
     accel_random_walk_ug_sqrt_h: Axes = 0.0
     gyro_square_ppm: Axes = 0.0
     gyro_cubic_ppm: Axes = 0.0
     gyro_asymmetry_ppm: Axes = 0.0
+    gyro_delay_ms: Axes = 0.0
+    gyro_fifth_ppm: Axes = 0.0
+    gyro_flex_urad_g: Coefficients = 0.0
+    coning_compensation: float = 0.0
+    gyro_g_square_dph_g2: Coefficients = 0.0
+    gyro_hysteresis_dph: Axes = 0.0
+    gyro_moving_bias_dph: Axes = 0.0
+    gyro_scale_hysteresis_ppm: Axes = 0.0
+    low_pass_ms: NonNegative = 0.0
     gyro_clip_dps: Positive = np.inf
     gyro_noise: NonNegative = 1.0
     gyro_random_walk_dph_sqrt_h: Axes = 0.0
@@ -123,8 +168,8 @@ class Effects(BaseModel):
 
     def draw(self, random: np.random.Generator) -> EffectTruth:
         """Return the effects of one unit, SI, with signs drawn from `random` unless they are specified."""
-        signs = random.choice([-1.0, 1.0], (3, 3, 3))
-        signs[1:] *= 1.0 - np.eye(3)
+        signs = random.choice([-1.0, 1.0], (6, 3, 3))
+        signs[1:3] *= 1.0 - np.eye(3)
         terms = [
             _axes(self.accel_cubic_ug_g3, _PPM / _G**2),
             _axes(self.accel_asymmetry_ppm, _PPM),
@@ -133,11 +178,22 @@ class Effects(BaseModel):
             _axes(self.gyro_cubic_ppm, _PPM / _RATE**2),
             _coefficients(self.g_sensitivity_dph_g, signs[0], _DEGREE_PER_HOUR / _G),
             _coefficients(self.accel_cross_ug_g2, signs[1], _PPM / _G),
+            _coefficients(self.accel_rate_square_ug, signs[3], _PPM * _G / _RATE**2),
+            _coefficients(self.gyro_flex_urad_g, signs[4], _PPM / _G),
+            _coefficients(self.gyro_g_square_dph_g2, signs[5], _DEGREE_PER_HOUR / _G**2),
+            _axes(self.accel_fifth_ug_g5, _PPM / _G**4),
+            _axes(self.gyro_fifth_ppm, _PPM / _RATE**4),
+            _axes(self.accel_moving_bias_ug, _PPM * _G),
+            _axes(self.gyro_moving_bias_dph, _DEGREE_PER_HOUR),
         ]
         return EffectTruth(
             terms=np.vstack(terms),
             off_axis=_coefficients(self.accel_off_axis_mm, signs[2], 1e-3),
-            accel_delay=1e-3 * self.accel_delay_ms,
+            delay=_both(self.gyro_delay_ms, self.accel_delay_ms, 1e-3, 1e-3),
+            low_pass=1e-3 * self.low_pass_ms,
+            coning_compensation=self.coning_compensation,
+            bias_hysteresis=_axes(self.gyro_hysteresis_dph, _DEGREE_PER_HOUR),
+            scale_hysteresis=_axes(self.gyro_scale_hysteresis_ppm, _PPM),
             clock=_PPM * self.sample_clock_ppm,
             gyro_clip=float(np.deg2rad(self.gyro_clip_dps)),
             warm_up_time=self.warm_up_s,

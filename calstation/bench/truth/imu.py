@@ -41,7 +41,7 @@ class ImuTruth:
     def error_model(self) -> FloatArray:
         """Return rows I + M_g (3), I + M_a (3), b_g, b_a, K2, positions of the accelerometers (3), and `effects.terms`.
 
-        The shape is (23, 3).
+        The shape is (36, 3).
         """
         p = self.parameters
         sites = group_vector(p, "outer_lever") + np.diag(group_vector(p, "inner_lever")) + self.effects.off_axis
@@ -61,6 +61,12 @@ class ImuTruth:
 #: Gauss-Legendre nodes and weights on (0, 1), exact to the fifth degree.
 GAUSS_NODES = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15))
 GAUSS_WEIGHTS = (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
+
+
+#: Gauss-Laguerre nodes and weights: a low-pass of first order is a mean over delays with an exponential distribution.
+LAGUERRE = tuple(np.polynomial.laguerre.laggauss(4))
+#: Rate of a joint above which a motor runs, rad/s.
+MOVING = 1e-3
 
 
 @compiled
@@ -94,6 +100,16 @@ def _measured_rates(
             rates[i] += model[i, j] * w[j] + model[17 + i, j] * force[j]
             rates[3 + i] += model[3 + i, j] * force[j]
             rates[3 + i] += model[20 + i, j] * force[(j + 1) % 3] * force[(j + 2) % 3]
+            rates[3 + i] += model[23 + i, j] * w[j] * w[j]
+            rates[i] += model[29 + i, j] * force[j] * force[j]
+            # gyros rotated by K f sense ω − (K f) × ω
+            j1, j2 = (i + 1) % 3, (i + 2) % 3
+            rates[i] += (model[26 + j2, j] * w[j1] - model[26 + j1, j] * w[j2]) * force[j]
+        rates[i] += model[33, i] * w[i] ** 5
+        rates[3 + i] += model[32, i] * force[i] ** 5
+        if abs(outer[1]) + abs(inner[1]) > MOVING:
+            rates[i] += model[35, i]
+            rates[3 + i] += model[34, i]
 
 
 @compiled
@@ -324,6 +340,8 @@ class SensorStream:
         self._digitiser = Digitiser(imu, instability=drifts)
         if drifts:
             self._digitiser.start_drift(self._random)
+        #: Uncompensated gyro increments of the last sample, rad, shape (1, 3).
+        self._last: FloatArray | None = None
         self._vibration = Vibration(table.velocity_sigma, self.interval, self._random)
         self._base = BaseMotion(table.motion, self.interval, np.random.default_rng(root.spawn(1)[0]))
         self._columns = self._digitiser.columns + (6 if self._vibration.active else 0)
@@ -341,14 +359,23 @@ class SensorStream:
         velocity += self._base.velocity(self.produced, count)
         outer, inner = _delayed(outer, -self._begin), _delayed(inner, -self._begin)
         increments = self._increments(velocity, outer, inner)
-        if delay := self._imu.effects.accel_delay:
-            increments[:, 3:] = self._increments(velocity, _delayed(outer, delay), _delayed(inner, delay))[:, 3:]
+        effects = self._imu.effects
+        for delay in np.unique(effects.delay[effects.delay != 0.0] if not effects.low_pass else effects.delay).tolist():
+            late = np.zeros_like(increments)
+            for node, weight in zip(*(LAGUERRE if effects.low_pass else ((0.0,), (1.0,))), strict=True):
+                later = delay + effects.low_pass * node
+                late += weight * self._increments(velocity, _delayed(outer, later), _delayed(inner, later))
+            increments[:, effects.delay == delay] = late[:, effects.delay == delay]
         if self._base.is_tilting:
             middle = np.asarray((self.produced + 0.5 + np.arange(count)) * self._table_interval, np.float64)
             angles = np.stack([joint.states(middle)[:, 0] for joint in (outer, inner)], axis=1)
             tilt = self._base.tilt(self.produced, count, max(outer.rest_time, inner.rest_time))
             _add_tilt(increments, self._model, self._chain, self._field[0], angles, tilt, self.interval)
-        if self._imu.effects.changing:
+        if effects.coning_compensation and count:
+            gyros = np.vstack([increments[:1, :3] if self._last is None else self._last, increments[:, :3]])
+            self._last = gyros[-1:]
+            increments[:, :3] += effects.coning_compensation / 12.0 * np.cross(gyros[:-1], gyros[1:])
+        if effects.changing:
             self._changes.apply(increments, self.produced)
         self.produced += count
         return self._digitiser.digitise(increments, normals)

@@ -231,8 +231,8 @@ def motion_between_observations(
     outer = None
     if len(known) == len(turns):
         outer = OuterTurn(*(np.concatenate(column) for column in zip(*known, strict=True)))
-    rate, force, turning, jerk, time = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Motion(rate, force, turning, jerk, time, outer)
+    rate, specific_force, turning, jerk, time = (np.concatenate(c) for c in zip(*parts, strict=True))
+    return Motion(rate, specific_force, turning, jerk, time, outer)
 
 
 def _outer_turn(

@@ -70,6 +70,8 @@ class PairChoice:
 
     def tests(self, effect: Effect) -> bool:
         """Return whether an effect can be tested if the other terms are not fitted."""
+        if effect.on_table:
+            return False
         if effect.between_sensors:
             return self.offset and self.gyro == self.accel == "full"
         return (self.gyro if effect.terms[0].channel < 3 else self.accel) == "full"
