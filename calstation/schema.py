@@ -48,13 +48,13 @@ class ResultSection(BaseModel):
 class EntryError(ValueError):
     """An entry of a file violates a rule, given by a code of the message catalogue and the values of its sentences.
 
-    `place` is the path (keys and element numbers) to the wrong entry, relative to the location of the check.
+    `key_path` is the path (keys and element numbers) to the wrong entry, relative to the location of the check.
     """
 
     def __init__(self, code: str, *key_path: str | int, **values: Any) -> None:
         super().__init__(code)
         self.code = catalogue_entry(code).code
-        self.place = key_path
+        self.key_path = key_path
         self.values = values
 
     def __str__(self) -> str:
@@ -81,7 +81,7 @@ def entry(*key_path: str | int) -> Iterator[None]:
     try:
         yield
     except EntryError as exc:
-        raise EntryError(exc.code, *key_path, *exc.place, **exc.values) from None
+        raise EntryError(exc.code, *key_path, *exc.key_path, **exc.values) from None
     except ValueError as exc:
         raise EntryError("entry.other", *key_path, words=str(exc)) from None
 
@@ -180,7 +180,7 @@ def _unchanged(model: type[BaseModel], path: Path, content: bytes) -> Any:
 class Problem:
     """One error in the data or text of a file."""
 
-    place: KeyPath  #: Path of the entry; () for the whole file.
+    key_path: KeyPath  #: Path of the entry; () for the whole file.
     #: Pydantic's error type, e.g. ``missing``; ``toml`` for invalid TOML, ``value_error`` for other rules.
     kind: str
     what: Text  #: The message without the name of the entry.
@@ -190,8 +190,8 @@ class Problem:
 
     @classmethod
     def of(cls, error: EntryError, *prefix: str | int) -> "Problem":
-        """Create the problem of a violated rule; `prefix` is the key path to which its `place` is relative."""
-        return cls((*prefix, *error.place), "value_error", Text(error.code, error.values))
+        """Create the problem of a violated rule; `prefix` is the key path to which its `key_path` is relative."""
+        return cls((*prefix, *error.key_path), "value_error", Text(error.code, error.values))
 
     @property
     def values(self) -> Mapping[str, Any]:
@@ -201,7 +201,7 @@ class Problem:
     @property
     def name(self) -> str:
         """Name of the entry in messages, "" for the whole file."""
-        return field_name(self.place, self.data)
+        return field_name(self.key_path, self.data)
 
     @property
     def as_text(self) -> Text:

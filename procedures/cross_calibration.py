@@ -19,7 +19,7 @@ from calstation.estimation.common import (
     Secondary,
     SolveContext,
     StageData,
-    StoredPair,
+    StoredCrossCalibration,
     nis_consistency,
 )
 from calstation.estimation.effects import NO_SINGLE_EFFECT, effect_tests
@@ -108,7 +108,7 @@ class PairStage(StageSolver):
         self,
         results: dict[int, PairResult],
         checks: dict[int, StaticCheck],
-        stored: dict[int, StoredPair],
+        stored: dict[int, StoredCrossCalibration],
         gaps: int,
         messages: tuple[tuple[str, dict[str, Any]], ...],
     ) -> Solution:
@@ -193,7 +193,7 @@ def _of_pair(number: int, test: ModelTest) -> ModelTest:
 
 
 def _details(
-    secondary: Secondary, calibrated: PairResult | None, check: StaticCheck | None, stored: StoredPair
+    secondary: Secondary, calibrated: PairResult | None, check: StaticCheck | None, stored: StoredCrossCalibration
 ) -> dict[str, Any]:
     current = stored if calibrated is None else calibrated.stored
     details: dict[str, Any] = {

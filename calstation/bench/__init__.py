@@ -1,7 +1,7 @@
-"""The virtual bench, a simulated table and unit with known true values and the real protocols.
+"""The virtual bench, which simulates a table and a unit with known true values and real protocols.
 
-It uses none of the equations of the estimators, only the same names of parameters, steps of plans and array types.
+It shares parameter names, plan steps and array types with the estimators, but none of their equations.
 """
 
 from calstation.bench.client import BenchClock, BenchHost
-from calstation.bench.config import BenchConfig, BenchReport, Order, OrderName
+from calstation.bench.config import BenchConfig, BenchReport, FaultCommand, FaultName

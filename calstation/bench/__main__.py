@@ -42,7 +42,7 @@ def main() -> int:
         return 2
     serve(config)
     sys.stdout.flush()
-    # The thread that reads standard input may be blocked, so that the process must exit without waiting for it.
+    # The thread that reads standard input may be blocked, so the process must exit without waiting for it.
     os._exit(0)
 
 

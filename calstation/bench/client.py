@@ -1,4 +1,4 @@
-"""The process and the clock of a virtual bench, for the program that starts the bench."""
+"""The process and the clock of a virtual bench, as used by the program that starts the bench."""
 
 import json
 import socket
@@ -19,7 +19,9 @@ from calstation.messages import os_reason
 _START_TIMEOUT = 180.0
 
 _CHECK_INTERVAL = 0.1
-_STOP_TIMEOUT = 15.0  # longer than the watchdog timeout of the virtual table, for which a bench with a report waits
+_STOP_TIMEOUT = (
+    15.0  # longer than the watchdog timeout of the virtual table, because a bench with a report waits for it
+)
 
 #: Polling interval if the bench follows host time, s, as on hardware.
 _TICK = 0.05
@@ -34,7 +36,7 @@ _REPLY_TIMEOUT = 20.0
 #: Timeout for reading the samples that the bench has sent, host time in s.
 _READ_TIMEOUT = 5.0
 
-#: Host time in which these samples are usually read, s; during this time, the wait only yields the processor.
+#: Host time within which these samples are usually read, s; until then, the waiting thread only yields the processor.
 _YIELD_TIME = 0.001
 
 #: Flag that prevents Ctrl-C in the console from ending the bench on Windows; other systems use a separate session.
@@ -107,14 +109,14 @@ class BenchClock:
         self.tick = _TICK if speed > 0.0 else _FAST_TICK
         self.speed = speed
         self._received: Callable[[], Mapping[int, int]] = dict
-        self._missing: Mapping[int, int] = {}  #: Number of bytes that readers will never receive, by IMU index.
+        self._missing: Mapping[int, int] = {}  #: Number of bytes that the readers will never receive, by IMU index.
         try:
             self._socket = socket.create_connection(endpoint, timeout=_REPLY_TIMEOUT)
         except OSError as exc:
             raise DeviceFaultError("connection.bench_silent", cause=os_reason(exc)) from exc
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._file = self._socket.makefile("rb")
-        self._request_lock = threading.Lock()  # the result of a unit that leaves a batch is written in another thread
+        self._request_lock = threading.Lock()  # another thread writes the result of a unit that leaves a batch
         self._now = float(self._request({"now": None})["now"])
 
     def attach(self, received: Callable[[], Mapping[int, int]]) -> None:
@@ -140,9 +142,9 @@ class BenchClock:
         """Wait for `seconds` of host time, in which virtual time advances only if it follows host time."""
         time.sleep(seconds)
 
-    def order(self, order: Mapping[str, Any]) -> None:
-        """Command the bench to inject a fault, immediately or after a delay."""
-        self._request(dict(order))
+    def inject(self, command: Mapping[str, Any]) -> None:
+        """Make the bench inject a fault, immediately or after a delay; `command` is a `FaultCommand` as JSON data."""
+        self._request(dict(command))
 
     def carry(self, outer: float, inner: float, rest: float) -> None:
         """Make the simulated operator turn the manual rig to these angles, rad, and rest there for `rest` s."""

@@ -1,4 +1,4 @@
-"""The configuration of a virtual bench: unit, site, table, transports and planned faults."""
+"""The configuration of a virtual bench: its unit, site, table, transports and planned faults."""
 
 from dataclasses import replace
 from math import radians
@@ -30,7 +30,7 @@ from calstation.physics import INDEX, group_indices
 from calstation.schema import EntryError, near_miss
 
 #: Groups of parameters that are 0 for units on a body, because a pair has only one lever arm.
-_NOT_ON_A_BODY = ("accel_quadratic", "inner_lever", "outer_lever")
+_ZERO_ON_BODY = ("accel_quadratic", "inner_lever", "outer_lever")
 _ARCSECOND = radians(1.0 / 3600.0)
 
 Vector = tuple[float, float, float]
@@ -65,8 +65,8 @@ _Frames = Literal["corrupt_frames", "drop_frames", "duplicate_frames", "reorder_
 _Samples = Literal["silence_imu", "garble_imu", "saturate_imu", "invalid_imu", "freeze_channel"]
 _Unit = Literal["jump_counter", "reset_imu", "hang_up_imu", "slow_imu"]
 _TableLink = Literal["mute_table", "slow_table", "garble_table", "refuse_table"]
-_OF_TABLE = frozenset(name for kind in (_Trip, _Motion, _TableLink) for name in get_args(kind))
-OrderName = Literal[_Trip, _Motion, _Frames, _Samples, _Unit, _TableLink, "brown_out_write", "brown_out_commit"]
+_TABLE_FAULTS = frozenset(name for kind in (_Trip, _Motion, _TableLink) for name in get_args(kind))
+FaultName = Literal[_Trip, _Motion, _Frames, _Samples, _Unit, _TableLink, "brown_out_write", "brown_out_commit"]
 
 
 class Settings(BaseModel):
@@ -75,26 +75,26 @@ class Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Order(Settings):
+class FaultCommand(Settings):
     """A command to inject a fault at device time `at`, s, or `after` a delay, s; see `docs/reference/bench.md`.
 
     `unit` is the number of the affected unit, which is ignored for the table.
     """
 
-    order: OrderName
+    order: FaultName
     value: float = 1.0
     at: float = 0.0
     after: NonNegative = 0.0
     unit: Annotated[int, Field(ge=1)] = 1
 
     @property
-    def of_table(self) -> bool:
-        """Whether the order applies to the table."""
-        return self.order in _OF_TABLE
+    def affects_table(self) -> bool:
+        """Whether the fault affects the table."""
+        return self.order in _TABLE_FAULTS
 
 
 class BodySettings(Settings):
-    """The motion of a body with several units, which alternates between rests of `rest_s` and motions of `motion_s`."""
+    """The motion of a body with several units, which alternates between rests and motions of constant duration."""
 
     rest_s: Positive = 8.0
     motion_s: Positive = 24.0
@@ -168,7 +168,7 @@ class BenchConfig(Settings):
     warm_up_time_s: Positive = 30.0
     flash_file: Path | None = None
     flash_banks: Literal[1, 2] = 2
-    orders: tuple[Order, ...] = ()
+    orders: tuple[FaultCommand, ...] = ()
     report_file: Path | None = None
 
     @model_validator(mode="after")
@@ -178,18 +178,18 @@ class BenchConfig(Settings):
         return self
 
     @model_validator(mode="after")
-    def _units_of_orders(self) -> "BenchConfig":
+    def _check_units(self) -> "BenchConfig":
         known = {self.unit, *(other.unit for other in self.secondaries)}
         for number, order in enumerate(self.orders):
-            if self.secondaries and not order.of_table and order.unit not in known:
+            if self.secondaries and not order.affects_table and order.unit not in known:
                 raise EntryError("bench.no_such_unit", "orders", number, "unit", unit=order.unit)
         return self
 
-    def truth(self, earlier: int = 0) -> BenchTruth:
+    def truth(self, flash_cycles: int = 0) -> BenchTruth:
         """Draw the true values of the bench from this configuration and its seed.
 
-        `earlier` is the number of writes to the unit's flash, which equals the number of power-ups since the first run;
-        the unit's errors change at each power-up by the repeatability of its grade.
+        `flash_cycles` is the number of writes to the unit's flash, which equals the number of power-ups since the first
+        run; the unit's errors change at each power-up by the repeatability of its grade.
         """
         unit_seed, table_seed = np.random.SeedSequence(self.seed).spawn(2)
         imu = draw_imu(
@@ -201,14 +201,14 @@ class BenchConfig(Settings):
             instability=self.instability,
             out_of_limits=self.out_of_limits,
         )
-        if earlier and self.instability:
-            drift = draw_power_ups(self.grade, np.random.default_rng([self.seed, 2]), earlier)
+        if flash_cycles and self.instability:
+            drift = draw_power_ups(self.grade, np.random.default_rng([self.seed, 2]), flash_cycles)
             imu.parameters[:] += drift
         imu.parameters[group_indices("outer_lever")] += self.lever_m
         for name, value in self.parameters.items():
             imu.parameters[INDEX[name]] = value
         if self.body is not None:
-            imu.parameters[[i for group in _NOT_ON_A_BODY for i in group_indices(group)]] = 0.0
+            imu.parameters[[i for group in _ZERO_ON_BODY for i in group_indices(group)]] = 0.0
         imu = replace(
             imu,
             gyro_arw=imu.gyro_arw * self.effects.gyro_noise,
@@ -284,7 +284,7 @@ class BenchConfig(Settings):
 
 
 class BenchReport(BaseModel):
-    """The final state of a bench at device time `time`, s, and the executed orders; see `report_file`."""
+    """The final state of a bench at device time `time`, s, and the injected faults; see `report_file`."""
 
     model_config = ConfigDict(frozen=True)
 

@@ -1,12 +1,12 @@
-"""The bench over time, in which joints, controller, stream and unit advance together, and faults occur."""
+"""The running bench, which advances joints, controller, stream and unit together and injects faults."""
 
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from calstation.bench.config import BenchConfig, Order
-from calstation.bench.imu import UNITS, StreamFaults, burnt_cycles
+from calstation.bench.config import BenchConfig, FaultCommand
+from calstation.bench.imu import UNITS, StreamFaults, count_flash_cycles
 from calstation.bench.table import Clocks, Fault, GimbalDrive, TableMachine, TableRegisters
 from calstation.bench.truth import (
     BodyMotion,
@@ -36,14 +36,14 @@ _MAX_START_ANGLE = np.deg2rad(15.0)
 class LiveBench:
     """All devices with a common time, without their links.
 
-    `host_time` is the clock of the watchdog, and `now` the time of the clock service, s. Orders for the links are
-    passed to `on_link`. A unit with a `first` unit is on the table or body of that unit and advances with it; `outbox`
-    contains the frames that it has sent meanwhile.
+    `host_time` is the clock of the watchdog, and `now` the time of the clock service, s. Fault commands for the links
+    are passed to `on_link`. A unit with a `first` unit is on the table or body of that unit and advances with it;
+    `outbox` contains the frames that it has sent in the meantime.
     """
 
     def __init__(self, config: BenchConfig, host_time: Callable[[], float], first: "LiveBench | None" = None) -> None:
-        earlier = burnt_cycles(config.flash_file)
-        self.truth = config.truth(earlier)
+        flash_cycles = count_flash_cycles(config.flash_file)
+        self.truth = config.truth(flash_cycles)
         self.number = config.unit
         self.outbox: list[bytes] = []
         self._followers: list[LiveBench] = []
@@ -54,7 +54,7 @@ class LiveBench:
                 unit_table = self.truth.table
                 table = replace(first.truth.table, mount=unit_table.mount, orientation=unit_table.orientation)
                 self.truth = replace(self.truth, table=table, encoder=first.truth.encoder)
-        stream_seed, encoder_seed, other_seed = np.random.SeedSequence([config.seed, 1, earlier]).spawn(3)
+        stream_seed, encoder_seed, other_seed = np.random.SeedSequence([config.seed, 1, flash_cycles]).spawn(3)
         self._random = np.random.default_rng(other_seed)
         if config.start_deg is None:
             outer, inner = self._random.uniform(-_MAX_START_ANGLE, _MAX_START_ANGLE, 2)
@@ -86,10 +86,10 @@ class LiveBench:
             rate, begin = first._gain / self._gain, (config.power_on_s - first._power_on) * first._gain
             self._stream = SensorStream(self.truth.imu, self.truth.table, stream_seed, rate=rate, begin=begin)
         self._latency, self._jitter = config.latency_s, config.jitter_s
-        self._orders = sorted(config.orders, key=lambda order: order.at)
+        self._commands = sorted(config.orders, key=lambda command: command.at)
         self.now = 0.0
         self.executed: list[str] = []
-        self.on_link: Callable[[Order], None] = lambda order: None
+        self.on_link: Callable[[FaultCommand], None] = lambda command: None
         self.clocks: Clocks = Clocks(lambda: self.device_time, host_time, self._reading_time)
         self.machine: TableMachine = TableMachine(
             GimbalDrive(self._stream)
@@ -113,75 +113,75 @@ class LiveBench:
 
     @property
     def gimbal(self) -> GimbalStream:
-        """The gimbal. Raises TypeError if another table is configured."""
+        """The gimbal of the bench. Raises TypeError if another table is configured."""
         if not isinstance(self._stream, GimbalStream):
             raise TypeError("the bench has no gimbal")
         return self._stream
 
     @property
     def device_time(self) -> float:
-        """Time of the devices, s."""
+        """Current time of the devices, s."""
         return (self.now - self._power_on) * self._gain
 
     @property
-    def sampled(self) -> int:
+    def sample_count(self) -> int:
         """Number of samples produced so far."""
         return self._stream.produced
 
-    def talk(self) -> Callable[[bytes], list[bytes]]:
+    def new_parser(self) -> Callable[[bytes], list[bytes]]:
         """Return a parser for one connection, which converts received bytes to the unit's replies."""
-        answer = self.unit.conversation()
+        answer = self.unit.new_parser()
         return lambda data: answer(data, self.device_time)
 
     def advance(self, now: float) -> bytes:
         """Advance to `now`, s; return the frames that the unit sends in this interval."""
         parts = []
-        while self._orders and self._orders[0].at <= (now - self._power_on) * self._gain:
-            due = self._orders.pop(0)
+        while self._commands and self._commands[0].at <= (now - self._power_on) * self._gain:
+            due = self._commands.pop(0)
             parts += self._advance_in_steps(max(self._power_on + due.at / self._gain, self.now))
             self.execute(due)
         parts += self._advance_in_steps(now)
         return b"".join(parts)
 
     def _advance_in_steps(self, now: float) -> list[bytes]:
-        """Advance to `now`, s, in steps that end with timed faults, whose effect then does not depend on the caller."""
+        """Advance to `now`, s, in steps that end with each fault, so that its effect does not depend on the caller."""
         ends = (self._power_on + end / self._gain for end in self.faults.until.values())
         return [self._produce(step_end) for step_end in (*sorted(end for end in ends if self.now < end < now), now)]
 
-    def execute(self, order: Order) -> None:
-        """Execute an order immediately, or schedule it if `after` is positive."""
-        time, value, faults, machine = self.device_time, order.value, self.faults, self.machine
-        if order.after > 0.0:
-            later = order.model_copy(update={"after": 0.0, "at": time + order.after})
-            self._orders = sorted([*self._orders, later], key=lambda o: o.at)
+    def execute(self, command: FaultCommand) -> None:
+        """Execute a fault command immediately, or schedule it if its `after` is positive."""
+        time, value, faults, machine = self.device_time, command.value, self.faults, self.machine
+        if command.after > 0.0:
+            later = command.model_copy(update={"after": 0.0, "at": time + command.after})
+            self._commands = sorted([*self._commands, later], key=lambda o: o.at)
             return
-        self.executed.append(order.order)
-        if order.order in _FAULTS:
-            machine.trip(_FAULTS[order.order], time)
-        elif order.order in faults.counts:
-            faults.counts[order.order] = int(value)
-        elif order.order in faults.until:
-            faults.until[order.order] = time + value
-        elif order.order == "interlock":
+        self.executed.append(command.order)
+        if command.order in _FAULTS:
+            machine.trip(_FAULTS[command.order], time)
+        elif command.order in faults.counts:
+            faults.counts[command.order] = int(value)
+        elif command.order in faults.until:
+            faults.until[command.order] = time + value
+        elif command.order == "interlock":
             machine.set_interlock(value != 0.0, time)
-        elif order.order == "jam":
+        elif command.order == "jam":
             machine.jam(time)
-        elif order.order == "overshoot":
+        elif command.order == "overshoot":
             machine.overshoot = np.deg2rad(value)
-        elif order.order == "never_settle":
+        elif command.order == "never_settle":
             machine.unsettled_until = time + value
-        elif order.order == "freeze_channel":
+        elif command.order == "freeze_channel":
             faults.frozen, faults.frozen_until = int(value), np.inf
-        elif order.order == "reset_imu":
+        elif command.order == "reset_imu":
             self.unit.restart(time)
-        elif order.order == "jump_counter":
+        elif command.order == "jump_counter":
             self.unit.counter = int(value)
-        elif order.order == "brown_out_write":
+        elif command.order == "brown_out_write":
             self.unit.write_power_cut = int(value)
-        elif order.order == "brown_out_commit":
+        elif command.order == "brown_out_commit":
             self.unit.commit_power_cut = int(value)
         else:
-            self.on_link(order)
+            self.on_link(command)
 
     def carry(self, outer: float, inner: float, rest: float) -> None:
         """Request rail angles, rad, and a rest, s, from the operator of a manual rig; do nothing on a driven table."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from calstation.bench.config import BenchConfig, BenchReport, Order
+from calstation.bench.config import BenchConfig, BenchReport, FaultCommand
 from calstation.bench.links import Line, ModbusServer, SocketLine, TerminalLine
 from calstation.bench.live import LiveBench
 from calstation.bench.table import LANGUAGES, Axes, GimbalController, Power, TextController, drives
@@ -28,7 +28,7 @@ TICK = 0.005
 MAX_STEP = 0.5
 #: Largest step of a bench that follows host time, s; requests are processed between steps.
 MAX_PACED_STEP = 0.1
-#: Largest backlog of host time, s; if the computer is too slow, device time passes more slowly.
+#: Largest backlog of host time, s; if the computer is too slow, device time passes more slowly than host time.
 MAX_BACKLOG = 1.0
 #: Iterations of the event loop before the watchdog is checked, so that pending requests on the table's link are
 #: processed first; they may be late because of the computer instead of the client.
@@ -38,19 +38,23 @@ COASTING_TIME = 2.0
 
 
 class ClockService:
-    """A TCP server with JSON lines that advance or query the bench's time, or inject a fault.
+    """A TCP server whose JSON lines advance or query the bench's time, or inject a fault.
 
         {"advance": seconds}                 -> {"now": s, "samples": n, "bytes": [n, ...]}
         {"now": null}                        -> the same, immediately
         {"order": name, "value": number}     -> the same, after execution; with {"unit": number} for units other than 1
-        {"carry": [outer, inner], "rest": s} -> the same; asks the simulated operator to set the rails to angles, rad
+        {"carry": [outer, inner], "rest": s} -> the same; the simulated operator sets the rails to these angles, rad
         anything else                        -> {"error": text}
 
     `samples` is the number of samples that the first unit has produced. `bytes` are the numbers of bytes sent to the
-    current client of each IMU link, 0 once the client has disconnected.
+    current client of each IMU link, 0 after the client has disconnected.
 
-    `advance` advances time by some seconds and returns when the samples have been sent, `report` returns the fields of
-    a reply, and `on_last_disconnect` is called when the last connection has closed.
+    Parameters
+    ----------
+    units : units of the bench
+    advance : coroutine function that advances time by some seconds and returns when the samples have been sent
+    report : function that returns the fields of a reply
+    on_last_disconnect : function that is called when the last connection has closed
     """
 
     def __init__(
@@ -97,8 +101,8 @@ class ClockService:
             if "advance" in request:
                 await self._advance(max(0.0, float(request["advance"])))
             elif "order" in request:
-                order = Order.model_validate(request)
-                self._unit_for(order).execute(order)
+                command = FaultCommand.model_validate(request)
+                self._unit_for(command).execute(command)
             elif "carry" in request:
                 outer, inner = map(float, request["carry"])
                 self._units[0].carry(outer, inner, float(request.get("rest", 0.0)))
@@ -108,35 +112,35 @@ class ClockService:
             return {"error": str(exc)}
         return self._report()
 
-    def _unit_for(self, order: Order) -> LiveBench:
-        """Return the unit that executes an order, which for the table is the first unit. Raises ValueError."""
+    def _unit_for(self, command: FaultCommand) -> LiveBench:
+        """Return the unit that executes a fault command, the first one for the table. Raises ValueError."""
         first = self._units[0]
-        if order.of_table or len(self._units) == 1:
+        if command.affects_table or len(self._units) == 1:
             return first
         for unit in self._units:
-            if unit.number == order.unit:
+            if unit.number == command.unit:
                 return unit
-        raise ValueError(f"there is no unit {order.unit}")
+        raise ValueError(f"there is no unit {command.unit}")
 
 
 class BenchProcess:
-    """A bench on an event loop, which prints its ports at the start and whenever a port name changes."""
+    """A bench that runs on an event loop and prints its ports at the start and whenever a port name changes."""
 
     def __init__(self, config: BenchConfig) -> None:
         self._config = config
-        self._bench = bench = LiveBench(_with_orders(config, config), time.monotonic)
-        other_units = [LiveBench(_with_orders(config, other), time.monotonic, bench) for other in config.secondaries]
+        self._bench = bench = LiveBench(_with_faults(config, config), time.monotonic)
+        other_units = [LiveBench(_with_faults(config, other), time.monotonic, bench) for other in config.secondaries]
         self._units = [bench, *other_units]
         self._lines: list[Line] = []
         for settings, unit in zip((config, *config.secondaries), self._units, strict=True):
-            line = (SocketLine if settings.imu_transport == "socket" else TerminalLine)(unit.talk)
+            line = (SocketLine if settings.imu_transport == "socket" else TerminalLine)(unit.new_parser)
             unit.on_link = partial(self._execute, line=line)
             self._lines.append(line)
         self._controller = _controller(config, bench)
         self._table_line: Line | None = None
         if self._controller is not None:
             line_kind = TerminalLine if config.table_transport == "rtu" else SocketLine
-            self._table_line = line_kind(self._controller.talk)
+            self._table_line = line_kind(self._controller.new_parser)
         self._clock = ClockService(self._units, self._advance, self._report, self.stop)
         self._advance_lock = asyncio.Lock()
         self._advanced = asyncio.Condition()
@@ -215,30 +219,30 @@ class BenchProcess:
 
     def _report(self) -> dict[str, Any]:
         sent = [line.sent for line in self._lines]
-        return {"now": self._bench.now, "samples": self._bench.sampled, "bytes": sent}
+        return {"now": self._bench.now, "samples": self._bench.sample_count, "bytes": sent}
 
-    def _execute(self, order: Order, line: Line) -> None:
-        """Execute an order for a link; `line` is the line of the unit."""
-        controller, number = self._controller, int(order.value)
-        if order.order == "hang_up_imu":
+    def _execute(self, command: FaultCommand, line: Line) -> None:
+        """Execute a fault command for a link; `line` is the line of the unit."""
+        controller, number = self._controller, int(command.value)
+        if command.order == "hang_up_imu":
             line.hang_up()
             if isinstance(line, TerminalLine):
                 self._announce()
-        elif order.order == "slow_imu":
-            line.reply_delays.append(order.value)
-        elif order.order == "mute_table" and controller is not None:
-            controller.mute += number
+        elif command.order == "slow_imu":
+            line.reply_delays.append(command.value)
+        elif command.order == "mute_table" and controller is not None:
+            controller.ignored_requests += number
         elif self._table_line is None or not isinstance(controller, ModbusServer):
             return
-        elif order.order == "slow_table":
-            self._table_line.reply_delays.append(order.value)
-        elif order.order == "garble_table":
-            controller.garble += number
-        elif order.order == "refuse_table":
-            controller.refuse = number
+        elif command.order == "slow_table":
+            self._table_line.reply_delays.append(command.value)
+        elif command.order == "garble_table":
+            controller.corrupted_replies += number
+        elif command.order == "refuse_table":
+            controller.exception = number
 
     async def _wait_for_watchdog(self) -> None:
-        """Wait after the table's client has disconnected until the watchdog has tripped."""
+        """Wait until the watchdog has tripped after the table's client has disconnected."""
         machine, deadline = self._bench.machine, time.monotonic() + self._bench.machine.watchdog + 1.0
         while machine.power is Power.ENABLED and machine.watchdog > 0.0 and time.monotonic() < deadline:
             await asyncio.sleep(TICK)
@@ -252,20 +256,22 @@ class BenchProcess:
                 moving=time < machine.drive.end,
                 fault=machine.fault.name,
                 executed=tuple(name for unit in self._units for name in unit.executed),
-                samples=self._bench.sampled,
+                samples=self._bench.sample_count,
                 time=time,
                 flash_cycles=self._bench.unit.flash.cycles,
             )
             self._config.report_file.write_text(report.model_dump_json(), encoding="utf-8")
 
 
-def _with_orders(config: BenchConfig, unit: BenchConfig) -> BenchConfig:
-    """Return the configuration of a unit with its orders; the first unit executes the orders for the table."""
+def _with_faults(config: BenchConfig, unit: BenchConfig) -> BenchConfig:
+    """Return the configuration of a unit with its fault commands; the first unit executes those for the table."""
     if not config.secondaries:
         return unit
     if unit is config:
-        return unit.model_copy(update={"orders": tuple(o for o in config.orders if o.of_table or o.unit == unit.unit)})
-    added = [o for o in config.orders if not o.of_table and o.unit == unit.unit != config.unit]
+        return unit.model_copy(
+            update={"orders": tuple(o for o in config.orders if o.affects_table or o.unit == unit.unit)}
+        )
+    added = [o for o in config.orders if not o.affects_table and o.unit == unit.unit != config.unit]
     return unit.model_copy(update={"orders": (*unit.orders, *added)})
 
 
@@ -286,7 +292,7 @@ def _controller(config: BenchConfig, bench: LiveBench) -> ModbusServer | TextCon
 
 
 def warm_up(config: BenchConfig) -> None:
-    """Compile the code that would delay the first samples, or load it from the cache."""
+    """Compile or load from the cache the code that would otherwise delay the first samples."""
     steps: list[Step] = [Move(0.01, 0.01, 1.0, 1.0), Dwell(0.1)]
     truth = config.truth()
     Simulator(truth, 0).run(steps, "")

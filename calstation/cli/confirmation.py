@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from calstation.cli.text import say
-from calstation.config import Person, computer_user, load_station, pin_known
+from calstation.config import Person, can_confirm_identity, computer_user, load_station
 
 if TYPE_CHECKING:
     from calstation.runs import RunStart
@@ -33,7 +33,11 @@ def confirm_override(start: "RunStart", reason: str, confirmed_by: str | None) -
     At a site without PINs the reason suffices. Raises ConfigurationError.
     """
     request, first, second = start.request, None, None
-    if pin_known(load_station(request.station)[1]) or start.override_required.second or confirmed_by is not None:
+    if (
+        can_confirm_identity(load_station(request.station)[1])
+        or start.override_required.second
+        or confirmed_by is not None
+    ):
         first, second = ask_people(request.operator, confirmed_by, computer_user() or "", pin=True)
     start.override(reason, first, second)
 

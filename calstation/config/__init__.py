@@ -1,11 +1,17 @@
 """Configuration files of stations and products, their editing, and the configuration of a run.
 
-The package depends on no device, task or bench. It has more than 15 modules: one for each kind or section of files.
+The package depends on no device, task or bench. It has more than 15 modules, one for each kind or section of files.
 """
 
 from calstation.config import access, editing, library, versions
 from calstation.config.blocks import arrange_entries
-from calstation.config.confirmation import ConfirmationRequired, Person, confirm, confirmation_required, pin_known
+from calstation.config.confirmation import (
+    ConfirmationRequired,
+    Person,
+    can_confirm_identity,
+    confirm,
+    confirmation_required,
+)
 from calstation.config.editing import check, detect_kind, edit_toml, line_of, read_text
 from calstation.config.forms import (
     FORMS,
@@ -66,8 +72,8 @@ from calstation.config.slots import (
     SlotSection,
     imu_defaults,
     is_manual_table,
+    profile_takes_single_unit,
     table_defaults,
-    takes_one_unit,
 )
 from calstation.config.station import (
     DEFAULT_STATION,
@@ -87,6 +93,6 @@ from calstation.config.station_sections import (
     SignInSection,
     check_database_url,
     has_password,
-    missing_report_places,
+    missing_report_paths,
 )
 from calstation.config.versions import Version, save_noise

@@ -1,6 +1,6 @@
-"""The site's engineering PIN, required for all changes that affect results, and the engineers' personal PINs by badge.
+"""The site's engineering PIN, which protects changes that affect results, and the engineers' personal PINs by badge.
 
-The site's folder contains their salted hashes. In all functions, the badge "" denotes the site's PIN.
+The site's folder contains the salted hashes of the PINs. In all functions, the badge "" denotes the site's PIN.
 """
 
 import hashlib
@@ -29,7 +29,7 @@ MIN_PIN_LENGTH = 6
 #: Number of wrong PINs before the first delay.
 _FREE_FAILURES = 2
 
-#: Maximum delay after a wrong PIN, s; the first delay is one second, and each further one is twice as long.
+#: Maximum delay after a wrong PIN, s; the first delay is one second, and each further delay is twice as long.
 _MAX_DELAY = 300.0
 
 #: Longest time to wait for another program that checks or sets a PIN, s.
@@ -53,7 +53,7 @@ class _Stored(StrictModel):
 
 
 def has_pin(badge: str = "") -> bool:
-    """Return whether a PIN has been set. The first user sets the site's PIN."""
+    """Return whether a PIN has been set; the first user sets the site's PIN."""
     return _file(badge).exists()
 
 
@@ -103,7 +103,7 @@ def _check(pin: str, badge: str) -> bool:
 
 
 def wait(badge: str = "") -> float:
-    """Return the time until the next PIN may be entered, s, also after a restart of the program."""
+    """Return the time until the next PIN may be entered, s; it persists over a restart of the program."""
     return _wait(_load(badge)) if has_pin(badge) else 0.0
 
 

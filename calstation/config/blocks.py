@@ -1,4 +1,4 @@
-"""Blocks of lines of a TOML text, with which tables are added, removed or moved together with their comments."""
+"""Blocks of lines in a TOML text, which allow tables to be added, removed or moved together with their comments."""
 
 import re
 import tomllib
@@ -30,17 +30,17 @@ class _Block:
 
     @property
     def content(self) -> tuple[str, ...]:
-        """The lines without trailing empty lines."""
+        """Lines of the block without trailing empty lines."""
         return self.lines[: max((i for i, line in enumerate(self.lines, 1) if line.strip()), default=0)]
 
     @property
     def is_comment(self) -> bool:
-        """Whether the block contains only comments, or nothing."""
+        """Whether the block is empty or contains only comments."""
         return all(line.startswith("#") for line in self.lines)
 
 
 def has_table(text: str, path: KeyPath) -> bool:
-    """Return whether a text has a header for the table, or for the entry of a list of tables, at a path."""
+    """Return whether a text has a header for the table or the entry of a list of tables at a path."""
     return any(block.path == path for block in _blocks(text))
 
 
@@ -92,10 +92,11 @@ def replace_header(text: str, path: KeyPath, header: str, first: Mapping[str, An
 
 
 def arrange_entries(text: str, key: str, order: Sequence[int | Mapping[str, Any]]) -> str:
-    """Arrange the entries of a list of tables in an order of numbers of existing entries and values of new entries.
+    """Arrange the entries of a list of tables in the given order.
 
-    An existing entry keeps its lines and the comments directly above it. A list in brackets is converted to tables with
-    headers, without the comments inside the brackets.
+    `order` contains the number of each existing entry and the values of each new one. An existing entry keeps its lines
+    and the comments directly above it. A list in brackets is converted to tables with headers; the comments inside the
+    brackets are removed.
     """
     blocks = _blocks(text)
     entries = [block for block in blocks if block.inside((key,))]
@@ -117,7 +118,7 @@ def arrange_entries(text: str, key: str, order: Sequence[int | Mapping[str, Any]
 
 
 def _blocks(text: str) -> list[_Block]:
-    """Split a valid TOML text into blocks; their lines together are the text."""
+    """Split a valid TOML text into blocks, which together contain all its lines."""
     lines = StringIO(text).readlines()
     headers = [i for i, line in enumerate(lines) if line.lstrip().startswith("[") and _is_toml(lines[:i])]
     starts = [_comment_start(lines, i) for i in headers]
@@ -127,7 +128,7 @@ def _blocks(text: str) -> list[_Block]:
         end = starts[n + 1] if n + 1 < len(starts) else len(lines)
         same_key = [k for k, other in enumerate(paths) if other[0] == path[0]]
         if n == same_key[0] and len(same_key) > 1 and all(starts[k] == headers[k] for k in same_key[1:]):
-            blocks.append(_Block(None, tuple(lines[start:header])))  # the only comment refers to all entries
+            blocks.append(_Block(None, tuple(lines[start:header])))  # a single comment refers to all entries
             start = header
         last = n + 1 == len(paths) or paths[n + 1][0] != path[0]
         table_end = _table_end(lines, header, end) if last else end
@@ -138,7 +139,7 @@ def _blocks(text: str) -> list[_Block]:
 
 
 def _table_end(lines: Sequence[str], header: int, end: int) -> int:
-    """Return the end of a table, before comments that follow it after an empty line, or `end` without such comments."""
+    """Return the end of a table, excluding comments that follow an empty line at its end."""
     last = end
     while last > header + 1 and (not lines[last - 1].strip() or lines[last - 1].lstrip().startswith("#")):
         last -= 1
@@ -176,7 +177,7 @@ def _paths(headers: Iterable[str]) -> list[KeyPath]:
 
 
 def _is_toml(lines: Sequence[str]) -> bool:
-    """Return whether lines are valid TOML, which means that the next line is not inside a list or multi-line text."""
+    """Return whether lines are valid TOML, so that the next line is not inside a list or a multi-line text."""
     try:
         tomllib.loads("".join(lines))
     except tomllib.TOMLDecodeError:

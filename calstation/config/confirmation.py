@@ -1,4 +1,4 @@
-"""Actions of an engineer that a second engineer confirms, each identified by badge and personal PIN."""
+"""Confirmation of an engineer's actions by a second engineer; badge and personal PIN identify both."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -9,13 +9,13 @@ from calstation.config.request import Confirmation, plain_text
 from calstation.config.station import StationConfig
 from calstation.errors import ConfigurationError
 
-#: Override of a failed unit or check standard; a register write outside a run; or the issue of a certificate.
+#: Overriding a failed unit or check standard, writing registers outside a run, or issuing a certificate.
 Action = Literal["override", "registers", "certificate"]
 
 
 @dataclass(frozen=True)
 class Person:
-    """A person who acts or confirms, with name and site's PIN if the station lists no engineers."""
+    """A person who acts or confirms; without engineers at the station, they give their name and the site's PIN."""
 
     badge: str
     pin: str = field(default="", repr=False)  #: Empty if no PIN was requested.
@@ -27,7 +27,7 @@ class Person:
 
 @dataclass(frozen=True)
 class ConfirmationRequired:
-    """Whether an action requires the PIN of the acting person, the badge of an engineer, and a second person."""
+    """What an action requires: the PIN of the acting person, the badge of an engineer, a second person."""
 
     pin: bool
     badge: bool
@@ -35,7 +35,7 @@ class ConfirmationRequired:
 
 
 def confirmation_required(action: Action, product: ProductConfig, station: StationConfig) -> ConfirmationRequired:
-    """Return the requirements of an action with a unit of a product at a station.
+    """Return what an action with a unit of a product requires at a station.
 
     An override always requires a PIN; other actions require one only if the product requires a second person.
     """
@@ -43,8 +43,8 @@ def confirmation_required(action: Action, product: ProductConfig, station: Stati
     return ConfirmationRequired(second or action == "override", bool(_engineers(station)), second)
 
 
-def pin_known(station: StationConfig) -> bool:
-    """Return whether anybody can confirm an identity at a station, because it lists engineers or the site has a PIN."""
+def can_confirm_identity(station: StationConfig) -> bool:
+    """Return whether people can prove their identity: the station lists engineers, or the site has a PIN."""
     return bool(_engineers(station)) or access.has_pin()
 
 
@@ -59,8 +59,8 @@ def confirm(
     ----------
     action : the action
     product, station : product and station, which define whether a second person is required and who is an engineer
-    first : acting person, whose PIN is also checked if it is not required
-    second : confirming person, who is also checked if not required
+    first : acting person; a PIN that is given is checked even if it is not required
+    second : confirming person, who is checked even if not required
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Editing of a site's files: listing, checking of a text, and changes of values that keep the comments."""
+"""Editing of a site's files, which lists files, checks texts, and changes values without losing comments."""
 
 import re
 import tomllib
@@ -42,7 +42,7 @@ _SIGNATURES = {
     "tables": (r"\[outer\]", r"\[inner\]", r"\[modbus\]", r"\[text\]", r"outer_axis\s*="),
 }
 
-#: Temporary value with which a line is found, a private-use character that no file contains.
+#: Private-use character that no file contains, inserted temporarily to find a line.
 _MARKER = "\ue000"
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
@@ -58,13 +58,13 @@ class ConfigFile:
 
 
 def list_files(kind: str) -> list[ConfigFile]:
-    """Return all files of a kind, sorted; a site's file hides the shipped one with the same name."""
+    """Return all files of a kind in alphabetical order; a site's file hides the shipped file with the same name."""
     files = [(name, library.find(kind, name)) for name in library.names(kind)]
     return [ConfigFile(name, path, path.is_relative_to(library.shipped_folder())) for name, path in files]
 
 
 def detect_kind(path: Path, text: str) -> str:
-    """Return the kind of a file according to its folder or else its tables. Raises ConfigurationError if unknown."""
+    """Determine the kind of a file from its folder, or else from its tables. Raises ConfigurationError."""
     folder = path.absolute().parent.name
     if folder in MODELS:
         return folder
@@ -75,14 +75,14 @@ def detect_kind(path: Path, text: str) -> str:
 
 
 def check(kind: str, text: str, path: Path | None = None) -> list[Problem]:
-    """Return all errors that loading would find in the text of the file at `path`; [] if it may be saved."""
+    """Return all errors for which the file at `path` with this text could not be loaded; [] if it may be saved."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as exc:
         line, detail = toml_error(exc, text)
         return [Problem((), "toml", Text.of("configuration.not_toml", detail=detail), line)]
     problems = check_data(kind, data, path)
-    return [replace(problem, line=line_of(text, problem.place), data=data) for problem in problems]
+    return [replace(problem, line=line_of(text, problem.key_path), data=data) for problem in problems]
 
 
 def check_data(kind: str, data: Mapping[str, Any], path: Path | None = None) -> list[Problem]:
@@ -120,14 +120,14 @@ def _check_product(product: ProductConfig, path: Path | None) -> list[Problem]:
     problems += map(Problem.of, unknown_targets(product.targets, "targets"))
     problems += map(Problem.of, missing_files(product, path))
     for stage in dict.fromkeys((*product.stages, *product.schedule)):
-        place: KeyPath = ("schedule", stage) if stage in product.schedule else ("stages",)
+        key_path: KeyPath = ("schedule", stage) if stage in product.schedule else ("stages",)
         try:
             stage_method = method(stage)
         except ConfigurationError as exc:
-            problems.append(Problem(place, "value_error", exc.as_text))
+            problems.append(Problem(key_path, "value_error", exc.as_text))
             continue
         values = schedule_values(product, stage, {})
-        problems += _problems_at(place, stage_method.schedule, values)
+        problems += _problems_at(key_path, stage_method.schedule, values)
         targets = values.get("targets")
         if stage in product.schedule and isinstance(targets, dict) and targets != product.targets:
             problems += map(Problem.of, unknown_targets(targets, "schedule", stage, "targets"))
@@ -135,7 +135,7 @@ def _check_product(product: ProductConfig, path: Path | None) -> list[Problem]:
 
 
 def _problems_at(key_path: KeyPath, model: type[BaseModel], data: Any) -> list[Problem]:
-    return [replace(problem, place=(*key_path, *problem.place)) for problem in problems_of(model, data)]
+    return [replace(problem, key_path=(*key_path, *problem.key_path)) for problem in problems_of(model, data)]
 
 
 def _unknown_profile(kind: str, name: str, *key_path: str | int) -> Iterator[Problem]:
@@ -161,7 +161,7 @@ def field_of(kind: str, key_path: KeyPath) -> FieldInfo | None:
 
 
 def required_type(annotation: Any) -> tuple[Any, bool]:
-    """Return the type of an optional value, which is the first one of several, and whether it is optional."""
+    """Return the type of a value, which is the first type of a union, and whether the value is optional."""
     if get_origin(annotation) not in (Union, UnionType):
         return annotation, False
     options = get_args(annotation)
@@ -198,12 +198,12 @@ def edit_toml(text: str, changes: Mapping[KeyPath, Any]) -> str:
     `changes` contains new values by entry; None removes the value, and its table if it becomes empty.
     """
     for key_path, value in changes.items():
-        text = _without(text, key_path) if value is None else _with(text, key_path, value)
+        text = _remove_value(text, key_path) if value is None else _set_value(text, key_path, value)
     return text
 
 
-def _with(text: str, key_path: KeyPath, value: Any) -> str:
-    """Set a value; a new table with one or two keys gets a header, unless it is inside a list or an inline table."""
+def _set_value(text: str, key_path: KeyPath, value: Any) -> str:
+    """Set a value; a new table with one or two keys gets a header unless it is inside a list or an inline table."""
     document = tomlkit.parse(text)
     table: Any = document
     inline = False
@@ -211,7 +211,7 @@ def _with(text: str, key_path: KeyPath, value: Any) -> str:
         inline = inline or depth > 1 or isinstance(key, int) or isinstance(table, InlineTable)
         if isinstance(key, str) and key not in table:
             if inline:
-                return _with(text, key_path[: depth + 1], nested(key_path[depth + 1 :], value))
+                return _set_value(text, key_path[: depth + 1], nested(key_path[depth + 1 :], value))
             return add_table(text, key_path[:-1], {str(key_path[-1]): value})
         table = table[key]
     key = key_path[-1]
@@ -227,8 +227,8 @@ def _with(text: str, key_path: KeyPath, value: Any) -> str:
     return tomlkit.dumps(document)
 
 
-def _without(text: str, key_path: KeyPath) -> str:
-    """Remove a value, and its table if it becomes empty; a text without the value remains unchanged."""
+def _remove_value(text: str, key_path: KeyPath) -> str:
+    """Remove a value, and its table if that becomes empty; a text without the value remains unchanged."""
     document = tomlkit.parse(text)
     owner: Any = document
     for key in key_path[:-1]:
@@ -243,7 +243,7 @@ def _without(text: str, key_path: KeyPath) -> str:
         del owner[key_path[-1]]
         text = tomlkit.dumps(document)
     if len(key_path) > 1 and isinstance(key_path[-2], str) and not owner:
-        return _without(text, key_path[:-1])
+        return _remove_value(text, key_path[:-1])
     return text
 
 
@@ -253,7 +253,7 @@ def is_name(name: str) -> bool:
 
 
 def new_name(kind: str, name: str) -> str:
-    """Return a valid name of a new file. Raises ConfigurationError if it is invalid or exists."""
+    """Return `name` if it is valid for a new file. Raises ConfigurationError if it is invalid or exists."""
     if not is_name(name):
         raise ConfigurationError("configuration.bad_name", name=name)
     if name in library.names(kind):

@@ -1,4 +1,4 @@
-"""Forms, whose fields are described by the models of files and schedules, with values in display units."""
+"""Forms for files and schedules, whose models describe the fields; values are in display units."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -32,16 +32,16 @@ Unit = tuple[str, float]
 _NO_UNIT: Unit = ("", 1.0)
 _MIXED_UNITS: Unit = ("SI", 1.0)
 
-#: Kinds of problems of files whose entries cannot be shown in a form.
+#: Kinds of problems that prevent the entries of a file from being shown in a form.
 _UNREADABLE = ("toml", "file", "model_type", "dict_type", "list_type")
 
-#: Number types offered in a register map; other types can be entered.
+#: Number types offered for a register map; other types can be entered.
 _TYPES = ("f32", "f64", "i16", "i32", "u16", "u32", "q2.30", "q16.16")
 
 #: Kinds of fields by the type of their values.
 _KINDS: dict[Any, Any] = {bool: "flag", int: "count", float: "number", str: "text", list: "vector", Literal: "choice"}
 
-#: Units by the name of a field, and by the last word of the name.
+#: Units by the name of a field, and below by the last word of the name.
 _UNITS = {"velocity_sigma": "m/s", "speed": "×"}
 _UNITS_BY_END = {
     "deg": "°",
@@ -61,7 +61,7 @@ class FieldSpec:
 
     name: str
     kind: Literal["number", "count", "flag", "choice", "text", "vector", "targets", "other"]
-    unit: str  #: Empty if it has no unit.
+    unit: str  #: Unit of the value; empty if it has none.
     low: float | None = None
     above: bool = False  #: Whether the value must be greater than `low`, not equal to it.
     high: float | None = None
@@ -96,15 +96,15 @@ def field_spec(name: str, info: FieldInfo | None) -> FieldSpec:
 class FormCell:
     """A value of a file in a table.
 
-    place : key path of the value, or of the interval that it limits
-    kind : a number, a text, names separated by commas, or one of `choices`, of which None omits the entry
+    key_path : key path of the value, or of the interval that it limits
+    kind : a number, a text, names separated by commas, or one of `choices`; the choice None omits the entry
     end : 0 for the lowest value of an interval, 1 for the highest
     magnitude : whether the interval may also be a single number, which means ± this number
     component : number of the component of a vector, 0 to 2; all components are 0 if the file has no vector
     default : value if the file has none
     """
 
-    place: KeyPath
+    key_path: KeyPath
     unit: Unit = _NO_UNIT
     kind: Literal["number", "text", "names", "choice"] = "number"
     end: int | None = None
@@ -115,19 +115,19 @@ class FormCell:
 
     def value(self, get: Get) -> Any:
         """Return the value in the file, or None."""
-        value, part = get(self.place), self._part
+        value, part = get(self.key_path), self._part
         if part is None:
             return value
         if isinstance(value, list):
             return value[part] if part < len(value) else None
         return -value if self.end == 0 and isinstance(value, float | int) else value
 
-    def stated(self, get: Get) -> bool:
-        """Return whether the file contains the value itself; False for a default and for the lower end of ±."""
-        value = get(self.place)
+    def is_set(self, get: Get) -> bool:
+        """Return whether the file contains the value itself; False for a default and the lower end of a ± interval."""
+        value = get(self.key_path)
         return value is not None and (self.end != 0 or isinstance(value, list))
 
-    def shown(self, get: Get) -> Any:
+    def displayed(self, get: Get) -> Any:
         """Return the choice, or the text of the value or its default in the display unit."""
         value = self.value(get)
         value = self.default if value is None else value
@@ -142,45 +142,45 @@ class FormCell:
         return str(value)
 
     def changes(self, get: Get, entered: Any) -> dict[KeyPath, Any]:
-        """Return the changes of the file for an entered text or choice, which are empty if it is displayed already.
+        """Return the changes to the file for an entered text or choice; empty if it is already displayed.
 
         A text that is not a number is stored unchanged, so that the validation of the file reports it.
         """
         value = self._parse(entered)
         if self.component is not None and value is None:
             value = 0.0
-        if value == self._parse(self.shown(get)):
+        if value == self._parse(self.displayed(get)):
             return {}
-        present = get(self.place)
+        present = get(self.key_path)
         if self.component is not None:
             if isinstance(present, list) and len(present) == 3:
-                return {(*self.place, self.component): value}
-            return {self.place: [value if axis == self.component else 0.0 for axis in range(3)]}
+                return {(*self.key_path, self.component): value}
+            return {self.key_path: [value if axis == self.component else 0.0 for axis in range(3)]}
         if self.end is None:
-            return {self.place: value}
+            return {self.key_path: value}
         if self.magnitude and not isinstance(present, list) and (self.end == 1 or value is None):
-            return {self.place: value} if self.end == 1 else {}
+            return {self.key_path: value} if self.end == 1 else {}
         if isinstance(present, list) and len(present) == 2 and value is not None:
-            return {(*self.place, self.end): value}
+            return {(*self.key_path, self.end): value}
         ends = [*present, "", ""] if isinstance(present, list) else ["", ""]
         if isinstance(present, float | int):
             ends = [-present, present]
         ends[self.end] = "" if value is None else value
-        return {self.place: None if set(ends[:2]) == {""} else ends[:2]}
+        return {self.key_path: None if set(ends[:2]) == {""} else ends[:2]}
 
     def in_display_unit(self, problem: Problem) -> Problem:
-        """Return a problem of the value with its numbers in the display unit."""
+        """Convert the numbers in a problem of the value to the display unit."""
         values = {
             key: value / self.unit[1] if isinstance(value, float) else value
             for key, value in problem.what.values.items()
         }
         return replace(problem, what=replace(problem.what, values=values))
 
-    def concerns(self, problem: Problem) -> bool:
-        """Return whether a problem refers to this value."""
-        length, part = len(self.place), self._part
-        inside = problem.place[:length] == self.place
-        return inside and (part is None or problem.place[length : length + 1] in ((), (part,)))
+    def matches(self, problem: Problem) -> bool:
+        """Return whether a problem concerns this value."""
+        length, part = len(self.key_path), self._part
+        inside = problem.key_path[:length] == self.key_path
+        return inside and (part is None or problem.key_path[length : length + 1] in ((), (part,)))
 
     @property
     def _part(self) -> int | None:
@@ -206,17 +206,17 @@ class FormCell:
 class FormRow:
     """A row of a form, named after a parameter, a group or a key of the file.
 
-    A text instead of a cell cannot be changed. `places` are the entries that are removed with the row.
+    A text in place of a cell cannot be edited. `key_paths` are the entries that are removed together with the row.
     """
 
     name: str
     cells: tuple[FormCell | str, ...]
-    places: tuple[KeyPath, ...] = ()
+    key_paths: tuple[KeyPath, ...] = ()
 
 
 @dataclass(frozen=True)
 class FormColumn:
-    """A column of a form; `key` selects its heading, in which a stage and a unit may be inserted."""
+    """A column of a form; `key` selects its heading, into which a stage and a unit may be inserted."""
 
     key: str
     stage: str = ""
@@ -225,12 +225,13 @@ class FormColumn:
 
 @dataclass(frozen=True)
 class Form:
-    """A form for a part of the files of a kind.
+    """A form for some of the entries of a kind of file.
 
-    roots : entries that contain the values; the first one contains new rows
+    roots : entries that contain the values; new rows are added to the first one
     names : kind of the names of the rows
     offered : names of the rows that can be added
-    new_entry : returns a new entry from the model of a valid file if the rows are the entries of an ordered list
+    new_entry : if the rows are the entries of an ordered list, function that returns a new entry; its last argument is
+        the model of the file, or None for an invalid file
     """
 
     name: str
@@ -251,24 +252,25 @@ class Form:
         """Return a problem that prevents the form from being shown, or None."""
         unreadable = (p for p in problems if p.kind in _UNREADABLE)
         return next(
-            (p for p in unreadable if any(p.place[: len(root)] == root[: len(p.place)] for root in self.roots)), None
+            (p for p in unreadable if any(p.key_path[: len(root)] == root[: len(p.key_path)] for root in self.roots)),
+            None,
         )
 
 
 def cells_with_problem(rows: Sequence[FormRow], problem: Problem) -> list[FormCell]:
-    """Return the cells in which a problem is marked: those of its value, or else the first cell of its row."""
+    """Return the cells to mark for a problem: the cells of its value, or else the first cell of its row."""
     for row in rows:
         cells = [cell for cell in row.cells if isinstance(cell, FormCell)]
-        if concerned := [cell for cell in cells if cell.concerns(problem)]:
+        if concerned := [cell for cell in cells if cell.matches(problem)]:
             return concerned
-        if any(problem.place[: len(place)] == place for place in row.places):
-            inside = [cell for cell in cells if cell.place[: len(problem.place)] == problem.place]
+        if any(problem.key_path[: len(key_path)] == key_path for key_path in row.key_paths):
+            inside = [cell for cell in cells if cell.key_path[: len(problem.key_path)] == problem.key_path]
             return inside if len(inside) < len(cells) and inside else cells[:1]
     return []
 
 
 def _number(text: str) -> float:
-    """Return a number, an integer if entered without a decimal point. Raises ValueError."""
+    """Convert a text to a number, which is an integer if it has no decimal point. Raises ValueError."""
     try:
         return int(text)
     except ValueError:
@@ -276,7 +278,7 @@ def _number(text: str) -> float:
 
 
 def cell_of(kind: str, key_path: KeyPath, unit: Unit = _NO_UNIT, **options: Any) -> FormCell:
-    """Create the cell for an entry, with choices and default from the model of the file."""
+    """Create the cell for an entry, with the choices and the default from the model of the file."""
     info = field_of(kind, key_path)
     if info is None:
         return FormCell(key_path, unit, **options)
@@ -301,7 +303,7 @@ def _unit(name: str) -> Unit:
 
 
 def _limit_stages(get: Get) -> list[str]:
-    """Return the stages after which a limit specifies a separate sigma for partial runs."""
+    """Return the stages for which a limit specifies a separate sigma for partial runs."""
     limits = get(("limits",))
     return list(dict.fromkeys(s for name in _keys(limits) for s in _keys(get(("limits", name, "sigma_below_after")))))
 
@@ -340,7 +342,7 @@ def _noise_rows(get: Get) -> list[FormRow]:
         ("stream", "order"): "",
     }
     cells = [cell_of("imus", key_path, unit_of(unit)) for key_path, unit in units.items()]
-    return [FormRow(str(cell.place[-1]), (cell, cell.unit[0])) for cell in cells]
+    return [FormRow(str(cell.key_path[-1]), (cell, cell.unit[0])) for cell in cells]
 
 
 def _prior_rows(get: Get) -> list[FormRow]:
@@ -362,7 +364,7 @@ _CONVENTION = ("matrix", "identity", "negated", "offset", "added")
 
 
 def entry_rows(key: str, cells: Callable[[Get, KeyPath], Iterable[FormCell | str]]) -> Callable[[Get], list[FormRow]]:
-    """Return the function that returns a row with these cells for each entry of a list, numbered from 1."""
+    """Return the `rows` function of a form whose rows are the entries of a list, numbered from 1."""
 
     def rows(get: Get) -> list[FormRow]:
         entries = get((key,))
@@ -394,7 +396,7 @@ def _register_cells(get: Get, key_path: KeyPath) -> Iterator[FormCell | str]:
 
 
 def _content_unit(names: Any) -> Unit:
-    """Return the display unit of the content of a register, or "SI" if its numbers have different units."""
+    """Return the display unit of the content of a register; "SI" if its numbers have different units."""
     units = {_unit_of_content(str(name)) for name in names if name} if isinstance(names, list) else set()
     return units.pop() if len(units) == 1 else _MIXED_UNITS
 
@@ -407,7 +409,7 @@ def _unit_of_content(name: str) -> Unit:
 
 
 def _new_register(_: Get, profile: BaseModel | None) -> dict[str, Any]:
-    """Return a new entry of the register map at the next free address, which contains 0 until it gets a name."""
+    """Return a new entry of the register map at the next free address; it contains 0 until it is given a name."""
     if not isinstance(profile, ImuProfile) or not profile.registers:
         return {"address": 0, "parameters": [""], "range": [-1.0, 1.0]}
     last = profile.registers[-1]

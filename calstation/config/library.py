@@ -1,4 +1,4 @@
-"""The library of station, table, IMU and product files: the site's files, and the shipped defaults."""
+"""The library of station, table, IMU and product files, which are the site's own files and the shipped defaults."""
 
 import os
 import sys
@@ -32,7 +32,7 @@ def shipped_folder() -> Path:
 
 
 def fonts_folder() -> Path:
-    """Return the folder of the font of window, certificates and labels."""
+    """Return the folder of the font used by the window, certificates and labels."""
     return shipped_folder() / "fonts"
 
 
@@ -43,7 +43,7 @@ def names(kind: str) -> list[str]:
 
 
 def find(kind: str, name: str) -> Path:
-    """Return the file with a name, e.g. ``find("tables", "bench")``. Raises ConfigurationError."""
+    """Return the path of a file by kind and name, e.g. ``find("tables", "bench")``. Raises ConfigurationError."""
     for folder in (site_folder(), shipped_folder()):
         path = folder / kind / f"{name}.toml"
         if path.is_file():

@@ -19,7 +19,7 @@ STAGE = "cross_calibration"
 
 @dataclass(frozen=True)
 class PairConfiguration:
-    """A primary and its secondaries, each configured like the only unit of a station, and their schedule."""
+    """A primary IMU and its secondaries, each configured like the only unit of a station, and their schedule."""
 
     primary: RunConfiguration
     secondaries: tuple[RunConfiguration, ...]
@@ -33,7 +33,7 @@ class PairConfiguration:
     def log_meta(self, serials: list[str], registers: Mapping[str, float]) -> LogMeta:
         """Return the configuration of a log of these units, with their serial numbers and the primary's registers.
 
-        Registers that are not applied to the primary's stream are its prior.
+        Registers that are not applied to the primary's stream become its prior.
         """
         primary = replace(self.primary, request=replace(self.primary.request, serial=serials[0]))
         data = primary.log_meta(registers=registers).model_dump()

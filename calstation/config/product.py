@@ -1,4 +1,4 @@
-"""The model of a product file, which describes a type of unit with its calibration and limits."""
+"""The model of a product file, which describes a type of unit, its calibration and its limits."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,7 +17,7 @@ from calstation.records import ChecksSection, ConformitySection, Day, Limit, che
 from calstation.schema import EntryError, Pattern, Problem, StrictModel, load_once, near_miss
 from procedures import DEFAULT_STAGES, method
 
-#: Recommended action for a unit outside its limits: remount it, repeat the run unchanged, or set it aside.
+#: Recommended action for a unit outside its limits: remount it, repeat the run without changes, or set it aside.
 Advice = Literal["reseat", "repeat", "set_aside"]
 
 #: Effects outside the model that a schedule can be required to detect.
@@ -33,7 +33,7 @@ _ROUNDING_SIGMA = 12.0**-0.5
 
 
 class WarmUpSection(StrictModel):
-    """`[warm_up]`: minimum warm-up time, and largest temperature slope at its end."""
+    """`[warm_up]`: minimum warm-up time, and largest temperature slope at the end of the warm-up."""
 
     time_s: float = Field(default=0.0, ge=0, le=86_400)
     slope_c_per_min: float | None = Field(default=None, gt=0)
@@ -55,7 +55,7 @@ class ConfirmationSection(StrictModel):
 
 
 class ReferenceSection(StrictModel):
-    """`[check_standards.reference.NAME]`: reference value of a parameter and its standard deviation, SI."""
+    """`[check_standards.reference.NAME]`: reference value of a parameter and the standard deviation, SI."""
 
     value: float
     sigma: float = Field(ge=0)
@@ -65,8 +65,8 @@ class CheckStandardSection(StrictModel):
     """`[[check_standards]]` of a product: a unit with which the station is checked regularly (golden unit)."""
 
     serial: str = Field(min_length=1)
-    interval_days: float = Field(gt=0)  #: Longest time between two of its passed runs.
-    #: Date of the reference values; without it, the unit is assumed to change only at a power-up.
+    interval_days: float = Field(gt=0)  #: Longest time between two passed runs of the unit.
+    #: Date of the reference values; without a date, the unit is assumed to change only at a power-up.
     date: Day | None = None
     #: Reference value by parameter; the outer lever depends on the mounting and is not compared.
     reference: dict[str, ReferenceSection] = Field(min_length=1)
@@ -81,7 +81,7 @@ class CheckStandardSection(StrictModel):
 
 
 class ProductConfig(StrictModel):
-    """A product file: a type of unit, its calibration, and its limits."""
+    """A product file, which describes a type of unit, its calibration and its limits."""
 
     name: str
     imu: str  #: Name of the IMU profile.
@@ -93,17 +93,17 @@ class ProductConfig(StrictModel):
     label: str | None = Field(default=None, pattern=r"^[^/\\]+\.(zpl|typ)$")
     stages: list[str] = Field(default_factory=lambda: list(DEFAULT_STAGES), min_length=1)
     schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Parameters of the methods, by stage.
-    targets: dict[str, float] = Field(default_factory=dict)  #: Sigmas at which a repeated stage may stop, SI.
+    targets: dict[str, float] = Field(default_factory=dict)  #: Sigmas at which a repeated stage may end, SI.
     limits: dict[str, Limit] = Field(default_factory=dict)
     checks: ChecksSection | None = None
-    conformity: ConformitySection | None = None  #: Decision rule; simple acceptance without it.
+    conformity: ConformitySection | None = None  #: Decision rule; None for simple acceptance.
     confirmation: ConfirmationSection | None = None
     #: Sizes of effects outside the model that a designed schedule must detect, SI, by cause.
     diagnosis: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
     load_angle: LoadAngleSection = LoadAngleSection()
     warm_up: WarmUpSection = WarmUpSection()
     operator_ends_stages: bool = False  #: Whether the operator page offers to end a repeated stage early.
-    end_on_failure: bool = False  #: Whether to skip the remaining stages after a limit was exceeded.
+    end_on_failure: bool = False  #: Whether to skip the remaining stages after a limit is exceeded.
     #: Recommended action after the first, second, ... consecutive failure; the last entry applies to all later ones.
     advice: list[Advice] = Field(default=["reseat", "repeat", "set_aside"], min_length=1)
     #: Consecutive failures after which a unit is not calibrated again.
@@ -150,12 +150,12 @@ class ProductConfig(StrictModel):
         return self
 
     def standard(self, serial: str) -> CheckStandardSection | None:
-        """Return the check standard with a serial number, None for any other unit."""
+        """Return the check standard with a serial number; None if the unit is not a check standard."""
         return next((standard for standard in self.check_standards if standard.serial == serial), None)
 
     @property
     def example(self) -> str:
-        """A matching serial number, or the pattern if the product contains no example."""
+        """A matching serial number, or the pattern if the product file gives no example."""
         return self.serial_example if re.fullmatch(self.serial_pattern, self.serial_example) else self.serial_pattern
 
     @model_validator(mode="after")
@@ -178,7 +178,7 @@ def in_file(path: Path) -> Iterator[None]:
 
 
 def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
-    """Load a product file, by default `DEFAULT_PRODUCT`; its stages must exist. Raises ConfigurationError."""
+    """Load a product file, by default `DEFAULT_PRODUCT`. Raises ConfigurationError, also for an unknown stage."""
     path = path or library.find("products", DEFAULT_PRODUCT)
     product = load_once(ProductConfig, path)
     for stage in (*product.stages, *product.schedule):
@@ -190,16 +190,16 @@ def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
 
 
 def missing_files(product: ProductConfig, path: Path | None = None) -> Iterator[EntryError]:
-    """Yield errors for files named by a product at `path` that do not exist."""
+    """Yield errors for files that the product at `path` names but that do not exist."""
     for entry in ("picture", "label"):
         name = getattr(product, entry)
         if name is not None and library.find_beside(path, name) is None:
             yield EntryError("product.no_file", entry, name=name, folder=library.site_folder() / "products")
 
 
-def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, Any]) -> dict[str, JsonValue]:
-    """Return the values of a stage's schedule, in which `instead` overrides the product's values."""
-    values: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
+def schedule_values(product: ProductConfig, stage: str, overrides: Mapping[str, Any]) -> dict[str, JsonValue]:
+    """Return the values of a stage's schedule, in which `overrides` replace the product's values."""
+    values: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **overrides}
     fields = method(stage).schedule.model_fields
     if "targets" in fields and "stop_at_limits" not in fields and product.targets and "targets" not in values:
         values["targets"] = dict(product.targets)
@@ -207,14 +207,14 @@ def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, An
 
 
 def unknown_targets(targets: Iterable[str], *keys: str) -> Iterator[EntryError]:
-    """Yield errors for targets at `keys` that are neither parameters nor groups, because they would be ignored."""
+    """Yield errors for targets that are neither parameters nor groups; `keys` lead to the targets in the file."""
     return (
         EntryError("product.target_unknown", *keys, name, name=name) for name in targets if not parameter_indices(name)
     )
 
 
 def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[EntryError]:
-    """Yield errors for limits that exceed the range or resolution of the unit's registers, one per entry."""
+    """Yield one error for each limit that exceeds the range or resolution of the unit's registers."""
     reported = set()
     for register in imu.registers:
         for name in filter(None, register.names):
@@ -223,13 +223,13 @@ def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[Entr
             if limit_name is None:
                 continue
             for error in _conflicts(register, name, limit_name, product.limits[limit_name], imu.name):
-                if error.place not in reported:
-                    reported.add(error.place)
+                if error.key_path not in reported:
+                    reported.add(error.key_path)
                     yield error
 
 
 def _limit_of(product: ProductConfig, parameter: str) -> str | None:
-    """Return the name of the limit of a parameter, which is the parameter or its group, or None."""
+    """Return the parameter or group under which the limit of a parameter is given; None if there is no limit."""
     known = PARAMETERS[INDEX[parameter]] if parameter in INDEX else further_parameter(parameter)
     group = "" if known is None else known.group
     return next((name for name in (parameter, group) if name in product.limits), None)

@@ -1,4 +1,4 @@
-"""Requests to the engine, which can be passed between processes."""
+"""Requests to the engine, which can be passed from one process to another."""
 
 import getpass
 import re
@@ -7,20 +7,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-#: Control and other characters that XML cannot contain, and therefore neither can a digital certificate.
+#: Control and other characters that XML, and therefore a digital certificate, cannot contain.
 _NOT_TEXT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]+")
 
 
 def plain_text(entered: str) -> str:
-    """Return an entered reason, badge or name with blanks in place of control characters."""
+    """Replace control characters in an entered reason, badge or name by blanks."""
     return _NOT_TEXT.sub(" ", entered).strip()
 
 
 @dataclass(frozen=True)
 class Confirmation:
-    """The acting and the confirming person in the audit trail, by badge."""
+    """The badges of the acting and the confirming person for the audit trail."""
 
-    by: str  #: "" for the program.
+    by: str  #: Acting person; "" for the program.
     confirmed_by: str | None = None
     #: Whether personal PINs were checked, or the site's PIN, which does not identify a person; None for no PIN.
     pin: Literal["personal", "site"] | None = None
@@ -28,7 +28,7 @@ class Confirmation:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """Request of a run."""
+    """Request for a run."""
 
     serial: str
     station: Path | None = None  #: Station file; None for the default.
@@ -51,10 +51,10 @@ class RunRequest:
     #: Log of an incomplete run that is resumed after its last completed stage, with its stages, schedule, seed and
     #: folder.
     resume: Path | None = None
-    beyond_attempts: bool = False  #: Whether an engineer permits a run of a unit that has used up its attempts.
+    beyond_attempts: bool = False  #: Whether an engineer permits a run although the unit has used all its attempts.
     #: Reason why an engineer permits a run despite a failed or overdue check standard or certificate, or None.
     override_standard: str | None = None
-    #: Persons who permit this run, see `calstation.config.confirm`; None for the operator, at a site without PINs.
+    #: Persons who permit this run (see `calstation.config.confirm`); None for the operator at a site without PINs.
     overridden_by: Confirmation | None = None
     faults: Path | None = None  #: Fault plan of the virtual bench; None for the station file's plan.
     #: Action after an interrupted transfer of the unit's registers; None refuses the run.
@@ -71,16 +71,16 @@ class RunRequest:
 
 @dataclass(frozen=True)
 class RegisterOperation:
-    """An operation on a unit's registers without a run."""
+    """An operation on a unit's registers outside a run."""
 
     request: RunRequest  #: Unit, station, runs folder with the journal, and operator.
-    #: Write `values`, finish an interrupted transfer, or restore the registers from before a transfer.
+    #: Whether to write `values`, finish an interrupted transfer, or restore the registers from before a transfer.
     what: Literal["write", "finish", "restore"]
     values: Mapping[str, float] = field(default_factory=dict)  #: Values to write, by parameter, SI; others are kept.
     source: str = ""  #: Origin of the values.
     transfer: str | None = None  #: The transfer to undo; None for the latest.
     at_rest: bool = False  #: Whether to verify the output at rest, without moving the table.
-    people: Confirmation | None = None  #: See `calstation.config.confirm`; None for the operator, without a PIN.
+    people: Confirmation | None = None  #: From `calstation.config.confirm`; None for an operator without a PIN.
 
 
 def computer_user() -> str | None:

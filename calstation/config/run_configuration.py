@@ -1,4 +1,4 @@
-"""The configuration of a run and of a batch, read and checked completely before a device is opened."""
+"""The configuration of a run or a batch, which is read and checked completely before a device is opened."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -47,17 +47,17 @@ from calstation.records import (
 from calstation.schema import EntryError, Model, validate
 from procedures import method
 
-#: Largest value of a register in prior sigmas; a larger value is not a calibration of the unit.
+#: Largest value of a register in prior sigmas; a larger value cannot be a calibration of the unit.
 _MAX_PLAUSIBLE_SIGMAS = 3.0
 
 
 class ManualRigError(ConfigurationError):
-    """A stage needs a driven table, a manual rig or a gimbal that the station does not have."""
+    """Raised if a stage needs a driven table, a manual rig or a gimbal that the station does not have."""
 
 
 @dataclass(frozen=True)
 class SourceFile:
-    """The path and text of a configuration file, and its name and version for the log."""
+    """The path and text of a configuration file, with its name and version for the log."""
 
     path: Path
     text: str
@@ -98,13 +98,13 @@ class RunConfiguration:
 
     @property
     def repeatability(self) -> float:
-        """Standard deviation between two moves of the table to the same angle, rad."""
+        """Standard deviation of the angle over repeated moves of the table to the same position, rad."""
         accuracy = self.table.accuracy
         return float(np.deg2rad(accuracy.repeatability_deg or accuracy.encoder_sigma_deg))
 
     @property
     def check_standard(self) -> CheckStandardSection | None:
-        """The check standard if the unit is one; None for a production unit."""
+        """The product's check standard that is the unit; None for a production unit."""
         return self.product.standard(self.request.serial)
 
     @property
@@ -144,7 +144,7 @@ class RunConfiguration:
         started = (started or datetime.now(UTC)).astimezone(UTC)
         bench: BenchSettings | None = None if self.station.bench is None else load_bench()
         return LogMeta(
-            site=self.station.site.place,
+            site=self.station.site.location,
             imu=_section(ImuSection, self.imu.quantised_stream, self.imu.noise, serial=self.request.serial),
             table=_section(TableSection, self.table, self.table.accuracy, **orientation),
             model=ModelSection(states=self.imu.states) if self.imu.states else None,
@@ -185,7 +185,7 @@ class RunConfiguration:
         """Return the product's section of the log, with lever arm limits relative to the slot's lever arm."""
         section = _section(ProductSection, self.product)
         limits = {name: section.limits.get(name, section.limits.get("outer_lever")) for name in levers}
-        shifted = {name: limit.about(levers[name]) for name, limit in limits.items() if limit is not None}
+        shifted = {name: limit.shifted_by(levers[name]) for name, limit in limits.items() if limit is not None}
         return section.model_copy(update={"limits": {**section.limits, **shifted}}) if shifted else section
 
     def _prior_mean(self, register: float, sigma: float) -> float:
@@ -193,7 +193,7 @@ class RunConfiguration:
         return register if plausible else 0.0
 
     def solve_context(self) -> SolveContext:
-        """Return site, IMU and table as used by the solvers, SI."""
+        """Return the site, IMU and table for the solvers, SI."""
         return context_from_meta(self.log_meta())
 
     def sigma_limits(self) -> dict[str, float]:
@@ -214,13 +214,13 @@ class RunConfiguration:
 
 
 def _section(model: type[Model], *sources: BaseModel, **entries: Any) -> Model:
-    """Return a section of a log's configuration with the entries of the same names in the sources."""
+    """Create a section of a log's configuration from the entries of the same names in the sources."""
     names = model.model_fields
     return model(**{n: getattr(s, n) for s in sources for n in names if n in type(s).model_fields}, **entries)
 
 
 def _with_limits(setup: RunConfiguration, schedule: BaseModel) -> BaseModel:
-    """Return a schedule that ends at the product's limits, whose sigmas without the gravity error are its targets."""
+    """Return a schedule that ends at the product's limits, with the sigma limits less the gravity error as targets."""
     if not getattr(schedule, "stop_at_limits", False) or getattr(schedule, "targets", None):
         return schedule
     any_unit = replace(setup, request=replace(setup.request, serial=setup.product.example))
@@ -233,7 +233,7 @@ def _with_limits(setup: RunConfiguration, schedule: BaseModel) -> BaseModel:
 
 
 def unit_files(station: StationConfig, product: Path | None) -> tuple[Path, ProductConfig, Path]:
-    """Return path and content of the product file of a station's unit, and the path of its IMU profile.
+    """Return the path and content of the product file of a station's unit, and the path of its IMU profile.
 
     A product or profile named by the unit's slot replaces `product` or the profile of the product. Raises
     ConfigurationError.
@@ -250,7 +250,7 @@ Adjustment = Callable[[RunConfiguration], RunConfiguration]
 
 
 def load_configuration(request: RunRequest, adjust: Adjustment = lambda setup: setup) -> RunConfiguration:
-    """Read and check the files of a request regardless of its serial number, after a change by `adjust`.
+    """Read the files of a request, apply `adjust`, and check the result regardless of the serial number.
 
     Raises ConfigurationError, which names the file, the entry and the remedy.
     """
@@ -294,9 +294,9 @@ def load_configuration(request: RunRequest, adjust: Adjustment = lambda setup: s
 
 
 def prepare_run(request: RunRequest, adjust: Adjustment = lambda setup: setup) -> RunConfiguration:
-    """Read and check the files like `load_configuration`, and check operator, serial number and site as well.
+    """Load the configuration of a request, and check the operator, the serial number and the site as well.
 
-    The request in the result contains the operator.
+    The request in the returned configuration contains the operator.
     """
     setup = load_configuration(request, adjust)
     sign_in = setup.station.sign_in
@@ -308,18 +308,18 @@ def prepare_run(request: RunRequest, adjust: Adjustment = lambda setup: setup) -
     check_station(setup)
     for stage, schedule in setup.schedules.items():
         stage_method = method(stage)
-        if stage_method.needs_no_table:  # some of these cannot be executed by any table
+        if stage_method.needs_no_table:  # no table can execute some of these stages
             next(stage_method.plan(setup.table.geometry(), schedule), None)
     return setup
 
 
 def new_batch_id() -> str:
-    """Return an identifier of a batch, which contains its start in UTC and four random digits."""
+    """Return a new identifier of a batch, which consists of its start in UTC and four random digits."""
     return f"B{datetime.now(UTC):%Y%m%dT%H%M%S}-{token_hex(2).upper()}"
 
 
 def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
-    """Return a request for each unit of a batch, in the order of the slots; for a single unit the request itself.
+    """Return a request for each unit of a batch in the order of the slots, or the request itself for a single unit.
 
     Raises ConfigurationError if there is no serial number, one occurs twice, or there are more of them than slots.
     """
@@ -347,9 +347,9 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
 
 
 def prepare_batch(request: RunRequest, adjust: Adjustment = lambda setup: setup) -> tuple[RunConfiguration, ...]:
-    """Return the checked configuration of each unit of a run, like `prepare_run`.
+    """Return the configuration of each unit of a run, checked as by `prepare_run`.
 
-    Raises ConfigurationError also if the units cannot be on one table or have different plans.
+    Raises ConfigurationError, also if the units cannot be on one table or have different plans.
     """
     setups = tuple(prepare_run(unit, adjust) for unit in unit_requests(request))
     first = setups[0]
@@ -411,7 +411,7 @@ def _product_errors(setup: RunConfiguration) -> Iterator[EntryError]:
 
 
 def _check_baud(setup: RunConfiguration) -> None:
-    """Check that a baud rate in the station file suffices for the unit's stream; that of a socket is unknown."""
+    """Check that the baud rate in the station file suffices for the unit's stream; that of a socket is unknown."""
     serial, port = setup.station.imu.serial, setup.station.imu.port or ""
     if serial is None or "baud" not in serial.model_fields_set or port.startswith(SOCKETS):
         return
@@ -423,7 +423,7 @@ def _check_baud(setup: RunConfiguration) -> None:
 
 
 def compatible_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
-    """Return name and file of each product that the station can calibrate, first those with the same IMU."""
+    """Return the name and file of each product that the station can calibrate, products with the same IMU first."""
     try:
         imu = load_configuration(RunRequest("-", station, instead_of)).product.imu
     except ConfigurationError:

@@ -1,4 +1,4 @@
-"""Parameters of the stages' schedules: their fields and ranges, the values of a product, and saving."""
+"""Parameters of the stages' schedules: their fields, ranges and values in a product, and how they are saved."""
 
 import tomllib
 from collections.abc import Mapping
@@ -32,20 +32,20 @@ class ScheduleOptions:
     virtual: bool  #: Whether the station is a virtual bench.
     by_hand: bool  #: Whether the table is turned manually.
     stages: tuple[str, ...]  #: Stages of the product, in order.
-    offered: tuple[str, ...]  #: Stages of the product and the other standard stages.
+    offered: tuple[str, ...]  #: Stages of the product, followed by the other standard stages.
     schedules: Mapping[str, Mapping[str, Any]]  #: Complete values of every offered stage.
-    estimates: Mapping[str, tuple[str, ...]]  #: Parameters estimated by every offered stage.
+    estimates: Mapping[str, tuple[str, ...]]  #: Parameters that each offered stage estimates.
     rate: float  #: Maximum rate of both joints, °/s.
     acceleration: float  #: Maximum acceleration of both joints, °/s².
     serial_pattern: str  #: Regular expression for the whole serial number.
-    serial_example: str  #: A serial number that matches.
+    serial_example: str  #: A matching serial number.
     serial: str  #: Serial number of the unit on a virtual bench; empty on hardware.
     geometry: TableGeometry  #: Axes of the table, or of the gimbal.
     slots: tuple[str, ...] = ()  #: Names of the slots at a station with several units.
 
 
 def schedule_options(station: Path | None, product: Path | None) -> ScheduleOptions:
-    """Return the options for a product on a station, or for the default ones. Raises ConfigurationError."""
+    """Return the options for a product on a station; None selects the default file. Raises ConfigurationError."""
     setup = load_configuration(RunRequest("offer", station, product))
     known = tuple(dict.fromkeys((*setup.product.stages, *DEFAULT_STAGES)))
     if setup.table.gimbal is not None:
@@ -87,7 +87,7 @@ def schedule_problems(stage: str, values: Mapping[str, Any], options: ScheduleOp
     targets = values.get("targets")
     if isinstance(targets, Mapping):
         problems += map(Problem.of, unknown_targets(map(str, targets), "targets"))
-    invalid = {problem.place[0] for problem in problems}
+    invalid = {problem.key_path[0] for problem in problems}
     for name, limit in (("rate_dps", options.rate), ("acceleration_dps2", options.acceleration)):
         value = values.get(name)
         if name not in invalid and isinstance(value, int | float) and value > limit * (1.0 + 1e-9):
@@ -99,11 +99,17 @@ def schedule_problems(stage: str, values: Mapping[str, Any], options: ScheduleOp
 def save_schedule(
     report: ProgressCallback, product: Path, changes: Mapping[str, Mapping[str, Any]], author: str
 ) -> tuple[Path, Version]:
-    """Job: save parameters of schedules in a product file, or in the site's copy of a shipped product file.
+    """Job: save schedule parameters in a product file; return the site's file and its new version.
 
-    `changes` contains the values by stage and field; None removes a value, so that the method's default applies.
-    Returns the site's file and its new version. Raises ConfigurationError, and leaves the file unchanged, if the
-    product would be invalid, a value cannot be stored, or the file cannot be written.
+    Raises ConfigurationError, and leaves the file unchanged, if the product would be invalid, a value cannot be stored,
+    or the file cannot be written.
+
+    Parameters
+    ----------
+    report : callback for the progress
+    product : product file; for a shipped one, the site's copy is changed
+    changes : values by stage and field; None removes a value, so that the method's default applies
+    author : author of the new version
     """
     text = edit_toml(
         read_text(product),
@@ -121,7 +127,7 @@ def save_schedule(
 
 
 def _check_stored(text: str, changes: Mapping[str, Mapping[str, Any]]) -> None:
-    """Check that the text contains the values or, by omission, the methods' defaults. Raises EntryError."""
+    """Check that the text contains the values, or omits those that equal the methods' defaults. Raises EntryError."""
     stored = tomllib.loads(text).get("schedule", {})
     for stage, values in changes.items():
         model = method(stage).schedule

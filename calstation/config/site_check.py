@@ -1,8 +1,8 @@
 """Checks of a station's site before a run, because latitude and gravity determine the accelerometer scale factors.
 
-If the gyros resolve earth rate, the rests of the run reveal a wrong latitude, see `calstation.judgement.site`.
-Otherwise gravity must be surveyed and agree with the latitude. Because a station file copied from another station is
-self-consistent, it lists the computers on which its site was confirmed.
+If the gyros resolve earth rate, the rests of the run reveal a wrong latitude (see `calstation.judgement.site`).
+Otherwise gravity must be surveyed and agree with the latitude. A station file copied from another station is
+consistent in itself; therefore each file lists the computers on which its site was confirmed.
 """
 
 import platform
@@ -41,7 +41,10 @@ def confirmation_key(site: StationSite) -> str:
 
 
 def is_confirmed(site: StationSite, *, needed: bool) -> bool:
-    """Return whether the site is confirmed on this computer; a site without confirmations is, unless it is `needed`."""
+    """Return whether the site is confirmed on this computer.
+
+    A site without any confirmation counts as confirmed unless a confirmation is `needed`.
+    """
     return confirmation_key(site) in site.confirmed_on or not (site.confirmed_on or needed)
 
 
@@ -57,7 +60,7 @@ def check_confirmation(site: StationSite, meta: LogMeta) -> None:
 
 
 def check_site(meta: LogMeta) -> None:
-    """Check that latitude and gravity agree, and that an error in either can be detected. Raises EntryError."""
+    """Check that latitude and gravity agree, and that errors of both can be detected. Raises EntryError."""
     error = gravity_contradiction(meta.site)
     if error is not None:
         raise error
@@ -66,7 +69,7 @@ def check_site(meta: LogMeta) -> None:
 
 
 def check_gravity_sigma(meta: LogMeta, limits: Mapping[str, float]) -> None:
-    """Check that the sigma of gravity allows the sigma limits by parameter. Raises EntryError."""
+    """Check that the sigma of gravity permits the sigma limits of the parameters. Raises EntryError."""
     for name, limit in limits.items():
         excess = excess_gravity_sigma(meta, name, limit)
         if excess is not None:
@@ -75,9 +78,10 @@ def check_gravity_sigma(meta: LogMeta, limits: Mapping[str, float]) -> None:
 
 
 def excess_gravity_sigma(meta: LogMeta, parameter: str, limit: float) -> dict[str, float] | None:
-    """Return the sigma of gravity and the sigma limit of a parameter, ppm, if gravity alone exceeds it, or None.
+    """Return the sigma of gravity and the sigma limit of a parameter, ppm, if the former alone exceeds the latter.
 
-    The relative gravity error is also the error of the accelerometer scale factors, however long the run is.
+    Otherwise the result is None. The relative gravity error is also an error of the accelerometer scale factors,
+    regardless of the duration of the run.
     """
     sigma = context_from_meta(meta).site.relative_gravity_sigma
     if not parameter.startswith("accel_scale") or sigma < limit:
@@ -94,7 +98,7 @@ def needs_surveyed_gravity(meta: LogMeta) -> bool:
 
 
 def gravity_contradiction(site: SiteSection) -> EntryError | None:
-    """Return the error of a surveyed gravity that is impossible at its latitude and height, or None."""
+    """Return the error for a surveyed gravity that is impossible at its latitude and height, or None."""
     normal = normal_gravity(float(np.deg2rad(site.latitude_deg)), site.height_m)
     if site.gravity_mps2 is None or abs(site.gravity_mps2 / normal - 1.0) <= MAX_GRAVITY_ANOMALY:
         return None

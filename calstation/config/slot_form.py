@@ -1,4 +1,4 @@
-"""The form of a station's slots, and conversion of a station file between a single unit and slots."""
+"""The form for a station's slots, and the conversion of a station file between a single unit and slots."""
 
 import tomllib
 from dataclasses import replace
@@ -17,7 +17,7 @@ from calstation.schema import KeyPath
 #: Display unit of a lever arm.
 _LENGTH = unit_of("m")
 
-#: All orientations, grouped by the body axis that points up at home; z is first, as for the platform.
+#: All orientations, grouped by the body axis that points up at home; z comes first, because it is the platform's.
 _ORIENTATIONS = tuple(sorted(ORIENTATIONS, key=lambda name: ("zxy".index(name[3]), name[2], name)))
 
 
@@ -49,7 +49,7 @@ def _cells(get: Get, key_path: KeyPath) -> tuple[FormCell, ...]:
 
 
 def _new_slot(get: Get, _: BaseModel | None) -> dict[str, Any]:
-    """Return a new slot, named with the first unused number from its position on."""
+    """Return a new slot, whose name is the first unused number that is not less than its position in the list."""
     names = [get(("slots", number, "name")) for number in range(len(get(("slots",)) or ()))]
     number = len(names) + 1
     while str(number) in names:
@@ -62,9 +62,9 @@ SLOTS = Form("slots", "stations", (("slots",),), _columns, entry_rows("slots", _
 
 
 def with_slots(text: str) -> str:
-    """Convert a station file to slots, the first of which gets the link and the comments of `[imu]`.
+    """Convert a station file to slots; the first slot takes the link and the comments of `[imu]`.
 
-    A virtual bench gets a slot for each of its units.
+    A virtual bench is given a slot for each of its units.
     """
     data = tomllib.loads(text)
     units = data.get("bench", {}).get("units", 1)

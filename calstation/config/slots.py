@@ -1,4 +1,4 @@
-"""The links of a station, with their defaults, and its slots, the mounting positions of units on one table."""
+"""The links of a station with their defaults, and its slots, which are the mounting positions of units on a table."""
 
 import re
 from contextlib import suppress
@@ -28,7 +28,7 @@ STATION_ENTRIES = ("faults", "units")
 
 
 class DeviceSection(StrictModel):
-    """The link of a device at a station, with serial settings that replace those of the profile."""
+    """The link of a device at a station; its serial settings replace those of the profile."""
 
     #: ``tcp://host:port`` (tables), ``socket://host:port`` for a serial server, the name of a serial port, or
     #: ``usb:SERIALNUMBER`` for its adapter.
@@ -48,8 +48,8 @@ class SlotSection(DeviceSection):
     """`[[slots]]` of a station: a mounting position on the table, with the link of its unit."""
 
     name: str
-    imu: str | None = None  #: Name of the IMU profile, by default the product's.
-    product: str | None = None  #: Name of the product, by default the run's.
+    imu: str | None = None  #: Name of the IMU profile; None for the product's.
+    product: str | None = None  #: Name of the product; None for the run's.
     #: Body axes along x and z of the platform at home, for example ``-y+z``.
     orientation: str = PLATFORM_AXES
     #: Nominal lever arm in the body frame.
@@ -80,15 +80,15 @@ class SlotSection(DeviceSection):
         return orientation
 
 
-def takes_one_unit(profile: str) -> bool:
-    """Return whether a table of this profile takes a single unit; False if the profile cannot be read."""
+def profile_takes_single_unit(profile: str) -> bool:
+    """Return whether a table with this profile holds a single unit; False if the profile cannot be read."""
     with suppress(ConfigurationError):
         return takes_single_unit(load_table_profile(library.find("tables", profile)))
     return False
 
 
 def takes_single_unit(table: TableProfile) -> bool:
-    """Return whether a table takes a single unit."""
+    """Return whether a table holds a single unit."""
     return table.by_hand or table.gimbal is not None or table.protocol == "imu_link"
 
 
@@ -103,7 +103,7 @@ class LinkDefaults:
 
 
 def table_defaults(profile: str) -> LinkDefaults | None:
-    """Return the link settings of a table profile, or None if there is no valid profile with this name."""
+    """Return the link settings of a table profile; None if there is no valid profile with this name."""
     try:
         table = load_table_profile(library.find("tables", profile))
     except ConfigurationError:
@@ -112,7 +112,7 @@ def table_defaults(profile: str) -> LinkDefaults | None:
 
 
 def imu_defaults(product: Path | None, profile: str | None = None) -> LinkDefaults | None:
-    """Return the link settings of an IMU profile, by default the product's, or None if it is invalid."""
+    """Return the link settings of an IMU profile, by default the product's; None if the profile is invalid."""
     try:
         imu = load_imu_profile(library.find("imus", profile or load_product(product)[1].imu))
     except ConfigurationError:
@@ -121,6 +121,6 @@ def imu_defaults(product: Path | None, profile: str | None = None) -> LinkDefaul
 
 
 def is_manual_table(profile: str) -> bool:
-    """Return whether a table profile is for a manual rig; False if it cannot be read."""
+    """Return whether a table profile describes a manual rig; False if it cannot be read."""
     defaults = table_defaults(profile)
     return defaults is not None and defaults.by_hand

@@ -1,4 +1,4 @@
-"""The model of a station file, which describes a location with its table and units or its virtual bench."""
+"""The model of a station file, which describes a location with its table and units, or a virtual bench."""
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -14,13 +14,13 @@ from calstation import BENCH_MODULE
 from calstation.config import library
 from calstation.config.slots import MAX_UNITS, DeviceSection, SlotSection, is_manual_table, takes_single_unit
 from calstation.config.station_sections import (
-    FurtherImuLinkSection,
     HandoverSection,
     InstrumentSection,
     LabelSection,
     LaboratorySection,
     RecordsSection,
     ReportSection,
+    SecondaryLinkSection,
     SignInSection,
     StationSite,
     TableLinkSection,
@@ -37,7 +37,7 @@ DEFAULT_STATION = "virtual_bench"
 #: Shipped virtual bench with a manual table.
 MANUAL_STATION = "virtual_hand"
 
-#: Serial number of the unit on the virtual bench, unless its settings or a recording name another one.
+#: Serial number of the unit on the virtual bench, unless the bench's settings or a recording specify another one.
 VIRTUAL_UNIT = "SN-000001"
 
 #: host:port without a scheme.
@@ -49,7 +49,11 @@ def virtual_serials(
 ) -> tuple[str, ...]:
     """Return the serial numbers of the next suitable units of a virtual bench, one for each slot.
 
-    A serial number in the settings of a bench without slots is returned in any case.
+    Parameters
+    ----------
+    bench : settings of the bench; a serial number in the settings of a bench without slots is always returned
+    slots : names of the slots
+    unsuitable : function that returns whether the unit with a serial number must be skipped
     """
     first = str(bench.get("serial", VIRTUAL_UNIT))
     if "serial" in bench and not slots:
@@ -60,23 +64,23 @@ def virtual_serials(
 
 
 class StationConfig(StrictModel):
-    """A station file: site, table and ports."""
+    """A station file, which describes the site, the table and the ports of the devices."""
 
     name: str
     site: StationSite
     table: TableLinkSection
     imu: DeviceSection = DeviceSection()
-    imu2: FurtherImuLinkSection | None = None
-    imu3: FurtherImuLinkSection | None = None
+    imu2: SecondaryLinkSection | None = None
+    imu3: SecondaryLinkSection | None = None
     #: Schedule of the cross-calibration of these IMUs; its values override the product's.
     cross_calibration: dict[str, JsonValue] = Field(default_factory=dict)
     #: Settings of the virtual bench that replaces the devices, see `calstation.config.load_bench`.
     bench: dict[str, JsonValue] | None = None
     #: Largest error of the computer's clock, ppm; None for an unsynchronised quartz.
     clock_error_ppm: float | None = Field(default=None, ge=0)
-    #: None for delivery of the results to a folder `handover` next to the runs folder.
+    #: Delivery of the results; None for a folder `handover` next to the runs folder.
     handover: HandoverSection | None = None
-    sign_in: SignInSection | None = None  #: None if the operator's name is optional.
+    sign_in: SignInSection | None = None  #: Sign-in of operators; None if the operator's name is optional.
     #: Local times, ``HH:MM``, at which the counter of the operator page is reset.
     shift_starts: list[Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d$")]] = Field(
         default=["00:00"], min_length=1
@@ -91,7 +95,7 @@ class StationConfig(StrictModel):
     @field_validator("instruments")
     @classmethod
     def _due_later(cls, instruments: list[InstrumentSection]) -> list[InstrumentSection]:
-        # this is not checked in the section itself, which is also read from logs
+        # the section itself does not check this, because it is also read from logs
         for number, instrument in enumerate(instruments):
             calibrated, due = instrument.calibrated, instrument.due
             if calibrated is not None and due is not None and due < calibrated:
@@ -112,7 +116,7 @@ class StationConfig(StrictModel):
         return "" if self.bench is None else str(self.bench.get("serial", VIRTUAL_UNIT))
 
     @property
-    def secondaries(self) -> dict[int, FurtherImuLinkSection]:
+    def secondaries(self) -> dict[int, SecondaryLinkSection]:
         """The secondary IMUs by number."""
         sections = {2: self.imu2, 3: self.imu3}
         return {number: section for number, section in sections.items() if section is not None}
@@ -185,7 +189,7 @@ def _check_unique(entry: str, values: Sequence[str | None]) -> None:
 
 
 def at_slot(station: StationConfig, name: str | None) -> StationConfig:
-    """Return a station whose only unit is that of one slot, by default the first; unchanged if it has no slots.
+    """Return the station with the unit of one slot, by default the first; a station without slots is unchanged.
 
     Raises EntryError if no slot has this name.
     """
@@ -200,13 +204,13 @@ def at_slot(station: StationConfig, name: str | None) -> StationConfig:
 
 
 def load_station(path: Path | None) -> tuple[Path, StationConfig]:
-    """Load a station file, by default the virtual bench's. Raises ConfigurationError."""
+    """Load a station file, by default that of the virtual bench. Raises ConfigurationError."""
     path = path or library.find("stations", DEFAULT_STATION)
     return path, load(StationConfig, path)
 
 
 def uses_manual_rig(station: Path | None) -> bool:
-    """Return whether a station file (by default the virtual bench's) has a manual table."""
+    """Return whether a station, by default the virtual bench, has a manual rig."""
     try:
         return is_manual_table(load_station(station)[1].table.profile)
     except CalstationError:
@@ -214,7 +218,7 @@ def uses_manual_rig(station: Path | None) -> bool:
 
 
 class BenchSettings(Protocol):
-    """Meaning of the section `[bench]` of a station file."""
+    """Interface of the bench that interprets the section `[bench]` of a station file."""
 
     @property
     def model(self) -> type[BaseModel]:
@@ -228,8 +232,8 @@ class BenchSettings(Protocol):
 
 
 def load_bench() -> Any:
-    """Return the bench of every station with a section `[bench]`.
+    """Return the bench for all stations with a section `[bench]`.
 
-    It implements `BenchSettings` and the protocols of the packages that open its devices and call its hooks in a run.
+    It implements `BenchSettings` and the protocols of the packages that open its devices and call its run hooks.
     """
     return import_module(BENCH_MODULE).BENCH

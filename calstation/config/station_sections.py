@@ -1,4 +1,4 @@
-"""The sections of a station file: links, site, hand-over, sign-in, certificates, and shared database."""
+"""The sections of a station file: links, site, hand-over, sign-in, certificates and shared database."""
 
 import re
 from collections.abc import Iterator
@@ -19,24 +19,24 @@ from calstation.schema import EntryError, Pattern, StrictModel
 #: URL schemes of the supported databases.
 _SCHEMES = ("postgresql+psycopg", "sqlite")
 
-#: ``user:password@`` after the scheme; a password may have any character but @, unlike in a well-formed URL.
+#: ``user:password@`` after the scheme; unlike in a well-formed URL, a password may contain any character except @.
 _PASSWORD = re.compile(r"[^:/]*:[^@]*@")
 #: Key of a URL option that contains a credential; `sslkey` is a path.
-_SECRET = re.compile(r"[?&][^=&]*(password|passwd|secret|token)[^=&]*=", re.IGNORECASE)
+_CREDENTIAL_KEY = re.compile(r"[?&][^=&]*(password|passwd|secret|token)[^=&]*=", re.IGNORECASE)
 
 
 class TableLinkSection(DeviceSection):
-    """`[table]` of a station: table profile and link. The port of a manual rig is ignored."""
+    """`[table]` of a station: table profile and link; the port of a manual rig is ignored."""
 
     profile: str
     unit: int | None = Field(default=None, ge=0, le=255)  #: Modbus unit number; default from the profile.
 
 
-class FurtherImuLinkSection(DeviceSection):
+class SecondaryLinkSection(DeviceSection):
     """`[imu2]` and `[imu3]` of a station: the link of a secondary IMU on the same body."""
 
     profile: str | None = None  #: Name of the IMU profile, by default the product's.
-    #: Serial number of a unit that cannot report it.
+    #: Serial number of a unit that cannot report its own.
     serial_number: str | None = Field(default=None, pattern=r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
@@ -66,13 +66,13 @@ class StationSite(SiteSection):
     confirmed_on: list[str] = Field(default_factory=list)
 
     @property
-    def place(self) -> SiteSection:
-        """Only the location."""
+    def location(self) -> SiteSection:
+        """The location without the confirmations."""
         return SiteSection.model_validate(self.model_dump(exclude={"confirmed_on"}))
 
 
 class SignInSection(StrictModel):
-    """`[sign_in]` of a station: every run needs the badge of its operator."""
+    """`[sign_in]` of a station, at which every run requires the badge of its operator."""
 
     badge_pattern: Pattern  #: Regular expression for the whole badge.
     #: Names by badge; unless empty, other badges are refused.
@@ -117,18 +117,18 @@ class SigningSection(StrictModel):
 
 
 class ReportSection(StrictModel):
-    """`[report]` of a station: language and templates of its reports, and the folder of automatic ones."""
+    """`[report]` of a station: language and templates of its reports, and the folder for automatic reports."""
 
-    #: Existing folder for automatic reports of all verdicts, relative to the station file; None for no such reports.
+    #: Existing folder for automatic reports of all verdicts, relative to the station file; None to write none.
     folder: str | None = Field(default=None, min_length=1)
-    #: None for English, or for the language of the window that issues the report.
+    #: Language of the reports; None for the language of the window that issues the report, or English.
     language: Literal["en", "zh"] | None = None
     #: Folder of the site's templates, relative to the station file; by default ``reports`` in the site's folder.
     template: str | None = Field(default=None, min_length=1)
     signing: SigningSection | None = None  #: None for reports without signatures.
 
 
-def missing_report_places(section: ReportSection, station: Path) -> Iterator[EntryError]:
+def missing_report_paths(section: ReportSection, station: Path) -> Iterator[EntryError]:
     """Yield errors for missing files and folders named in `[report]` of the station file `station`.
 
     They are not checked when a station file is read, because they may be on a share that is not mounted.
@@ -143,7 +143,7 @@ def missing_report_places(section: ReportSection, station: Path) -> Iterator[Ent
 
 
 class RecordsSection(StrictModel):
-    """`[records]` of a station; without it, records stay on the computer."""
+    """`[records]` of a station: shared database and archive; without them, records stay on the computer."""
 
     #: ``postgresql+psycopg://USER@HOST/NAME`` or ``sqlite:////PATH``, without a password.
     database: str | None = None
@@ -179,4 +179,4 @@ def check_database_url(url: str) -> None:
 def has_password(url: str) -> bool:
     """Return whether a URL contains a password or another credential; False for a path."""
     rest = url.partition("://")[2]
-    return bool(_PASSWORD.match(rest) or _SECRET.search(unquote(rest)))
+    return bool(_PASSWORD.match(rest) or _CREDENTIAL_KEY.search(unquote(rest)))

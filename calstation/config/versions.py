@@ -1,4 +1,4 @@
-"""Versions of a site's files. Changes are checked, written atomically and numbered; old versions can be restored."""
+"""Numbered versions of a site's files, which are checked, written atomically and can be restored."""
 
 import hashlib
 import json
@@ -22,7 +22,7 @@ from calstation.records import AuditEventName, append_audit, write_atomic
 
 @dataclass(frozen=True)
 class Version:
-    """A version of a file, with kind and name as in `library.find`."""
+    """A version of a file; `kind` and `name` are as in `library.find`."""
 
     kind: str
     name: str
@@ -36,7 +36,7 @@ def list_versions(kind: str, name: str) -> tuple[Version, ...]:
     """Return all versions of a file, starting with the latest."""
     versions = []
     for path in _folder(kind, name).glob("*.json"):
-        with suppress(OSError, ValueError, TypeError):  # a damaged entry is omitted; its text still exists
+        with suppress(OSError, ValueError, TypeError):  # a damaged entry is skipped, but its text still exists
             versions.append(Version(**json.loads(path.read_text(encoding="utf-8"))))
     return tuple(sorted(versions, key=lambda version: version.number, reverse=True))
 
@@ -104,16 +104,24 @@ def save(kind: str, name: str, content: str, author: str) -> Version:
 
 
 def restore(kind: str, name: str, number: int, author: str) -> Version:
-    """Save the text of an old version as a new one. Raises ConfigurationError like `save`."""
+    """Save the text of an old version as a new version. Raises ConfigurationError as `save` does."""
     return save(kind, name, text(kind, name, number), author)
 
 
 def save_noise(
     report: ProgressCallback, profile: str, values: Mapping[str, float], source: str, author: str
 ) -> Version:
-    """Job: save entries of `[noise]`, SI, as a new version of an IMU profile; a comment names their `source`.
+    """Job: save entries of `[noise]` as a new version of an IMU profile.
 
-    Raises ConfigurationError if there is no such profile, or it would be invalid or cannot be written.
+    Raises ConfigurationError if there is no such profile, or if it would be invalid or cannot be written.
+
+    Parameters
+    ----------
+    report : callback for the progress
+    profile : name of the profile
+    values : new values by entry, SI
+    source : origin of the values, which is added as a comment
+    author : author of the new version
     """
     report(0.0)
     document = tomlkit.parse(editing.read_text(library.find("imus", profile)))
@@ -126,7 +134,7 @@ def save_noise(
 
 
 def _save_present(kind: str, name: str, path: Path) -> None:
-    """Add the current file as a version if it is a shipped default or was changed outside the program."""
+    """Add the current file as a version if it is a shipped default or has been changed outside the program."""
     try:
         present = (path if path.exists() else library.find(kind, name)).read_bytes().decode()
         tomllib.loads(present)
@@ -141,13 +149,13 @@ def _save_present(kind: str, name: str, path: Path) -> None:
 
 
 def _next(kind: str, name: str, content: str, author: str | None) -> Version:
-    """Return the next version of a file, with this text."""
+    """Return the next version of a file for this text."""
     number = 1 + max((int(p.stem) for p in _folder(kind, name).glob("*.toml") if p.stem.isdecimal()), default=0)
     return Version(kind, name, number, datetime.now(UTC).isoformat(timespec="seconds"), author, sha256(content))
 
 
 def _add(version: Version, content: str) -> None:
-    """Add a version; its text is written first, so that after a power failure no version is without text."""
+    """Add a version; its text is written first, so that every version has a text even after a power failure."""
     folder = _folder(version.kind, version.name)
     folder.mkdir(parents=True, exist_ok=True)
     write_atomic(folder / f"{version.number:04d}.toml", content)

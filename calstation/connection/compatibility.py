@@ -73,7 +73,7 @@ def station_conflicts(text: str) -> list[Problem]:
     station = StationConfig.model_validate(data)
     problems = [] if (error := gravity_contradiction(station.site)) is None else [Problem.of(error)]
     problems += _port_problems(station)
-    return [replace(problem, line=line_of(text, problem.place), data=data) for problem in problems]
+    return [replace(problem, line=line_of(text, problem.key_path), data=data) for problem in problems]
 
 
 def _port_problems(station: StationConfig) -> Iterator[Problem]:

@@ -4,7 +4,7 @@ The files of a station remain authoritative and no run waits for the database. T
 """
 
 from calstation.database.archiver import LogArchiver
-from calstation.database.connect import connect, database_of, failure, opened, upgrade
+from calstation.database.connect import connect, database_of, failure, open_database, upgrade
 from calstation.database.exchange import Exchange
 from calstation.database.outbox import ArchivedLog, Outbox, adopt_folder
 from calstation.database.process import ExchangeProcess, exchange_once, start_exchange, watch

@@ -54,7 +54,7 @@ class _Owner:
 
 
 def _main() -> None:
-    """Exchange until the owner closes the pipe or ends, and then once more."""
+    """Exchange runs until the owner closes the pipe or ends, and then once more."""
     applog.configure("exchange")
     owner = _Owner()
     if owner.work is None:

@@ -1,6 +1,6 @@
 """Archive of closed logs in a folder, a mounted share or an S3 bucket (fsspec).
 
-The file system finds the credentials, for S3 in the environment or the AWS profile.
+The file system finds its own credentials, which for S3 are in the environment or the AWS profile.
 """
 
 import hashlib
@@ -37,6 +37,12 @@ def archive_log(log: Path, archive: str, folder: str) -> ArchivedLog:
     The copy is renamed to its final name after its bytes have been read back and compared, so that an interrupted copy
     leaves no file with that name. Raises InputError, after which the copy can be tried again. A missing local path
     is also an error, because an unmounted share must not become a local folder.
+
+    Parameters
+    ----------
+    log : path of the log
+    archive : URL or path of the archive
+    folder : name of the folder in the archive
     """
     url = f"{archive.rstrip('/')}/{folder}/{log.name}"
     try:
@@ -53,8 +59,8 @@ def archive_log(log: Path, archive: str, folder: str) -> ArchivedLog:
     return copy
 
 
-def copy_to(url: str, target: Path, report: ProgressCallback) -> None:
-    """Copy a log of the archive to a file; a failure leaves no file. Raises InputError."""
+def copy_from_archive(url: str, target: Path, report: ProgressCallback) -> None:
+    """Copy a log from the archive to a file; a failed copy leaves no file. Raises InputError."""
     partial = target.with_name(f".{target.name}.partial")
     try:
         files, path = _open(url)

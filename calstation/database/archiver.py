@@ -1,4 +1,4 @@
-"""Archiver, which copies the closed logs of a runs folder to the station's archive one at a time."""
+"""Archiver that copies the closed logs of a runs folder to the station's archive, one at a time."""
 
 from pathlib import Path
 

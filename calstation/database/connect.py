@@ -1,4 +1,4 @@
-"""Connection to a shared database: URL, credentials and version of its tables."""
+"""Connection to a shared database: its URL, the credentials, and the version of its tables."""
 
 import logging
 import os
@@ -14,7 +14,7 @@ from calstation.config import StationConfig, check_database_url, load_station
 from calstation.errors import ConfigurationError
 from calstation.schema import EntryError
 
-# psycopg also warns of a lost connection, which the request reports as an error
+# psycopg warns of a lost connection in addition to the error of the request
 logging.getLogger("psycopg").setLevel(logging.ERROR)
 
 #: Service name of the password in the system's keyring.
@@ -23,7 +23,7 @@ KEYRING = "calstation database"
 #: Longest time to wait for a connection, s.
 CONNECT_TIMEOUT_S = 5
 
-#: Prefixes of PostgreSQL's codes for a lost connection: connection exceptions, and server shutdown.
+#: Prefixes of PostgreSQL's error codes for a lost connection: connection exceptions and server shutdown.
 _LOST_CONNECTION = ("08", "57P")
 
 #: A connection whose other end has vanished is closed within half a minute on both sides, which releases its locks. A
@@ -71,8 +71,8 @@ def connect(url: str, *, create: bool = True, pooled: bool = True) -> Engine:
 
 
 @contextmanager
-def opened(url: str, *, create: bool = True) -> Iterator[Engine]:
-    """Connect to a database; a refused request or a lost connection in the context raises ConfigurationError."""
+def open_database(url: str, *, create: bool = True) -> Iterator[Engine]:
+    """Connect to a database; within the context, a refused request or lost connection raises ConfigurationError."""
     engine = connect(url, create=create)
     try:
         yield engine
@@ -124,7 +124,7 @@ def database_of(station: Path | None) -> tuple[str, StationConfig]:
 
 
 def failure(error: DBAPIError, url: URL) -> ConfigurationError:
-    """Return the error for an unreachable database or a refused request."""
+    """Convert an error of the database driver to the error for an unreachable database or a refused request."""
     state = sqlstate(error)
     lost = isinstance(error, OperationalError | InterfaceError) and (not state or state.startswith(_LOST_CONNECTION))
     code = "database.unreachable" if lost or error.connection_invalidated else "database.refused"

@@ -1,6 +1,6 @@
-"""Synchronisation of a runs folder with the shared database: messages sent, runs received, and claims on units.
+"""Synchronisation of a runs folder with the shared database, which sends messages, receives runs and claims units.
 
-Claims on units in progress warn two stations if both have scanned the same unit.
+Claims warn two stations that both have scanned the same unit.
 """
 
 import logging
@@ -57,9 +57,8 @@ class Exchange:
     def exchange(self, within: float = math.inf) -> list[Claim]:
         """Claim units, send all pending messages, receive new runs; return other stations' claims on the units.
 
-        The call ends after the first page that is completed later than `within` s, and sets `complete`. Raises
-        ConfigurationError if the database is unreachable or refuses a request; the next call continues in this case,
-        too.
+        After `within` s, the call ends at the next complete page; `complete` is False if more pages are left. Raises
+        ConfigurationError if the database is unreachable or refuses a request, after which the next call continues.
         """
         end = time.monotonic() + within
         engine = None
@@ -111,8 +110,8 @@ class Exchange:
     def _synchronise(self, engine: sa.Engine) -> None:
         """Read the acknowledged stamps from the database if they differ from the copy in the index.
 
-        They differ after a commit whose confirmation was lost, in a new index, and if the database was restored from a
-        backup or replaced. If the database lost messages, all folders receive all runs again.
+        They differ if the confirmation of a commit was lost, if the index is new, or if the database was replaced or
+        restored from a backup. If the database lost messages, all folders receive all runs again.
         """
         known_revision = self.outbox.revision
         with engine.begin() as connection:
@@ -127,7 +126,7 @@ class Exchange:
         self.outbox.acknowledge(revision, [(kind, name, stamp) for kind, name, stamp in rows], replace=True)
 
     def _register(self, connection: sa.Connection) -> int:
-        """Return the revision of the last message that arrived; register the outbox and its login if necessary.
+        """Register the outbox and its login if necessary; return the revision of the last message that arrived.
 
         Raises ConfigurationError if the outbox belongs to another login, whose runs this login must not change.
         """
@@ -162,7 +161,7 @@ class Exchange:
         return True
 
     def _send(self, engine: sa.Engine, messages: Sequence[OutboxMessage]) -> None:
-        """Send messages; if the database refuses one of them, they are sent one by one, and it is skipped."""
+        """Send messages; if the database refuses them, send them one by one and skip the refused ones."""
         try:
             self._deliver(engine, messages)
         except DBAPIError as exc:
@@ -192,10 +191,7 @@ class Exchange:
             self._synchronise(engine)
 
     def _receive(self, engine: sa.Engine, end: float) -> bool:
-        """Receive the runs of other folders that are new or have changed.
-
-        Returns False if there are more at the time `end`.
-        """
+        """Receive new and changed runs of other folders; return False if more are left at the time `end`."""
         database, cursor = self._index.received()
         is_full_page = True
         while is_full_page:

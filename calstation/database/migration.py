@@ -49,7 +49,7 @@ def upgrade_tables(connection: Connection) -> bool:
 
 
 def stored_password(service: str, login: str) -> str | None:
-    """Return a password of the system's keyring; None without one, or on a computer without a keyring."""
+    """Return a password from the system's keyring; None if there is no password or no keyring."""
     try:
         return keyring.get_password(service, login)
     except KeyringError:

@@ -1,8 +1,8 @@
-"""Messages of a runs folder to the shared database: runs and log copies that the database has not acknowledged.
+"""Messages from a runs folder to the shared database about runs and log copies that it has not acknowledged.
 
-Nothing is queued. Each pass compares the folder's runs with the stamps that the database has stored, so that nothing is
-lost if a process is killed, and nothing is sent twice. The index of the folder keeps a copy of the acknowledged stamps,
-which is read again from the database whenever their revisions differ.
+There is no queue. Each pass compares the folder's runs with the stamps stored in the database, so that nothing is lost
+if a process is killed, and nothing is sent twice. The index of the folder keeps a copy of the acknowledged stamps,
+which is read again from the database whenever the revisions of the two differ.
 """
 
 import json
@@ -46,7 +46,7 @@ class OutboxMessage:
     """A message for the shared database."""
 
     kind: str  #: ``run``, or ``copy`` for the copy of a log.
-    stamp: str  #: Stamp of the run's files, or URL of the copy.
+    stamp: str  #: Stamp of the run's files, or URL of the log's copy.
     columns: Mapping[str, Any]  #: Columns of `tables.runs` or `tables.log_copies` that the station provides.
 
     @property
@@ -72,7 +72,7 @@ class Outbox:
         self.id = self._read_id()
 
     def _read_id(self) -> str:
-        """Return the random name of the outbox, which is created if it is missing."""
+        """Return the random name of the outbox; create it if it is missing."""
         file, location = self._folder / LOCATION_FILE, _location(self._folder)
         try:
             if not file.exists():
@@ -113,16 +113,16 @@ class Outbox:
         return True
 
     def pages(self) -> Iterator[list[OutboxMessage]]:
-        """Yield lists of the messages to send after `refresh`: the runs first, then the copies of logs of sent runs."""
+        """Yield pages of the messages to send after `refresh`: first the runs, then the log copies of sent runs."""
         while names := self._to_send[:_MAX_MESSAGES]:
-            runs = {run.name: run for run in self.index.named(names)}
+            runs = {run.name: run for run in self.index.runs_by_name(names)}
             yield [self._run_message(runs[name]) for name in names if name in runs]
             self._to_send = self._to_send[_MAX_MESSAGES:]
         stamps = self._stamps()
         try:
             copied = self.copies()
         except InputError:
-            copied = {}  # reported by the archiver; the runs are exchanged
+            copied = {}  # the archiver reports the error, and the runs are exchanged nevertheless
         copies = [
             OutboxMessage("copy", copy.url, asdict(copy))
             for name, copy in copied.items()
@@ -234,7 +234,7 @@ def _file_time(stamp: str) -> int:
 
 
 def _result_text(run: IndexedRun, history: History) -> str | None:
-    """Return the result JSON of a run; None for an incomplete run, or if the result can no longer be read."""
+    """Return the result JSON of a run; None if the run is incomplete or its result can no longer be read."""
     if run.record.verdict is Verdict.INCOMPLETE and run.record.result is None:
         return None
     try:

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 #: Pause between two exchanges without errors, s.
 PAUSE_S = 2.0
 
-#: First and longest pause after failures of the exchange, and of the archive, s.
-FAILED_S, LONGEST_S = 1.0, 60.0
-ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S = 5.0, 600.0
+#: First and longest pause after failures of the exchange and of the archive, s.
+RETRY_S, MAX_RETRY_S = 1.0, 60.0
+ARCHIVE_RETRY_S, MAX_ARCHIVE_RETRY_S = 5.0, 600.0
 
 #: Longest time to copy the logs of the last runs at the end, s.
 _LAST_COPIES_S = 4.0
@@ -37,16 +37,16 @@ _LAST_COPIES_S = 4.0
 _MAX_LOAD = 0.1
 
 #: Longest time to wait for another process that exchanges the same folder, s.
-_LOCKED_S = 10.0
+_LOCK_TIMEOUT_S = 10.0
 
-#: Time after which an exchange yields to other processes that exchange the same folder, and the pause for them, s.
-_PART_S, _YIELD_S = 3.0, 0.2
+#: Time after which an exchange yields to other processes that use the same folder, and the duration of this pause, s.
+_SLICE_S, _YIELD_S = 3.0, 0.2
 
 #: Shortest interval between two readings of the state, s.
 _MIN_READ_INTERVAL_S = 1.0
 
 #: Longest time between two updates of the state if only its times change.
-_UNCHANGED_FOR = timedelta(seconds=30.0)
+_MAX_UPDATE_INTERVAL = timedelta(seconds=30.0)
 
 #: On Windows, Ctrl-C must only reach the process's owner.
 _CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
@@ -55,7 +55,15 @@ logger = logging.getLogger(__name__)
 
 
 class ExchangeProcess(AbstractContextManager["ExchangeProcess"]):
-    """The exchange of a folder in a separate process, which ends after its owner and never delays a run."""
+    """A separate process that exchanges a folder's runs with the database; it ends after its owner and delays no run.
+
+    Parameters
+    ----------
+    folder : runs folder of the station
+    url, station : URL of the database, and name of the station
+    claimed : operator of each unit to claim until the end, by serial number
+    archive : folder or URL for copies of the logs; None for no copies
+    """
 
     def __init__(
         self,
@@ -65,7 +73,7 @@ class ExchangeProcess(AbstractContextManager["ExchangeProcess"]):
         claimed: Mapping[str, str | None] = {},
         archive: str | None = None,
     ) -> None:
-        """Start the process; `claimed` contains the operator of each unit to claim until the end, by serial number."""
+        """Start the process."""
         self._folder, self._claimed = folder, claimed
         self._contact_before = read_state(folder).contact_utc
         self.process = subprocess.Popen(
@@ -120,7 +128,10 @@ class ExchangeProcess(AbstractContextManager["ExchangeProcess"]):
 def start_exchange(
     station: Path | None, folder: Path, claimed: Mapping[str, str | None] = {}
 ) -> ExchangeProcess | None:
-    """Start the exchange of a folder; return None if the station does not share records. Raises ConfigurationError."""
+    """Start the exchange process of a folder; return None if the station shares no records.
+
+    Raises ConfigurationError.
+    """
     _, config = load_station(station)
     if config.records.database is None:
         return None
@@ -139,17 +150,17 @@ def watch(
     claimed: Callable[[], Mapping[str, str | None]] = dict,
     archive: str | None = None,
 ) -> None:
-    """Exchange a folder repeatedly, and copy its logs to an archive in a background thread.
+    """Exchange a folder's runs with the database repeatedly, and copy its logs to an archive in a background thread.
 
     Parameters
     ----------
     folder : runs folder of the station
     url, station : URL of the database, and name of the station
-    wait : waits for a pause, s, and returns whether to end after a last exchange
-    claimed : returns the operators by serial number of the units to claim
+    wait : function that waits for a pause, s, and returns whether to end after a last exchange
+    claimed : function that returns the operator of each unit to claim, by serial number
     archive : folder or URL for copies of the logs; None for no copies
     """
-    pauses, ended, exchange = growing_pauses(FAILED_S, LONGEST_S), False, None
+    pauses, ended, exchange = retry_pauses(RETRY_S, MAX_RETRY_S), False, None
     archiver, stop = None, threading.Event()
     if archive is None:
         with suppress(OSError):
@@ -167,7 +178,7 @@ def watch(
             begin = time.thread_time()
             _exchange_part(exchange, folder)
         except Exception as exc:  # noqa: BLE001 - the next exchange may succeed
-            error = _as_known_error(exc, folder)
+            error = _to_calstation_error(exc, folder)
             if exchange is not None and error is not exc:
                 exchange.close()
                 exchange = None
@@ -176,10 +187,10 @@ def watch(
                     change_state(folder, attempt_utc=datetime.now(UTC), error=error.as_text)
             pause = next(pauses)
         else:
-            pauses = growing_pauses(FAILED_S, LONGEST_S)
+            pauses = retry_pauses(RETRY_S, MAX_RETRY_S)
             pause = _YIELD_S
             if exchange.complete:
-                pause = min(max(PAUSE_S, (time.thread_time() - begin) / _MAX_LOAD), LONGEST_S)
+                pause = min(max(PAUSE_S, (time.thread_time() - begin) / _MAX_LOAD), MAX_RETRY_S)
         if ended:
             break
         ended = wait(pause)
@@ -190,19 +201,19 @@ def watch(
             try:
                 _exchange_part(exchange, folder)  # records the last copies
             except Exception as exc:  # noqa: BLE001 - the next start continues
-                _as_known_error(exc, folder)
+                _to_calstation_error(exc, folder)
         exchange.close()
 
 
-def growing_pauses(first: float, longest: float) -> Iterator[float]:
+def retry_pauses(first: float, longest: float) -> Iterator[float]:
     """Yield the pauses, s, after consecutive failures, each twice as long as the previous one, up to the longest."""
     while True:
         yield first
         first = min(2.0 * first, longest)
 
 
-def _as_known_error(exc: Exception, folder: Path) -> CalstationError:
-    """Log an exception of an exchange and return it; a programming error is returned as an error with a code."""
+def _to_calstation_error(exc: Exception, folder: Path) -> CalstationError:
+    """Log an exception and return it; a programming error is converted to an error with a code."""
     if isinstance(exc, CalstationError):
         logger.warning("exchange of %s: %s", folder, exc)
         return exc
@@ -214,17 +225,17 @@ def _copy_logs(folder: Path, archive: str, stop: threading.Event) -> None:
     """Copy the closed logs of a folder to an archive until `stop` is set, then once more for some seconds."""
     from calstation.database.archiver import LogArchiver
 
-    archiver, pauses = None, growing_pauses(ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S)
+    archiver, pauses = None, retry_pauses(ARCHIVE_RETRY_S, MAX_ARCHIVE_RETRY_S)
     while True:
         pause, last = PAUSE_S, stop.is_set()
         end = time.monotonic() + _LAST_COPIES_S if last else math.inf
         try:
             archiver = archiver or LogArchiver(folder, archive)
             while archiver.copy_next() and stop.is_set() == last and time.monotonic() < end:
-                pauses = growing_pauses(ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S)
+                pauses = retry_pauses(ARCHIVE_RETRY_S, MAX_ARCHIVE_RETRY_S)
         except Exception as exc:  # noqa: BLE001 - the next attempt may succeed
             with suppress(OSError):
-                change_state(folder, archive_error=_as_known_error(exc, folder).as_text)
+                change_state(folder, archive_error=_to_calstation_error(exc, folder).as_text)
             pause = next(pauses)
         if last:
             return
@@ -232,7 +243,7 @@ def _copy_logs(folder: Path, archive: str, stop: threading.Event) -> None:
 
 
 def exchange_once(exchange: "Exchange", folder: Path) -> ExchangeState:
-    """Exchange a folder, alternating with other processes, and return the state, which is also written to its file.
+    """Exchange a folder's runs, taking turns with other processes; write the state to its file and return it.
 
     Raises ConfigurationError if the exchange failed, or another process blocked it.
     """
@@ -244,14 +255,14 @@ def exchange_once(exchange: "Exchange", folder: Path) -> ExchangeState:
 
 
 def _exchange_part(exchange: "Exchange", folder: Path) -> None:
-    """Exchange a folder for some seconds and write the state.
+    """Exchange a folder's runs for some seconds and write the state.
 
     Raises ConfigurationError if the exchange failed, or another process blocked it.
     """
     try:
-        with locked(folder / ".exchange.lock", _LOCKED_S):
+        with locked(folder / ".exchange.lock", _LOCK_TIMEOUT_S):
             try:
-                claims = exchange.exchange(_PART_S)
+                claims = exchange.exchange(_SLICE_S)
             except CalstationError as error:
                 now, pending = datetime.now(UTC), exchange.outbox.pending
                 change_state(folder, pending=pending, attempt_utc=now, error=error.as_text)
@@ -267,6 +278,6 @@ def _write_contact(exchange: "Exchange", folder: Path, claims: list[Claim]) -> N
     """Write the state after a successful exchange; if only its times have changed, at most twice a minute."""
     now, old, outbox = datetime.now(UTC), read_state(folder), exchange.outbox
     new = {"pending": outbox.pending, "claims": tuple(claims), "error": None, "refusal": outbox.refusal}
-    recent = old.contact_utc is not None and old.contact_utc > max(exchange.created_utc, now - _UNCHANGED_FOR)
+    recent = old.contact_utc is not None and old.contact_utc > max(exchange.created_utc, now - _MAX_UPDATE_INTERVAL)
     if not recent or any(getattr(old, name) != value for name, value in new.items()):
         change_state(folder, **new, attempt_utc=now, contact_utc=now)

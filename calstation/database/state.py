@@ -16,7 +16,7 @@ from calstation.sequencer import Message
 FILE = ".exchange.json"
 
 #: Lock of the file, and the longest time to wait for it, s.
-_LOCK, _LOCKED_S = ".exchange_state.lock", 10.0
+_LOCK, _LOCK_TIMEOUT_S = ".exchange_state.lock", 10.0
 
 
 #: A message that is stored as its code and values.
@@ -77,7 +77,7 @@ def read_state(folder: Path) -> ExchangeState:
 
 def change_state(folder: Path, **changes: Any) -> None:
     """Change fields of the state of the exchange of a folder; several processes may do so. Raises OSError."""
-    with locked(folder / _LOCK, _LOCKED_S):
+    with locked(folder / _LOCK, _LOCK_TIMEOUT_S):
         state = read_state(folder)
         changed = replace(state, **changes).to_json()
         if changed != state.to_json():

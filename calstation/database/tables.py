@@ -15,9 +15,9 @@ metadata = sa.MetaData(
     }
 )
 
-#: One row: the last revision of a run, and a random name of the database. The row's lock orders the transactions, so
-#: that revisions appear in order. Revisions are not below the time, µs since 1970, so that a database restored from a
-#: backup does not assign a revision twice.
+#: One row with the last revision of a run and a random name of the database. A lock of this row serialises the
+#: transactions, so that revisions appear in order. A new revision is at least the current time, µs since 1970, so that
+#: a database restored from a backup does not assign a revision twice.
 revisions = sa.Table(
     "revisions",
     metadata,
@@ -55,7 +55,7 @@ runs = sa.Table(
     sa.Column("log_sha256", sa.String(64)),
     sa.Column("log", sa.Text),  #: Location of the log: URL of the archive, or host and path of the station.
 )
-#: Runs that have a log, by revision, as read by a comparison.
+#: Condition for runs with a log, which a comparison reads by revision.
 _LOGGED = runs.c.log_sha256.is_not(None)
 sa.Index("ix_runs_logged", runs.c.revision, postgresql_where=_LOGGED, sqlite_where=_LOGGED)
 
@@ -83,7 +83,7 @@ claims = sa.Table(
     sa.Column("expires", sa.DateTime(timezone=True), nullable=False),
 )
 
-#: Common properties of the solutions of a version; the first job that uses a version adds it.
+#: Properties common to all solutions with a version; the first job that uses a version adds its row.
 versions = sa.Table(
     "versions",
     metadata,
@@ -134,7 +134,7 @@ solutions = sa.Table(
     ),  #: Whether stages of the product were omitted.
     sa.Column(
         "changed", sa.Boolean
-    ),  #: Whether configuration, range or stages differ from the log's own; NULL: unknown.
+    ),  #: Whether configuration, range or stages differ from those in the log; NULL if unknown.
     sa.Column("serial", sa.String),
     sa.Column("product", sa.String),
     sa.Column("station", sa.String),
@@ -154,7 +154,7 @@ solutions = sa.Table(
 def upsert(
     connection: sa.Connection, table: sa.Table, rows: Sequence[dict[str, Any]], **replaced: sa.ColumnElement[Any]
 ) -> None:
-    """Add rows, or replace rows with the same primary keys; psycopg sends all of them in one round trip.
+    """Add rows, replacing rows with the same primary keys; psycopg sends all of them in one round trip.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Search for the shortest schedule of the method `designed`, and analysis of the effects that it detects.
 
-The sigmas are computed with the plan and the filter of a run; this package does not drive a table.
+It computes the sigmas with the plan and the filter of a run, and does not drive a table.
 """
 
 from calstation.design.design import STAGE, Design, DesignRequest, Variation, designed_product, save_design

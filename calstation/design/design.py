@@ -1,4 +1,4 @@
-"""Request for a schedule, its limits by table and unit, the resulting schedule, and the product that contains it."""
+"""The request for a schedule, its limits from table and unit, the resulting schedule, and the product containing it."""
 
 import tomllib
 from dataclasses import dataclass
@@ -20,18 +20,18 @@ from calstation.sequencer import plan_time, table_task
 
 #: Name of the stage.
 STAGE = "designed"
-#: Placeholder for the serial number of any unit of the product.
+#: Placeholder for the serial number of a unit of the product.
 SERIAL = "design"
 #: Fractions of the table's limits that a schedule uses.
-_RATE, _ACCELERATION = 0.85, 0.75
+_RATE_FRACTION, _ACCELERATION_FRACTION = 0.85, 0.75
 #: Fraction of the gyro range that a move may use.
-_RANGE = 0.8
+_GYRO_RANGE_FRACTION = 0.8
 #: Limit of the product's gravity check in sigmas of the force at a rest.
 _GRAVITY_SIGMAS = 4.0
 #: Suffix of the names of products with a designed stage.
-_DESIGNED = ", designed"
-#: Checks of the rests of one stage.
-_OF_RESTS = ("improvement_at_rest", "level")
+_NAME_SUFFIX = ", designed"
+#: Checks of the rests in one stage.
+_REST_CHECKS = ("improvement_at_rest", "level")
 
 #: Angles of the outer and the inner joint, °, and the rest at these angles, s.
 Move = tuple[float, float, float]
@@ -70,10 +70,10 @@ class DesignRequest:
     #: Duration of the stage for which the smallest sigmas are searched, s; None for the shortest schedule.
     duration: float | None = None
     as_present: bool = False  #: Whether to match the sigmas of the product's current stages instead of its limits.
-    time_limit: float | None = None  #: Time for the search, s; None for the usual effort.
+    time_limit: float | None = None  #: Longest duration of the search, s; None for the usual effort.
     seed: int = 0
-    rate_dps: float | None = None  #: Rate of moves; None for a fraction of the table's.
-    acceleration_dps2: float | None = None  #: Acceleration of moves; None for a fraction of the table's.
+    rate_dps: float | None = None  #: Rate of moves; None for a fraction of the table's limit.
+    acceleration_dps2: float | None = None  #: Acceleration of moves; None for a fraction of the table's limit.
     stop: Path | None = None  #: The search ends with its best result so far once this file exists.
 
 
@@ -82,7 +82,7 @@ class Variation:
     """A condition other than the planned one, and the time at which every target is reached."""
 
     name: str  #: ``mounting``, ``heading`` or ``noise``.
-    value: float  #: Rotation of the mounting, rad; heading, rad; ratio of the noise.
+    value: float  #: Rotation of the mounting, rad, heading, rad, or factor of the noise.
     duration: float | None  #: Duration until all targets are reached, s; None if they are not reached after all moves.
     worst: float  #: Largest ratio of a sigma to its target at that time, or after all moves.
 
@@ -101,7 +101,7 @@ class Design(Reached):
     margin: float  #: Fraction of their limits that no sigma exceeds.
     stop_targets: dict[str, float] | None  #: Sigmas at which the stage ends, SI; None for the product's limits.
     present: float | None  #: Duration of the product's current stages, s; None if this table cannot execute them.
-    searched: bool  #: Whether the search found it; otherwise it is a random walk that reaches the targets.
+    searched: bool  #: Whether the search found the schedule; otherwise it is a random walk that reaches the targets.
     front: tuple[tuple[float, float], ...]  #: Durations, s, and the smallest worst ratio found for each.
     variations: tuple[Variation, ...]
     hidden: tuple[EffectLimit, ...]  #: Size of each effect that the planned moves cannot detect.
@@ -155,14 +155,14 @@ class Design(Reached):
 
 
 def speeds(setup: RunConfiguration, request: DesignRequest) -> tuple[float, float]:
-    """Return rate, °/s, and acceleration, °/s², of all moves: from the request, or fractions of the limits."""
+    """Return the rate, °/s, and acceleration, °/s², of all moves, from the request or as fractions of the limits."""
     limits, imu = setup.table.geometry().limits, setup.solve_context().imu
     per_count = imu.gyro_lsb * (imu.sample_rate if imu.output == "increment" else 1.0)
     ends = span(setup.imu.frame)
     reach = float(np.min(np.minimum(-ends.low[:3], ends.high[:3]))) * per_count
-    factor = 2.0**0.5  # two perpendicular joints that move simultaneously
-    rate = np.rad2deg(min(_RATE * min(limits.rate), _RANGE * reach / factor))
-    acceleration = _ACCELERATION * np.rad2deg(min(limits.acceleration))
+    factor = 2.0**0.5  # because two perpendicular joints move simultaneously
+    rate = np.rad2deg(min(_RATE_FRACTION * min(limits.rate), _GYRO_RANGE_FRACTION * reach / factor))
+    acceleration = _ACCELERATION_FRACTION * np.rad2deg(min(limits.acceleration))
     return request.rate_dps or _rounded(rate), request.acceleration_dps2 or _rounded(acceleration)
 
 
@@ -185,7 +185,7 @@ def gravity_rest(product: ProductConfig, context: SolveContext) -> float | None:
 
 
 def stages_duration(setup: RunConfiguration) -> float | None:
-    """Return the duration of all stages without their targets, s; None if this table cannot execute them."""
+    """Return the duration of all stages if no target ends them early, s; None if this table cannot execute them."""
     try:
         return sum(plan_time(s.steps(), s.rule, (0.0, 0.0), setup.table.settle_s) for s in table_task(setup).stages)
     except ConfigurationError:
@@ -200,13 +200,13 @@ def designed_product(text: str, design: Design) -> str:
     data = tomllib.loads(text)
     checks = data.get("checks", {})
     changes: dict[KeyPath, Any] = {
-        ("name",): f"{data['name'].removesuffix(_DESIGNED)}{_DESIGNED}",
+        ("name",): f"{data['name'].removesuffix(_NAME_SUFFIX)}{_NAME_SUFFIX}",
         ("stages",): [STAGE],
     }
     changes["targets",] = None
     changes |= {("schedule", stage): None for stage in data.get("schedule", {})}
     changes |= {("limits", name, "sigma_below_after"): None for name in data.get("limits", {})}
-    changes |= {("checks", name): None for name in _OF_RESTS}
+    changes |= {("checks", name): None for name in _REST_CHECKS}
     if "motion_angle" in checks:
         changes["checks", "motion_angle", "stage"] = STAGE
         changes["checks", "motion_angle", "positions"] = None
@@ -220,9 +220,17 @@ def designed_product(text: str, design: Design) -> str:
 def save_design(
     report: ProgressCallback, product: Path, name: str, design: Design, author: str
 ) -> tuple[Path, Version]:
-    """Job: save a product with the designed stage under a name in the site's folder; return its file and version.
+    """Job: save a product with the designed stage in the site's folder; return its file and version.
 
     Raises ConfigurationError if the product would be invalid or cannot be written.
+
+    Parameters
+    ----------
+    report : callback for the progress
+    product : file of the original product
+    name : name of the new product
+    design : design that contains the stage
+    author : author of the new version
     """
     text = designed_product(read_text(product), design)
     report(0.5)

@@ -19,9 +19,9 @@ from calstation.design.design import (
     speeds,
     stages_duration,
 )
-from calstation.design.search import Beam, Exchange, Front, Problem, Stops, durations, reachable, states
+from calstation.design.search import Beam, Exchange, Front, Problem, Stops, durations, shortest_walk, states
 from calstation.design.segments import LATTICE_DEG, REST_UNIT, Conditions, Position, SegmentLibrary
-from calstation.design.trial import MORE_NOISE, Moves, Trial
+from calstation.design.trial import NOISE_FACTOR, Moves, Trial
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import without_gravity
 from calstation.estimation.effects import MAX_EXCESS
@@ -32,33 +32,33 @@ from calstation.results import compute_preview, one_blas_thread
 from calstation.sequencer import check_limits
 from procedures import method
 
-#: Largest angle of a joint from home, °, even if its travel is longer, because of cables and the way back.
-_FARTHEST_DEG = 360.0
-#: Angles by which a joint turns in a move, in lattice units: if the travel allows a full turn, and otherwise.
+#: Largest angle of a joint from home, °, even if its travel is longer, because of cables and the time to return.
+_MAX_ANGLE_DEG = 360.0
+#: Angles by which a joint turns in a move, in lattice units, if the travel allows a full turn and if it does not.
 _TURNS, _SHORT_TURNS = (-8, -4, -2, -1, 0, 1, 2, 4, 8), (-6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6)
-#: Beam widths, of which the first gives a result quickly and the last is repeated, and number of beams without a time
-#: limit.
+#: Widths of consecutive beams, of which the first gives a result quickly and the last is repeated, and the number of
+#: beams if there is no time limit.
 _WIDTHS, _BEAMS = (6, 24, 48, 96, 192), 2
 #: Width of the beam that adds the reserve.
 _RESERVE_WIDTH = 8
 #: Number of exchange steps after each beam.
 _EXCHANGES = 1500
-#: Largest number of corrections for the difference between segments and filter.
+#: Largest number of corrections of the difference between segments and filter.
 _CORRECTIONS = 4
 #: Largest ratio of detectable to required effect size, with a tolerance for the error of the segment approximation.
 _MAX_DETECTION_RATIO = 1.02
 #: Number of rests used by the product's gravity check.
 _GRAVITY_RESTS = 3
-#: Fractions of the work before the first beam, and before the verification.
-_PROBED, _SEARCHED = 0.02, 0.9
-#: Factor by which each step of the search for the smallest sigmas reduces the targets, and number of steps.
+#: Fractions of the work that are done before the first beam and before the verification.
+_PROBE_END, _SEARCHED = 0.02, 0.9
+#: Factor by which each step of the search for the smallest sigmas reduces the targets, and the number of steps.
 _TARGET_REDUCTION, _STEPS = 0.95, 8
-#: Factor on the targets of the first beam of this search, which are unreachable.
-_OUT_OF_REACH = 0.05
+#: Factor that makes the targets of the first beam of this search unreachable.
+_UNREACHABLE_FACTOR = 0.05
 #: Factor on the targets that compensates for the difference between segments and filter.
 _TARGET_TIGHTENING = 0.97
-#: Longest duration of schedule and reserve, in durations of the schedule.
-_LONGEST_RESERVE = 4.0
+#: Longest duration of a schedule with its reserve, as a multiple of the schedule's duration.
+_MAX_DURATION_RATIO = 4.0
 
 
 def design_schedule(report: ProgressCallback, request: DesignRequest) -> Design:
@@ -113,7 +113,7 @@ class _Designer:
         return required
 
     def _present_sigmas(self, present: RunRequest) -> FloatArray:
-        """Return the sigmas after the product's stages."""
+        """Return the sigmas after the product's current stages."""
         self._report(0.0, note="present")
         last = compute_preview(lambda *_, **__: None, replace(present, out=Path("nowhere"))).stages[-1]
         if last.sigma is None:
@@ -146,7 +146,7 @@ class _Designer:
 
     @staticmethod
     def _lattice(ends: tuple[float, float], *, up: bool) -> Position:
-        outer, inner = (float(np.clip(np.rad2deg(x), -_FARTHEST_DEG, _FARTHEST_DEG)) / LATTICE_DEG for x in ends)
+        outer, inner = (float(np.clip(np.rad2deg(x), -_MAX_ANGLE_DEG, _MAX_ANGLE_DEG)) / LATTICE_DEG for x in ends)
         rounded = np.ceil if up else np.floor
         return int(rounded(outer)), int(rounded(inner))
 
@@ -156,7 +156,7 @@ class _Designer:
         raise ConfigurationError(code, parameter=NAMES[index], limit=limit, least=achievable / size, unit=unit)
 
     def run(self) -> Design:
-        """Search a schedule, correct it, add the reserve, and verify it."""
+        """Search for a schedule, correct it, add the reserve, and verify it."""
         request = self._request
         if request.duration is None:
             stops, factor = self._corrected(self._shortest()), 1.0
@@ -202,12 +202,12 @@ class _Designer:
         """Return the number of moves that detect the product's effects and contain enough rests for its check."""
         problem, ends = self._problem(), np.array(states(self._library, stops))
         detects_effects = np.all(problem.ratios(ends)[:, COUNT:] <= _MAX_DETECTION_RATIO, axis=1)
-        enough_rests = np.array([problem.rests_enough(stops[:k]) for k in range(1, len(stops) + 1)])
+        enough_rests = np.array([problem.has_long_rests(stops[:k]) for k in range(1, len(stops) + 1)])
         sufficient = np.flatnonzero(detects_effects & enough_rests)
         return int(sufficient[0]) + 1 if len(sufficient) else len(stops)
 
     def _variations(self, moves: Moves, goal: FloatArray) -> Iterator[Variation]:
-        """Yield the time at which a goal is reached under each of the other conditions."""
+        """Yield, for each condition other than the planned one, the time at which the sigmas reach `goal`."""
         conditions = list(self._trial.conditions())
         for number, condition in enumerate(conditions):
             self._report(_SEARCHED + (1.0 - _SEARCHED) * number / len(conditions), note="checking")
@@ -216,7 +216,7 @@ class _Designer:
     def _shortest(self) -> Stops:
         """Return the shortest schedule found."""
         problem = self._problem()
-        best, ratios = reachable(problem, self._request.seed)
+        best, ratios = shortest_walk(problem, self._request.seed)
         if best is None:
             self._refuse_unreachable(ratios)
         for number in self._beams():
@@ -250,7 +250,7 @@ class _Designer:
         )
 
     def _attempt(self, problem: Problem, number: int, longest: float) -> Iterator[Stops]:
-        """Yield the results of a beam, and of the exchanges after it."""
+        """Yield the results of a beam and of the exchanges that follow it."""
         result: Stops | None = None
         for seconds, stops in Beam(problem, _WIDTHS[min(number, len(_WIDTHS) - 1)], longest, self._front).run():
             self._progress(number, 0.6 * seconds / longest, longest)
@@ -281,7 +281,7 @@ class _Designer:
         limit = self._request.time_limit
         spent = time.monotonic() - self._start_time
         done = (number + share) / _BEAMS if limit is None else min(spent / limit, 1.0)
-        self._report(_PROBED + (_SEARCHED - _PROBED) * done, note=f"{best:.1f}")
+        self._report(_PROBE_END + (_SEARCHED - _PROBE_END) * done, note=f"{best:.1f}")
 
     def _corrected(self, stops: Stops) -> Stops:
         """Return a schedule that reaches the targets in the filter, which differs slightly from the segments."""
@@ -297,7 +297,7 @@ class _Designer:
 
     def _with_reserve(self, stops: Stops) -> Stops:
         """Return a schedule extended until the targets are reached with more noise and under other conditions."""
-        stops = self._continued(stops, 1.0 / MORE_NOISE)
+        stops = self._continued(stops, 1.0 / NOISE_FACTOR)
         for condition in self._trial.conditions():
             if self._trial.under(condition, _moves(stops), self._goal).duration is None:
                 other = replace(self._conditions, context=condition.context, mount=condition.mount)
@@ -305,12 +305,12 @@ class _Designer:
         return stops
 
     def _continued(self, stops: Stops, factor: float, library: SegmentLibrary | None = None) -> Stops:
-        """Return a schedule with more moves, for targets times `factor`; by default under the planned conditions."""
+        """Return a schedule with more moves for targets times `factor`, by default under the planned conditions."""
         library = library or self._library
         problem = replace(self._problem(factor), library=library)
         seconds = durations(library, stops)[-1]
         before = stops, states(library, stops)[-1], seconds
-        *_, (_, longer) = Beam(problem, _RESERVE_WIDTH, _LONGEST_RESERVE * seconds).run(before)
+        *_, (_, longer) = Beam(problem, _RESERVE_WIDTH, _MAX_DURATION_RATIO * seconds).run(before)
         return longer or stops
 
     def _best(self, duration: float) -> tuple[Stops, float]:
@@ -318,7 +318,7 @@ class _Designer:
 
         Raises ConfigurationError if the effects of the product's diagnosis need more time.
         """
-        factor, worst = _OUT_OF_REACH, np.inf
+        factor, worst = _UNREACHABLE_FACTOR, np.inf
         best: Stops = ()
         for step in range(_STEPS):
             # The first beam is narrow and not stopped early, because it contains long schedules only at its end.
@@ -351,7 +351,7 @@ class _Designer:
 
 
 def _ratio(worst: float) -> str:
-    """Return a ratio as a note for the progress; empty if there is none yet."""
+    """Return a ratio as text for the progress; empty if there is no ratio yet."""
     return f"{worst:.3f}" if np.isfinite(worst) else ""
 
 

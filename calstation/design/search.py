@@ -1,4 +1,4 @@
-"""Search for the shortest schedule that reaches target sigmas: a beam search over time, then exchanges of single moves.
+"""Search for the shortest schedule that reaches target sigmas, by a beam search and then exchanges of single moves.
 
 Every node of the beam is a schedule that ends at a time and a position; among schedules that end at about the same
 time, only the best are continued. They are compared by the sum of the positive ln(sigma / target) over the parameters.
@@ -17,17 +17,17 @@ from calstation.estimation.navigation import advance_information, join_segments,
 from calstation.physics import COUNT, FloatArray
 
 #: Largest sum of the angles of both joints in a move, in units of the lattice.
-_LONGEST = 10
+_MAX_MOVE = 10
 #: Additional rests tried by the beam, in units of `REST_UNIT`.
 _RESTS = (1, 3, 8, 24, 60)
 #: Largest number of times at which schedules are compared.
 _TIMES = 400
 #: The first rest, for alignment, in units of `REST_UNIT`.
 FIRST_REST = 12
-#: Number of moves of the random walk that determines what is achievable, and its longest duration, s.
-_WALK, _HOUR = 30, 3600.0
-#: Rests of the walks, in units of `REST_UNIT`: long ones favour the accelerometers, many moves the gyros. Every walk is
-#: also tried with the faces of the body only, which favour the scale factors.
+#: Number of moves of the random walk that determines which targets are reachable, and its longest duration, s.
+_WALK, _MAX_WALK_DURATION = 30, 3600.0
+#: Rests of the walks, in units of `REST_UNIT`. Long rests favour the accelerometers, and many moves the gyros. Every
+#: walk is also tried with only the faces of the body, which favour the scale factors.
 _WALK_RESTS = ((2, 10, 40), (40, 60), (120,))
 #: Number of schedules evaluated per exchange step.
 _BATCH = 48
@@ -49,7 +49,7 @@ class Problem:
     """Moves permitted by a table, and the target sigmas."""
 
     library: SegmentLibrary
-    targets: FloatArray  #: Targets of parameters and effects, SI, shape (c,); infinite if there is none.
+    targets: FloatArray  #: Targets of parameters and effects, SI, shape (c,); infinite for those without a target.
     low: Position  #: Lowest angles of the joints.
     high: Position  #: Highest angles of the joints.
     turns: tuple[int, ...]  #: Angles by which a joint turns in a move.
@@ -58,7 +58,7 @@ class Problem:
     long_rests: int = 0  #: Number of required long rests.
 
     def ratios(self, information: FloatArray) -> FloatArray:
-        """Return the ratios of the sigmas to their targets, shape (n, c), from the information at n schedule ends."""
+        """Return the ratios of the sigmas to their targets, shape (n, c), from the information of n schedules."""
         return sigmas(information, self.library.states) / self.targets
 
     def allowed(self, position: Position) -> bool:
@@ -73,7 +73,7 @@ class Problem:
             for k, stop in enumerate(stops)
         )
 
-    def rests_enough(self, stops: Sequence[Stop]) -> bool:
+    def has_long_rests(self, stops: Sequence[Stop]) -> bool:
         """Return whether the schedule contains the required long rests."""
         return sum(stop.rest >= self.long_rest for stop in stops) >= self.long_rests
 
@@ -82,7 +82,7 @@ class Problem:
         for outer in self.turns:
             for inner in self.turns:
                 target = (position[0] + outer, position[1] + inner)
-                if (outer or inner) and abs(outer) + abs(inner) <= _LONGEST and self.allowed(target):
+                if (outer or inner) and abs(outer) + abs(inner) <= _MAX_MOVE and self.allowed(target):
                     yield target
 
 
@@ -124,7 +124,7 @@ class Front:
             self._best[key] = (time, worst, stops)
 
     def points(self) -> list[tuple[float, float, Stops]]:
-        """Return durations, s, with ratios that no shorter schedule achieves, and the schedules."""
+        """Return the durations, s, the ratios and the schedules of the front."""
         points: list[tuple[float, float, Stops]] = []
         for key in sorted(self._best):
             if not points or self._best[key][1] < points[-1][1]:
@@ -133,7 +133,7 @@ class Front:
 
 
 def remaining_log_ratio(ratios: FloatArray) -> FloatArray:
-    """Return the sum of the positive logarithms of ratios of sigmas to targets, shape (n, c), as shape (n,)."""
+    """Sum the positive logarithms of ratios of sigmas to targets, shape (n, c); return an array of shape (n,)."""
     return np.asarray(np.log(np.maximum(ratios, 1.0)).sum(axis=1))
 
 
@@ -233,14 +233,14 @@ class Beam:
         for queued in self._queue.values():
             for node in queued:
                 if node.information is not None and node.information.base is not None:
-                    # a view would keep the information of all others in memory
+                    # a view would keep the information of all other schedules in memory
                     node.information = node.information.copy()
 
 
-def reachable(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
-    """Return the shortest random walk that reaches all targets within `_HOUR`, and the ratios after it, shape (c,).
+def shortest_walk(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
+    """Return the shortest random walk that reaches all targets within an hour, and the ratios after it, shape (c,).
 
-    If there is none, return None and the ratios of the closest walk.
+    If no walk reaches them, return None and the ratios after the closest walk.
     """
     faces = replace(problem, turns=tuple(turn for turn in problem.turns if turn % 2 == 0))
     possible = [each for each in (problem, faces) if any(each.next_positions((0, 0)))]
@@ -277,7 +277,7 @@ def _walk(problem: Problem, pattern: Sequence[int], seed: int) -> tuple[Stops, F
     repetitions, seconds = 1, durations(library, (first, *loop))[-1] - durations(library, (first,))[0]
     while True:
         ratios = problem.ratios(advance_information(state[None], segment[None]))[0]
-        if ratios.max() <= 1.0 or repetitions * seconds > _HOUR:
+        if ratios.max() <= 1.0 or repetitions * seconds > _MAX_WALK_DURATION:
             return (first, *(repetitions * loop)), ratios
         repetitions, segment = 2 * repetitions, join_segments(segment, segment, library.states)
 
@@ -317,7 +317,7 @@ class Exchange:
         self._states, self._times = states(self._library, stops), durations(self._library, stops)
 
     def run(self, steps: int) -> Iterator[float]:
-        """Run the exchange steps and yield the completed fraction; `best` and `time` are the best result so far."""
+        """Execute the exchange steps and yield the completed fraction; `best` and `time` are the best result so far."""
         problem, rng = self._problem, self._rng
         if len(self._stops) < 2:
             return
@@ -368,10 +368,10 @@ class Exchange:
             if (
                 a.position == b.position
                 or not self._problem.allowed(b.position)
-                or abs(turn[0]) + abs(turn[1]) > _LONGEST
+                or abs(turn[0]) + abs(turn[1]) > _MAX_MOVE
             ):
                 return None
-        return tuple(stops) if self._problem.rests_enough(stops) else None
+        return tuple(stops) if self._problem.has_long_rests(stops) else None
 
     def _random_position(self, at: Position) -> Position:
         targets = list(self._problem.next_positions(at))

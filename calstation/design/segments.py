@@ -1,4 +1,4 @@
-"""Information matrices of moves and rests, computed once with the filter of a run and then joined to schedules."""
+"""Information matrices of moves and rests, which are computed once with a run's filter and then joined to schedules."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ LATTICE_DEG = 45.0
 REST_UNIT = 0.5
 _LATTICE: Final = np.deg2rad(LATTICE_DEG)
 _TURN = round(360.0 / LATTICE_DEG)
-#: Rest at which the filter starts a segment, s; it is not part of the segment.
+#: Duration of the rest with which the filter starts before a segment, s.
 _BEGIN = 2.0
 
 #: Angles of outer and inner joint, in units of the lattice.
@@ -44,7 +44,7 @@ class Conditions:
 
 
 class SegmentLibrary:
-    """Information matrices for parameters and effects, and durations, of moves and rests on the lattice."""
+    """Durations of moves and rests on the lattice, and their information matrices for parameters and effects."""
 
     def __init__(self, conditions: Conditions) -> None:
         self._conditions = conditions
@@ -59,7 +59,7 @@ class SegmentLibrary:
         return np.asarray(advance_information(segment.start[None], segment.motion[None])[0])
 
     def move(self, at: Position, to: Position) -> tuple[FloatArray, float]:
-        """Return the information matrix and duration, s, of a move, its settling and the shortest rest."""
+        """Return the information matrix and duration, s, of a move including settling and the shortest rest."""
         key = (at[0] % _TURN, at[1] % _TURN, to[0] - at[0], to[1] - at[1])
         if key not in self._moves:
             conditions = self._conditions

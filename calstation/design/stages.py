@@ -30,13 +30,13 @@ class ShorterStages(Reached):
     """Shorter schedules of the same stages; `sigma` is the sigma after the last stage."""
 
     schedule: Values  #: Changed values, by stage.
-    duration: float  #: s
-    present: float  #: Duration before, s.
+    duration: float  #: Duration of all stages, s.
+    present: float  #: Duration of the product's current stages, s.
     gravity_rest: float | None  #: Shortest rest, s, suitable for the product's gravity check; None without this check.
     seconds: float  #: Duration of the search, s.
 
     def to_json(self) -> dict[str, Any]:
-        """Return JSON data."""
+        """Return the result as JSON data."""
         return {
             "schema": "calstation.stages/1",
             "duration_s": self.duration,
@@ -71,7 +71,7 @@ class _Shortening:
         self._report, self._request = report, request
         self._start_time = time.monotonic()
         self._run = RunRequest(SERIAL, request.station, request.product, out=Path("nowhere"))
-        #: The current stages reach their sigmas exactly, except for rounding errors.
+        #: Factor on the limits, because the current stages reach their own sigmas except for rounding errors.
         self._margin = 1.0 + 1e-9 if request.as_present else request.margin
         setup = load_configuration(self._run)
         check_manual_rig(setup)
@@ -87,7 +87,7 @@ class _Shortening:
         self._limits = np.where(estimated, required, np.inf)
 
     def run(self) -> ShorterStages:
-        """Reduce one value at a time, beginning with the reduction that saves most time."""
+        """Reduce one value at a time, beginning with the reduction that saves the most time."""
         fields = {stage: {field.name for field in schedule_fields(stage)} for stage in self._schedules}
         values: Values = {
             stage: {name: speed for name, speed in self._speeds.items() if name in names}
@@ -111,7 +111,7 @@ class _Shortening:
     def _improve(
         self, values: Values, factor: float, attempted: set[tuple[str, str, float]]
     ) -> tuple[Values, Preview] | None:
-        """Return the values with the reduction that saves most time within the limits; None if there is none."""
+        """Return the values after the reduction that saves the most time within the limits, or None."""
         reduced = sorted(self._reduced(values, factor), key=lambda change: self._duration(change[1]) or 0.0)
         for change, new in reduced:
             if change in attempted:

@@ -19,11 +19,11 @@ from procedures import method
 
 Moves = Sequence[tuple[float, float, float]]
 
-#: Factor of the profiles' noise with which a schedule must still reach its targets.
-MORE_NOISE = 1.5
-#: Assumed mounting error about each axis in units of the profile's mount sigma.
+#: Factor on the profiles' noise with which a schedule must still reach its targets.
+NOISE_FACTOR = 1.5
+#: Assumed mounting error about each axis, in multiples of the profile's mount sigma.
 _MOUNT = 0.3
-#: Other mountings, in the same units.
+#: Other mounting errors, in multiples of the profile's mount sigma.
 _MOUNTS = ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0))
 #: Other headings of the table, rad.
 _HEADINGS = tuple(np.deg2rad([90.0, 200.0]))
@@ -84,7 +84,7 @@ class Trial:
                     yield time, block
 
     def solve(self, moves: Moves) -> tuple[Solution, tuple[EffectLimit, ...]]:
-        """Solve the moves like a run; also return the size of each effect that the moves cannot detect."""
+        """Solve the moves as in a run; also return the size of each effect that the moves cannot detect."""
         chain = StageChain(self._meta)
         chain.start(STAGE)
         blocks = [block for _, block in self._blocks(moves, self._context, self.mount) if block is not None]
@@ -119,12 +119,12 @@ class Trial:
         for heading in _HEADINGS if site.azimuth is not None else ():
             context = replace(self._context, site=replace(site, azimuth=site.azimuth + heading))
             yield Condition("heading", float(heading), context, self.mount)
-        noisy = replace(imu, gyro_arw=MORE_NOISE * imu.gyro_arw, accel_vrw=MORE_NOISE * imu.accel_vrw)
-        vibrating = replace(table, velocity_sigma=MORE_NOISE * table.velocity_sigma)
-        yield Condition("noise", MORE_NOISE, replace(self._context, imu=noisy, table=vibrating), self.mount)
+        noisy = replace(imu, gyro_arw=NOISE_FACTOR * imu.gyro_arw, accel_vrw=NOISE_FACTOR * imu.accel_vrw)
+        vibrating = replace(table, velocity_sigma=NOISE_FACTOR * table.velocity_sigma)
+        yield Condition("noise", NOISE_FACTOR, replace(self._context, imu=noisy, table=vibrating), self.mount)
 
     def under(self, condition: Condition, moves: Moves, goal: FloatArray) -> Variation:
-        """Return the time at which the sigmas `goal`, SI, shape (30,), are reached under a condition."""
+        """Return the time at which the sigmas reach `goal`, SI, shape (30,), under a condition."""
         worst = np.inf
         for time, sigma in self.after_moves(moves, condition.context, condition.mount):
             worst = float(np.max(sigma / goal))

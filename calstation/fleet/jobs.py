@@ -4,7 +4,7 @@ import json
 from collections.abc import Collection
 from pathlib import Path
 
-from calstation.database import database_of, opened
+from calstation.database import database_of, open_database
 from calstation.errors import ConfigurationError
 from calstation.fleet.comparison import Comparison
 from calstation.jobs import ProgressCallback
@@ -30,7 +30,7 @@ def compare(
     from calstation.fleet.columns import file_access, update_columns
     from calstation.fleet.comparing import CommonLogs, update_progress
 
-    with opened(url, create=False) as engine, engine.connect() as connection:
+    with open_database(url, create=False) as engine, engine.connect() as connection:
         old = update_columns(update_progress(report, 0.0), connection, before)
         new = update_columns(update_progress(report, 0.5), connection, after)
     with file_access(new.paths[0].parent):
@@ -42,7 +42,7 @@ def export_version(report: ProgressCallback, url: str, version: str, path: Path)
     from calstation.fleet.columns import export_columns, update_columns
     from calstation.fleet.comparing import update_progress
 
-    with opened(url, create=False) as engine, engine.connect() as connection:
+    with open_database(url, create=False) as engine, engine.connect() as connection:
         files = update_columns(update_progress(report, 0.0), connection, version)
     try:
         return export_columns(files, path)
@@ -54,7 +54,7 @@ def versions_job(report: ProgressCallback, station: Path | None) -> list[str]:
     """Job: return the versions of solutions in the database of a station. Raises ConfigurationError."""
     from calstation.fleet.columns import versions
 
-    with opened(database_of(station)[0]) as engine, engine.connect() as connection:
+    with open_database(database_of(station)[0]) as engine, engine.connect() as connection:
         report(0.5)
         return versions(connection)
 

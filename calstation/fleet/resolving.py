@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
 
-from calstation.database import opened
+from calstation.database import open_database
 from calstation.errors import ConfigurationError
 from calstation.fleet.changes import load_changes
 from calstation.fleet.sources import Selection, StoredLog, find_logs
@@ -74,7 +74,7 @@ class FleetRequest:
         if before == after:
             raise ConfigurationError("fleet.compared_with_itself", version=after)
         if compare_with != UNCHANGED:
-            with opened(self.database, create=False) as engine, engine.connect() as connection:
+            with open_database(self.database, create=False) as engine, engine.connect() as connection:
                 require_version(connection, before)
         return before
 
@@ -145,7 +145,7 @@ def resolve_fleet(
     stop = stop or threading.Event()
     settings = request.settings()
     workers = worker_count(request.scheduler)
-    with opened(request.database) as engine:
+    with open_database(request.database) as engine:
         logs = list(takewhile(lambda log: not stop.is_set(), find_logs(request.sources, engine)))
         if not add_version(engine, settings):
             raise ConfigurationError("fleet.label_used", version=settings.changes.version)
@@ -198,7 +198,7 @@ def solved_results(database: str, summary: FleetSummary) -> Iterator[str]:
     For an unreachable log, it contains only outcome, error and location. Raises ConfigurationError if the database
     cannot be used.
     """
-    with opened(database) as engine:
+    with open_database(database) as engine:
         yield from read_results(engine, [*summary.solutions])
     for status in summary.failures:
         if status.solution is None:

@@ -1,4 +1,4 @@
-"""Child processes that exchange messages with their owner, who never blocks on them."""
+"""Child processes that exchange messages with their owner without ever blocking it."""
 
 import multiprocessing
 import pickle
@@ -23,7 +23,7 @@ _KILL_TIMEOUT = 5.0
 
 
 @contextmanager
-def _ignoring_interrupts() -> Iterator[None]:
+def _ignore_interrupts() -> Iterator[None]:
     """Ignore Ctrl-C inside the block, so that a child process started there also ignores it."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -36,7 +36,7 @@ def _ignoring_interrupts() -> Iterator[None]:
 
 
 @contextmanager
-def _without_main() -> Iterator[None]:
+def _hide_main_module() -> Iterator[None]:
     """Hide the spec and file of the main module, so that a spawned process does not import it."""
     main = sys.modules["__main__"]
     spec, file = main.__spec__, main.__dict__.pop("__file__", None)
@@ -65,8 +65,8 @@ class PipeReader:
     def take(self, wait: float = 0.0) -> Any:
         """Return the next message, waiting at most `wait` s for it.
 
-        Raises queue.Empty if no message is complete yet, EOFError if the other end is closed and no message is left,
-        and any error of unpickling.
+        Raises queue.Empty if no complete message has arrived, EOFError if the other end is closed and no message is
+        left, and any error of unpickling.
         """
         if self._at_end:
             raise EOFError
@@ -119,7 +119,7 @@ class ChildProcess(PipeReader):
         self.process: BaseProcess = context.Process(
             target=target, args=(there, *args), name=f"calstation {name}", daemon=daemon
         )
-        with _ignoring_interrupts(), _without_main():
+        with _ignore_interrupts(), _hide_main_module():
             self.process.start()
         there.close()
         super().__init__(here)

@@ -39,7 +39,7 @@ logger = logging.getLogger(__name__)
 
 
 class ProgressCallback(Protocol):
-    """Callback with which a job reports its progress; it raises an exception if the job must end."""
+    """Function with which a job reports its progress; it raises an exception if the job must end."""
 
     def __call__(self, fraction: float, remaining_s: float | None = None, note: str = "") -> None:
         """Report the fraction done (0 to 1), the remaining time, s, if known, and the current activity."""
@@ -79,7 +79,7 @@ class Job:
         return max(0.0, elapsed * (1.0 - self.fraction) / self.fraction - (now - self._reported_at))
 
     def poll(self) -> State:
-        """Process messages from the worker and return the state; to be called from a timer."""
+        """Process messages from the worker and return the state; the owner calls this from a timer."""
         self._job_queue.poll()
         return self.state
 
@@ -139,7 +139,7 @@ class JobQueue:
         return self._running is not None or bool(self._waiting)
 
     @property
-    def at_device(self) -> bool:
+    def uses_device(self) -> bool:
         """Whether a job that uses a device, and therefore must not be cancelled, is running or waiting."""
         return any(job is not None and not job.cancellable for job in (self._running, *self._waiting))
 
@@ -251,7 +251,7 @@ class JobQueue:
 
 
 class _QueueClosedError(BaseException):
-    """The job queue is closed; derived from BaseException so that no job catches it."""
+    """The job queue is closed; this error is derived from BaseException so that no job catches it."""
 
 
 def _serve(connection: "Connection[Any, Any]", warm_up: Callable[[], None] | None) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from calstation.estimation import Diagnosis, ModelTest
 from calstation.messages import Text
-from calstation.records import MODEL_KINDS, NEAR, CheckId, CheckKind
+from calstation.records import MODEL_KINDS, NEAR_MISS_FRACTION, CheckId, CheckKind
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Check:
         unit: str,
         *,
         subject: str = "",
-        near: float = NEAR,
+        near: float = NEAR_MISS_FRACTION,
         where: Where | None = None,
         acceptance: tuple[float, float] | None = None,
     ) -> "Check":

@@ -15,7 +15,7 @@ from calstation.judgement.conformity import Conformity, conformity, conformity_s
 from calstation.judgement.limits import check_limits, not_compared
 from calstation.judgement.site import check_latitude, unconfirmed_latitude
 from calstation.judgement.standards import StandardComparison
-from calstation.records import NEAR, CheckKind, Limit, LogMeta, Verdict, context_from_meta
+from calstation.records import NEAR_MISS_FRACTION, CheckKind, Limit, LogMeta, Verdict, context_from_meta
 from procedures import DEFAULT_STAGES
 
 #: Kinds of checks that may fail because the model does not describe the data.
@@ -112,9 +112,9 @@ def compare_only(meta: LogMeta, prior: Posterior, solutions: Sequence[Solution])
 def _limits(meta: LogMeta) -> tuple[Mapping[str, Limit], float]:
     """Return the limits of the product, and the fraction of a limit beyond which a value is a near miss."""
     if meta.product is None:
-        return {}, NEAR
+        return {}, NEAR_MISS_FRACTION
     checks = meta.product.checks
-    return meta.product.limits, NEAR if checks is None else checks.near_miss_beyond
+    return meta.product.limits, NEAR_MISS_FRACTION if checks is None else checks.near_miss_beyond
 
 
 def _with_explanation(checks: list[Check], solutions: Sequence[Solution]) -> list[Check]:

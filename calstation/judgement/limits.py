@@ -9,7 +9,7 @@ from calstation.estimation import Diagnosis, Estimate, Solution
 from calstation.estimation.common import Posterior
 from calstation.judgement.check import Check, Where
 from calstation.physics import INDEX, NAMES, OBSERVABLE, PARAMETERS, entry_of
-from calstation.records import MODEL_KINDS, NEAR, Limit, Rule
+from calstation.records import MODEL_KINDS, NEAR_MISS_FRACTION, Limit, Rule
 
 #: Coverage factor of the expanded uncertainty.
 COVERAGE_FACTOR = 2.0
@@ -90,7 +90,7 @@ def check_limits(
     limits: Mapping[str, Limit],
     prior: Posterior,
     solutions: Sequence[Solution],
-    near: float = NEAR,
+    near: float = NEAR_MISS_FRACTION,
     calibrated: Collection[str] = (),
     rule: Rule = "simple",
 ) -> list[Check]:

@@ -192,9 +192,9 @@ class GaugePlan(BaseModel):
         }
         levels = {"unit": self.units, "operator": self.operators, "station": self.stations}
         rows = judged_runs(runs)
-        rows = rows[(runs.started[rows] >= self.created_utc.timestamp()) & runs.products.among((self.product,))[rows]]
+        rows = rows[(runs.started[rows] >= self.created_utc.timestamp()) & runs.products.isin((self.product,))[rows]]
         for factor in self.factors:
-            rows = rows[columns[factor].among(levels[factor])[rows]]
+            rows = rows[columns[factor].isin(levels[factor])[rows]]
         counts: Counter[tuple[str, ...]] = Counter()
         measurements = []
         for k in rows.tolist():

@@ -27,13 +27,13 @@ def _columns(folder: Path, product: str, mark: str | None) -> RunColumns:
 
 def judged_runs(runs: RunColumns) -> IntArray:
     """Return the indices of the complete runs that ended with PASS or FAIL."""
-    return np.flatnonzero(~runs.partial & runs.verdicts.among((Verdict.PASSED, Verdict.FAILED)))
+    return np.flatnonzero(~runs.partial & runs.verdicts.isin((Verdict.PASSED, Verdict.FAILED)))
 
 
 def production_runs(runs: RunColumns, excluded: Collection[str]) -> IntArray:
     """Return the indices of runs with a verdict, without runs of check standards and of the units `excluded`."""
     judged = judged_runs(runs)
-    return judged[~(runs.check_standard | runs.serials.among(excluded))[judged]]
+    return judged[~(runs.check_standard | runs.serials.isin(excluded))[judged]]
 
 
 def last_of_each_unit(runs: RunColumns, rows: IntArray) -> IntArray:

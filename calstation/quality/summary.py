@@ -240,9 +240,9 @@ def summarise_quality(
     in_period = runs.started >= start
     production, unit_runs = production_runs(runs, standards), judged_runs(runs)
     production = production[in_period[production]]
-    unit_runs = unit_runs[(in_period & runs.serials.among(() if serial is None else (serial,)))[unit_runs]]
+    unit_runs = unit_runs[(in_period & runs.serials.isin(() if serial is None else (serial,)))[unit_runs]]
     for done, name in enumerate(names):
-        of_product, config = runs.products.among((name,)), limits.get(name)
+        of_product, config = runs.products.isin((name,)), limits.get(name)
         units = last_of_each_unit(runs, production[of_product[production]])
         unit_rows = unit_runs[of_product[unit_runs]]
         parameters += _charts(runs, name, units, parameter, None if relative else config, relative=relative)

@@ -69,7 +69,7 @@ def table_charts(station: StationConfig, runs: RunColumns) -> Mapping[str, Table
     standard deviations.
     """
     rows = judged_runs(runs)
-    rows = rows[runs.stations.among((station.name,))[rows]]
+    rows = rows[runs.stations.isin((station.name,))[rows]]
     calibrated = [each.calibrated for each in station.instruments if each.kind == "table" and each.calibrated]
     if calibrated:
         start = datetime.combine(max(calibrated) + timedelta(days=1), time.min).timestamp()

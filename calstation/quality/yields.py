@@ -85,7 +85,7 @@ def count_yields(runs: RunColumns, since: float = -math.inf, excluded: Collectio
     units = runs.products.codes[judged] * len(runs.serials.values) + runs.serials.codes[judged]
     first = judged[np.unique(units, return_index=True)[1]]
     selected, first = (rows[runs.started[rows] >= since] for rows in (judged, first))
-    passed = runs.verdicts.among((Verdict.PASSED,))
+    passed = runs.verdicts.isin((Verdict.PASSED,))
     days: dict[date, Share] = _by(_days(runs.started[selected]), passed[selected])
     products, stations, operators = (
         _by(column.take(selected), passed[selected]) for column in (runs.products, runs.stations, runs.operators)

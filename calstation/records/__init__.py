@@ -1,6 +1,6 @@
 """Records of runs: raw logs, CSV, their configuration, and the index of runs.
 
-This package contains no solvers and no devices. More than 15 modules: one a format of records.
+The package contains no solvers and no devices. It has more than 15 modules, one for each format of records.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -52,7 +52,7 @@ from calstation.records.meta import (
     store_pair,
 )
 from calstation.records.product import (
-    NEAR,
+    NEAR_MISS_FRACTION,
     ChecksSection,
     ConformitySection,
     Excitation,
@@ -68,7 +68,7 @@ from calstation.records.product import (
     TemperatureLimit,
     check_limit_names,
 )
-from calstation.records.raw_log import RESERVE, SUFFIX, RawLogWriter, free_space, write_log
+from calstation.records.raw_log import RESERVED_SPACE, SUFFIX, RawLogWriter, free_space, write_log
 from calstation.records.raw_read import (
     being_written,
     raw_rows,
@@ -84,7 +84,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """Import the index of runs when it is used: it loads SQLAlchemy, a ninth of the imports of `calstation resolve`."""
+    """Import the index of runs on first use, because it loads SQLAlchemy, which `calstation resolve` does not need."""
     if name not in ("RunIndex", "estimates_by_name", "from_columns", "to_columns"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from calstation.records import run_index

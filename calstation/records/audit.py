@@ -1,4 +1,4 @@
-"""The audit trail of a site: a chained file of every action that can change the meaning of a result."""
+"""The audit trail of a site, a chained file that records every action that can change the meaning of a result."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -51,12 +51,12 @@ def audit_path(folder: Path) -> Path:
 
 
 class AuditWriter(ChainedFile[AuditEvent]):
-    """An audit trail that is locked for other programs."""
+    """An audit trail that is locked against other programs."""
 
     def append_event(
         self, event: AuditEventName, by: str, why: str = "", *, confirmed_by: str | None = None, **values: Any
     ) -> AuditEvent:
-        """Append an event, see `append_audit`. Raises OSError."""
+        """Append an event; see `append_audit` for the arguments. Raises OSError."""
         utc = datetime.now(UTC).isoformat(timespec="seconds")
         row = {"utc": utc, "event": event, "by": by, "confirmed_by": confirmed_by, "why": why, "values": values}
         return self.append(row)

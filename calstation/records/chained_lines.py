@@ -1,9 +1,9 @@
-"""Append-only files of JSON lines with a SHA-256 chain: audit trail, issued reports, journals, and more.
+"""Append-only files of JSON lines with a SHA-256 chain, such as the audit trail, issued reports and journals.
 
 Every line ends with ``, "previous": "...", "digest": "..."}``. `digest` is the SHA-256 of the UTF-8 bytes of the line
 without ``, "digest": "..."``; `previous` is the digest of the line before, or 64 zeros in the first line. A power
-failure or a killed program can only leave an incomplete last line. It is kept: the next append closes it with
-``#incomplete``, and `previous` of the new line is the SHA-256 of the digest before it and its bytes.
+failure or a killed program can only leave an incomplete last line. The next append keeps this line and closes it with
+``#incomplete``; `previous` of the new line is then the SHA-256 of the preceding digest and the incomplete line's bytes.
 """
 
 import hashlib
@@ -25,7 +25,7 @@ from calstation.records.files import locked, sync_folder, write_atomic
 #: Digest before the first line.
 START = "0" * 64
 
-#: Longest time to wait for another program that appends a line, s.
+#: Longest time to wait while another program appends a line, s.
 LOCK_TIMEOUT = 5.0
 
 _INCOMPLETE = b"#incomplete"
@@ -36,7 +36,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Damage:
-    """The first line that was changed, removed or inserted after it had been written."""
+    """The first line at which the file was changed after it had been written."""
 
     number: int  #: Number of the line, from 1.
     reason: Text
@@ -51,7 +51,7 @@ class Chain(Generic[T]):
     incomplete: tuple[int, ...] = ()  #: Numbers of the lines left incomplete by a killed program.
     truncated: bool = False  #: Whether the last line is incomplete.
     damage: Damage | None = None
-    digest: str = START  #: Digest of the last line; a copy stored elsewhere proves that no line was changed.
+    digest: str = START  #: Digest of the last line; a copy kept elsewhere proves that no line was changed.
 
 
 class ChainedFile(Generic[T]):
@@ -63,7 +63,7 @@ class ChainedFile(Generic[T]):
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Lock the file, whose folder is created if it is missing. Raises OSError, also after `LOCK_TIMEOUT`."""
+        """Lock the file, creating its folder if necessary. Raises OSError, also after `LOCK_TIMEOUT`."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with locked(self.path.with_name(f".{self.path.stem}.lock"), LOCK_TIMEOUT):
             yield
@@ -79,7 +79,7 @@ class ChainedFile(Generic[T]):
         *lines, last_line = content.split(b"\n")
         entries: dict[int, T] = {}
         incomplete: list[int] = []
-        unconfirmed: list[int] = []  # incomplete lines without a valid line after them
+        unconfirmed: list[int] = []  # incomplete lines that no valid line follows
         damage: Damage | None = None
         digest = START
         for number, line in enumerate([*lines, last_line] if last_line else lines, 1):
@@ -98,7 +98,7 @@ class ChainedFile(Generic[T]):
         return Chain(tuple(entries.values()), tuple(entries), (*incomplete, *unconfirmed), truncated, damage, digest)
 
     def _check_line(self, number: int, line: bytes, digest: str, entries: dict[int, T]) -> Text | None:
-        """Check a line and add its entry if it agrees with its own digest; return the damage, or None."""
+        """Check a line and add its entry if it agrees with its own digest; return a description of damage, or None."""
         ending = _ENDING.search(line)
         if ending is None:
             return Text("log.line_incomplete")

@@ -1,4 +1,4 @@
-"""Identity of a check: its kind and subject, which determine its name in results and lists."""
+"""The identity of a check, which consists of its kind and subject and determines its name in results and lists."""
 
 import json
 from typing import Literal, NamedTuple, get_args
@@ -39,7 +39,7 @@ CheckKind = Literal[
     "other",
 ]
 
-#: Kinds of the model tests, which each stage has once. If a test fails, later ones may fail as a consequence.
+#: Kinds of the model tests, each of which occurs once per stage. A failed test may cause later tests to fail.
 MODEL_KINDS: tuple[CheckKind, ...] = (
     "clipping",
     "samples",
@@ -70,7 +70,7 @@ _NAMES: dict[CheckKind, str] = {
 
 
 class CheckId(NamedTuple):
-    """Kind of a check, and the parameter, group or stage that it checks; "" for a check of the whole result."""
+    """The kind of a check and the parameter, group or stage to which it applies; "" for the whole result."""
 
     kind: CheckKind
     subject: str = ""
@@ -83,7 +83,7 @@ class CheckId(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Name in the result JSON and in lists of failed checks."""
+        """Name of the check in the result JSON and in lists of failed checks."""
         return _NAMES.get(self.kind, self.kind).format(self.subject)
 
 

@@ -23,10 +23,16 @@ def export_csv(
     first_seq: int | None = None,
     last_seq: int | None = None,
 ) -> LogFacts:
-    """Write a log, or its samples `first_seq` to `last_seq`, to `target` (.csv or .csv.gz) and a TOML file next to it.
+    """Write a log as CSV, with a TOML file next to it; return the facts of the whole log.
 
-    `progress` is called with the number of samples written so far. Returns the facts of the whole log. Raises
-    InputError if the log cannot be read or the target cannot be written.
+    Raises InputError if the log cannot be read or the target cannot be written.
+
+    Parameters
+    ----------
+    source : log to export
+    target : file to write, .csv or .csv.gz
+    progress : function that is called with the number of samples written so far
+    first_seq, last_seq : first and last sequence number to export; None for the start and the end of the log
     """
     _check_target(target, (source,))
     log = open_log(source)

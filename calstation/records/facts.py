@@ -1,4 +1,4 @@
-"""Summary of the samples of a log: range, gaps, temperature and sha256, which do not depend on the block sizes."""
+"""Summary of the samples of a log (range, gaps, temperature and sha256), which does not depend on the block sizes."""
 
 import hashlib
 import math
@@ -26,12 +26,12 @@ _ROW = np.dtype(
 class LogFacts:
     """Summary of the samples of a log."""
 
-    first_seq: int  #: Unwrapped count; 0 without samples.
-    last_seq: int  #: Unwrapped count; -1 without samples.
+    first_seq: int  #: First sequence number, unwrapped; 0 without samples.
+    last_seq: int  #: Last sequence number, unwrapped; -1 without samples.
     samples: int  #: Number of samples.
     gaps: int  #: Number of gaps.
-    temperature: tuple[float, float, float] | None  #: Mean, lowest and highest, °C; None if unknown.
-    sha256: str  #: Digest of sample rows and configuration.
+    temperature: tuple[float, float, float] | None  #: Mean, lowest and highest temperature, °C; None if unknown.
+    sha256: str  #: Digest of the sample rows and the configuration.
     damaged: int = 0  #: Number of rows that could not be read.
 
 

@@ -15,7 +15,7 @@ _LOCKED_ERRORS = (errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK)
 #: Time between two attempts, s.
 _RETRY_INTERVAL = 0.02
 
-#: Time for which `is_locked` retries by default, s, because a process that tests the lock acquires it briefly.
+#: Default time for which `is_locked` retries, s, because another process may acquire the lock briefly to test it.
 TEST_TIMEOUT = 0.2
 
 if sys.platform == "win32":
@@ -44,7 +44,7 @@ else:
 
 @contextmanager
 def locked(path: Path, timeout: float) -> Iterator[None]:
-    """Lock a file, which is created if missing. Raises TimeoutError after `timeout` s, or OSError."""
+    """Lock a file, creating it if necessary. Raises TimeoutError after `timeout` s, or OSError."""
     handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         if not acquire_lock(handle, timeout):
@@ -60,7 +60,7 @@ def locked(path: Path, timeout: float) -> Iterator[None]:
 def acquire_lock(handle: int, timeout: float, *, shared: bool = False) -> bool:
     """Lock an open file until it is closed; return False if another process keeps it locked for `timeout` s.
 
-    `shared` requests a shared lock where the system has them. Raises OSError if the file system has no locks.
+    `shared` requests a shared lock if the system supports it. Raises OSError if the file system supports no locks.
     """
     deadline = time.monotonic() + timeout
     while True:
@@ -77,7 +77,7 @@ def acquire_lock(handle: int, timeout: float, *, shared: bool = False) -> bool:
 
 
 def is_locked(path: Path, timeout: float = TEST_TIMEOUT) -> bool:
-    """Return whether a process keeps a file locked for `timeout` s or longer.
+    """Return whether a process keeps a file locked for at least `timeout` s.
 
     Raises OSError if the file cannot be opened or locked.
     """
@@ -89,9 +89,16 @@ def is_locked(path: Path, timeout: float = TEST_TIMEOUT) -> bool:
 
 
 def write_atomic(path: Path, content: str | bytes, mode: int = 0o644, *, sync: bool = True) -> None:
-    """Replace the content of a file by bytes or UTF-8 text. Raises OSError, which leaves the old file unchanged.
+    """Replace the content of a file atomically.
 
-    Without `sync` a power failure may leave an empty file.
+    Raises OSError, after which the old file is unchanged.
+
+    Parameters
+    ----------
+    path : file to replace or create
+    content : new content; text is encoded as UTF-8
+    mode : permissions of the file
+    sync : whether to wait until the content is on disk; otherwise a power failure may leave an empty file
     """
     data = content.encode() if isinstance(content, str) else content
     partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")
@@ -118,7 +125,7 @@ def partial_path(target: Path) -> Path:
 
 
 def sync_folder(folder: Path) -> None:
-    """Write new names in a folder to disk, if the system supports it, so that they survive a power failure."""
+    """Write the entries of a folder to disk, if the system supports it, so that new names survive a power failure."""
     if sys.platform == "win32":
         return  # NTFS preserves the names of flushed files
     with suppress(OSError):  # a network folder may not support it

@@ -1,4 +1,4 @@
-"""Runs in an index: one run, many runs in columns, and the conditions that select runs."""
+"""Representations of indexed runs: a single run, many runs in columns, and the conditions that select runs."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ class RunRecord:
     """A run in the index. For a run of another folder, `log` does not exist and `result` is None."""
 
     serial: str
-    started_utc: str  #: ISO 8601.
+    started_utc: str  #: Start of the run, ISO 8601.
     verdict: Verdict
     attempt: int
     product: str | None
@@ -28,7 +28,7 @@ class RunRecord:
     operator: str | None
     stages: tuple[str, ...]  #: Stages that were solved.
     log: Path
-    result: Path | None  #: None if there is no result.
+    result: Path | None  #: File of the result; None if there is no result.
     duration: float  #: Duration of the samples, s.
     error: str | None = None  #: Cause of a fault or a stop.
     resumed_from: str | None = None  #: Name of the log that this run continued; None for a new run.
@@ -36,14 +36,14 @@ class RunRecord:
     partial: bool = False  #: Whether the run omitted stages of its product.
     released: bool = False  #: Whether an engineer released the unit although it failed.
     check_standard: bool = False  #: Whether the unit was a check standard of the product instead of a production unit.
-    origin: str = ""  #: Outbox of the folder that contains the run; "" for a run of this folder.
+    origin: str = ""  #: Outbox of the other folder that contains the run; "" for a run of this folder.
     location: str | None = None  #: Location of the log of a run of another folder: a URL or ``host:path``.
     batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
     slot: str | None = None  #: Name of the unit's slot on the table.
 
     @property
     def badge(self) -> str:
-        """The verdict as the window shows it: ``released`` for a failed run whose unit was released."""
+        """The verdict as the window shows it; ``released`` for a failed run whose unit was released."""
         return "released" if self.released else self.verdict
 
 
@@ -51,26 +51,26 @@ class RunRecord:
 class IndexedRun:
     """A row of the index."""
 
-    name: str  #: File name of the log without suffix, the key.
+    name: str  #: Key of the row: the file name of the log without suffix.
     stamp: str  #: Stamp of the files from which the row was read.
     record: RunRecord
     values: Mapping[str, float]  #: Solved values by parameter, SI.
-    sigmas: Mapping[str, float]  #: Their standard deviations, SI.
+    sigmas: Mapping[str, float]  #: Standard deviations of the values, SI.
     failed_checks: tuple[CheckId, ...] = ()  #: The checks that failed; empty for a run without a verdict.
-    #: Quantities of the table's geometry by name with their standard deviations, rad.
+    #: Quantities of the table's geometry and their standard deviations by name, rad.
     table: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Categories(Generic[T]):
-    """A column with repeated values, stored as its distinct values and the index of the value of each row."""
+    """A column with repeated values, stored as its distinct values and the index of each row's value."""
 
-    values: tuple[T, ...]  #: The distinct values.
+    values: tuple[T, ...]  #: Distinct values.
     codes: IntArray  #: Index of the value of each row, shape (n,).
 
     @classmethod
     def of(cls, column: Sequence[T]) -> "Categories[T]":
-        """Return a column of hashable values."""
+        """Create a column from hashable values."""
         code_of = {value: code for code, value in enumerate(dict.fromkeys(column))}
         return cls(tuple(code_of), np.array([*map(code_of.__getitem__, column)], dtype=np.int64))
 
@@ -78,10 +78,10 @@ class Categories(Generic[T]):
         return self.values[int(self.codes[row])]
 
     def take(self, rows: IntArray) -> "Categories[T]":
-        """Return the column for some rows."""
+        """Return the column of the selected rows."""
         return Categories(self.values, self.codes[rows])
 
-    def among(self, members: Collection[T]) -> BoolArray:
+    def isin(self, members: Collection[T]) -> BoolArray:
         """Return a mask of the rows whose value is one of `members`, shape (n,)."""
         flags = np.zeros(len(self.values), dtype=bool)
         flags[[self._code_of[value] for value in members if value in self._code_of]] = True
@@ -107,13 +107,13 @@ class RunColumns:
     check_standard: BoolArray  #: Whether the unit was a check standard.
     failed_checks: Categories[tuple[CheckId, ...]]  #: As in `IndexedRun`.
     values: Mapping[str, FloatArray]  #: Solved values by parameter, SI; NaN if a run has none.
-    sigmas: Mapping[str, FloatArray]  #: Their standard deviations, SI.
+    sigmas: Mapping[str, FloatArray]  #: Standard deviations of the values, SI.
     table: Mapping[str, FloatArray]  #: Quantities of the table's geometry by name, rad; NaN if a run has none.
 
 
 @dataclass(frozen=True)
 class RunFilter:
-    """Conditions for runs, all of which must hold; "" means no condition."""
+    """Conditions that a run must all meet; "" means no condition."""
 
     search: str = ""  #: Part of a serial number, file name, product, station, operator or batch.
     verdict: str = ""
@@ -121,14 +121,14 @@ class RunFilter:
     station: str = ""
     operator: str = ""
     since: str = ""  #: Earliest start, ISO 8601 in UTC without an offset.
-    before: str = ""  #: Upper limit of the start, exclusive, in the same format.
+    before: str = ""  #: Exclusive upper limit of the start, in the same format.
     names: tuple[str, ...] = ()  #: File names of the logs without suffix; () means no condition.
     batch: str = ""
 
 
 @dataclass(frozen=True)
 class RunChoices:
-    """The sorted values in the runs of a folder, and the earliest start, "" without runs."""
+    """The sorted values that occur in the runs of a folder, and their earliest start; "" if there are no runs."""
 
     products: tuple[str, ...] = ()
     stations: tuple[str, ...] = ()

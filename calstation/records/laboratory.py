@@ -1,4 +1,4 @@
-"""Laboratory and instruments of a certificate. They are stored in the log, so that result and log suffice."""
+"""Laboratory and instruments of a certificate, which are stored in the log so that it needs no other files."""
 
 from datetime import date
 from typing import Annotated, Any, Literal
@@ -9,7 +9,7 @@ from calstation.schema import EntryError, StrictModel
 
 
 def _as_date(value: Any) -> date:
-    """Return a date of a TOML file unchanged, and parse the text of a date in a stored log."""
+    """Parse a date stored as text in a log; return a date read from TOML unchanged."""
     if isinstance(value, date):
         return value
     try:
@@ -19,21 +19,21 @@ def _as_date(value: Any) -> date:
 
 
 _Text = Annotated[str, Field(min_length=1)]
-#: A date, which is ISO 8601 text in a log.
+#: A date, which a log stores as ISO 8601 text.
 Day = Annotated[date, BeforeValidator(_as_date), PlainSerializer(date.isoformat)]
 
 
 class LaboratorySection(StrictModel):
-    """`[laboratory]`: the laboratory, the place, the customer, and the persons who authorise the certificate."""
+    """`[laboratory]`: the laboratory, the location, the customer, and the persons who authorise the certificate."""
 
     name: _Text
     address: _Text
     country: Annotated[str, Field(pattern="^[A-Z]{2}$")] | None = None  #: ISO 3166-1 code, such as CN.
-    place: _Text | None = None  #: Place of the calibration, if not at `address`.
+    place: _Text | None = None  #: Location of the calibration if it differs from `address`.
     accreditation: _Text | None = None  #: Accreditation body and number.
     customer: _Text | None = None
     customer_address: _Text | None = None
-    signatories: list[_Text] = Field(default_factory=list)  #: Each "Name, function".
+    signatories: list[_Text] = Field(default_factory=list)  #: Persons in the form "Name, function".
 
 
 class InstrumentSection(StrictModel):
@@ -42,6 +42,6 @@ class InstrumentSection(StrictModel):
     name: _Text
     serial: _Text | None = None
     kind: Literal["table", "site", "other"] = "other"  #: ``site`` is a survey of gravity, latitude or azimuth.
-    certificate: _Text | None = None  #: Number of its calibration certificate.
+    certificate: _Text | None = None  #: Number of the instrument's calibration certificate.
     calibrated: Day | None = None
-    due: Day | None = None  #: Date of its next calibration.
+    due: Day | None = None  #: Date of the instrument's next calibration.

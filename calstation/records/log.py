@@ -1,4 +1,4 @@
-"""A log on disk, independent of its file format (`log_formats`)."""
+"""A log on disk, regardless of its file format (see `log_formats`)."""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
@@ -13,21 +13,21 @@ from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.meta import LogMeta
 
 #: Largest number of damaged intervals listed in a message.
-_LISTED = 6
+_MAX_LISTED = 6
 
 
 @dataclass(frozen=True)
 class DamagedRows:
-    """Consecutive damaged rows, which are omitted as a gap."""
+    """Consecutive damaged rows, which are omitted and thus form a gap."""
 
     row: int  #: Number of the first row, from 0.
     count: int  #: Number of rows.
-    after: int | None  #: Sequence number of the intact sample before them; None at the start of the log.
-    before: int | None  #: Sequence number of the intact sample after them; None at the end of the log.
+    after: int | None  #: Sequence number of the preceding intact sample; None at the start of the log.
+    before: int | None  #: Sequence number of the following intact sample; None at the end of the log.
 
     @property
     def missing(self) -> str:
-        """First and last missing sequence number, as far as they are known."""
+        """Text with the first and the last missing sequence number, as far as they are known."""
         first = "" if self.after is None else f"{self.after + 1}"
         last = "" if self.before is None else f"{self.before - 1}"
         return f"{first}…{last}"
@@ -35,7 +35,7 @@ class DamagedRows:
 
 def damage_summary(damaged: Sequence[DamagedRows]) -> dict[str, int | str]:
     """Return the values for a message about damaged rows: their number, and the first missing intervals."""
-    intervals = [part.missing for part in damaged[:_LISTED]] + ["…"] * (len(damaged) > _LISTED)
+    intervals = [part.missing for part in damaged[:_MAX_LISTED]] + ["…"] * (len(damaged) > _MAX_LISTED)
     return {"rows": sum(part.count for part in damaged), "where": ", ".join(intervals)}
 
 
@@ -57,7 +57,7 @@ class Log:
     _facts: LogFacts | None = None
 
     def blocks(self, first_seq: int | None = None, last_seq: int | None = None) -> Iterator[SampleBlock]:
-        """Yield the samples from `first_seq` to `last_seq` (both included, unwrapped counts), split at stage changes.
+        """Yield the samples from `first_seq` to `last_seq` (unwrapped, both included), split at stage changes.
 
         Raises InputError if the log has damage other than damaged rows, or has no sample in the range.
         """

@@ -1,4 +1,4 @@
-"""File formats of logs; a new format is a module that reads and writes it, and one entry in `LOG_FORMATS`."""
+"""File formats of logs; a new format needs a module that reads and writes it and one entry in `LOG_FORMATS`."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class LogFormat:
 
     name: str
     suffixes: tuple[str, ...]
-    #: Opens a log, given its path and the path of its configuration, None for the default. Raises InputError.
+    #: Opens a log, given its path and the path of its configuration (None for the default). Raises InputError.
     open: Callable[[Path, Path | None], Log]
     #: Writes samples and configuration; a failure leaves no log. Raises InputError or ConfigurationError.
     write: Callable[[Path, LogMeta, Iterator[SampleBlock]], object]
@@ -33,17 +33,17 @@ LOG_FORMATS = (
     LogFormat("raw log", (SUFFIX,), open_raw, write_log, row_count),
     LogFormat("CSV", CSV_SUFFIXES, open_csv, write_csv_log, csv_rows, meta_path),
 )
-#: Suffixes of the names of all logs, the longest first.
+#: Suffixes of all formats, the longest first.
 LOG_SUFFIXES = tuple(sorted((s for each in LOG_FORMATS for s in each.suffixes), key=len, reverse=True))
 
 
 def log_format(path: Path) -> LogFormat | None:
-    """Return the format of a log according to its name; None for any other file."""
+    """Determine the format of a log from its name; return None for any other file."""
     return next((each for each in LOG_FORMATS if path.name.endswith(each.suffixes)), None)
 
 
 def open_log(path: Path, meta_file: Path | None = None) -> Log:
-    """Open a log of any format, with its configuration from `meta_file` if it is not in the log itself.
+    """Open a log of any format; `meta_file` contains the configuration if the log itself does not.
 
     Raises InputError if the file is missing or of another type, or if its configuration is invalid.
     """

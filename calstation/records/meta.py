@@ -1,4 +1,4 @@
-"""Configuration of a log: everything that the solvers need in addition to the samples.
+"""Configuration of a log, which contains everything that the solvers need in addition to the samples.
 
 It is stored next to a CSV as TOML or inside a raw log, and includes the last cross-calibration of each pair of IMUs.
 """
@@ -16,7 +16,15 @@ import tomli_w
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.common import ImuModel, Posterior, Secondary, Site, SolveContext, StoredPair, TableModel
+from calstation.estimation.common import (
+    ImuModel,
+    Posterior,
+    Secondary,
+    Site,
+    SolveContext,
+    StoredCrossCalibration,
+    TableModel,
+)
 from calstation.messages import os_reason
 from calstation.physics import (
     AXIS_OFFSET_SIGMA,
@@ -54,7 +62,7 @@ class SiteSection(StrictModel):
     height_m: float = Field(ge=-1000, le=10000)
     azimuth_deg: float | None = Field(default=None, ge=-360, le=360)
     gravity_mps2: float | None = Field(default=None, ge=9.7, le=9.9)
-    #: 1σ of gravity; default 1e-6 if gravity is given and 5e-4 if it is computed.
+    #: Standard deviation of gravity; by default 1e-6 if gravity is given and 5e-4 if it is computed.
     gravity_sigma_mps2: float | None = Field(default=None, gt=0, le=0.1)
 
 
@@ -70,12 +78,12 @@ class ImuSection(StrictModel):
     accel_vrw: float = Field(gt=0)
     gyro_bias_instability: float = Field(default=0.0, ge=0)
     accel_bias_instability: float = Field(default=0.0, ge=0)
-    gyro_quantisation: float | None = Field(default=None, ge=0)  #: None for a count.
-    accel_quantisation: float | None = Field(default=None, ge=0)  #: None for a count.
+    gyro_quantisation: float | None = Field(default=None, ge=0)  #: None for one count.
+    accel_quantisation: float | None = Field(default=None, ge=0)  #: None for one count.
 
 
 class StoredPairSection(StrictModel):
-    """`[imuN.stored]`: the last cross-calibration, as in `estimation.common.context.StoredPair`."""
+    """`[imuN.stored]`: the last cross-calibration, as in `estimation.common.context.StoredCrossCalibration`."""
 
     values: dict[str, float] = Field(default_factory=dict)
     gyro_static: float | None = Field(default=None, ge=0)
@@ -91,14 +99,14 @@ class StoredPairSection(StrictModel):
         return values
 
 
-class FurtherImuSection(ImuSection):
+class SecondaryImuSection(ImuSection):
     """`[imu2]` to `[imu9]`: a secondary IMU sampled in the same rows as `[imu]`."""
 
     stored: StoredPairSection | None = None
 
 
 class TableSection(StrictModel):
-    """`[table]`: axes of the table, and accuracy of its angles and of its velocity at rest."""
+    """`[table]`: axes of the table, and the accuracy of its angles and of its velocity at rest."""
 
     outer_axis: list[float] = Field(default=[1.0, 0.0, 0.0], min_length=3, max_length=3)
     inner_axis: list[float] = Field(default=[0.0, 0.0, 1.0], min_length=3, max_length=3)
@@ -114,7 +122,7 @@ class TableSection(StrictModel):
     axis_offset_sigma_mm: float = Field(
         default=1e3 * AXIS_OFFSET_SIGMA, gt=0, le=100, exclude_if=lambda sigma: sigma == 1e3 * AXIS_OFFSET_SIGMA
     )
-    #: Body axes along x and z of the platform at home; not stored if it is the default.
+    #: Body axes along x and z of the platform at home; the default is not stored.
     orientation: str = Field(default=DEFAULT_ORIENTATION, exclude_if=lambda name: name == DEFAULT_ORIENTATION)
 
     @field_validator("orientation")
@@ -147,7 +155,7 @@ class PriorSection(StrictModel):
 
 
 class ProductSection(StrictModel):
-    """`[product]`: type of the unit, limits, acceptance checks, decision rule, and target sigmas of a stage."""
+    """`[product]`: type of the unit, limits, acceptance checks, decision rule, and target sigmas."""
 
     name: str
     limits: dict[str, Limit] = Field(default_factory=dict)
@@ -172,14 +180,14 @@ class FileSection(StrictModel):
 
 
 class CalibrationSection(StrictModel):
-    """`[run.calibration]`: the run with the current calibration, which is the prior of a partial run."""
+    """`[run.calibration]`: the run whose calibration is the prior of a partial run."""
 
     log: str  #: File name of the log of that run.
     started_utc: str
 
 
 class RunSection(StrictModel):
-    """`[run]`: operator, station, software and time of the run; absent from a CSV of another program."""
+    """`[run]`: operator, station, software and time of the run; a CSV of another program has no such section."""
 
     stages: list[str]
     station: str | None = None
@@ -190,17 +198,17 @@ class RunSection(StrictModel):
     started_utc: str
     files: dict[str, FileSection] | None = None  #: Files by kind.
     clock_error_ppm: float | None = Field(default=None, ge=0)  #: Largest error of the station's clock.
-    resumed_from: str | None = None  #: Name of the log whose completed stages this log begins with.
+    resumed_from: str | None = None  #: Name of the log with whose completed stages this log begins.
     #: Reason for a run despite an overdue or failed check standard or certificate; None if all were valid.
     standard_override: str | None = None
-    calibration: CalibrationSection | None = None  #: None if the prior is taken from the IMU profile.
+    calibration: CalibrationSection | None = None  #: Source of the prior; None for the IMU profile.
     batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
     slot: str | None = None  #: Name of the unit's slot on the table; None at a station with one unit.
     batch_units: list[str] | None = None  #: Serial numbers of all units of the batch, in the order of their slots.
 
 
 class ModelSection(StrictModel):
-    """`[model]`: estimated effects in addition to the 30 parameters."""
+    """`[model]`: effects that are estimated in addition to the 30 parameters."""
 
     states: list[EffectName]
 
@@ -224,17 +232,17 @@ class LogMeta(StrictModel):
     registers: dict[str, float] = Field(default_factory=dict)  #: Registers of the unit, SI, if they act on its output.
     simulated: bool | None = None  #: Whether a recording was simulated; for a run, `run.seed` indicates it.
     previous: dict[str, float] = Field(default_factory=dict)  #: Last calibration, SI, if the product's checks use it.
-    imu2: FurtherImuSection | None = None
-    imu3: FurtherImuSection | None = None
-    imu4: FurtherImuSection | None = None
-    imu5: FurtherImuSection | None = None
-    imu6: FurtherImuSection | None = None
-    imu7: FurtherImuSection | None = None
-    imu8: FurtherImuSection | None = None
-    imu9: FurtherImuSection | None = None
+    imu2: SecondaryImuSection | None = None
+    imu3: SecondaryImuSection | None = None
+    imu4: SecondaryImuSection | None = None
+    imu5: SecondaryImuSection | None = None
+    imu6: SecondaryImuSection | None = None
+    imu7: SecondaryImuSection | None = None
+    imu8: SecondaryImuSection | None = None
+    imu9: SecondaryImuSection | None = None
 
     @property
-    def secondaries(self) -> dict[int, FurtherImuSection]:
+    def secondaries(self) -> dict[int, SecondaryImuSection]:
         """The secondary IMUs by number."""
         sections = {number: getattr(self, f"imu{number}") for number in FURTHER_IMUS}
         return {number: section for number, section in sections.items() if section is not None}
@@ -299,7 +307,7 @@ class LogMeta(StrictModel):
         return table
 
     def to_json(self) -> str:
-        """Return canonical JSON, which is also the configuration's contribution to the sha256 of a log."""
+        """Return canonical JSON, which is also included in the sha256 of a log."""
         return json.dumps(self._plain(), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
     def to_toml(self) -> str:
@@ -327,7 +335,7 @@ def meta_from_json(text: str, source: str | Path) -> LogMeta:
 
 
 def context_from_meta(meta: LogMeta) -> SolveContext:
-    """Return site, IMUs and table for the solvers, SI; the result is the same for a run and for its log."""
+    """Return the site, IMUs and table for the solvers, SI; the result is the same for a run and for its log."""
     site = meta.site
     azimuth = None if site.azimuth_deg is None else float(np.deg2rad(site.azimuth_deg))
     latitude, longitude = float(np.deg2rad(site.latitude_deg)), float(np.deg2rad(site.longitude_deg))
@@ -364,8 +372,8 @@ def _table_model(table: TableSection) -> TableModel:
     )
 
 
-def _stored_pair(stored: StoredPairSection | None) -> StoredPair:
-    return StoredPair() if stored is None else StoredPair(**stored.model_dump())
+def _stored_pair(stored: StoredPairSection | None) -> StoredCrossCalibration:
+    return StoredCrossCalibration() if stored is None else StoredCrossCalibration(**stored.model_dump())
 
 
 def _normalised(axis: list[float]) -> tuple[float, float, float]:
@@ -374,7 +382,7 @@ def _normalised(axis: list[float]) -> tuple[float, float, float]:
 
 
 def prior_from_meta(meta: LogMeta) -> Posterior:
-    """Return the prior of the 30 parameters before the first stage; by default 0 with the default sigma."""
+    """Return the prior of the 30 parameters before the first stage; the default is 0 with the default sigmas."""
     mean = np.zeros(COUNT)
     sigma = np.array([p.prior_sigma for p in PARAMETERS])
     for name, prior in meta.prior.items():
@@ -400,7 +408,7 @@ def covariance_from(sigma: FloatArray, correlation: Mapping[str, Mapping[str, fl
 
 
 def correlation_of(covariance: FloatArray) -> dict[str, dict[str, float]]:
-    """Return the correlations of a covariance, shape (30, 30), of each parameter with earlier ones, without zeros."""
+    """Return the nonzero correlations of each parameter with preceding ones from a covariance, shape (30, 30)."""
     sigma = np.sqrt(np.diag(covariance))
     correlations: dict[str, dict[str, float]] = {}
     for i, name in enumerate(NAMES):
@@ -417,15 +425,15 @@ def pair_path(folder: Path, primary: str, secondary: str) -> Path:
     return folder / f"{names[0]}_{names[1]}.toml"
 
 
-def load_pair(folder: Path, primary: str, secondary: str) -> StoredPair:
-    """Load the last cross-calibration of a pair, empty if there is none. Raises InputError if the file is damaged."""
+def load_pair(folder: Path, primary: str, secondary: str) -> StoredCrossCalibration:
+    """Load the last cross-calibration of a pair; it is empty if there is none. Raises InputError for a damaged file."""
     path = pair_path(folder, primary, secondary)
     if not path.exists():
-        return StoredPair()
+        return StoredCrossCalibration()
     return _stored_pair(load(StoredPairSection, path, InputError))
 
 
-def store_pair(folder: Path, primary: str, secondary: str, stored: StoredPair) -> Path:
+def store_pair(folder: Path, primary: str, secondary: str, stored: StoredCrossCalibration) -> Path:
     """Replace the stored cross-calibration of a pair. Raises ConfigurationError if it cannot be written."""
     path = pair_path(folder, primary, secondary)
     content = _without_none({**asdict(stored), "values": dict(stored.values)})

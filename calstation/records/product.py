@@ -1,4 +1,4 @@
-"""Limits, acceptance checks and decision rule of a product in its file and in the configuration of a log.
+"""Limits, acceptance checks and decision rule of a product, as stored in product files and log configurations.
 
 `calstation.judgement` compares results with them.
 """
@@ -11,9 +11,9 @@ from pydantic import Field, field_validator, model_validator
 from calstation.physics import EFFECT_PARAMETERS, GROUPS, NAMES, PAIR_PARAMETERS, further_parameter
 from calstation.schema import EntryError, StrictModel, near_miss
 
-#: A value above this fraction of its limit is a near miss, unless the product specifies another fraction.
-NEAR = 0.8
-#: Decision rule: accept a value within the limits, or within the limits narrowed by its expanded uncertainty.
+#: Default fraction of a limit above which a value is a near miss.
+NEAR_MISS_FRACTION = 0.8
+#: Decision rule, which accepts a value within the limits, or within the limits narrowed by its expanded uncertainty.
 Rule = Literal["simple", "guard_band"]
 #: Numbers of rests of a stage, from 0.
 Positions = list[Annotated[int, Field(ge=0)]]
@@ -46,19 +46,19 @@ class Limit(StrictModel):
         return limits
 
     def sigma_limit(self, stage: str) -> float | None:
-        """Return the largest standard deviation of a parameter last estimated by `stage`, or None without a limit."""
+        """Return the largest standard deviation of a parameter last estimated by `stage`; None without a limit."""
         return self.sigma_below_after.get(stage, self.sigma_below)
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Lowest and highest permitted value, or None without a limit."""
+        """Lowest and highest permitted value; None without a limit."""
         if self.within is None:
             return None
         if isinstance(self.within, list):
             return self.within[0], self.within[1]
         return -self.within, self.within
 
-    def about(self, nominal: float) -> "Limit":
+    def shifted_by(self, nominal: float) -> "Limit":
         """Return the limits shifted by the nominal value of a parameter."""
         if self.interval is None:
             return self
@@ -96,17 +96,17 @@ class GravityAtRest(StrictModel):
 
 
 class ImprovementAtRest(StrictModel):
-    """Largest remaining fraction of the uncalibrated difference in magnitude between force and gravity."""
+    """Largest fraction of the difference in magnitude between force and gravity that remains after calibration."""
 
     below: float = Field(gt=0)  #: Largest remaining fraction.
     #: Smallest limit of the remaining error, m/s²; it applies if the fraction `below` would be smaller.
     or_within: float = Field(default=0.0, ge=0)
-    positions: Positions | None = None  #: Rests that are compared; default: all.
-    stage: str | None = None  #: Stage of the rests; default: the last stage with rests.
+    positions: Positions | None = None  #: Rests to compare; None for all rests.
+    stage: str | None = None  #: Stage of the rests; None for the last stage with rests.
 
 
 class Level(StrictModel):
-    """Largest force errors, m/s², at the level position: the first rest, or rest `position` of `stage`."""
+    """Largest force errors, m/s², at the level position, which is the first rest or rest `position` of `stage`."""
 
     horizontal_within: float | None = Field(default=None, gt=0)
     vertical_within: float | None = Field(default=None, gt=0)
@@ -115,17 +115,17 @@ class Level(StrictModel):
 
 
 class MotionAngle(StrictModel):
-    """Rotation angles between rests from the calibrated gyros, compared with a reference."""
+    """Comparison of the rotation angles between rests, measured by the calibrated gyros, with a reference."""
 
-    #: ``gravity`` measured by the calibrated accelerometers; default: the encoders, or gravity without encoders.
+    #: ``gravity`` for the calibrated accelerometers; None for the encoders, or for gravity if there are no encoders.
     reference: Literal["gravity"] | None = None
     within: float | None = Field(default=None, gt=0)  #: Largest error, rad.
     below: float | None = Field(default=None, gt=0)  #: Largest remaining fraction of the uncalibrated error.
     #: Smallest limit of the remaining error, rad; it applies if the fraction `below` would be smaller.
     or_within: float = Field(default=0.0, ge=0)
-    #: Every two of these rests are compared, with all motions between them; default: consecutive rests.
+    #: Rests of which every pair is compared, with all motions between them; None for consecutive rests.
     positions: Positions | None = Field(default=None, min_length=2)
-    stage: str | None = None  #: Stage of the motions; default: all stages.
+    stage: str | None = None  #: Stage of the motions; None for all stages.
 
 
 class OfflineOnline(StrictModel):
@@ -135,7 +135,7 @@ class OfflineOnline(StrictModel):
 
 
 class Previous(StrictModel):
-    """Largest change since the last calibration of the same unit, per parameter or group, SI."""
+    """Largest change since the last calibration of the same unit, by parameter or group, SI."""
 
     change_within: dict[str, float] = Field(min_length=1)
 
@@ -157,7 +157,7 @@ class Excitation(StrictModel):
 
 
 class SampleClockLimit(StrictModel):
-    """Largest relative error of the sample rate, in addition to the error of the reference, ppm."""
+    """Largest relative error of the sample rate in excess of the error of the reference, ppm."""
 
     within_ppm: float = Field(default=20.0, gt=0)
 
@@ -171,7 +171,7 @@ class TemperatureLimit(StrictModel):
 class ChecksSection(StrictModel):
     """`[checks]` of a product; a value above the fraction `near_miss_beyond` of its limit is a near miss."""
 
-    near_miss_beyond: float = Field(default=NEAR, gt=0, lt=1)
+    near_miss_beyond: float = Field(default=NEAR_MISS_FRACTION, gt=0, lt=1)
     gravity_at_rest: GravityAtRest | None = None
     improvement_at_rest: ImprovementAtRest | None = None
     level: Level | None = None

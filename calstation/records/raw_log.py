@@ -1,10 +1,10 @@
-"""Writer of the raw log: HDF5 in SWMR mode; a killed process or a power failure loses less than two seconds.
+"""Writer of the raw log, an HDF5 file in SWMR mode of which a killed process or a power failure loses at most 2 s.
 
 The samples are in one compound dataset, so that their columns have equal lengths after a crash. Configuration, events,
 results and the closing record are JSON lines in byte datasets. All datasets are created before SWMR mode is switched
-on, because HDF5 cannot create any afterwards. Samples are not compressed: rewriting a partly filled compressed chunk at
-every flush would waste file space, and an incompletely written chunk would lose all its rows. Every row has a checksum,
-so that individual damaged rows can be identified.
+on, because HDF5 cannot create datasets afterwards. Samples are not compressed, because rewriting a partly filled
+compressed chunk at every flush would waste file space, and an incompletely written chunk would lose all its rows. Every
+row has a checksum, so that individual damaged rows can be identified.
 
 References
 ----------
@@ -41,15 +41,15 @@ from calstation.records.superblock import SUPERBLOCK, superblock_end
 
 FORMAT = "calstation.log/1"
 SUFFIX = ".h5"
-#: Host time between flushes to the operating system, s: killing the process loses less than this plus one tick.
+#: Host time between flushes to the operating system, s; a killed process loses less than this time plus one tick.
 FLUSH_INTERVAL = 0.1
-#: Host time between fsyncs, s: a power failure loses less than this plus a tick and the duration of the fsync. They run
-#: in a separate thread, because a disk may take seconds, during which the table's watchdog must be fed.
+#: Host time between fsyncs, s; a power failure loses less than this time plus a tick and the duration of an fsync. The
+#: fsyncs run in a separate thread, because a disk may take seconds, during which the table's watchdog must be fed.
 SYNC_INTERVAL = 0.8
 #: Host time to wait for the lock, s, because `being_written` acquires it briefly.
 _LOCK_TIMEOUT = 1.0
 #: Name of the column with the row checksums.
-CHECK = "check"
+CHECKSUM_COLUMN = "check"
 #: Columns of every log; the columns of secondary IMUs and of a gimbal follow, and the checksum is last.
 ROW = np.dtype(
     [
@@ -65,7 +65,7 @@ ROW = np.dtype(
 )
 CHUNK_ROWS = 1024
 #: Free disk space, bytes, reserved for the end of the log and the result.
-RESERVE = 32_000_000
+RESERVED_SPACE = 32_000_000
 _TEXTS = ("events", "results", "closing")
 #: Initial value of a row's checksum, so that a row of zeros that was never written is invalid.
 _SEED = np.uint64(0x9E3779B97F4A7C15)
@@ -76,11 +76,11 @@ def row_dtype(further_imus: int, joints: bool, station: bool = False) -> np.dtyp
     others = [("others", "<f8", (further_imus, 6))] if further_imus else []
     gimbal = [("joints", "<f8", (3,))] if joints else []
     clock = [("station", "<f8", (1,))] if station else []
-    return np.dtype([*ROW.descr, *others, *gimbal, *clock, (CHECK, "<u4")])
+    return np.dtype([*ROW.descr, *others, *gimbal, *clock, (CHECKSUM_COLUMN, "<u4")])
 
 
 def row_checks(rows: np.ndarray | Mapping[str, np.ndarray]) -> NDArray[np.uint32]:
-    """Compute the checksums of n rows, shape (n,), from all columns except `CHECK`.
+    """Compute the checksums of n rows, shape (n,), from all columns except `CHECKSUM_COLUMN`.
 
     `rows` is an array with the dtype `row_dtype`, or its columns in this order, which is faster.
     """
@@ -88,7 +88,7 @@ def row_checks(rows: np.ndarray | Mapping[str, np.ndarray]) -> NDArray[np.uint32
     sums = np.full(len(rows["seq"]), _SEED, np.uint64)
     number = itertools.count()
     for name in names:
-        if name == CHECK:
+        if name == CHECKSUM_COLUMN:
             continue
         values = rows[name]
         bits = values.view(np.uint64) if values.dtype.itemsize == 8 else values.astype(np.uint64)
@@ -112,18 +112,23 @@ def free_space(path: Path) -> int:
     return shutil.disk_usage(path.parent).free
 
 
-#: Writers after a failed write; they are kept because closing their file may crash the process.
-_abandoned: list["RawLogWriter"] = []
+#: Writers that have failed to write; they are kept because closing their files may crash the process.
+_failed_writers: list["RawLogWriter"] = []
 
 
 class RawLogWriter:
     """Appends samples, events and results of a run to a new file.
 
-    `joints` specifies whether the blocks have gimbal joints, `station` whether they may have the station's time.
-
-    The file is locked until the writer closes it (`raw_read.being_written`). Data are buffered between flushes;
+    The file is locked until the writer closes it (see `raw_read.being_written`). Data are buffered between flushes;
     `service`, which every append calls, flushes and syncs when due. Raises ConfigurationError if the file cannot be
-    created; all methods that write, flush or sync raise it if a write fails, and nothing more is written then.
+    created; all methods that write, flush or sync raise it if a write fails, after which nothing more is written.
+
+    Parameters
+    ----------
+    path : file to create
+    meta : configuration of the log
+    joints : whether the blocks contain the joint angles of a gimbal
+    station : whether the blocks may contain the station's time
     """
 
     def __init__(self, path: Path, meta: LogMeta, joints: bool = False, station: bool = False) -> None:
@@ -175,25 +180,25 @@ class RawLogWriter:
         with self._writing():
             rows["stage"] = self._stage_index(block.stage)
         columns = self._row.names or ()
-        if "station" in columns and not block.station.shape[1]:  # from an older log that this one continues
+        if "station" in columns and not block.station.shape[1]:  # a block from an older log that this log continues
             block = replace(block, station=np.full((len(block), 1), np.nan))
         for name, values in (("others", block.others), ("joints", block.joints), ("station", block.station)):
             if name in columns:
                 rows[name] = values if values.shape[1] else np.nan
-        rows[CHECK] = row_checks(rows)
+        rows[CHECKSUM_COLUMN] = row_checks(rows)
         self._facts.add(block)
         self._rows.append(rows)
         self.service()
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Append an event, a mapping of JSON values."""
+        """Append an event given as JSON data."""
         if self._failed:
             return
         self._write_line("events", event)
         self.service()
 
     def add_result(self, result: Mapping[str, Any]) -> None:
-        """Append a result JSON, which the sha256 does not include."""
+        """Append a result given as JSON data; the sha256 does not include it."""
         self._write_line("results", result)
         self.flush()
 
@@ -202,7 +207,7 @@ class RawLogWriter:
         return self._facts.facts()
 
     def service(self) -> None:
-        """Flush and sync if due; must be called at every tick, with or without data. Raises ConfigurationError once."""
+        """Flush and sync if due; must be called at every tick, even without data. Raises ConfigurationError once."""
         now = time.monotonic()
         if now - self._flushed_at >= FLUSH_INTERVAL:
             self.flush()
@@ -234,7 +239,7 @@ class RawLogWriter:
         self._raise_failure()
 
     def begin_sync(self) -> Future[None]:
-        """Flush and start to write to disk in the background; a later `service` raises any failure."""
+        """Flush and start to write to disk in the background; a later call of `service` raises any failure."""
         self.flush()
         if not self._failed:
             self._syncing = self._disk.submit(self._sync_in_background)
@@ -254,9 +259,9 @@ class RawLogWriter:
             raise failure
 
     def _write_to_disk(self) -> None:
-        if not self._warned and self.free_space(self.path) < RESERVE:
+        if not self._warned and self.free_space(self.path) < RESERVED_SPACE:
             self._warned = True
-            raise ConfigurationError("log.disk_nearly_full", file=self.path, megabytes=RESERVE // 1_000_000)
+            raise ConfigurationError("log.disk_nearly_full", file=self.path, megabytes=RESERVED_SPACE // 1_000_000)
         os.fsync(self._sync_handle)
         if not os.path.samestat(self.path.stat(), os.fstat(self._sync_handle)):
             raise _ReplacedError
@@ -268,9 +273,9 @@ class RawLogWriter:
             return facts
         if self._failed:
             # Closing a file after a failed write may crash the process inside HDF5, so it stays open.
-            if self not in _abandoned:
-                _abandoned.append(self)
-                self._disk.submit(os.close, self._sync_handle)  # after pending writes
+            if self not in _failed_writers:
+                _failed_writers.append(self)
+                self._disk.submit(os.close, self._sync_handle)  # executed after the pending writes
                 self._disk.shutdown(wait=self._syncing.done())
             return facts
         self._write_line("closing", {"outcome": outcome, "sha256": facts.sha256})

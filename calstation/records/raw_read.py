@@ -1,4 +1,4 @@
-"""Reader of raw logs, including logs of killed runs; damaged rows are omitted and reported."""
+"""Reader of raw logs, including logs of killed runs, which omits and reports damaged rows."""
 
 import itertools
 import json
@@ -20,14 +20,14 @@ from calstation.messages import os_reason
 from calstation.records.files import TEST_TIMEOUT, is_locked
 from calstation.records.log import DamagedRows, Log
 from calstation.records.meta import meta_from_json
-from calstation.records.raw_log import CHECK, CHUNK_ROWS, FORMAT, row_checks
+from calstation.records.raw_log import CHECKSUM_COLUMN, CHUNK_ROWS, FORMAT, row_checks
 from calstation.records.superblock import SUPERBLOCK, AsClosed, is_unclosed, superblock_end, superblock_valid
 
 _READ_ROWS = 16 * CHUNK_ROWS
 #: Exceptions that h5py raises for a damaged file.
-_BROKEN = (OSError, RuntimeError, KeyError)
+_HDF5_ERRORS = (OSError, RuntimeError, KeyError)
 _NO_DAMAGE = np.empty((0, 2), np.int64)
-#: Number of attempts to open a file that a run may be writing, and seconds between them.
+#: Number of attempts to open a file that a run may be writing, and the time between them, s.
 _ATTEMPTS, _RETRY_INTERVAL = 4, 0.05
 
 
@@ -40,7 +40,7 @@ def intact_rows(damaged: NDArray[np.int64], start: int, stop: int) -> NDArray[np
 
 
 def open_raw(path: Path, _: Path | None = None) -> Log:
-    """Open a raw log, of which configuration, events and results are read. Raises InputError."""
+    """Open a raw log and read its configuration, events and results. Raises InputError."""
     with _open_for_reading(path) as file:
         stored = file["meta"][:]
         if zlib.crc32(stored) != file.attrs["meta_crc32"]:
@@ -53,7 +53,7 @@ def open_raw(path: Path, _: Path | None = None) -> Log:
 
 
 def being_written(path: Path, within: float = TEST_TIMEOUT) -> bool:
-    """Return whether a run is still writing the log, according to its lock, which is tested for `within` s.
+    """Return whether a run is still writing the log, as shown by its lock, which is tested for `within` s.
 
     Raises InputError if the file cannot be read.
     """
@@ -64,12 +64,12 @@ def being_written(path: Path, within: float = TEST_TIMEOUT) -> bool:
 
 
 def solved_stages(events: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
-    """Return the stages that were solved according to the events of a log, in order."""
+    """Return the stages that were solved, in order, according to the events of a log."""
     return tuple(event["stage"] for event in events if event.get("event") == "StageSolved")
 
 
 def step_labels(events: Iterable[Mapping[str, Any]]) -> dict[int, tuple[str | float, ...]]:
-    """Return the label of each move by the number of its step, according to the events of a log."""
+    """Return the labels of the moves by step number, according to the events of a log."""
     return {e["step"]: tuple(e["label"]) for e in events if e.get("event") == "StepStarted" and e.get("label")}
 
 
@@ -92,7 +92,7 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
             rows = stored[: end - start]
             _read(samples, start, rows)
             columns = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
-            intact = (columns["stage"] < len(names)) & (row_checks(columns) == columns[CHECK])
+            intact = (columns["stage"] < len(names)) & (row_checks(columns) == columns[CHECKSUM_COLUMN])
             intact &= _is_increasing(columns["seq"], intact, last)
             for a, b in true_intervals(intact):
                 if damaged is not None and start + a > intact_end:
@@ -112,9 +112,15 @@ def row_count(path: Path) -> int:
 
 
 def raw_rows(path: Path, start: int, stop: int, damaged: NDArray[np.int64] = _NO_DAMAGE) -> np.ndarray:
-    """Read the intact rows `start` to `stop` of a raw log as stored, with the dtype `raw_log.row_dtype`.
+    """Read the intact rows `start` to `stop` of a raw log as they are stored (see `raw_log.row_dtype`).
 
-    `damaged` contains the first row and the number of rows of each damaged interval, shape (n, 2). Raises InputError.
+    Raises InputError.
+
+    Parameters
+    ----------
+    path : the log
+    start, stop : first row, and row after the last one
+    damaged : first row and number of rows of each damaged interval, shape (n, 2)
     """
     with _open_for_reading(path) as file:
         samples = file["samples"]
@@ -133,7 +139,7 @@ def _read(samples: h5py.Dataset, start: int, rows: np.ndarray) -> None:
     """Read `rows` from `start` on; an unreadable chunk becomes zeros, which are invalid."""
     try:
         samples.read_direct(rows, np.s_[start : start + len(rows)])
-    except _BROKEN:
+    except _HDF5_ERRORS:
         if len(rows) <= CHUNK_ROWS:
             rows[:] = np.zeros((), rows.dtype)
             return
@@ -174,14 +180,14 @@ def _open_for_reading(path: Path) -> Iterator[h5py.File]:
     try:
         with ExitStack() as stack:
             yield _open_repeatedly(path, stack)
-    except _BROKEN as exc:
+    except _HDF5_ERRORS as exc:
         raise InputError("log.damaged", file=path) from exc
 
 
 def _open_repeatedly(path: Path, stack: ExitStack) -> h5py.File:
-    """Open the file, with retries while a run is writing it. Raises InputError or `_BROKEN`."""
+    """Open the file, with retries while a run is writing it. Raises InputError or `_HDF5_ERRORS`."""
     for _ in range(_ATTEMPTS - 1):
-        with suppress(*_BROKEN), ExitStack() as opened:
+        with suppress(*_HDF5_ERRORS), ExitStack() as opened:
             file = _open(path, opened)
             stack.push(opened.pop_all())
             return file
@@ -192,14 +198,14 @@ def _open_repeatedly(path: Path, stack: ExitStack) -> h5py.File:
 
 
 def _open(path: Path, stack: ExitStack) -> h5py.File:
-    """Open the file, whether or not it was closed. Raises InputError if the format is different, or `_BROKEN`."""
+    """Open the file, whether or not it was closed. Raises InputError if the format is different, or `_HDF5_ERRORS`."""
     with path.open("rb") as stream:
         head = stream.read(SUPERBLOCK)
     if not superblock_valid(head):
         raise OSError("the superblock is damaged")
     short = path.stat().st_size < superblock_end(head)
     source = stack.enter_context(AsClosed(path)) if short or is_unclosed(head) else path
-    # without HDF5's chunk cache, which would not be reused
+    # HDF5's chunk cache is off, because no chunk would be reused
     file = stack.enter_context(h5py.File(source, "r", libver="latest", rdcc_nbytes=0))
     if not _is_raw_log(file):
         raise InputError("log.foreign", file=path)
@@ -207,7 +213,7 @@ def _open(path: Path, stack: ExitStack) -> h5py.File:
 
 
 def _is_raw_log(file: h5py.File) -> bool:
-    """Return whether a file is a raw log; a string of variable length is not read, as HDF5 hangs on a damaged one."""
+    """Return whether a file is a raw log, without reading strings of variable length, on which HDF5 may hang."""
     if "format" not in file.attrs or "samples" not in file:
         return False
     is_fixed = file.attrs.get_id("format").dtype.kind == "S"
@@ -222,7 +228,7 @@ def _json_lines(file: h5py.File, name: str) -> list[dict[str, Any]]:
     """Return all lines that can be parsed; incomplete lines after a crash and damaged lines are skipped."""
     try:
         text = _text(file[name][:])
-    except _BROKEN:
+    except _HDF5_ERRORS:
         return []
     lines = []
     for line in text.split("\n")[:-1]:

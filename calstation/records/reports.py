@@ -1,4 +1,4 @@
-"""Record of issued reports: a line of a chained file next to the runs, and an event in the site's audit trail.
+"""Records of issued reports, each a line of a chained file next to the runs and an event in the site's audit trail.
 
 The file belongs to the logs and lists their reports for everyone who uses the folder. The audit trail belongs to the
 site and also lists reports of copied logs and reports missing at the end of a truncated file.
@@ -30,11 +30,11 @@ class IssuedReport:
 
     @property
     def identification(self) -> str:
-        """Number and, if revised, the revision."""
+        """The number, followed by the revision for a revised report."""
         return f"{self.number}-R{self.revision}" if self.revision else self.number
 
 
-#: Event of an issued report in the audit trail.
+#: Name of the event of an issued report in the audit trail.
 _EVENT: AuditEventName = "certificate"
 
 
@@ -60,7 +60,7 @@ def issued_reports(folder: Path, trail: AuditTrail, number: str) -> list[IssuedR
 
 
 def audit_values(report: IssuedReport) -> dict[str, Any]:
-    """Return the values of a report's event; its reason is the event's reason."""
+    """Return the values of a report for its event; the reason is stored separately in the event."""
     return {name: value for name, value in asdict(report).items() if name != "reason"}
 
 

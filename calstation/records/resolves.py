@@ -1,4 +1,4 @@
-"""Record of the offline solutions of the logs in a folder: one chained file with a line per solution."""
+"""Record of the offline solutions of the logs in a folder, a chained file with one line per solution."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Search index of runs in SQLite. The files of the runs are authoritative, and a lost index is rebuilt from them."""
+"""Search index of runs in SQLite, which is rebuilt from the authoritative files of the runs if it is lost."""
 
 import json
 import math
@@ -35,7 +35,7 @@ _EPOCH = 2440587.5
 #: Longest time to wait for another program that has locked the index, s.
 _BUSY_S = 5.0
 
-#: Time after which an index in memory tries its file again, s.
+#: Time after which an index that is kept in memory tries its file again, s.
 _RETRY_S = 10.0
 
 #: Number of runs that are removed at once, so that other programs do not wait for the index.
@@ -53,12 +53,12 @@ T = TypeVar("T")
 _RECORD = TypeAdapter(RunRecord)
 #: Content of `failed_checks` if no check failed.
 _NO_CHECKS = "[]"
-#: Fields of a run that are columns; `text` is the searched text, `content` the whole `RunRecord` as JSON. `parameters`
-#: is a list of names and `failed_checks` a list of kinds and subjects as JSON; `numbers` contains the values of all
-#: parameters, then their sigmas, as float64, so that 100,000 runs are read at once without parsing. The table's
-#: quantities are included.
+#: Fields of a run that are searched. Column `text` of the table contains the searched text and `content` the whole
+#: `RunRecord` as JSON. `parameters` is a list of names and `failed_checks` a list of kinds and subjects as JSON.
+#: `numbers` contains the values of all parameters and of the table's quantities, followed by their sigmas, as float64,
+#: so that 100,000 runs are read at once without parsing.
 _SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from", "batch", "slot")
-#: Columns of the conditions, in a separate index, so that a query does not read the contents of other runs.
+#: Columns of the conditions, which have a separate index, so that a query does not read the contents of other runs.
 _FILTERED = ("started_utc", "name", "verdict", "product", "station", "operator", "batch", "text")
 _metadata = sa.MetaData()
 _runs = sa.Table(
@@ -77,11 +77,11 @@ _runs = sa.Table(
     sa.Column("numbers", sa.LargeBinary, nullable=False),
 )
 sa.Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
-#: One row: the shared database from which runs of other folders were received, and the last revision received.
+#: One row with the shared database from which runs of other folders were received, and the last revision received.
 _received = sa.Table(
     "received", _metadata, sa.Column("database", sa.String, primary_key=True), sa.Column("revision", sa.BigInteger)
 )
-#: Copy of the stamps that the shared database has acknowledged: runs, and URLs of copies of their logs.
+#: Copy of the stamps that the shared database has acknowledged, of runs and of the URLs of copied logs.
 _acknowledged = sa.Table(
     "acknowledged",
     _metadata,
@@ -89,9 +89,9 @@ _acknowledged = sa.Table(
     sa.Column("name", sa.String, primary_key=True),
     sa.Column("stamp", sa.String, nullable=False),
 )
-#: One row after the first exchange: revision of the acknowledged stamps in the shared database.
+#: One row, added by the first exchange, with the revision of the acknowledged stamps in the shared database.
 _acknowledged_at = sa.Table("acknowledged_at", _metadata, sa.Column("revision", sa.BigInteger, primary_key=True))
-#: One row after the first change of the runs: a random value, which every change replaces.
+#: One row, added by the first change of the runs, with a random value that every change replaces.
 _changed = sa.Table("changed", _metadata, sa.Column("mark", sa.String, primary_key=True))
 _mark = sa.select(_changed.c.mark)
 _rowid: sa.ColumnElement[int] = sa.literal_column("runs.rowid", sa.Integer)
@@ -105,7 +105,7 @@ class RunIndex:
         self._path = folder / FILE
         self.may_lack_runs = False  #: Whether runs may be missing, because the index is new or its file was unusable.
         self._engine = _file_engine(self._path)
-        self._memory: sa.Engine | None = None  #: Replaces the file until `_retry_at`.
+        self._memory: sa.Engine | None = None  #: Index in memory, which replaces the file until `_retry_at`.
         self._retry_at = 0.0
         #: Stamps as last read, with the value of `mark` at that time.
         self._stamps: tuple[str | None, dict[str, str]] = (None, {})
@@ -113,11 +113,11 @@ class RunIndex:
 
     @property
     def mark(self) -> str | None:
-        """Value that differs after any change of the runs; None before the first."""
+        """Value that every change of the runs replaces; None before the first change."""
         return self._try(lambda connection: connection.execute(_mark).scalar())
 
     def stamps(self) -> Mapping[str, str]:
-        """Return the stamp of each run of the folder by name."""
+        """Return the stamps of the runs of the folder by name."""
         query = sa.select(_runs.c.name, _runs.c.stamp).where(_runs.c.origin == "")
 
         def read(connection: sa.Connection) -> dict[str, str]:
@@ -140,12 +140,12 @@ class RunIndex:
         if rows or names:
             self._try(change)
 
-    def named(self, names: Sequence[str]) -> list[IndexedRun]:
+    def runs_by_name(self, names: Sequence[str]) -> list[IndexedRun]:
         """Return the runs of the folder with these names."""
         return self._select_runs(sa.select(_runs).where(_runs.c.origin == "", _runs.c.name.in_(names)))
 
     def received(self) -> tuple[str, int]:
-        """Return the name of the shared database and the last revision received from it, ("", 0) for none.
+        """Return the name of the shared database and the last revision received from it; ("", 0) if there is none.
 
         Raises ConfigurationError if the file is currently unusable.
         """
@@ -174,7 +174,7 @@ class RunIndex:
         self._in_file(change)
 
     def acknowledged_revision(self) -> int:
-        """Return the revision of the acknowledged stamps in the shared database; 0 for none."""
+        """Return the revision of the acknowledged stamps in the shared database; 0 if there is none."""
         return self._try(lambda connection: connection.execute(sa.select(_acknowledged_at.c.revision)).scalar() or 0)
 
     def acknowledged(self) -> dict[tuple[str, str], str]:
@@ -216,14 +216,22 @@ class RunIndex:
         products, stations, operators = (tuple(sorted({row[k] for row in rows if row[k]})) for k in range(3))
         return RunChoices(products, stations, operators, first or "")
 
-    def of(
+    def of_unit(
         self,
         serial: str,
         verdicts: tuple[Verdict, ...] | None = None,
         before: str | None = None,
         limit: int | None = None,
     ) -> list[IndexedRun]:
-        """Return at most `limit` runs of a unit, latest first, by verdicts and by start before a time (ISO 8601)."""
+        """Return runs of a unit, the latest first.
+
+        Parameters
+        ----------
+        serial : serial number of the unit
+        verdicts : verdicts of the runs; None for any verdict
+        before : exclusive upper limit of the start, ISO 8601; None for no limit
+        limit : largest number of runs; None for no limit
+        """
         query = sa.select(_runs).where(_runs.c.serial == serial)
         if verdicts is not None:
             query = query.where(_runs.c.verdict.in_(verdicts))
@@ -243,12 +251,12 @@ class RunIndex:
 
     def columns(self, conditions: RunFilter) -> RunColumns:
         """Return the runs that meet all conditions and have a start time, in columns."""
-        days = sa.func.julianday(_runs.c.started_utc)  # NULL for an invalid time
+        days = sa.func.julianday(_runs.c.started_utc)  # SQL NULL for an invalid time
         fields = ("name", "serial", "verdict", "product", "station", "operator", "partial", "check_standard")
         where = (days.is_not(None), *_conditions(conditions))
 
         def read(connection: sa.Connection) -> tuple[str, list[tuple[Any, ...]]]:
-            # NULL for the usual texts, because 50,000 equal texts take a fifth of the time
+            # NULL replaces the most frequent text, because reading 50,000 equal texts takes a fifth of the time
             usual_parameters = connection.execute(sa.select(_runs.c.parameters).where(*where).limit(1)).scalar() or ""
             texts = (
                 sa.func.nullif(_runs.c.failed_checks, _NO_CHECKS),
@@ -258,7 +266,7 @@ class RunIndex:
             return usual_parameters, _rows(connection, query.where(*where))
 
         usual_parameters, rows = self._try(read)
-        # sorted here, because SQLite would read the whole table in time order, which is random access
+        # sorted here, because SQLite would read the table in the order of time, which is slow random access
         order = np.argsort([row[0] for row in rows], kind="stable")
         columns = zip(*map(rows.__getitem__, order.tolist()), strict=True) if rows else [()] * 12
         days_started, names, *texts, partial, standard, failed, parameters, numbers = columns
@@ -289,7 +297,7 @@ class RunIndex:
     def _run(self, row: sa.Row[Any]) -> IndexedRun:
         """Return a stored run with the paths of its files in the folder of the index.
 
-        The path of the log of a run of another folder is in a folder named after its outbox.
+        The log of a run of another folder is in a folder named after the outbox of the run.
         """
         run = from_columns(row.name, row.stamp, row.content, row.failed_checks, row.parameters, row.numbers)
         record = run.record
@@ -297,7 +305,7 @@ class RunIndex:
         return replace(run, record=replace(record, log=self._folder / record.origin / record.log.name, result=result))
 
     def _try(self, action: Callable[[sa.Connection], T]) -> T:
-        """Run `action` on the file, or in memory while the file cannot be used."""
+        """Execute `action` on the file, or in memory while the file cannot be used."""
         if time.monotonic() >= self._retry_at:
             try:
                 result = self._use_file(action)
@@ -315,7 +323,7 @@ class RunIndex:
             return action(connection)
 
     def _in_file(self, action: Callable[[sa.Connection], T]) -> T:
-        """Run `action` on the file. Raises ConfigurationError if the file is currently unusable."""
+        """Execute `action` on the file. Raises ConfigurationError if the file is currently unusable."""
         try:
             return self._use_file(action)
         except (DatabaseError, OSError) as exc:
@@ -323,7 +331,7 @@ class RunIndex:
             raise ConfigurationError("database.index_unusable", file=self._path, reason=reason) from exc
 
     def _use_file(self, action: Callable[[sa.Connection], T]) -> T:
-        """Run `action` on the file; if the file is damaged or missing, on a new one."""
+        """Execute `action` on the file, or on a new file if the file is damaged or missing."""
         try:
             with self._engine.begin() as connection:
                 return action(connection)
@@ -340,7 +348,7 @@ class RunIndex:
 
 
 def _is_lost(error: DatabaseError) -> bool:
-    """Return whether the file is damaged, not a database or lacks a table, rather than just locked or out of space."""
+    """Return whether the file is damaged, no database or without a table, instead of just locked or out of space."""
     code: int = getattr(error.orig, "sqlite_errorcode", 0)
     return code & 0xFF in _DAMAGED or str(error.orig).startswith("no such table")
 
@@ -360,7 +368,7 @@ def _file_engine(path: Path) -> sa.Engine:
 
 
 def _create(connection: sa.Connection) -> None:
-    """Create the tables; those of an index of another version are replaced."""
+    """Create the tables, replacing those of an index of another version."""
     if connection.execute(sa.text("PRAGMA user_version")).scalar_one() != _VERSION:
         _metadata.drop_all(connection)
         _metadata.create_all(connection)
@@ -368,7 +376,7 @@ def _create(connection: sa.Connection) -> None:
 
 
 def _rows(connection: sa.Connection, query: sa.Select[Any]) -> list[tuple[Any, ...]]:
-    """Return the rows as tuples of SQLite, which takes a third of the time of SQLAlchemy's rows."""
+    """Return the rows as tuples from SQLite, which takes a third of the time of SQLAlchemy's rows."""
     cursor = connection.execute(query).cursor
     return [] if cursor is None else list(cursor.fetchall())
 
@@ -398,7 +406,7 @@ def _row(run: IndexedRun) -> dict[str, Any]:
 
 
 def to_columns(run: IndexedRun) -> dict[str, Any]:
-    """Return the columns that contain a whole run: ``content``, ``failed_checks``, ``parameters``, ``numbers``."""
+    """Return the columns that contain a whole run: ``content``, ``failed_checks``, ``parameters`` and ``numbers``."""
     table_rows = {f"{_TABLE_PREFIX}{name}": row for name, row in run.table.items()}
     rows = {name: (value, run.sigmas.get(name, math.nan)) for name, value in run.values.items()} | table_rows
     return {
@@ -412,7 +420,7 @@ def to_columns(run: IndexedRun) -> dict[str, Any]:
 def from_columns(
     name: str, stamp: str, content: str, failed_checks: str, parameters: str, numbers: bytes
 ) -> IndexedRun:
-    """Return the run of a row, see `to_columns`."""
+    """Return the run in a row; see `to_columns` for the arguments."""
     names = json.loads(parameters)
     values, sigmas = (
         {name: number for name, number in zip(names, part, strict=True) if not math.isnan(number)}
@@ -435,9 +443,12 @@ def _store(connection: sa.Connection, rows: list[dict[str, Any]]) -> None:
 def estimates_by_name(
     parameters: Categories[str | None], numbers: Sequence[bytes], usual: str = ""
 ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-    """Return values and sigmas of n rows by parameter, shape (n,), from their columns; NaN if a row has none.
+    """Return the values and the sigmas of n rows by parameter, shape (n,); NaN if a row lacks the parameter.
 
-    None in `parameters` means `usual`. See `to_columns`.
+    Parameters
+    ----------
+    parameters, numbers : columns of the n rows, as in `to_columns`
+    usual : names of the parameters in rows for which `parameters` is None
     """
     names_of = [json.loads(names_json or usual) for names_json in parameters.values]
     column = {name: j for j, name in enumerate(dict.fromkeys(name for names in names_of for name in names))}

@@ -1,7 +1,7 @@
-"""Superblock of an HDF5 file. It is patched in memory, so that a file that was not closed is read like a closed one.
+"""The superblock of an HDF5 file, which is patched in memory so that an unclosed file is read like a closed one.
 
 The HDF5 mode for a file left open by its writer (SWMR) retries damaged metadata with doubling waits, so that a single
-wrong byte would block the reader for hours. In a closed file the same damage causes an error immediately.
+wrong byte would block the reader for hours. In a closed file, the same damage causes an error immediately.
 
 References
 ----------
@@ -21,7 +21,7 @@ _MASK = 0xFFFFFFFF
 
 
 def superblock_end(head: bytes) -> int:
-    """Return the length of the file according to its first `SUPERBLOCK` bytes."""
+    """Return the length of a file according to its first `SUPERBLOCK` bytes."""
     return int.from_bytes(head[_END], "little")
 
 
@@ -35,7 +35,7 @@ def superblock_valid(head: bytes) -> bool:
 
 
 def is_unclosed(head: bytes) -> bool:
-    """Return whether the writer has not closed the file."""
+    """Return whether the writer has left the file unclosed."""
     return head[_FLAGS] != 0
 
 
@@ -51,7 +51,7 @@ class AsClosed(io.FileIO):
         self._head = bytes(head)
 
     def readinto(self, buffer: Any) -> int:
-        """Read bytes into a buffer, see `io.RawIOBase`."""
+        """Read bytes into a buffer; see `io.RawIOBase`."""
         start = self.tell()
         view = memoryview(buffer).cast("B")
         count = super().readinto(view) or 0
@@ -62,7 +62,7 @@ class AsClosed(io.FileIO):
 
 
 def _lookup3(data: bytes | bytearray) -> int:
-    """Return the 32-bit Jenkins hash, which HDF5 uses as checksum of metadata."""
+    """Return the 32-bit Jenkins hash, which HDF5 uses as the checksum of metadata."""
     a = b = c = (0xDEADBEEF + len(data)) & _MASK
     remaining = bytes(data)
     while len(remaining) > 12:

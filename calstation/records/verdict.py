@@ -1,4 +1,4 @@
-"""The verdict about a unit, as results, logs and the index of runs store it."""
+"""The verdict on a unit, as stored in results, logs and the index of runs."""
 
 from enum import StrEnum
 
@@ -6,17 +6,17 @@ from enum import StrEnum
 class Verdict(StrEnum):
     """Verdict of a run, or of the solution of its log; only `calstation.judgement.verdict_of` determines it."""
 
-    PASSED = "passed"  #: Within all limits, after all stages of the product.
-    PARTIAL = "partial"  #: Within the limits of the stages that were run; other stages of the product are missing.
-    FAILED = "failed"  #: Outside a limit, or a check standard that differs from its reference.
-    UNDETERMINED = "undetermined"  #: Without limits, without tests of data and model, or with data missing.
+    PASSED = "passed"  #: The unit is within all limits after all stages of the product.
+    PARTIAL = "partial"  #: The unit is within the limits of the stages that were run, but other stages are missing.
+    FAILED = "failed"  #: The unit is outside a limit, or a check standard differs from its reference.
+    UNDETERMINED = "undetermined"  #: There are no limits or no tests of data and model, or data are missing.
     STOPPED = "stopped"  #: The run was stopped.
     FAULT = "fault"  #: A fault ended the run, for example a wrong output after the registers were written.
     INCOMPLETE = "incomplete"  #: The process of the run died.
 
     @property
     def passed(self) -> bool | None:
-        """Whether the unit is within its limits, as in the result JSON; None if that is undetermined."""
+        """Whether the unit is within its limits, as in the result JSON; None if this is undetermined."""
         return None if self is Verdict.UNDETERMINED else self in (Verdict.PASSED, Verdict.PARTIAL)
 
     @property
@@ -26,5 +26,5 @@ class Verdict(StrEnum):
 
     @property
     def outcome(self) -> str:
-        """The `outcome` of a run in the result JSON, in which a partial run that passed has `passed`."""
+        """The `outcome` of a run in the result JSON, which is `passed` for a partial run that passed."""
         return "passed" if self is Verdict.PARTIAL else self.value

@@ -1,4 +1,4 @@
-"""Recovery of interrupted transfers, which are finished or restored at the next start as a person has decided."""
+"""Recovery of interrupted transfers, which are finished or reverted at the next start, as the operator has decided."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -40,9 +40,9 @@ def recover_interrupted(
 ) -> UnverifiedTransfer | None:
     """Recover an interrupted transfer to the unit before a run.
 
-    If the unit still has its old registers, this is reported and nothing is changed. Otherwise `unfinished` in the
-    request specifies whether to finish or to restore; without it, the options are reported and the run is refused. New
-    registers are verified later, when the run's table is ready, or immediately, at rest, on a manual rig.
+    A unit that still has its old registers is reported and left unchanged. Otherwise `unfinished` in the request
+    specifies whether to finish or to restore; without it, the options are reported and the run is refused. New
+    registers are verified when the run's table is ready, or immediately and at rest on a manual rig.
 
     Raises DeviceFaultError if no decision was made, the output is wrong, or the link failed.
     """
@@ -78,7 +78,7 @@ def recover_interrupted(
         report()
     else:
         table.identify()
-        check_power(table.status())  # do not write anything that the table could not verify
+        check_power(table.status())  # write nothing that could not be verified on the table
         unverified = UnverifiedTransfer(setup, imu, finish(imu, registers, entry), report)
     imu.start()
     return unverified

@@ -1,4 +1,4 @@
-"""The journal of each unit's registers: the intended values of every transfer, its time, its author and its progress.
+"""The journal of each unit's registers, with the intended values, time, author and progress of every transfer.
 
 There is one chained file per serial number, with a line for every event. The line of an action is on disk before the
 action begins. A unit with a damaged journal is refused, because its register values are unknown.
@@ -31,8 +31,8 @@ FOLDER = "registers"
 
 _SUFFIX = ".jsonl"
 
-#: Keys of a register entry that do not change the meaning of its content.
-_WITHOUT_MEANING = {"tolerance", "range"}
+#: Keys of a register entry that do not affect the meaning of its content.
+_IGNORED_KEYS = {"tolerance", "range"}
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class UnitType:
 
 @dataclass(frozen=True)
 class Purpose:
-    """Requester and reason of a transfer (run, hand or restore); `source` is the log or set of values that it uses."""
+    """Requester, reason (run, hand or restore) and source of a transfer, which is the log or the set of values."""
 
     by: str | None
     why: str
@@ -59,7 +59,7 @@ class Purpose:
 
     @classmethod
     def of(cls, setup: RunConfiguration, model: str, why: str, source: str) -> "Purpose":
-        """Return the purpose for the operator of a configuration and a unit that reports `model`."""
+        """Return the purpose of a transfer by the operator of a configuration to a unit that reports `model`."""
         unit_type = UnitType(model, setup.imu.name, setup.product.name, map_digest(setup.imu.registers))
         return cls(setup.request.operator, why, source, unit_type)
 
@@ -67,13 +67,13 @@ class Purpose:
 def map_digest(registers: list[RegisterEntry]) -> str:
     """Return a digest that is equal for registers whose contents have the same meaning."""
     rows = sorted(
-        json.dumps(entry.model_dump(mode="json", exclude=_WITHOUT_MEANING), sort_keys=True) for entry in registers
+        json.dumps(entry.model_dump(mode="json", exclude=_IGNORED_KEYS), sort_keys=True) for entry in registers
     )
     return hashlib.sha256("\n".join(rows).encode()).hexdigest()[:16]
 
 
 class _Intended(BaseModel):
-    """Line at the start of a transfer."""
+    """Line written at the start of a transfer."""
 
     event: Literal["intended"]
     id: str
@@ -135,7 +135,7 @@ class Transfer:
 
     @property
     def cycles(self) -> int:
-        """Flash cycles that the transfer used."""
+        """Number of flash cycles that the transfer used."""
         return self.steps.count(Step.COMMITTING)
 
 
@@ -145,9 +145,16 @@ def journal_folder(station: StationConfig, runs: Path) -> Path:
 
 
 def begin(folder: Path, serial: str, old: Mapping[str, float], new: Mapping[str, float], purpose: Purpose) -> Transfer:
-    """Record an intended transfer, SI by parameter, in the journal in `journal_folder`, and return it.
+    """Record an intended transfer in the journal of a unit and return it; the record is then on disk.
 
-    Raises ConfigurationError if the journal is damaged or cannot be written; otherwise the record is on disk.
+    Raises ConfigurationError if the journal is damaged or cannot be written.
+
+    Parameters
+    ----------
+    folder : folder returned by `journal_folder`
+    serial : serial number of the unit
+    old, new : registers before the transfer and intended registers, by parameter, SI
+    purpose : requester, reason and source of the transfer
     """
     history(folder, serial)
     ident = f"{datetime.now(UTC):%Y%m%dT%H%M%S%f}-{secrets.token_hex(3)}"
@@ -176,13 +183,13 @@ def history(folder: Path, serial: str) -> list[Transfer]:
 
 
 def interrupted(folder: Path, serial: str) -> Transfer | None:
-    """Return the unit's latest transfer if it is still open, or None. Raises ConfigurationError as `history`."""
+    """Return the unit's latest transfer if it is still open, otherwise None. Raises the errors of `history`."""
     transfers = history(folder, serial)
     return transfers[-1] if transfers and transfers[-1].closing is None else None
 
 
 def truncated(folder: Path, serial: str) -> Path | None:
-    """Return the unit's journal if a power failure truncated it. Raises ConfigurationError as `history`."""
+    """Return the path of the unit's journal if a power failure truncated it. Raises the errors of `history`."""
     path = _path(folder, serial)
     return path if _read(path, serial).truncated else None
 
@@ -193,7 +200,7 @@ def serials(folder: Path) -> list[str]:
 
 
 def cycles(folder: Path, serial: str) -> int:
-    """Return the number of the unit's flash cycles in the journal. Raises ConfigurationError as `history`."""
+    """Return the number of the unit's flash cycles in the journal. Raises the errors of `history`."""
     return sum(transfer.cycles for transfer in history(folder, serial))
 
 

@@ -1,8 +1,8 @@
-"""Register operations outside a run: write, finish or restore, with the same guards and safe stop as a run.
+"""Register operations outside a run (write, finish or restore) with the same guards and safe stop as a run.
 
-A driven table is made ready before the first register is written, and turns the restarted unit afterwards. On a manual
-rig, or if the table must not move, the output is verified at rest. The requester, the purpose and the old values are in
-the unit's journal, on disk, before the first register is written.
+A driven table is made ready before the first register is written, and turns the unit after its restart. On a manual
+rig, or if the table must not move, the output is verified at rest. Before the first register is written, the requester,
+the purpose and the old values are stored in the unit's journal on disk.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -71,7 +71,7 @@ _VERIFIED_BY = {Step.TURNED: "turn", Step.AT_REST: "rest"}
 
 
 def moves_table(operation: RegisterOperation) -> bool:
-    """Return whether an operation moves a table. Raises InputError if there is nothing to do, or ConfigurationError."""
+    """Return whether an operation moves a table. Raises ConfigurationError, or InputError if there is nothing to do."""
     setup = load_configuration(operation.request)
     _ActiveOperation.of(operation, setup, lambda event: None)
     return not (operation.at_rest or setup.table.by_hand)
@@ -80,9 +80,9 @@ def moves_table(operation: RegisterOperation) -> bool:
 def run_operation(operation: RegisterOperation, emit: Emit, control: Control) -> None:
     """Execute a register operation; its last event is `Settled`, or the `Fault` that ended it.
 
-    If the output with the new registers is wrong, the old ones are restored. After a stop or a table fault later
-    than the write, the unit keeps the new registers and their transfer stays open; the next start offers to finish or
-    to restore it.
+    If the output with the new registers is wrong, the old ones are restored. After a stop or a table fault that occurs
+    after the write, the unit keeps the new registers and the transfer stays open; the next start offers to finish it or
+    to restore the old registers.
 
     Raises
     ------
@@ -129,7 +129,7 @@ class _ActiveOperation:
 
     entry : the interrupted transfer to complete; None for a new one
     values, source : values of a new transfer, SI by parameter, and their origin
-    earlier : the transfer that replaced these values; None for values of a result
+    earlier : the earlier transfer that replaced these values; None for values of a result
     """
 
     operation: RegisterOperation
@@ -168,7 +168,7 @@ class _ActiveOperation:
         """Whether the operation restores the old registers of an interrupted transfer."""
         return self.entry is not None and self.operation.what == "restore"
 
-    def settle_unchanged(self, imu: Imu) -> Settled | None:
+    def close_unchanged(self, imu: Imu) -> Settled | None:
         """Return the last event for a unit that still has its old registers; None if registers must be written.
 
         Raises DeviceFaultError if another unit is connected, or if the unit has another open transfer.
@@ -182,7 +182,7 @@ class _ActiveOperation:
             check_no_interrupted(imu, self.setup, request.out)
         elif self.restoring and read_flash_content(imu, self.entry, self.setup.register_map) is FlashContent.OLD:
             self.entry.close(Closing.KEPT)
-            return self._settled_event(self.entry.old, Closing.KEPT, "")
+            return self._settled(self.entry.old, Closing.KEPT, "")
         return None
 
     def write(self, imu: Imu) -> TransferResult:
@@ -197,7 +197,7 @@ class _ActiveOperation:
 
     @contextmanager
     def verifying(self, check_cancelled: CheckCancelled) -> Iterator[None]:
-        """Report the state of the unit if the verification of the restarted unit ends early."""
+        """Report the state of the unit if its verification after the restart ends early."""
         try:
             try:
                 check_cancelled()
@@ -225,11 +225,9 @@ class _ActiveOperation:
         proof = _VERIFIED_BY.get(verification_step(data), "read_back")
         message = "registers_read_back" if proof == "read_back" else "registers_proved"
         self.emit(Message(message, {"count": len(transferred.registers_read), "proof": proof}))
-        return self._settled_event(
-            transferred.registers_read, Closing.RESTORED if self.restoring else Closing.DONE, proof
-        )
+        return self._settled(transferred.registers_read, Closing.RESTORED if self.restoring else Closing.DONE, proof)
 
-    def _settled_event(self, values: Mapping[str, float], closing: Closing, proof: str) -> Settled:
+    def _settled(self, values: Mapping[str, float], closing: Closing, proof: str) -> Settled:
         request = self.operation.request
         unit = unit_registers(self.setup, self.identity, values, request.out)
         return Settled(request.serial, str(closing), proof, unit.to_json())
@@ -244,7 +242,7 @@ class _ActiveOperation:
 def _run_at_rest(active: _ActiveOperation, check_cancelled: CheckCancelled) -> Settled:
     with open_imu_session(lambda fraction, remaining_s=None, note="": None, active.setup, check_cancelled) as unit:
         active.emit(StateChanged(State.PREPARING, State.IDLE))
-        unchanged = active.settle_unchanged(unit.imu)
+        unchanged = active.close_unchanged(unit.imu)
         if unchanged is not None:
             return unchanged
         check_cancelled()
@@ -260,10 +258,10 @@ def _run_with_turns(active: _ActiveOperation, control: Control, check_cancelled:
     """Prepare the table, write, turn the unit, move to the load position; return None after an emitted fault."""
     settled: Settled | None = None
     with ExitStack() as stack:
-        with _offering_at_rest():
+        with _suggest_at_rest():
             devices = stack.enter_context(open_devices((active.setup,), check_cancelled))
         imu = devices.imu
-        unchanged = active.settle_unchanged(imu)
+        unchanged = active.close_unchanged(imu)
         if unchanged is not None:
             return unchanged
         imu.start()
@@ -273,14 +271,14 @@ def _run_with_turns(active: _ActiveOperation, control: Control, check_cancelled:
         def write_and_turn() -> State:
             nonlocal settled
             drive.go(State.PREPARING)
-            with _offering_at_rest():
+            with _suggest_at_rest():
                 drive.begin()
                 drive.preflight()
                 drive.check_turns()
             drive.go(State.RUNNING)
             if active.entry is None or corrected_output(active.setup) is Output.ON_COMMAND:
                 active.emit(Message("reference"))
-                with _offering_at_rest():
+                with _suggest_at_rest():
                     drive.reference(drive.units, tuple(drive.units))
             drive.control_loop.check_cancelled()
             active.emit(Message("registers_writing"))
@@ -320,8 +318,8 @@ def _find_earlier(folder: Path, serial: str, ident: str | None, *, hardware: boo
 
 
 @contextmanager
-def _offering_at_rest() -> Iterator[None]:
-    """Extend errors of the table by a note that the operation is also possible at rest."""
+def _suggest_at_rest() -> Iterator[None]:
+    """Add to errors of the table the remedy that the operation is also possible at rest."""
     try:
         yield
     except CalstationError as error:

@@ -1,6 +1,6 @@
-"""Preconditions for writing registers: remaining flash cycles, the correct unit type, no interrupted transfer.
+"""Preconditions for writing registers: remaining flash cycles, the correct unit type and no interrupted transfer.
 
-Restoring old registers and finishing an interrupted transfer are never refused for flash wear: a unit must not be left
+Flash wear never prevents restoring old registers or finishing an interrupted transfer, because a unit must not be left
 partially written.
 """
 
@@ -15,11 +15,11 @@ from calstation.registers.journal import Transfer, journal_folder, map_digest
 from calstation.sequencer import Emit, Message
 
 #: Fraction of the flash cycles above which a warning is emitted.
-_WARN_ABOVE = 0.9
+_WARNING_FRACTION = 0.9
 
 
 def check_flash(setup: RunConfiguration, runs: Path, emit: Emit) -> None:
-    """Check that the unit's flash may be written again, before any device is opened; warn near the limit.
+    """Check, before any device is opened, that the unit's flash may be written again; warn near the limit.
 
     Raises ConfigurationError if the profile's `flash_cycles_max` is reached or the journal is damaged.
     """
@@ -33,7 +33,7 @@ def check_flash(setup: RunConfiguration, runs: Path, emit: Emit) -> None:
         return
     if used >= limit:
         raise ConfigurationError("transfer.flash_worn", serial=serial, used=used, most=limit, profile=setup.imu.name)
-    if used >= _WARN_ABOVE * limit:
+    if used >= _WARNING_FRACTION * limit:
         emit(Message("flash_near", {"serial": serial, "used": used, "most": limit}))
 
 
@@ -53,14 +53,14 @@ def check_register_map(entry: Transfer, setup: RunConfiguration) -> None:
 
 
 def check_product(entry: Transfer, setup: RunConfiguration) -> None:
-    """Raise InputError if a transfer was made with another product, which defines who confirms register writes."""
+    """Raise InputError if a transfer was made with another product, because a product defines who confirms writes."""
     recorded, product = entry.unit_type.product, setup.product.name
     if recorded and recorded != product:
         raise InputError("transfer.other_product", id=entry.id, serial=entry.serial, recorded=recorded, product=product)
 
 
 def check_unit_model(entry: Transfer, model: str) -> None:
-    """Raise DeviceFaultError if a transfer was made to another model than that of the connected unit."""
+    """Raise DeviceFaultError if a transfer was made to a different model than the connected unit."""
     recorded = entry.unit_type.model
     if recorded and recorded != model:
         raise DeviceFaultError("transfer.other_model", id=entry.id, serial=entry.serial, recorded=recorded, model=model)

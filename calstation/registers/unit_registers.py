@@ -81,8 +81,8 @@ def read_unit(progress: ProgressCallback, request: RunRequest, runs: Path) -> Un
 def target_registers(progress: ProgressCallback, request: RunRequest, result: Result) -> TargetRegisters:
     """Return the registers that a result requires, with the encoding of its product's profile.
 
-    If its run wrote registers, they are returned, except those that it did not change. If the unit applied registers to
-    its output, the result is combined with the registers in the log.
+    If the run wrote registers, those that it changed are returned. If the unit applied registers to its output, the
+    result is combined with the registers in the log.
 
     Raises InputError if a required log is missing, if IMU profile or product differ from those of the result, or if the
     result was not tested or contains states added for a trial.

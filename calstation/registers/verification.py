@@ -1,14 +1,14 @@
-"""Verification of a unit's output after its registers were written, against their definition and known references.
+"""Verification of a unit's output after its registers were written.
 
 Rests and turns are compared with the same rests and turns captured without the registers (`compare`). The reference is
 the raw output (or the output with other registers) of the same unit in the same orientations, corrected by the written
 parameters. Mounting, table orientation and encoder errors are common to both and cancel, as does the uncertainty of the
 parameters. Only noise and the repeatability of the table remain.
 
-Then the output alone is compared with known values: its magnitude at rest with gravity and earth rate, and turns with
-encoders. If no encoder measures a turn, gravity at its end is compared with the gravity propagated by the gyros. The
-output of a unit that provides only raw output is corrected here by the registers that were read back: this verifies the
-unit's function, but not how it applies the registers.
+Then the output alone is compared with known values: its magnitude at rest with gravity and earth rate, and its turns
+with the encoders. If no encoder measures a turn, gravity at its end is compared with the gravity propagated by the
+gyros. If a unit provides only raw output, the output is corrected here by the registers that were read back; this
+verifies the unit's function, but not how it applies the registers.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -45,19 +45,19 @@ from calstation.records import context_from_meta, prior_from_meta
 from calstation.sequencer import JointDrift, RunInBackground, TurnData, VerificationData
 
 #: Maximum deviation in standard deviations; noise exceeds it with a probability of about 1e-8.
-SIGMAS = 6.0
+SIGMA_LIMIT = 6.0
 
-#: Maximum drift of a gimbal in standard deviations: exceeded by noise with a probability of 3e-4 per axis.
-DRIFT_SIGMAS = 4.0
+#: Maximum drift of a gimbal in standard deviations; noise exceeds it with a probability of 3e-4 per axis.
+DRIFT_SIGMA_LIMIT = 4.0
 
-#: Allowed drift of a bias since its estimation, in bias instabilities.
-DRIFT = 3.0
+#: Maximum drift of a bias since its estimation, in bias instabilities.
+DRIFT_LIMIT = 3.0
 
 #: Maximum change of a gyro's scale factor from the rate of its calibration to the rate of the turns.
-_NONLINEARITY = 5e-4
+_MAX_NONLINEARITY = 5e-4
 
 #: Maximum cosine of the angle between the specific forces of two opposite rests.
-_OPPOSITE = -0.9
+_MAX_OPPOSITE_COSINE = -0.9
 
 #: Checks that compare the output with the reference.
 _DIFFERENCES = frozenset({"force_difference", "rate_difference", "turn_difference"})
@@ -125,9 +125,16 @@ def close_checked(
     data: VerificationData,
     on_restored: Callable[[Mapping[str, float]], None] = lambda values: None,
 ) -> None:
-    """Close the transfer if all `checks` of the unit's output passed.
+    """Close the transfer if all checks passed; otherwise restore the old registers and raise DeviceFaultError.
 
-    Otherwise restore the old registers, pass those read back to `on_restored`, SI, and raise DeviceFaultError.
+    Parameters
+    ----------
+    imu : the unit
+    registers : register map of the unit
+    entry : open transfer in the journal
+    checks : checks of the unit's output
+    data : data that were checked
+    on_restored : function that is called with the restored registers that were read back, SI by parameter
     """
     failed = next((check for check in checks if not check.passed), None)
     entry.note(verification_step(data) if failed is None else Step.REFUTED)
@@ -139,14 +146,14 @@ def close_checked(
 
 
 def verification_step(data: VerificationData) -> Step:
-    """Return the entry of the journal for data that were verified."""
+    """Return the journal step that records the verification of these data."""
     if not data.corrected:
         return Step.READ_BACK
     return Step.TURNED if data.turns or data.drifts or len(data.carried) else Step.AT_REST
 
 
 def verified_on(data: VerificationData) -> str:
-    """Return the verified data: "corrected_output", or "read_back" if the unit has no corrected output."""
+    """Return the kind of verified data: "corrected_output", or "read_back" if the unit has no corrected output."""
     return "corrected_output" if data.corrected else "read_back"
 
 
@@ -159,7 +166,7 @@ def _check_error(code: str, check: VerificationCheck) -> DeviceFaultError:
 def _prior_checks(
     setup: RunConfiguration, transferred: TransferResult, data: VerificationData, *, restored: bool
 ) -> tuple[VerificationCheck, ...]:
-    """Check the output without an estimate of a run, with tolerances for all units of the type."""
+    """Check the output without an estimate of a run, with the tolerances for any unit of the type."""
     meta = setup.log_meta()
     entry = transferred.entry
     registers = AppliedRegisters(entry.old if restored else entry.new, entry.old if setup.after_registers else None)
@@ -224,7 +231,7 @@ def _check_drift(
     context: SolveContext,
     joints: Mapping[str, Mapping[str, float]] | None,
 ) -> VerificationCheck:
-    """Compare the drift of a gimbal's other joints in a turn with the drift expected from `joints`, 0 without them.
+    """Compare the drift of a gimbal's other joints in a turn with the drift expected from `joints`, or else with 0.
 
     The mounting of the unit affects the registers and their covariance, but not the drift.
     """
@@ -238,7 +245,7 @@ def _check_drift(
     random = noise.rate * (turn_drift.seconds + 1.2 * turn_drift.seconds**2 / turn_drift.rest)
     random += 2.0 * context.table.encoder_sigma**2
     scatter = J @ misalignment @ J.T + random * np.eye(2)
-    tolerance = DRIFT_SIGMAS * float(np.sqrt(np.linalg.eigvalsh(scatter)[-1]))
+    tolerance = DRIFT_SIGMA_LIMIT * float(np.sqrt(np.linalg.eigvalsh(scatter)[-1]))
     difference = float(np.linalg.norm(turn_drift.drift - expected))
     return VerificationCheck(f"gimbal_drift_{axis}", difference, 0.0, tolerance, "rad")
 
@@ -254,7 +261,7 @@ def compare(
 
     Parameters
     ----------
-    data, reference : rests and turns with the current registers, and the same without them
+    data, reference : rests and turns with the current registers, and the same rests and turns without them
     registers : current registers, and those applied to the reference
     context : site, IMU and table
     repeatability : repeatability of the table's positions, rad, one sigma
@@ -266,7 +273,7 @@ def compare(
     rate_noise = 2.0 * _rate_noise(imu, data.seconds) ** 2 * np.eye(3)
     force_noise = [_force_scatter(here[3:], data.seconds, context, repeatability) for here in expected]
     rate_drift, force_drift = (
-        (DRIFT * instability) ** 2 * np.eye(3)
+        (DRIFT_LIMIT * instability) ** 2 * np.eye(3)
         for instability in (imu.gyro_bias_instability, imu.accel_bias_instability)
     )
     checks = []
@@ -300,23 +307,23 @@ def _opposite_rests(force: FloatArray) -> list[int] | None:
     up = force / np.linalg.norm(force, axis=1, keepdims=True)
     cosines = up @ up.T
     first, second = np.unravel_index(int(np.argmin(cosines)), cosines.shape)
-    return [int(first), int(second)] if cosines[first, second] < _OPPOSITE else None
+    return [int(first), int(second)] if cosines[first, second] < _MAX_OPPOSITE_COSINE else None
 
 
 def _check_earth_rate_up(
     omega: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext, noise: float
 ) -> VerificationCheck:
-    """Check the vertical earth rate from two opposite rests, free of gyro bias; detects a wrong latitude."""
+    """Check the vertical earth rate from two opposite rests, without gyro bias, to detect a wrong latitude."""
     up = force / np.linalg.norm(force, axis=1, keepdims=True)
     residual = up.mean(axis=0)  # bias along this direction does not cancel
     biases = group_indices("gyro_bias")
     bias = float(np.sqrt(max(residual @ covariance[np.ix_(biases, biases)] @ residual, 0.0)))
-    drift = DRIFT * context.imu.gyro_bias_instability
+    drift = DRIFT_LIMIT * context.imu.gyro_bias_instability
     scale = float(np.sqrt(np.diag(covariance)[group_indices("gyro_scale")].max()))
     sigma = np.sqrt(bias**2 + noise**2 / 2.0 + drift**2 + (scale * RATE) ** 2)
     value = float((omega * up).sum(axis=1).mean())
     expected = RATE * float(np.sin(context.site.latitude))
-    return VerificationCheck("earth_rate_up", value, expected, SIGMAS * float(sigma), "rad/s")
+    return VerificationCheck("earth_rate_up", value, expected, SIGMA_LIMIT * float(sigma), "rad/s")
 
 
 def _check_turn(
@@ -332,14 +339,14 @@ def _check_turn(
     variance = max(float(jacobian @ covariance @ jacobian), 0.0) + 2.0 * encoder**2
     variance += context.imu.gyro_arw**2 * turned.seconds + (noise * turned.seconds) ** 2
     name = "outer_turn" if turned.turn.joint == OUTER else "inner_turn"
-    tolerance = SIGMAS * float(np.sqrt(variance)) + _NONLINEARITY * angle
+    tolerance = SIGMA_LIMIT * float(np.sqrt(variance)) + _MAX_NONLINEARITY * angle
     return VerificationCheck(name, measured, angle, tolerance, "rad")
 
 
 def _check_carried_turn(
     angles: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext
 ) -> VerificationCheck:
-    """Check the angle, rad, between gravity at the second rest and gravity propagated by the gyros; needs no encoder.
+    """Check, without encoders, the angle, rad, between gravity at the second rest and that propagated by the gyros.
 
     `angles` are the rotations in every sample between the rests, rad; `force` is the mean at both rests, m/s².
     """
@@ -351,13 +358,13 @@ def _check_carried_turn(
         before = rotation_matrix(angle).T @ before
     value = float(np.arctan2(np.linalg.norm(np.cross(before, after)), before @ after))
     matrix = max(sigma[group_indices(group)].max() for group in ("gyro_scale", "gyro_misalign"))
-    bias = sigma[group_indices("gyro_bias")].max() + DRIFT * context.imu.gyro_bias_instability
+    bias = sigma[group_indices("gyro_bias")].max() + DRIFT_LIMIT * context.imu.gyro_bias_instability
     tilt = max(sigma[group_indices(group)].max() for group in ("accel_scale", "accel_misalign"))
     gravity = float(np.linalg.norm(force[0]))
     level = np.sqrt(2.0) * (tilt + sigma[group_indices("accel_bias")].max() / gravity)
     noise = context.imu.gyro_arw * np.sqrt(seconds)
     known = np.sqrt((matrix * path) ** 2 + (bias * seconds) ** 2 + level**2 + noise**2)
-    return VerificationCheck("carried_turn", value, 0.0, SIGMAS * float(known) + RATE * seconds, "rad")
+    return VerificationCheck("carried_turn", value, 0.0, SIGMA_LIMIT * float(known) + RATE * seconds, "rad")
 
 
 def _tolerance(covariance: FloatArray, sensor: str, vector: FloatArray, noise: float, instability: float) -> float:
@@ -371,7 +378,7 @@ def _tolerance(covariance: FloatArray, sensor: str, vector: FloatArray, noise: f
         elif p.group == f"{sensor}_quadratic":
             jacobian[p.row, i] = vector[p.row] ** 2
     variance = float(np.linalg.eigvalsh(jacobian @ covariance @ jacobian.T)[-1])
-    return SIGMAS * float(np.sqrt(max(variance, 0.0) + noise**2 + (DRIFT * instability) ** 2))
+    return SIGMA_LIMIT * float(np.sqrt(max(variance, 0.0) + noise**2 + (DRIFT_LIMIT * instability) ** 2))
 
 
 def _expected_rests(rests: FloatArray, registers: AppliedRegisters) -> FloatArray:
@@ -381,7 +388,7 @@ def _expected_rests(rests: FloatArray, registers: AppliedRegisters) -> FloatArra
 
 
 def _compensated(raw: FloatArray, parameters: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
-    """Return rate and specific force, shape (n, 3), of raw output at rest with these parameters and effects."""
+    """Correct raw output at rest by parameters and effects; return rate and specific force, shape (n, 3)."""
     constants = compensation(parameter_vector(parameters))
     omega, force = compensate(constants, raw[:, :3], raw[:, 3:])
     reduced = raw - effect_errors(parameters, omega, force)
@@ -389,7 +396,7 @@ def _compensated(raw: FloatArray, parameters: Mapping[str, float]) -> tuple[Floa
 
 
 def _raw_output(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArray:
-    """Return raw output from output corrected by `registers`, shape (n, 6), without the size effect (0 at rest)."""
+    """Return the raw output, shape (n, 6), of output corrected by `registers`; the size effect is 0 at rest."""
     if registers is None:
         return output
     p = parameter_vector(registers)
@@ -421,7 +428,7 @@ def _force_scatter(force: FloatArray, seconds: float, context: SolveContext, rep
 
 
 def _turn_scatter(turn: FloatArray, seconds: tuple[float, float], imu: ImuModel, repeatability: float) -> FloatArray:
-    """Return the covariance of a turn difference, rad², shape (3, 3): its joint along it, the other joint across it."""
+    """Return the covariance of a turn difference, rad², shape (3, 3), from errors of its own and the other joint."""
     duration, rest = seconds
     angle = float(np.linalg.norm(turn))
     along = np.outer(turn, turn) / angle**2
@@ -434,23 +441,23 @@ def _turn_scatter(turn: FloatArray, seconds: tuple[float, float], imu: ImuModel,
 def _check_difference(
     name: str, difference: FloatArray, scatter: FloatArray, unit: str, margin: float = 0.0
 ) -> VerificationCheck:
-    """Check the magnitude of a difference against its tolerance in that direction."""
+    """Check the magnitude of a difference against its tolerance in the direction of the difference."""
     magnitude = float(np.linalg.norm(difference))
     direction = difference / magnitude if magnitude > 0.0 else np.array([1.0, 0.0, 0.0])
     sigma = 1.0 / np.sqrt(direction @ np.linalg.solve(scatter, direction))
-    return VerificationCheck(name, magnitude, 0.0, SIGMAS * float(sigma) + margin, unit)
+    return VerificationCheck(name, magnitude, 0.0, SIGMA_LIMIT * float(sigma) + margin, unit)
 
 
 def _rate_noise(imu: ImuModel, seconds: float) -> float:
-    """Return the sigma of one axis of `mean_at_rest` of the gyro, rad/s; the variance is 6/5 of a plain mean's."""
+    """Return the sigma of one gyro axis in `mean_at_rest`, rad/s; its variance is 6/5 of that of a plain mean."""
     return float(imu.gyro_arw * np.sqrt(1.2 / seconds))
 
 
 def _force_noise(context: SolveContext, seconds: float) -> float:
-    """Return the sigma of one axis of `mean_at_rest` of the accelerometer, m/s².
+    """Return the sigma of one accelerometer axis in `mean_at_rest`, m/s².
 
-    It combines the sensor noise, as for the gyro, with the vibration of the base: the slope of a line through
-    velocities with the sigma from the table's profile, σ √12 / (T √n).
+    It combines the sensor noise, as for the gyro, with the vibration of the base, which is the sigma σ √12 / (T √n) of
+    the slope of a line through velocities with the sigma σ of the table's profile.
     """
     imu, table = context.imu, context.table
     count = seconds / table.velocity_interval

@@ -114,11 +114,11 @@ class History:
 
     def of(self, serial: str) -> list[RunRecord]:
         """Return all runs of a unit, the latest first."""
-        return [run.record for run in self._query(lambda: self._index.of(serial))]
+        return [run.record for run in self._query(lambda: self._index.of_unit(serial))]
 
     def passed(self, serial: str) -> list[RunRecord]:
         """Return the unit's runs that passed, partial ones included, the latest first."""
-        return [run.record for run in self._query(lambda: self._index.of(serial, _PASSED))]
+        return [run.record for run in self._query(lambda: self._index.of_unit(serial, _PASSED))]
 
     def passed_before(self, serial: str) -> RunRecord | None:
         """Return the unit's latest run that passed and was not partial, or None."""
@@ -156,19 +156,19 @@ class History:
 
     def failures(self, serial: str) -> int:
         """Return the number of failures of the unit since it last passed; partial runs that passed do not count."""
-        runs = self._query(lambda: self._index.of(serial, (Verdict.PASSED, Verdict.FAILED)))
+        runs = self._query(lambda: self._index.of_unit(serial, (Verdict.PASSED, Verdict.FAILED)))
         return sum(1 for _ in takewhile(lambda run: run.record.verdict is Verdict.FAILED, runs))
 
     def previous(self, serial: str, before: str | None = None) -> Mapping[str, float]:
         """Return the unit's latest solved value of each parameter, SI, from runs started before `before` (ISO 8601)."""
         values: dict[str, float] = {}
-        for run in self._query(lambda: self._index.of(serial, _SOLVED, before)):
+        for run in self._query(lambda: self._index.of_unit(serial, _SOLVED, before)):
             values = {**run.values, **values}
         return values
 
     def solved(self, serial: str, limit: int) -> list[IndexedRun]:
         """Return the unit's solved runs with their values, at most the latest `limit`, the oldest first."""
-        return self._query(lambda: self._index.of(serial, _SOLVED, limit=limit))[::-1]
+        return self._query(lambda: self._index.of_unit(serial, _SOLVED, limit=limit))[::-1]
 
     def _query(self, query: Callable[[], T]) -> T:
         result = query()

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from calstation.config import pair_folder
 from calstation.errors import InputError
-from calstation.estimation.common import SampleBlock, StoredPair
+from calstation.estimation.common import SampleBlock, StoredCrossCalibration
 from calstation.estimation.pairs import (
     Alignment,
     PairCalibration,
@@ -64,7 +64,7 @@ class PairWatchResult:
     events: tuple[WatchEvent, ...]
     checks: Mapping[int, StaticCheck]
     verdicts: Mapping[int, Mapping[str, Verdict]]
-    stored: Mapping[int, StoredPair]
+    stored: Mapping[int, StoredCrossCalibration]
     silent: frozenset[int]
 
     @property
@@ -94,7 +94,7 @@ class PairSession:
         pairs = [(s, load_pair(folder, primary, s.imu.serial)) for s in context.secondaries]
         secondaries = tuple(replace(s, stored=pair) if pair.values else s for s, pair in pairs)
 
-        def store(number: int, pair: StoredPair) -> None:
+        def store(number: int, pair: StoredCrossCalibration) -> None:
             store_pair(folder, primary, serials[number], pair)
 
         self.context = replace(context, secondaries=secondaries)

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from threading import Thread
 
-from calstation.config import RunConfiguration, confirmation_required, missing_report_places
+from calstation.config import RunConfiguration, confirmation_required, missing_report_paths
 from calstation.errors import ConfigurationError
 from calstation.judgement import End, advice, judge, latitude_agrees, verdict_of
 from calstation.quality import table_charts
@@ -102,7 +102,7 @@ def report_command(setup: RunConfiguration, result_file: Path, emit: Emit) -> li
         emit(Message("certificate_waits"))
         return []
     missing: list[EntryError] = []
-    search = Thread(target=lambda: missing.extend(missing_report_places(section, source.path)), daemon=True)
+    search = Thread(target=lambda: missing.extend(missing_report_paths(section, source.path)), daemon=True)
     search.start()
     search.join(_SEARCH_S)
     if missing:

@@ -14,10 +14,10 @@ from calstation.config import (
     Confirmation,
     RunConfiguration,
     RunRequest,
+    can_confirm_identity,
     confirmation_required,
     load_station,
     new_batch_id,
-    pin_known,
     prepare_batch,
     site_folder,
 )
@@ -26,7 +26,7 @@ from calstation.judgement import is_partial
 from calstation.messages import Text, os_reason
 from calstation.physics import INDEX, group_indices
 from calstation.quality import require_standards
-from calstation.records import RESERVE, LogMeta, RawLogWriter, append_audit, free_space
+from calstation.records import RESERVED_SPACE, LogMeta, RawLogWriter, append_audit, free_space
 from calstation.registers import UnverifiedTransfer, check_flash, check_interrupted
 from calstation.results import History, StageChain, current_calibration, register_pending
 from calstation.runs.cycle import Cycle
@@ -222,7 +222,7 @@ def _check_standards(setup: RunConfiguration, history: History) -> RunConfigurat
     if not problems:
         return replace(setup, request=replace(request, override_standard=None))
     confirmation = request.overridden_by or Confirmation(request.operator or "")
-    if request.overridden_by is None and pin_known(setup.station):
+    if request.overridden_by is None and can_confirm_identity(setup.station):
         raise ConfigurationError("confirmation.standard_required", station=setup.station.name)
     if confirmation_required("override", setup.product, setup.station).second and confirmation.confirmed_by is None:
         raise ConfigurationError("confirmation.second_missing", product=setup.product.name)
@@ -251,6 +251,6 @@ def _check_folder(folder: Path) -> None:
         free = free_space(probe)
     except OSError as exc:
         raise ConfigurationError("run.folder_unwritable", folder=folder, cause=os_reason(exc)) from exc
-    if free < RESERVE:
-        cause = Text.of("run.disk_low", megabytes=RESERVE // 1_000_000)
+    if free < RESERVED_SPACE:
+        cause = Text.of("run.disk_low", megabytes=RESERVED_SPACE // 1_000_000)
         raise ConfigurationError("run.folder_unwritable", folder=folder, cause=cause)

@@ -1,6 +1,6 @@
 """Studies, soak tests, fault plans and recordings, which use the true values of the virtual bench or inject faults.
 
-Production packages do not import this package: they load the bench of a station with a section `[bench]` by its name.
+Production packages do not import this package; they load it by name for a station with a section `[bench]`.
 """
 
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording, record_on_bench, recordings_folder

@@ -1,6 +1,6 @@
 """Simulated recordings without a rate table: a manual rig, several IMUs on one body, a gimbal.
 
-Each recording is a raw log like that of a station with such hardware, and has true parameters.
+Each recording has the format of a station's raw log, and its true parameters are known.
 """
 
 import json
@@ -157,13 +157,13 @@ def _pair_truth(truth: dict[str, FloatArray]) -> dict[str, float]:
     return values
 
 
-def turn_gimbal(
+def run_gimbal(
     bench: GimbalBench, schedule: Any, imu: ImuModel, store: Callable[[SampleBlock], None]
 ) -> GimbalIteration:
-    """Run the method on the bench's gimbal in closed loop; return the iteration.
+    """Run the gimbal method in closed loop on the simulated gimbal; return the iteration.
 
-    `schedule` is the schedule of the method gimbal; `store` is called with the samples of each motion and rest. Raises
-    InputError if a turn is not detected in the joints.
+    `store` is called with the samples of each motion and rest. Raises InputError if a turn is not detected in the joint
+    angles.
     """
     iteration: GimbalIteration = schedule.iteration()
     dwell = schedule.dwell_s
@@ -208,5 +208,5 @@ def _gimbal(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str
         encoder_sigma=float(np.deg2rad(encoder_deg)),
     )
     writer = RawLogWriter(path, meta, joints=True)
-    turn_gimbal(bench, schedule, context_from_meta(meta).imu, writer.append)
+    run_gimbal(bench, schedule, context_from_meta(meta).imu, writer.append)
     return writer.close("recorded"), _truth(imu)

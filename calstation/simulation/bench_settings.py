@@ -1,4 +1,4 @@
-"""Settings of a station's virtual bench, from the files and the request of a run."""
+"""Settings of a station's virtual bench, taken from the files and the request of a run."""
 
 import random
 import zlib
@@ -14,17 +14,17 @@ from calstation.devices.profiles import TableProfile
 #: Folder of the flash memories of the units, next to the runs.
 _FLASH_FOLDER = "bench"
 
-#: Seed of a bench if its file does not specify one.
+#: Seed of a bench whose file does not specify one.
 DEFAULT_SEED = 1
 
-#: Largest drift of the clock of a further unit, ppm.
+#: Largest clock drift of the units after the first, ppm.
 _CLOCK_DRIFT = 20.0
 
 #: Settings in a station file that apply to the first unit only.
-_OF_THE_FIRST = ("serial", "orders")
+_FIRST_UNIT_KEYS = ("serial", "orders")
 
 #: Settings that secondaries on one body share with the primary.
-_OF_THE_BODY = ("seed", "speed", "body", "grade", "instability", "imu_transport", "ready_time_s")
+_BODY_KEYS = ("seed", "speed", "body", "grade", "instability", "imu_transport", "ready_time_s")
 
 #: Bench settings as JSON values, see `BenchConfig`.
 Settings = dict[str, Any]
@@ -38,7 +38,7 @@ def bench_config(*setups: RunConfiguration) -> Settings:
     drifts = (random.Random(unit["seed"]).uniform(-_CLOCK_DRIFT, _CLOCK_DRIFT) for unit in others)
     other_units = [{"clock_drift_ppm": d, **unit, "orders": []} for d, unit in zip(drifts, others, strict=True)]
     numbers = [setup.number for setup in setups]
-    # the first unit contains the fault orders for all of them
+    # the settings of the first unit contain the faults of all units
     secondaries = [{**unit, "unit": number} for unit, number in zip(other_units, numbers[1:], strict=True)]
     return {**first, "unit": numbers[0], "secondaries": secondaries}
 
@@ -46,7 +46,7 @@ def bench_config(*setups: RunConfiguration) -> Settings:
 def pair_bench_config(setup: PairConfiguration) -> Settings:
     """Return the configuration of the bench process for the IMUs on one body."""
     bench = setup.primary.station.bench or {}
-    shared = {name: value for name, value in bench.items() if name in _OF_THE_BODY}
+    shared = {name: value for name, value in bench.items() if name in _BODY_KEYS}
     settings: Any = bench.get("secondaries", [])
     secondaries = []
     for index, unit in enumerate(setup.secondaries):
@@ -56,11 +56,11 @@ def pair_bench_config(setup: PairConfiguration) -> Settings:
 
 
 def bench_settings(setup: RunConfiguration) -> Settings:
-    """Return the bench settings from site, table and unit, overridden by the station file, then by the request."""
+    """Return the bench settings for a site, table and unit; the station file and then the request override them."""
     bench: Settings = dict(setup.station.bench or {})
     if setup.slot is not None:
         number = setup.station.slot_names.index(setup.slot.name)
-        excluded = ("secondaries", *(_OF_THE_FIRST if number else ()))
+        excluded = ("secondaries", *(_FIRST_UNIT_KEYS if number else ()))
         units = [{}, *bench.get("secondaries", ())]
         shared = {name: value for name, value in bench.items() if name not in excluded}
         bench = shared | (units[number] if number < len(units) else {})

@@ -11,14 +11,14 @@ from typing import Any, get_args
 
 from pydantic import Field, field_validator, model_validator
 
-from calstation.bench import Order, OrderName
+from calstation.bench import FaultCommand, FaultName
 from calstation.config import RunConfiguration, in_file
 from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, load, near_miss
 from calstation.simulation.bench_settings import bench_settings
 
 #: Kinds that the running bench injects.
-ORDERS: tuple[str, ...] = get_args(OrderName)
+BENCH_FAULTS: tuple[str, ...] = get_args(FaultName)
 
 _INITIAL_CHANGES: Mapping[str, Callable[[Mapping[str, Any], float], dict[str, Any]]] = {
     "wrong_unit": lambda bench, value: {"serial": f"{bench['serial']}-OTHER"},
@@ -31,17 +31,17 @@ _INITIAL_CHANGES: Mapping[str, Callable[[Mapping[str, Any], float], dict[str, An
     "single_bank_flash": lambda bench, value: {"flash_banks": 1},
 }
 #: Kinds that affect one unit; the others affect the table or the site.
-_OF_UNIT = ("wrong_unit", "mounted_otherwise", "never_ready", "single_bank_flash")
+_UNIT_FAULTS = ("wrong_unit", "mounted_otherwise", "never_ready", "single_bank_flash")
 #: Default values: mounting angle of the unit, deg; latitude error of the station file, deg; gravity error, m/s².
 _VALUES = {"mounted_otherwise": 20.0, "wrong_latitude": 10.0, "wrong_gravity": 0.05}
 
 #: Kinds that change the bench from the start; they have no `stage`, `step` or `time_s`.
-SET_UP = tuple(_INITIAL_CHANGES)
+INITIAL_FAULTS = tuple(_INITIAL_CHANGES)
 
 #: Kinds that affect the computer: the engine's process is killed, the disk is full, or the run folder disappears.
-HOST = ("engine_killed", "disk_full", "runs_folder_gone")
+HOST_FAULTS = ("engine_killed", "disk_full", "runs_folder_gone")
 
-KINDS: tuple[str, ...] = (*ORDERS, *SET_UP, *HOST)
+KINDS: tuple[str, ...] = (*BENCH_FAULTS, *INITIAL_FAULTS, *HOST_FAULTS)
 
 #: Ids of the messages that announce the captures before and after a register transfer.
 CAPTURES = ("reference", "verifying")
@@ -63,10 +63,10 @@ class PlannedFault(StrictModel):
     unit: int = Field(default=1, ge=1)  #: Slot number of the affected unit, if several are on the table.
 
     @property
-    def of_unit(self) -> bool:
+    def affects_unit(self) -> bool:
         """Whether the fault affects one unit instead of the table, the site or the computer."""
-        return self.kind in _OF_UNIT or (
-            self.kind in ORDERS and not Order.model_validate({"order": self.kind}).of_table
+        return self.kind in _UNIT_FAULTS or (
+            self.kind in BENCH_FAULTS and not FaultCommand.model_validate({"order": self.kind}).affects_table
         )
 
     @field_validator("kind")
@@ -86,9 +86,9 @@ class PlannedFault(StrictModel):
             raise EntryError("bench.fault_step_without_stage", "step")
         if self.step is not None and self.stage in CAPTURES:
             raise EntryError("bench.fault_step_of_capture", "step", stage=self.stage)
-        if self.kind in SET_UP and (self.stage is not None or times[1] > 0.0):
+        if self.kind in INITIAL_FAULTS and (self.stage is not None or times[1] > 0.0):
             raise EntryError("bench.fault_from_start", kind=self.kind)
-        if self.kind in HOST and self.stage is None:
+        if self.kind in HOST_FAULTS and self.stage is None:
             raise EntryError("bench.fault_without_stage", kind=self.kind)
         return self
 
@@ -105,7 +105,7 @@ class FaultPlan(StrictModel):
         return [generator.uniform(*f.time_s) if isinstance(f.time_s, list) else f.time_s for f in self.fault]
 
     def adjust(self, setup: RunConfiguration) -> RunConfiguration:
-        """Return the configuration with the planned errors of station file and bench settings."""
+        """Return the configuration with the planned errors in the station file and the bench settings."""
         latitude_error = sum(self._value(fault) for fault in self.fault if fault.kind == "wrong_latitude")
         station = setup.station
         site = station.site.model_copy(update={"latitude_deg": station.site.latitude_deg + latitude_error})
@@ -113,15 +113,15 @@ class FaultPlan(StrictModel):
         return replace(setup, bench_overrides=self._overrides(bench_settings(setup), setup.number))
 
     def _overrides(self, settings: Mapping[str, Any], number: int) -> dict[str, Any]:
-        """Return the bench settings of a unit that are changed from the start, and the orders for later faults."""
+        """Return the bench settings of a unit that differ from the start, including the faults with a time."""
         changes: dict[str, Any] = {}
         orders = list(settings.get("orders", []))
         for fault, time in zip(self.fault, self.times(), strict=True):
-            if fault.kind in _OF_UNIT and fault.unit != number:
+            if fault.kind in _UNIT_FAULTS and fault.unit != number:
                 continue
-            if fault.kind in SET_UP:
+            if fault.kind in INITIAL_FAULTS:
                 changes |= _INITIAL_CHANGES[fault.kind]({**settings, **changes}, self._value(fault))
-            elif fault.kind in ORDERS and fault.stage is None:
+            elif fault.kind in BENCH_FAULTS and fault.stage is None:
                 value = {} if fault.value is None else {"value": fault.value}
                 orders.append({"order": fault.kind, "at": time, "unit": fault.unit, **value})
         return changes | ({"orders": orders} if orders else {})
@@ -137,7 +137,7 @@ def load_fault_plan(path: Path) -> FaultPlan:
 
 
 def fault_plan(setup: RunConfiguration) -> FaultPlan:
-    """Return the fault plan of a run; empty if its configuration has none. Raises ConfigurationError."""
+    """Return the fault plan of a run, which is empty if none is configured. Raises ConfigurationError."""
     path = _plan_file(setup)
     return FaultPlan() if path is None else load_fault_plan(path)
 
@@ -165,5 +165,5 @@ def _check_units(plan: FaultPlan, setup: RunConfiguration) -> None:
     names, used_slots = setup.station.slot_names, setup.request.batch_slots
     units = [number for number, name in enumerate(names or ("",), start=1) if name in used_slots or not used_slots]
     for number, fault in enumerate(plan.fault):
-        if fault.of_unit and fault.unit not in units:
+        if fault.affects_unit and fault.unit not in units:
             raise EntryError("bench.fault_of_no_unit", "fault", number, "unit", unit=fault.unit, units=units)

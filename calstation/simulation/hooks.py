@@ -47,12 +47,12 @@ class BenchHooks(RunHooks):
         return emit_with_faults
 
     def connected(self, devices: Devices) -> None:
-        """Store the bench's clock, which accepts fault orders."""
+        """Store the bench's clock, which accepts fault commands."""
         if isinstance(devices.clock, BenchClock):
             self._clock = devices.clock
 
     def log_opened(self, log: RawLogWriter) -> None:
-        """Store the log, for which a fault may simulate a full disk."""
+        """Store the log, because a fault may simulate a full disk for it."""
         self._log = log
 
     def _move_rig(self, event: Event) -> None:
@@ -84,4 +84,4 @@ class BenchHooks(RunHooks):
                     self._log.free_space = lambda path: 0
             elif self._clock is not None:
                 value = {} if fault.value is None else {"value": fault.value}
-                self._clock.order({"order": fault.kind, "after": time, "unit": fault.unit, **value})
+                self._clock.inject({"order": fault.kind, "after": time, "unit": fault.unit, **value})

@@ -6,7 +6,7 @@ estimate (without the true bias drift) and the processes β that drive the true 
     e⁺ = (I − KH)(F e − [F_b; 0] β) + K H_b β⁺ + noise,      β⁺ = A β + ν,
 
 and their joint covariance is propagated (Gelb, *Applied Optimal Estimation*, 1974, section 7.2: sensitivity of a
-suboptimal filter). No quantity is fitted to the errors of the study.
+suboptimal filter). Nothing is fitted to the errors found in the study.
 """
 
 import numpy as np

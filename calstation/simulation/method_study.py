@@ -14,20 +14,27 @@ from calstation.simulation.bench_recordings import GradeName, Kind, make_recordi
 from calstation.simulation.study_table import chi_squared_band
 
 #: Kind of recording for each method.
-KIND_OF: dict[str, Kind] = {"multi_position": "hand", "cross_calibration": "pair", "gimbal": "gimbal"}
+RECORDING_KINDS: dict[str, Kind] = {"multi_position": "hand", "cross_calibration": "pair", "gimbal": "gimbal"}
 
 
 def run_method_study(
     stage: str, grade: GradeName, seeds: int, progress: Callable[[int, int], None] = lambda done, count: None
 ) -> dict[str, Any]:
-    """Study one method; return JSON data. `progress` is called with the numbers of finished units and of all units.
+    """Study one method; return JSON data.
 
     The data contain for each group the rms sigma (SI), the rms of error/sigma over units and axes with its 99.9 % band,
     the largest error/sigma, and whether the rms is within the band. At most three axes per group are counted for the
     band, because they have the same motion. Raises ConfigurationError if there is no recording for the method.
+
+    Parameters
+    ----------
+    stage : name of the method's stage
+    grade : grade of the simulated units
+    seeds : number of units
+    progress : function that is called with the number of finished units and the number of all units
     """
-    if stage not in KIND_OF:
-        raise ConfigurationError("study.unknown_method", method=stage, methods=list(KIND_OF))
+    if stage not in RECORDING_KINDS:
+        raise ConfigurationError("study.unknown_method", method=stage, methods=list(RECORDING_KINDS))
     errors: dict[str, list[list[float]]] = {}
     sigmas: dict[str, list[float]] = {}
     nis: list[float] = []
@@ -64,7 +71,7 @@ def _unit(stage: str, grade: GradeName, seed: int, nis: list[float]) -> dict[str
     """Return error and sigma of each parameter of one unit, by group."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "recording.h5"
-        _, truth = make_recording(KIND_OF[stage], log, grade, seed)
+        _, truth = make_recording(RECORDING_KINDS[stage], log, grade, seed)
         result = resolve(log, (stage,)).result
     nis.append(result.consistency[stage].nis_mean)
     errors: dict[str, list[tuple[float, float]]] = {}

@@ -19,17 +19,17 @@ from calstation.records import open_log
 from calstation.results import Result, load_result
 from calstation.runs import finish_incomplete
 from calstation.simulation.bench_settings import bench_config
-from calstation.simulation.fault_plan import HOST, SET_UP, with_faults
-from calstation.simulation.soak_plan import FROM_LISTENER, MILD, Planned
+from calstation.simulation.fault_plan import HOST_FAULTS, INITIAL_FAULTS, with_faults
+from calstation.simulation.soak_plan import OBSERVER_FAULTS, TOLERATED_FAULTS, PlannedRun
 
 #: Largest error of a correct parameter, in sigmas.
-SIGMAS = 6.0
+SIGMA_LIMIT = 6.0
 
 #: Time allowed for the bench to write its report, host time, s.
 _REPORT_TIMEOUT = 20.0
 
-#: Smallest gap that is a counter jump, in samples: no run survives such a long silence.
-_JUMP = 5_000
+#: Smallest gap that is interpreted as a counter jump, in samples: no run survives so long without samples.
+_MIN_COUNTER_JUMP = 5_000
 
 #: Kinds of faults with which a good unit must fail.
 _MUST_FAIL = {"wrong_gravity"}
@@ -48,7 +48,7 @@ class RunEvaluation:
     host time, s.
     """
 
-    planned: Planned
+    planned: PlannedRun
     outcome: str
     error: str | None
     injected: tuple[str, ...]
@@ -74,23 +74,23 @@ class RunEvaluation:
 
 
 def judge_run(
-    planned: Planned, request: RunRequest, hung: bool, engine_mb: float, seconds: float, report: Path
+    planned: PlannedRun, request: RunRequest, hung: bool, engine_mb: float, seconds: float, report: Path
 ) -> RunEvaluation:
     """Evaluate a run from its files; `report` is the bench's report, missing if the bench died with the engine.
 
-    `hung` is True if the run did not end in time; `engine_mb` and `seconds` are as in `RunEvaluation`. The report is
-    awaited for at most `_REPORT_TIMEOUT`.
+    `hung` is True if the run did not end in time; `engine_mb` and `seconds` are as in `RunEvaluation`. The function
+    waits for the report for at most `_REPORT_TIMEOUT`.
     """
     kinds = [kind for kind, _ in planned.faults]
     bench = _bench_report(report)
     died = "engine_killed" in kinds and not list(request.out.glob(f"{request.serial}_*.json"))
     setup = load_configuration(request, with_faults)
     executed = () if bench is None else bench.executed
-    occurred = [kind for kind in kinds if kind in executed or _set_up(kind, setup)]
+    occurred = [kind for kind in kinds if kind in executed or _takes_effect(kind, setup)]
     result, defects = _records(request, died)
     outcome = "hung" if hung else "lost" if result is None else result.outcome
-    occurred += [kind for kind in kinds if kind in HOST and outcome == "incomplete"]
-    occurred += [kind for kind in kinds if kind in FROM_LISTENER and outcome == "stopped"]
+    occurred += [kind for kind in kinds if kind in HOST_FAULTS and outcome == "incomplete"]
+    occurred += [kind for kind in kinds if kind in OBSERVER_FAULTS and outcome == "stopped"]
     link_lost = died or "mute_table" in occurred
     may_stay_on = link_lost and _keeps_axes_on(setup.table)
     samples, missing = _samples(result, "jump_counter" in occurred)
@@ -110,13 +110,13 @@ def judge_run(
     )
 
 
-def _set_up(kind: str, setup: RunConfiguration) -> bool:
+def _takes_effect(kind: str, setup: RunConfiguration) -> bool:
     """Return whether a fault present from the start has an effect on these devices."""
     if kind == "watchdog_off":
         return _has_watchdog(setup.table)
     if kind == "never_ready":
         return bool(setup.imu.status.ready)
-    return kind in SET_UP
+    return kind in INITIAL_FAULTS
 
 
 def _has_watchdog(table: TableProfile) -> bool:
@@ -125,7 +125,7 @@ def _has_watchdog(table: TableProfile) -> bool:
 
 
 def _keeps_axes_on(table: TableProfile) -> bool:
-    """Return whether the axes stay on after the loss of the link: the table completes its move and then rests."""
+    """Return whether the axes stay on after the link is lost, so that the table completes its move and then rests."""
     return table.link_loss_stop_s is None and not _has_watchdog(table)
 
 
@@ -156,11 +156,11 @@ def _records(request: RunRequest, died: bool) -> tuple[Result | None, list[str]]
 
 
 def _verdict_errors(
-    planned: Planned, request: RunRequest, result: Result | None, outcome: str, occurred: Collection[str]
+    planned: PlannedRun, request: RunRequest, result: Result | None, outcome: str, occurred: Collection[str]
 ) -> list[str]:
     if outcome == "hung":
         return ["it hung"]
-    only_mild = {fault for fault in planned.faults if fault[0] in occurred} <= set(MILD)
+    only_mild = {fault for fault in planned.faults if fault[0] in occurred} <= set(TOLERATED_FAULTS)
     if outcome not in _VERDICTS and not planned.faulty_unit and only_mild:
         return [f"no verdict without need: {(result and result.error) or outcome}"]
     must_fail = bool(_MUST_FAIL & set(occurred))
@@ -171,12 +171,14 @@ def _verdict_errors(
     setup = load_configuration(request, with_faults)
     truth = BenchConfig.model_validate(bench_config(setup)).truth().parameters
     if outcome == "failed":
-        if any(_outside(check, result, truth, -SIGMAS) for check in result.failed_checks):
+        if any(_outside(check, result, truth, -SIGMA_LIMIT) for check in result.failed_checks):
             return []  # the truth is outside, or so close that the estimate may be outside due to noise
         return [f"a good unit failed: {', '.join(check.name for check in result.failed_checks)}"]
     deviations = {n: abs(row.value - truth[INDEX[n]]) / row.sigma for n, row in result.parameters.items()}
-    errors = [f"passed with {name} off by {sigmas:.1f} sigma" for name, sigmas in deviations.items() if sigmas > SIGMAS]
-    outside_limits = [check.subject for check in result.checks if _outside(check, result, truth, SIGMAS)]
+    errors = [
+        f"passed with {name} off by {sigmas:.1f} sigma" for name, sigmas in deviations.items() if sigmas > SIGMA_LIMIT
+    ]
+    outside_limits = [check.subject for check in result.checks if _outside(check, result, truth, SIGMA_LIMIT)]
     return errors + [f"passed with {name} outside its limits" for name in outside_limits]
 
 
@@ -209,7 +211,7 @@ def _samples(result: Result | None, jumped: bool) -> tuple[int, int]:
         for block in open_log(Path(result.log.file)).blocks():
             seq = block.seq if last is None else np.concatenate(([last], block.seq))
             gaps = np.diff(seq) - 1
-            missing += int(gaps[gaps < _JUMP].sum() if jumped else gaps.sum())
+            missing += int(gaps[gaps < _MIN_COUNTER_JUMP].sum() if jumped else gaps.sum())
             count += len(block)
             last = int(block.seq[-1])
     except CalstationError:

@@ -28,7 +28,7 @@ _DEFAULT_DEVICES = "default"
 
 @cache
 def devices() -> Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]]:
-    """Return the devices by name: weight in the random draw, and changes of the station and product files.
+    """Return the weight in the random draw and the changes to station and product files, by name of the devices.
 
     They are the default devices, every other shipped table with two driven axes, and the unit of every other protocol.
     """
@@ -47,7 +47,7 @@ def devices() -> Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]]:
 
 
 #: Faults (kind, value) that a run tolerates: with only these, the run of a good unit must end with a verdict.
-MILD: tuple[tuple[str, float | None], ...] = (
+TOLERATED_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("corrupt_frames", 3),
     ("drop_frames", 3),
     ("duplicate_frames", 2),
@@ -68,7 +68,7 @@ MILD: tuple[tuple[str, float | None], ...] = (
 
 #: Faults (kind, value) injected at a random time within a stage.
 STAGE_FAULTS: tuple[tuple[str, float | None], ...] = (
-    *MILD,
+    *TOLERATED_FAULTS,
     ("silence_imu", 600),
     ("garble_imu", 600),
     ("freeze_channel", 4),
@@ -98,13 +98,13 @@ OTHER_FAULTS: tuple[tuple[str, float | None], ...] = (
 _IN_CAPTURES = ("reset_imu", "drop_frames")
 
 #: Kinds of faults that the process observing the run causes.
-FROM_LISTENER = ("operator_stop", "window_killed")
+OBSERVER_FAULTS = ("operator_stop", "window_killed")
 #: Latest time of a fault after the start of its stage, device time, s.
 _LATEST_TIME = 20.0
 
 
 @dataclass(frozen=True)
-class Planned:
+class PlannedRun:
     """One run of a soak test: the seed of its bench, its faults (kind, value), and a key of `devices()`."""
 
     number: int
@@ -114,7 +114,7 @@ class Planned:
     devices: str = _DEFAULT_DEVICES
 
 
-def plans(runs: int, seed: int) -> Iterator[Planned]:
+def plans(runs: int, seed: int) -> Iterator[PlannedRun]:
     """Plan the runs; the same seed gives the same plan, and each fault occurs once before any is repeated."""
     generator = random.Random(seed)
     remaining: list[tuple[str, float | None]] = []
@@ -128,10 +128,10 @@ def plans(runs: int, seed: int) -> Iterator[Planned]:
             faults.append(remaining.pop())
         seed_of_run, faulty = generator.randrange(2**31), generator.random() < 0.1
         (devices_name,) = generator.choices(list(devices()), [weight for weight, _, _ in devices().values()])
-        yield Planned(number, seed_of_run, faulty, tuple(faults), devices_name)
+        yield PlannedRun(number, seed_of_run, faulty, tuple(faults), devices_name)
 
 
-def write_request(planned: Planned, folder: Path, stages: tuple[str, ...]) -> RunRequest:
+def write_request(planned: PlannedRun, folder: Path, stages: tuple[str, ...]) -> RunRequest:
     """Write the station, product and fault-plan files of a run; return the request that uses them."""
     generator = random.Random(planned.seed)
     (folder / "bench").mkdir(parents=True, exist_ok=True)
@@ -153,7 +153,7 @@ def write_request(planned: Planned, folder: Path, stages: tuple[str, ...]) -> Ru
         product |= {"name": "soak", **_SHORT, "limits": limits, "stages": list(stages)}
         product.pop("checks", None)  # the checks refer to omitted stages and to the full schedule
     names = tuple(product["stages"])
-    faults = [_fault(kind, value, names, generator) for kind, value in planned.faults if kind not in FROM_LISTENER]
+    faults = [_fault(kind, value, names, generator) for kind, value in planned.faults if kind not in OBSERVER_FAULTS]
     _write(folder / "station.toml", station)
     _write(folder / "product.toml", product)
     _write(folder / "plan.toml", {"seed": planned.seed, "fault": faults})

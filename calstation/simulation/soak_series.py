@@ -14,10 +14,10 @@ from calstation.results import deliver_pending
 from calstation.runs import Engine
 from calstation.sequencer import Command, StepStarted
 from calstation.simulation.soak_judge import RunEvaluation, judge_run, resident_mb
-from calstation.simulation.soak_plan import STAGES, Planned, plans, write_request
+from calstation.simulation.soak_plan import STAGES, PlannedRun, plans, write_request
 
 #: Longest host time of a run with short schedules, s; ten times as long with full schedules.
-_HANG_TIMEOUT = 300.0
+_RUN_TIMEOUT = 300.0
 
 #: Permitted growth of a process's memory in addition to 10 %, MB, because code and caches are loaded on first use.
 _ALLOWED_GROWTH = 20.0
@@ -72,7 +72,7 @@ class Soak:
 
     @property
     def sound(self) -> bool:
-        """Whether no run was wrong, unsafe or hung, no record was lost, and the memory of this process did not grow."""
+        """Whether no run had a wrong verdict, was unsafe or hung, no record was lost, and memory did not grow."""
         counts = self.counts()
         memory = counts["parent_memory_mb"]
         grown = memory["last"] > 1.1 * memory["first"] + _ALLOWED_GROWTH
@@ -84,8 +84,16 @@ def soak(
 ) -> Soak:
     """Run consecutive calibrations with short schedules, or with full ones if `full`.
 
-    Faults and units are drawn from `seed`. `on_run` is called after each run; `stopping` returns whether to stop before
-    the next one. Raises ConfigurationError if the folder already contains runs.
+    Raises ConfigurationError if the folder already contains runs.
+
+    Parameters
+    ----------
+    runs : number of runs
+    seed : seed of the faults and units
+    folder : folder for the runs
+    full : whether to use full schedules
+    on_run : function that is called after each run
+    stopping : function that returns whether to stop before the next run
     """
     if (folder / "runs").exists():
         raise ConfigurationError("study.folder_in_use", folder=folder)
@@ -96,7 +104,7 @@ def soak(
             break
         request = write_request(planned, folder, stages)
         begin = time.monotonic()
-        hung, memory = _observe(request, planned, _HANG_TIMEOUT * (10.0 if full else 1.0))
+        hung, memory = _observe(request, planned, _RUN_TIMEOUT * (10.0 if full else 1.0))
         report = folder / "bench" / f"{planned.number}.json"
         seconds = time.monotonic() - begin
         series.runs.append(judge_run(planned, request, hung, memory, seconds, report))
@@ -105,12 +113,12 @@ def soak(
     return series
 
 
-def _observe(request: RunRequest, planned: Planned, patience: float) -> tuple[bool, float]:
-    """Run the engine; return whether it exceeded `patience`, s, and its peak memory, MB."""
+def _observe(request: RunRequest, planned: PlannedRun, timeout: float) -> tuple[bool, float]:
+    """Run the engine; return whether it exceeded `timeout`, s, and its peak memory, MB."""
     kinds = [kind for kind, _ in planned.faults]
     moment = random.Random(planned.seed).randrange(2, 15)
     steps, memory = 0, 0.0
-    deadline = time.monotonic() + patience
+    deadline = time.monotonic() + timeout
     with Engine.start(request) as engine:
         while not engine.ended:
             memory = max(memory, resident_mb(engine.process.pid))

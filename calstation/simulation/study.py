@@ -1,4 +1,4 @@
-"""Monte Carlo study: errors for many units and tables, normalised by sigmas and by the bound.
+"""Monte Carlo study of the errors of many units and tables, normalised by their sigmas and by the Cramér-Rao bound.
 
 The solvers use the distributions from which the bench draws; `docs/explanation/study.md` explains tests and bands.
 """
@@ -53,7 +53,7 @@ MOUNT_SIGMA = float(np.sqrt((_LOW**2 + _LOW * _HIGH + _HIGH**2) / 3.0 / 3.0))
 TILT_DEG = 0.1
 NAVIGATION_STAGES = ("excitation", "azimuth_flip", "designed")
 #: Product with a designed schedule, by grade.
-FAST: dict[GradeName, str] = {"nav": "nav_a_fast", "tactical": "tactical_b_fast", "mems": "mems_c_fast"}
+FAST_PRODUCTS: dict[GradeName, str] = {"nav": "nav_a_fast", "tactical": "tactical_b_fast", "mems": "mems_c_fast"}
 
 Lever = Literal["estimated", "fixed"]
 #: Changes to the default schedules, by stage.
@@ -64,7 +64,7 @@ Schedules = dict[str, dict[str, Any]]
 class Case:
     """One case of the study: the solved stages, and whether the units have an outer lever and bias instability.
 
-    The units of a case with optional `states` have the effects of `PRESENT`.
+    The units of a case with optional `states` have the effects in `STUDY_EFFECTS`.
     """
 
     name: str
@@ -108,7 +108,7 @@ def _present(dph_g: float, ppm: float, ug_g3: float, ug_g2: float, mm: float, ms
 
 
 #: Effects of a grade's units in the cases with optional states: many sigmas of the parameters that they resemble.
-PRESENT: dict[GradeName, Effects] = {
+STUDY_EFFECTS: dict[GradeName, Effects] = {
     "nav": _present(0.1, 30.0, 10.0, 30.0, 5.0, 0.5),
     "tactical": _present(3.0, 100.0, 100.0, 100.0, 10.0, 1.0),
     "mems": _present(30.0, 500.0, 500.0, 500.0, 20.0, 2.0),
@@ -126,9 +126,14 @@ def run_study(
 ) -> dict[str, Any]:
     """Run the study; return JSON data.
 
-    `grade` None selects all grades. `seeds` is the number of units per grade; None means 100 for nav and 30 for the
-    others. `progress` is called with the number of units done and the total. `schedules` are changes to the default
-    schedules. `workers` is the number of processes; 1 runs in the calling process.
+    Parameters
+    ----------
+    grade : grade of the units; None for all grades
+    seeds : number of units per grade; None for 100 of grade nav and 30 of each other grade
+    progress : function that is called with the number of finished units and the number of all units
+    cases : cases to study
+    schedules : changes to the default schedules, by stage
+    workers : number of processes; 1 runs the study in the calling process
     """
     grades: list[GradeName] = [grade] if grade else list(SEEDS)
     jobs = [(g, s, cases, fast_schedule(g) | (schedules or {})) for g in grades for s in range(seeds or SEEDS[g])]
@@ -147,13 +152,13 @@ def run_study(
 
 def fast_schedule(grade: GradeName) -> Schedules:
     """Return the designed schedule of a grade's product."""
-    product = library.find("products", FAST[grade])
+    product = library.find("products", FAST_PRODUCTS[grade])
     setup = load_configuration(RunRequest("study", None, product))
     return {"designed": setup.schedules["designed"].model_dump()}
 
 
 def _map(jobs: list[_Job], workers: int) -> Iterator[tuple[GradeName, list[UnitResult]]]:
-    """Yield results in order of completion; the workers end with the iteration."""
+    """Yield results in order of completion; the worker processes end with the iteration."""
     if workers == 1:
         yield from map(_unit, jobs)
         return
@@ -167,7 +172,7 @@ def _unit(job: _Job) -> tuple[GradeName, list[UnitResult]]:
     with one_blas_thread():
         for lever, instability, states in dict.fromkeys((c.outer_lever, c.instability, c.states) for c in cases):
             selected = [c for c in cases if (c.outer_lever, c.instability, c.states) == (lever, instability, states)]
-            present, along, across = PRESENT[grade] if states else Effects(), *_draw_offset(seed)
+            present, along, across = STUDY_EFFECTS[grade] if states else Effects(), *_draw_offset(seed)
             offset = along, across if lever == "fixed" else 0.0
             truth, context = draw_unit(grade, seed, lever, instability, present, offset)
             stages = [s for s in (*DEFAULT_STAGES, "designed") if any(s in c.stages for c in selected)]
@@ -248,7 +253,7 @@ def block_of(s: Simulated) -> SampleBlock:
 def _solve(
     case: Case, truth: BenchTruth, context: SolveContext, data: dict[str, SampleBlock], schedules: Schedules
 ) -> UnitResult:
-    """Solve the stages of a case like a run, and compute its bound: the same stages linearised at the truth.
+    """Solve the stages of a case as in a run, and compute the bound from the same stages linearised at the true values.
 
     Optional states and the offset of the table's axes increase the bound by the same amount as the covariance.
     """

@@ -1,4 +1,4 @@
-"""Statistics of a case over its units: rms of error/sigma by group, NEES and bound ratio, with their bands."""
+"""Statistics of a study case over its units: rms of error/sigma by group, NEES and bound ratio, with their bands."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from calstation.bench import BenchConfig, Order
+from calstation.bench import BenchConfig, FaultCommand
 from calstation.bench.imu.unit import STREAM
 from calstation.bench.live import LiveBench
 from calstation.bench.table import Fault
@@ -153,14 +153,14 @@ def test_noise_of_two_units_is_independent():
 def test_unit_with_a_different_clock_samples_the_same_motion_in_its_own_time(drift, power_on):
     units = batch({}, {"clock_drift_ppm": drift, "power_on_s": power_on}, **IDEAL)
     assert units[1].device_time == pytest.approx((units[0].now - power_on) * (1.0 + 1e-6 * drift))
-    begin, rate = units[1].sampled, 200.0 * (1.0 + 1e-6 * drift)
+    begin, rate = units[1].sample_count, 200.0 * (1.0 + 1e-6 * drift)
     first, second = (increments(u, f) for u, f in zip(units, move(units, 0.0, 2.0), strict=True))
-    assert units[1].sampled - begin == pytest.approx(6.0 * rate, abs=1.0)
+    assert units[1].sample_count - begin == pytest.approx(6.0 * rate, abs=1.0)
     assert second[:, 2].sum() == pytest.approx(first[:, 2].sum(), abs=1e-5)
     # the angle reached at equal times of the clock service, by interpolation
     times = np.arange(0.2, 3.0, 0.1)
-    ends = (np.arange(units[1].sampled - len(second), units[1].sampled) + 1) / rate + power_on
-    starts = (np.arange(units[0].sampled - len(first), units[0].sampled) + 1) / 200.0
+    ends = (np.arange(units[1].sample_count - len(second), units[1].sample_count) + 1) / rate + power_on
+    starts = (np.arange(units[0].sample_count - len(first), units[0].sample_count) + 1) / 200.0
     angles = [
         np.interp(times + units[0].now - 6.0, t, np.cumsum(x[:, 2])) for t, x in ((starts, first), (ends, second))
     ]
@@ -169,7 +169,7 @@ def test_unit_with_a_different_clock_samples_the_same_motion_in_its_own_time(dri
 
 
 def test_table_fault_within_a_time_step_affects_all_units_equally():
-    order = Order(order="stall", at=2.0)
+    order = FaultCommand(order="stall", at=2.0)
     units = batch({"orders": [order]}, {}, **IDEAL)
     first, second = (increments(u, f) for u, f in zip(units, move(units, 0.0, 2.0), strict=True))
     assert units[0].machine.fault is Fault.STALL

@@ -1,4 +1,4 @@
-"""docs/reference/bench.md and docs/reference/faults.md describe every setting, effect, fault order and fault type."""
+"""docs/reference/bench.md and docs/reference/faults.md describe every setting, effect, fault command and fault type."""
 
 import re
 import subprocess
@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 from typing import get_args
 
-from calstation.bench import BenchConfig, OrderName
+from calstation.bench import BenchConfig, FaultName
 from calstation.bench.truth import Effects
-from calstation.simulation.fault_plan import HOST, KINDS, SET_UP
+from calstation.simulation.fault_plan import HOST_FAULTS, INITIAL_FAULTS, KINDS
 
 DOCS = Path(__file__).parents[2] / "docs" / "reference"
 BENCH, FAULTS = ((DOCS / name).read_text(encoding="utf-8") for name in ("bench.md", "faults.md"))
@@ -19,11 +19,11 @@ def rows(text: str) -> str:
     return "\n".join(line for line in text.splitlines() if line.startswith("|"))
 
 
-def test_every_setting_effect_and_fault_order_is_documented() -> None:
+def test_every_setting_effect_and_fault_command_is_documented() -> None:
     documented = set(re.findall(r"`(\w+)`", rows(BENCH)))
     assert set(BenchConfig.model_fields) <= documented
     assert set(Effects.model_fields) <= documented
-    assert set(get_args(OrderName)) <= documented
+    assert set(get_args(FaultName)) <= documented
 
 
 def test_every_fault_type_is_documented_and_marked() -> None:
@@ -31,7 +31,7 @@ def test_every_fault_type_is_documented_and_marked() -> None:
     marks = dict(re.findall(r"`(\w+)`([¹²]?)", table))
     assert set(KINDS) <= set(marks)
     for kind in KINDS:
-        assert marks[kind] == ("¹" if kind in SET_UP else "²" if kind in HOST else ""), kind
+        assert marks[kind] == ("¹" if kind in INITIAL_FAULTS else "²" if kind in HOST_FAULTS else ""), kind
 
 
 def test_misspelled_setting_is_reported_with_the_closest_name() -> None:

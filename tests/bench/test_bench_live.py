@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calstation.bench import BenchConfig, Order
+from calstation.bench import BenchConfig, FaultCommand
 from calstation.bench.imu.unit import BOOT_TIME, STREAM, crc16
 from calstation.bench.live import LiveBench
 from calstation.bench.table import Fault
@@ -47,7 +47,7 @@ def test_device_time_runs_fast_by_the_clock_drift():
     live = bench(clock_drift_ppm=1e4)
     live.advance(10.0)
     assert live.device_time == pytest.approx(10.1)
-    assert live.sampled == 2020
+    assert live.sample_count == 2020
 
 
 def test_polled_angle_is_delayed_by_latency_and_jitter():
@@ -66,7 +66,7 @@ def test_polled_angle_is_delayed_by_latency_and_jitter():
 
 
 def test_faults_are_injected_at_their_times():
-    live = ready(orders=[Order(order="stall", at=3.0), Order(order="reset_imu", at=2.0)])
+    live = ready(orders=[FaultCommand(order="stall", at=3.0), FaultCommand(order="reset_imu", at=2.0)])
     frames = decode(live.advance(2.9))
     assert live.machine.fault is Fault.NONE
     assert np.flatnonzero(np.diff(frames["counter"].astype(int)) < 0).size == 1
@@ -77,13 +77,13 @@ def test_faults_are_injected_at_their_times():
 def test_frames_are_dropped_corrupted_and_silenced_on_request():
     live = bench()
     start = len(decode(live.advance(1.0)))
-    live.execute(Order(order="drop_frames", value=3))
+    live.execute(FaultCommand(order="drop_frames", value=3))
     assert list(decode(live.advance(1.1))["counter"][:2]) == [start + 3, start + 4]
-    live.execute(Order(order="corrupt_frames", value=2))
+    live.execute(FaultCommand(order="corrupt_frames", value=2))
     raw = np.frombuffer(live.advance(1.2), dtype=STREAM)
     wrong = [crc16(frame.tobytes()[2:-2]) != frame["crc"] for frame in raw]
     assert wrong == [True, True] + [False] * 18
-    live.execute(Order(order="silence_imu", value=0.5))
+    live.execute(FaultCommand(order="silence_imu", value=0.5))
     assert live.advance(1.6) == b""
     assert len(decode(live.advance(1.9))) == 40, "silent up to 1.7 s"
 
@@ -91,9 +91,9 @@ def test_frames_are_dropped_corrupted_and_silenced_on_request():
 @pytest.mark.parametrize("stride", [0.013, 0.05, 0.1, 3.0])
 def test_duration_of_a_fault_does_not_depend_on_the_time_steps(stride):
     orders = [
-        Order(order="saturate_imu", at=0.5, value=0.1),
-        Order(order="invalid_imu", at=1.0, value=0.1),
-        Order(order="silence_imu", at=1.5, value=0.3),
+        FaultCommand(order="saturate_imu", at=0.5, value=0.1),
+        FaultCommand(order="invalid_imu", at=1.0, value=0.1),
+        FaultCommand(order="silence_imu", at=1.5, value=0.3),
     ]
     live = ready(orders=orders)
     times = np.append(np.arange(stride, 3.0, stride), 3.0)

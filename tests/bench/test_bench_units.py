@@ -30,7 +30,7 @@ class Unit:
     def __init__(self, kind, **changes):
         self.unit = kind(BenchConfig(serial="SN-7", warm_up_c=0.0, **changes))
         self.time = 1.0
-        self._hear = self.unit.conversation()
+        self._hear = self.unit.new_parser()
 
     def __call__(self, data):
         return b"".join(self._hear(data, self.time))

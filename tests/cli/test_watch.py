@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.estimation.common import StoredPair
+from calstation.estimation.common import StoredCrossCalibration
 from calstation.records import load_pair, store_pair
 from tests.cli.conftest import Done, six_position_rows, write_log
 
@@ -39,7 +39,7 @@ def test_sensor_is_not_calibrated_against_an_out_of_tolerance_primary(calstation
     text = meta.read_text()
     start = text.index("[schedule.cross_calibration.primary_gyro]")
     meta.write_text(text[:start] + text[start:].replace("fixed = 0.0002", "fixed = 1e-7", 1))
-    store_pair(pairs, "BENCH-mems", "BENCH-2", StoredPair({}, 1e-4, 0.01))
+    store_pair(pairs, "BENCH-mems", "BENCH-2", StoredCrossCalibration({}, 1e-4, 0.01))
     done = calstation("watch", tmp_path / "pair.csv", "--pairs", pairs)
     assert done.code == 1, done.out
     assert "imu2 calibrated (accel)." in done.out

@@ -115,7 +115,10 @@ def test_lever_arm_of_a_slot_requires_a_table_with_units_off_centre(tmp_path: Pa
 
 def test_editor_validates_the_profiles_and_products_of_slots() -> None:
     data = {**HARDWARE, "slots": [{**SLOTS[0], "imu": "none_such"}, {**SLOTS[1], "product": "none_such"}]}
-    assert [problem.place for problem in check_data("stations", data)] == [("slots", 0, "imu"), ("slots", 1, "product")]
+    assert [problem.key_path for problem in check_data("stations", data)] == [
+        ("slots", 0, "imu"),
+        ("slots", 1, "product"),
+    ]
     names = [problem.name for problem in check("stations", tomli_w.dumps(data))]
     assert names == ['slots["A"].imu', 'slots["B"].product']
     assert not check_data("stations", {**STATION, "bench": {"units": 3}})
@@ -124,7 +127,7 @@ def test_editor_validates_the_profiles_and_products_of_slots() -> None:
 def test_a_slot_on_the_port_of_the_table_is_reported() -> None:
     wrong = {**HARDWARE, "table": {"profile": "mn_ascii", "port": PORTS[1]}}
     (problem,) = station_conflicts(tomli_w.dumps(wrong))
-    assert (problem.place, problem.name) == (("slots", 1, "port"), 'slots["B"].port')
+    assert (problem.key_path, problem.name) == (("slots", 1, "port"), 'slots["B"].port')
 
 
 def test_batch_has_one_request_per_occupied_slot(site_folder: SiteFolder) -> None:

@@ -17,8 +17,8 @@ from calstation.schema import KeyPath, problems_of
 FILES = [(form, path) for form in FORMS for path in sorted((library.shipped_folder() / form.kind).glob("*.toml"))]
 
 
-def value_at(data: Any, place: KeyPath) -> Any:
-    for key in place:
+def value_at(data: Any, key_path: KeyPath) -> Any:
+    for key in key_path:
         try:
             data = data[key]
         except (KeyError, IndexError, TypeError):
@@ -30,8 +30,8 @@ def value_at(data: Any, place: KeyPath) -> Any:
 def test_every_shipped_value_is_shown_and_unedited_values_change_nothing(form: Any, path: Path) -> None:
     data = tomllib.loads(path.read_text(encoding="utf-8"))
 
-    def get(place: KeyPath) -> Any:
-        return value_at(data, place)
+    def get(key_path: KeyPath) -> Any:
+        return value_at(data, key_path)
 
     rows, columns = form.rows(get), form.columns(get)
     entries = [name for root in form.roots for name in (get(root) or ())]
@@ -40,7 +40,7 @@ def test_every_shipped_value_is_shown_and_unedited_values_change_nothing(form: A
         assert len(row.cells) == len(columns)
         for cell in row.cells:
             if isinstance(cell, FormCell):
-                shown = cell.shown(get)
+                shown = cell.displayed(get)
                 assert cell.changes(get, shown) == {}
                 value = cell.value(get)
                 if isinstance(value, float) and cell.kind == "number":
@@ -83,21 +83,21 @@ ROOTS = st.dictionaries(st.sampled_from([str(root[0]) for form in FORMS for root
 
 @given(ROOTS, st.sampled_from(FORMS), st.sampled_from(["", "1", "-2.5", "x", "9" * 400]))
 def test_invalid_content_of_a_file_is_shown_and_can_be_replaced(data: Any, form: Any, typed: str) -> None:
-    def get(place: KeyPath) -> Any:
-        return value_at(data, place)
+    def get(key_path: KeyPath) -> Any:
+        return value_at(data, key_path)
 
     for row in form.rows(get):
         assert len(row.cells) == len(form.columns(get))
         for cell in row.cells:
             if isinstance(cell, FormCell):
-                cell.shown(get)
+                cell.displayed(get)
                 cell.changes(get, typed)
 
 
 def interval(within: Any, end: int, typed: str) -> Mapping[KeyPath, Any]:
     data = {"limits": {"x": {} if within is None else {"within": within}}}
     cell = FormCell(("limits", "x", "within"), end=end, magnitude=True)
-    return cell.changes(lambda place: value_at(data, place), typed)
+    return cell.changes(lambda key_path: value_at(data, key_path), typed)
 
 
 WITHIN: KeyPath = ("limits", "x", "within")
@@ -125,10 +125,10 @@ def test_interval_ends_are_edited_separately(within: Any, end: int, typed: str, 
 
 def test_invalid_value_of_a_union_type_gives_one_problem() -> None:
     product = tomllib.loads((library.shipped_folder() / "products" / "nav_a.toml").read_text(encoding="utf-8"))
-    for within, place in (("x", ()), ([1.0, "x"], (1,)), (["x", "y"], (0,)), ([2.0, 1.0], ())):
+    for within, key_path in (("x", ()), ([1.0, "x"], (1,)), (["x", "y"], (0,)), ([2.0, 1.0], ())):
         product["limits"]["gyro_bias"]["within"] = within
         problems = problems_of(MODELS["products"], product)
-        assert problems[0].place == ("limits", "gyro_bias", "within", *place)
+        assert problems[0].key_path == ("limits", "gyro_bias", "within", *key_path)
         assert len(problems) == (2 if within == ["x", "y"] else 1)
 
 

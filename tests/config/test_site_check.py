@@ -48,7 +48,7 @@ def test_gravity_that_contradicts_latitude_or_height_is_refused(
 ) -> None:
     with raises_code(EntryError, "site.gravity_contradicts") as caught:
         check_site(meta(noise, "rate", **{"gravity_mps2": 9.79547, **wrong}))
-    assert caught.value.place == ("site", "gravity_mps2")
+    assert caught.value.key_path == ("site", "gravity_mps2")
 
 
 def test_gyros_that_resolve_earth_rate_need_no_surveyed_gravity() -> None:
@@ -59,11 +59,11 @@ def test_gyros_that_resolve_earth_rate_need_no_surveyed_gravity() -> None:
             check_site(meta(MEMS, "rate", stage))
 
 
-@pytest.mark.parametrize(("site", "place"), [({}, "gravity_mps2"), ({"gravity_sigma_mps2": 1e-4}, "gravity_mps2")])
-def test_limit_tighter_than_the_gravity_uncertainty_is_refused(site: dict[str, float], place: str) -> None:
+@pytest.mark.parametrize(("site", "key"), [({}, "gravity_mps2"), ({"gravity_sigma_mps2": 1e-4}, "gravity_mps2")])
+def test_limit_tighter_than_the_gravity_uncertainty_is_refused(site: dict[str, float], key: str) -> None:
     with raises_code(EntryError, "site.gravity_uncertain") as caught:
         check_gravity_sigma(meta(NAV, "six_position", **site), {"gyro_scale_x": 1e-6, "accel_scale_y": 5e-6})
-    assert caught.value.place == ("site", place)
+    assert caught.value.key_path == ("site", key)
     assert caught.value.values["parameter"] == "accel_scale_y"
     check_gravity_sigma(meta(NAV, "six_position", **site), {"accel_scale_y": 1e-4})
     check_gravity_sigma(meta(NAV, "six_position", gravity_mps2=9.79547), {"accel_scale_y": 5e-6})
@@ -109,7 +109,7 @@ def test_site_confirmed_on_another_computer_must_be_confirmed_again(
         return
     with raises_code(EntryError, code) as caught:
         check_confirmation(site, run)
-    assert caught.value.place == ("site", "confirmed_on")
+    assert caught.value.key_path == ("site", "confirmed_on")
     assert caught.value.values["key"] == confirmation_key(site)
     assert caught.value.values.get("confirmed", "") == "; ".join(site.confirmed_on)
 

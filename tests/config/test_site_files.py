@@ -144,7 +144,7 @@ def test_problem_of_an_entry_has_its_line_number(
 
 def test_all_problems_are_found() -> None:
     text = shipped("stations", "example_hardware").replace("34.25", '"x"').replace("400.0", "1e9")
-    assert [p.place for p in check("stations", text)] == [("site", "latitude_deg"), ("site", "height_m")]
+    assert [p.key_path for p in check("stations", text)] == [("site", "latitude_deg"), ("site", "height_m")]
 
 
 def test_validation_and_loader_agree(tmp_path: Path) -> None:
@@ -203,17 +203,17 @@ def test_line_of_every_value_is_found(data: dict[str, object]) -> None:
     text = tomli_w.dumps(data, multiline_strings=False)
     lines = text.splitlines()
 
-    def walk(value: object, place: tuple[str | int, ...]) -> None:
+    def walk(value: object, key_path: tuple[str | int, ...]) -> None:
         if isinstance(value, dict):
             for key, inner in value.items():
-                walk(inner, (*place, key))
+                walk(inner, (*key_path, key))
         elif isinstance(value, list):
             for i, inner in enumerate(value):
-                walk(inner, (*place, i))
+                walk(inner, (*key_path, i))
         else:
-            line = lines[line_of(text, place) - 1]
+            line = lines[line_of(text, key_path) - 1]
             assert repr(value).lower() in line.lower() or isinstance(value, str)
-            assert isinstance(place[-1], int) or place[-1] in line
+            assert isinstance(key_path[-1], int) or key_path[-1] in line
 
     walk(data, ())
 
@@ -257,7 +257,7 @@ def test_instrument_due_before_its_calibration_is_refused() -> None:
     dates = "calibrated = 2026-03-01\ndue = 2025-03-01"
     text = shipped("stations", "virtual_bench") + f'\n[[instruments]]\nname = "Table"\n{dates}\n'
     (problem,) = check("stations", text)
-    assert problem.place == ("instruments", 0, "due")
+    assert problem.key_path == ("instruments", 0, "due")
     assert problem.what.code == "station.due_before_calibration"
     assert check("stations", text.replace("2025-03-01", "2027-03-01")) == []
 

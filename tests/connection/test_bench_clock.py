@@ -18,7 +18,7 @@ def test_rejected_request_is_a_fault() -> None:
     with server(lambda asked: b'{"now": 0.0}\n' if b"now" in asked else b'{"error": "no such order"}\n') as address:
         clock = clock_at(address)
         with raises_code(DeviceFaultError, "connection.bench_refused") as caught:
-            clock.order({"order": "dance"})
+            clock.inject({"order": "dance"})
         assert "no such order" in str(caught.value)
         for refused in (lambda: clock.sleep(1.0), lambda: clock.carry(0.0, 0.0, 1.0)):
             with raises_code(DeviceFaultError, "connection.bench_refused"):
@@ -32,7 +32,7 @@ def test_each_thread_gets_the_response_to_its_own_request() -> None:
 
     def refused(number: int) -> str:
         with raises_code(DeviceFaultError, "connection.bench_refused") as caught:
-            clock.order({"order": f"order {number}."})
+            clock.inject({"order": f"order {number}."})
         return str(caught.value)
 
     with server(lambda asked: b'{"now": 0.0}\n' if b"now" in asked else answer(asked)) as address:

@@ -39,7 +39,7 @@ class Bench:
 
     def inject(self, kind: str, value: float = 0.0) -> None:
         """Inject or clear a fault."""
-        self.clock.order({"order": kind, "value": value})
+        self.clock.inject({"order": kind, "value": value})
 
     def reset(self) -> TableReset:
         """The reset under test."""

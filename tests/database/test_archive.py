@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.database.archive import archive_log, copy_to
+from calstation.database.archive import archive_log, copy_from_archive
 from calstation.errors import InputError
 from tests.helpers import ignore_progress
 from tests.s3 import bucket as bucket
@@ -70,7 +70,7 @@ def test_log_is_copied_to_a_folder_and_read_back(log: Path, archive: Path, tmp_p
     copy = archive_log(log, str(archive), "line 1")
     assert (copy.url, copy.file_sha256, copy.size) == (f"{archive}/line 1/{log.name}", DIGEST, len(CONTENT))
     assert archived(archive / "line 1") == [log.name]
-    copy_to(copy.url, tmp_path / "copy.h5", ignore_progress)
+    copy_from_archive(copy.url, tmp_path / "copy.h5", ignore_progress)
     assert (tmp_path / "copy.h5").read_bytes() == CONTENT
 
 
@@ -84,7 +84,7 @@ def test_log_is_copied_to_s3_and_read_back(log: Path, bucket: str, tmp_path: Pat
     names = s3fs.S3FileSystem(skip_instance_cache=True).ls(f"{bucket}/line 1")
     assert names == [f"calibration-logs/plant-2/line 1/{log.name}"]
     fractions: list[float] = []
-    copy_to(copy.url, tmp_path / "copy.h5", lambda fraction, *_: fractions.append(fraction))
+    copy_from_archive(copy.url, tmp_path / "copy.h5", lambda fraction, *_: fractions.append(fraction))
     assert (tmp_path / "copy.h5").read_bytes() == CONTENT
     assert fractions[-1] == 1.0
     assert len(fractions) > 2
@@ -154,6 +154,6 @@ def test_missing_archive_is_reported(log: Path, tmp_path: Path, monkeypatch: pyt
     assert not (tmp_path / "unmounted").exists()
     for url in (str(tmp_path / "gone.h5"), "s3://calibration-logs/gone.h5"):
         with pytest.raises(InputError) as failed:
-            copy_to(url, tmp_path / "copy.h5", ignore_progress)
+            copy_from_archive(url, tmp_path / "copy.h5", ignore_progress)
         assert failed.value.code == "database.log_not_read"
         assert "Errno" not in str(failed.value)

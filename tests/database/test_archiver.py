@@ -24,7 +24,7 @@ from calstation.database import (
     remote,
     watch,
 )
-from calstation.database.process import ARCHIVE_FAILED_S, ARCHIVE_LONGEST_S, PAUSE_S, _copy_logs
+from calstation.database.process import ARCHIVE_RETRY_S, MAX_ARCHIVE_RETRY_S, PAUSE_S, _copy_logs
 from calstation.errors import ConfigurationError, InputError
 from calstation.records import RunFilter, RunIndex, RunRecord, Verdict, acquire_lock
 from calstation.results import load_result
@@ -103,7 +103,7 @@ def test_logs_are_archived_and_read_by_another_station_from_the_archive(
 
 
 def test_the_least_recently_used_copies_of_logs_are_deleted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(remote, "_COPIES_SIZE", 25)
+    monkeypatch.setattr(remote, "_MAX_COPIES_SIZE", 25)
     folder, one, other = tmp_path / "runs", str(uuid4()), str(uuid4())
     (folder / "kept").mkdir(parents=True)
     begun, log = "2026-01-01T00:00:00+00:00", folder / "x"
@@ -126,7 +126,7 @@ def test_the_least_recently_used_copies_of_logs_are_deleted(tmp_path: Path, monk
     remote.note_use(a)
     c = fetched("c", one, 3000.0)
     assert (a.exists(), b.exists(), c.exists()) == (True, False, True)
-    monkeypatch.setattr(remote, "_COPIES_SIZE", 5)
+    monkeypatch.setattr(remote, "_MAX_COPIES_SIZE", 5)
     fetched("d", other, 4000.0)  # larger than the bound by itself
     assert sorted(path.name for path in folder.rglob("*.h5")) == ["d.h5", "own.h5", "own.h5"]
     assert a.with_suffix(".json").exists()
@@ -255,7 +255,7 @@ def test_pauses_grow_after_repeated_failures(
 
     Outbox(folder).refresh()
     _copy_logs(folder, str(tmp_path / "share"), Stop())
-    assert pauses == [ARCHIVE_FAILED_S * 2**k for k in range(7)] + [ARCHIVE_LONGEST_S] * 3 + [PAUSE_S]
+    assert pauses == [ARCHIVE_RETRY_S * 2**k for k in range(7)] + [MAX_ARCHIVE_RETRY_S] * 3 + [PAUSE_S]
 
 
 def test_uncopyable_log_does_not_delay_other_logs(url: str, folder: Path, archive: Path) -> None:

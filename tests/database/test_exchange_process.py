@@ -31,7 +31,7 @@ from calstation.database import (
 )
 from calstation.database.exchange import _store
 from calstation.database.outbox import OutboxMessage
-from calstation.database.process import FAILED_S, LONGEST_S, PAUSE_S
+from calstation.database.process import MAX_RETRY_S, PAUSE_S, RETRY_S
 from calstation.database.state import change_state
 from calstation.errors import ConfigurationError
 from calstation.records import locked
@@ -142,8 +142,8 @@ def test_unreachable_database_is_retried_with_growing_pauses(folder: Path) -> No
         return len(pauses) == 9
 
     watch(folder, "postgresql+psycopg://line@127.0.0.1:1/none", "line 1", wait)
-    assert pauses == [FAILED_S * 2**k for k in range(6)] + [LONGEST_S] * 3
-    assert min(FAILED_S, PAUSE_S) >= 1.0
+    assert pauses == [RETRY_S * 2**k for k in range(6)] + [MAX_RETRY_S] * 3
+    assert min(RETRY_S, PAUSE_S) >= 1.0
 
 
 def test_unexpected_error_does_not_end_the_exchange(
@@ -192,14 +192,14 @@ def test_full_disk_does_not_end_the_exchange(folder: Path, tmp_path: Path, monke
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("calstation.database.state.write_atomic", full)
         watch(folder, url, "line 1", wait)
-    assert pauses[:2] == [FAILED_S, 2.0 * FAILED_S]
+    assert pauses[:2] == [RETRY_S, 2.0 * RETRY_S]
     assert read_state(folder).contact_utc is not None
 
 
 def test_folder_exchanged_by_another_process_is_busy(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("calstation.database.process._LOCKED_S", 0.0)
+    monkeypatch.setattr("calstation.database.process._LOCK_TIMEOUT_S", 0.0)
     exchange = Exchange(folder, f"sqlite:///{tmp_path / 'shared.sqlite'}", "line 1")
     with locked(folder / ".exchange.lock", 0.0), raises_code(ConfigurationError, "database.busy"):
         exchange_once(exchange, folder)
@@ -217,7 +217,7 @@ def test_long_exchange_yields_to_another_process_on_the_same_folder(
     station = Exchange(there, url, "line 2")
     station.exchange()
     one, two = Exchange(folder, url, "line 1"), Exchange(folder, url, "line 1")
-    monkeypatch.setattr("calstation.database.process._PART_S", 0.0)
+    monkeypatch.setattr("calstation.database.process._SLICE_S", 0.0)
     monkeypatch.setattr("calstation.database.exchange._PAGE_SIZE", 50)
     pending: list[int] = []
     stored: list[str] = []
@@ -251,7 +251,7 @@ def test_unchanged_state_is_rarely_written(folder: Path, tmp_path: Path, monkeyp
     exchange = Exchange(folder, f"sqlite:///{tmp_path / 'shared.sqlite'}", "line 1")
     first = exchange_once(exchange, folder)
     assert exchange_once(exchange, folder) == first
-    monkeypatch.setattr("calstation.database.process._UNCHANGED_FOR", timedelta(0))
+    monkeypatch.setattr("calstation.database.process._MAX_UPDATE_INTERVAL", timedelta(0))
     assert exchange_once(exchange, folder).contact_utc > first.contact_utc
     exchange.close()
 

@@ -15,8 +15,8 @@ from calstation.design.search import (
     Problem,
     Stop,
     durations,
-    reachable,
     remaining_log_ratio,
+    shortest_walk,
     states,
 )
 from calstation.design.segments import Conditions, SegmentLibrary
@@ -92,18 +92,18 @@ def test_schedule_is_extended_from_its_end(problem):
 
 
 def test_unreachable_targets_are_reported_with_the_achievable_ratios(problem):
-    result, shown = reachable(problem, 0)
+    result, shown = shortest_walk(problem, 0)
     assert result is not None
     assert shown.max() <= 1.0
     assert ratios(problem, result) == pytest.approx(shown, rel=1e-3)
-    none, left = reachable(replace(problem, targets=1e-3 * problem.targets), 0)
+    none, left = shortest_walk(replace(problem, targets=1e-3 * problem.targets), 0)
     assert none is None
     assert left.max() > 1.0
 
 
 def test_search_handles_travel_shorter_than_a_quarter_turn(problem):
     eighth = replace(problem, low=(-1, -1), high=(1, 1), turns=(-1, 0, 1), targets=1e-6 * problem.targets)
-    result, left = reachable(eighth, 0)
+    result, left = shortest_walk(eighth, 0)
     assert result is None
     assert np.isfinite(left).all()
 

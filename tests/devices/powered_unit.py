@@ -57,7 +57,7 @@ class Wire:
 
     def __init__(self, unit: ImuUnit, supply: Supply) -> None:
         self._supply = supply
-        self._hear = unit.conversation()
+        self._parse = unit.new_parser()
         self._waiting = bytearray()
         self._time = 0.0
         self._ready = threading.Event()
@@ -74,7 +74,7 @@ class Wire:
         self._check()
         given = self._supply.take(len(data))
         self._time += 1.0  # so that its flash is never busy
-        for answer in self._hear(data[:given], self._time):
+        for answer in self._parse(data[:given], self._time):
             self._waiting += answer[: self._supply.take(len(answer))]
             self._ready.set()
         self._check()

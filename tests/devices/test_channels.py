@@ -58,5 +58,5 @@ def test_only_channels_may_state_a_range() -> None:
     )
     (found,) = problems_of(ImuProfile, tomllib.loads(text))
     assert found.what.code == "profile.only_of_channels"
-    assert found.place[0] == "frame"
-    assert found.place[-1] == "reach"
+    assert found.key_path[0] == "frame"
+    assert found.key_path[-1] == "reach"

@@ -117,7 +117,7 @@ class Line:
         self._far = far
         unit = UNITS["framed"](BenchConfig(serial="SN-1"))
         unit.axes = far.registers()
-        self._hear = unit.conversation()
+        self._parse = unit.new_parser()
         self._replies: SimpleQueue[bytes] = SimpleQueue()
 
     def read(self, wait: float) -> bytes:
@@ -127,7 +127,7 @@ class Line:
             return b""
 
     def write(self, data: bytes) -> None:
-        if reply := self._far.check_cancelled(data, b"".join(self._hear(data, 0.0))):
+        if reply := self._far.check_cancelled(data, b"".join(self._parse(data, 0.0))):
             self._replies.put(reply)
 
     def close(self) -> None:

@@ -33,7 +33,7 @@ class BootingLink:
 
     def __init__(self, unit: ImuUnit) -> None:
         self.unit, self.lost, self.says = unit, 0, b""
-        self._hear: Callable[[bytes, float], list[bytes]] = unit.conversation()
+        self._parse: Callable[[bytes, float], list[bytes]] = unit.new_parser()
         self._waiting = bytearray()
         crc16(b"")  # compiled here and not while an answer is waited for
 
@@ -50,7 +50,7 @@ class BootingLink:
         if self.lost:
             self.lost -= 1
             return
-        self._waiting += b"".join(self._hear(data, 100.0))
+        self._waiting += b"".join(self._parse(data, 100.0))
 
     def read(self, wait: float) -> bytes:
         data = self.says + bytes(self._waiting)

@@ -14,7 +14,7 @@ import pytest
 from sqlalchemy import create_engine, delete, func, insert, select, text
 
 from calstation.config import library
-from calstation.database import connect, opened, runs, solutions, versions
+from calstation.database import connect, open_database, runs, solutions, versions
 from calstation.database.tables import outboxes
 from calstation.errors import ConfigurationError
 from calstation.fleet import (
@@ -293,7 +293,11 @@ def test_postgresql_errors_are_reported_in_one_line(shared_database: str, tmp_pa
             job()
         assert 'refuses a request: relation "solutions" does not exist. Check' in str(caught.value)
         assert "\n" not in str(caught.value)
-    with raises_code(ConfigurationError, "database.unreachable"), opened(url) as lost, lost.connect() as connection:
+    with (
+        raises_code(ConfigurationError, "database.unreachable"),
+        open_database(url) as lost,
+        lost.connect() as connection,
+    ):
         number = connection.execute(select(func.pg_backend_pid())).scalar_one()
         with engine.begin() as other:
             other.execute(select(func.pg_terminate_backend(number)))

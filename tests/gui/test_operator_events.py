@@ -198,7 +198,7 @@ def test_compatible_products_are_listed_and_selected_by_a_button(
 
 
 def test_start_waits_while_another_page_uses_a_device(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(JobQueue, "at_device", True)
+    monkeypatch.setattr(JobQueue, "uses_device", True)
     operator.scan(SERIAL)
     operator.press("start_button")
     assert "then press START again" in operator.says()
@@ -210,7 +210,7 @@ def test_start_waits_while_another_page_uses_a_device(operator: Operator, monkey
     operator.window.operator_page._starting.dialog.begin(request)
     operator.press("clear_choice")
     assert started == []
-    monkeypatch.setattr(JobQueue, "at_device", False)
+    monkeypatch.setattr(JobQueue, "uses_device", False)
     operator.press("clear_choice")
     assert started == [request]
 

@@ -400,7 +400,7 @@ def test_an_operator_can_reset_a_latched_fault(
     with closing(BenchHost.start({"speed": 0.0})) as host:
         where, _, port = host.endpoints["clock"].rpartition(":")
         clock = BenchClock((where, int(port)), 0.0)
-        clock.order({"order": "drive_fault"})
+        clock.inject({"order": "drive_fault"})
         link = {"profile": "bench", "port": f"tcp://{host.endpoints['table']}", "timeout_s": 5.0}
         real = {
             "name": "line 3",
@@ -437,7 +437,7 @@ def test_an_operator_can_reset_a_latched_fault(
         language.use("en")
 
         # The same from the verdict of a run; an open interlock keeps the fault latched.
-        clock.order({"order": "interlock", "value": 0})
+        clock.inject({"order": "interlock", "value": 0})
         verdict = VerdictPanel(operator.app, NoticeBar(), lambda: None)
         operator._bot.addWidget(verdict)
         verdict.show()
@@ -452,7 +452,7 @@ def test_an_operator_can_reset_a_latched_fault(
             (0, "the interlock is open"),
             (1, "The fault 'interlock' was reset"),
         ):
-            clock.order({"order": "interlock", "value": closed})
+            clock.inject({"order": "interlock", "value": closed})
             operator._bot.mouseClick(verdict.reset.button, Qt.MouseButton.LeftButton)
             operator._bot.waitUntil(lambda w=words: w in verdict.reset.result_label.text(), timeout=60_000)
             assert verdict.reset.button.isVisible() == (not closed)

@@ -8,7 +8,7 @@ from calstation.estimation import Solution
 from calstation.estimation.common import ImuModel, SampleBlock, Site, SolveContext, TableModel, join_blocks
 from calstation.estimation.gimbal import GimbalIteration
 from calstation.physics import group_matrix
-from calstation.simulation.bench_recordings import turn_gimbal
+from calstation.simulation.bench_recordings import run_gimbal
 from procedures import method
 
 RATE = 100.0
@@ -36,7 +36,7 @@ def recorded(
     """Run method and gimbal in closed loop from locked joints to the last axis."""
     settings, blocks = method("gimbal").schedule(**schedule), []
     gimbal = (GimbalBench if corrected else Uncorrected)(imu, seed, order=settings.order, encoder_sigma=ENCODER)
-    iteration = turn_gimbal(gimbal, settings, context_of(imu).imu, blocks.append)
+    iteration = run_gimbal(gimbal, settings, context_of(imu).imu, blocks.append)
     return iteration, join_blocks(blocks)
 
 

@@ -25,7 +25,7 @@ from calstation.estimation.common import (
     Secondary,
     Site,
     SolveContext,
-    StoredPair,
+    StoredCrossCalibration,
     TableModel,
 )
 from calstation.physics import PAIR_PARAMETERS, group_indices
@@ -92,11 +92,11 @@ def recording(
 
 
 def context_of(
-    primary: ImuTruth, secondaries: list[SecondaryTruth], stored: dict[int, StoredPair] | None = None
+    primary: ImuTruth, secondaries: list[SecondaryTruth], stored: dict[int, StoredCrossCalibration] | None = None
 ) -> SolveContext:
     """Return the context with site, profiles and stored calibrations of the secondaries."""
     further = tuple(
-        Secondary(number, model(s.imu, f"S{number}"), (stored or {}).get(number, StoredPair()))
+        Secondary(number, model(s.imu, f"S{number}"), (stored or {}).get(number, StoredCrossCalibration()))
         for number, s in enumerate(secondaries, 2)
     )
     return SolveContext(Site(RIG.latitude, 0.0, RIG.height), model(primary), TableModel(), further)

@@ -25,7 +25,7 @@ from scipy.stats import chi2
 
 from calstation.bench.truth import Mounting, SecondaryTruth, push, rotation
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation.common import SampleBlock, SolveContext, StoredPair
+from calstation.estimation.common import SampleBlock, SolveContext, StoredCrossCalibration
 from calstation.estimation.pairs import PairCalibration, PairSchedule, PairWatch, call_now, pair_vector
 from calstation.estimation.pairs.calibration import compensate_secondary
 from calstation.estimation.pairs.schedule import Threshold
@@ -310,7 +310,7 @@ def run(watch, block, size=100):
 
 def test_secondary_out_of_tolerance_is_calibrated_from_the_next_motion(mems):
     primary, secondary, block = mems
-    kept: dict[int, StoredPair] = {}
+    kept: dict[int, StoredCrossCalibration] = {}
     watch = watch_of(primary, [secondary], kept)
     events = run(watch, block)
     assert [e.kind for e in events] == ["triggered", "checked", "calibrating", "calibrated"]
@@ -363,7 +363,7 @@ def test_out_of_tolerance_primary_prevents_calibration(mems):
 
 def test_static_error_of_an_uncalibrated_sensor_is_kept(mems):
     primary, secondary, block = mems
-    before = {2: StoredPair({}, 1e-4, 2e-3)}
+    before = {2: StoredCrossCalibration({}, 1e-4, 2e-3)}
     ratio = {"secondary_gyro": {"fixed": 1e-3, "ratio": 3.0}, "primary_gyro": {"fixed": 1e-6}}
     watch = watch_of(primary, [secondary], stored=before, **ratio)
     run(watch, block)
@@ -388,7 +388,7 @@ def test_out_of_tolerance_calibration_does_not_loosen_the_next_threshold(mems):
     assert again.checks[2].secondary["gyro"].limit == 2e-6
     assert again.verdicts[2]["gyro"] == "out_of_tolerance"
     # nor does a figure that only a loosened threshold accepts become the next one
-    loosened = {2: StoredPair({}, None, 0.002)}
+    loosened = {2: StoredCrossCalibration({}, None, 0.002)}
     limits["secondary_accel"] = {"fixed": 1e-6, "ratio": 3.0}
     last = watch_of(primary, [secondary], stored=loosened, **limits)
     run(last, block)
@@ -457,7 +457,7 @@ class Held:
 
 def test_motion_before_a_realignment_is_discarded_even_during_a_fit(mems):
     primary, secondary, block = mems
-    kept: dict[int, StoredPair] = {}
+    kept: dict[int, StoredCrossCalibration] = {}
     fits = Held()
     watch = watch_of(primary, [secondary], kept, submit=fits)
     begin = 0

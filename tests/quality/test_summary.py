@@ -49,7 +49,7 @@ def test_every_unit_is_represented_by_its_last_judged_full_run(folder: Path) -> 
     history.refresh()
     runs = history.columns()
     judged = judged_runs(runs)
-    judged = judged[runs.products.among((NAV,))[judged]]
+    judged = judged[runs.products.isin((NAV,))[judged]]
     index = last_of_each_unit(runs, judged)
     names = [runs.names[k] for k in index.tolist()]
     assert (len(judged), len(names)) == (46, 31)

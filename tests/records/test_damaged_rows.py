@@ -11,7 +11,7 @@ from records_samples import META, joined, make_block
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.records import LogMeta, RawLogWriter, open_log, raw_rows
-from calstation.records.raw_log import CHECK, CHUNK_ROWS, row_checks, row_dtype
+from calstation.records.raw_log import CHECKSUM_COLUMN, CHUNK_ROWS, row_checks, row_dtype
 from calstation.records.raw_read import DamagedRows, intact_rows
 from tests.helpers import raises_code
 
@@ -81,13 +81,13 @@ def test_checksum_covers_every_bit_of_a_row() -> None:
     rows = np.zeros(1, row_dtype(1, True))
     rows["seq"], rows["time"], rows["counts"], rows["angles"] = 70000, 350.005, 48977.0, np.nan
     rows["temperature"], rows["step"], rows["stage"], rows["valid"] = 23.5, 12, 1, 1
-    rows[CHECK] = row_checks(rows)
+    rows[CHECKSUM_COLUMN] = row_checks(rows)
     wpart = rows.tobytes()
     for bit in range(8 * len(wpart)):
         wrong = bytearray(wpart)
         wrong[bit // 8] ^= 1 << bit % 8
         row = np.frombuffer(bytes(wrong), rows.dtype)
-        assert row_checks(row)[0] != row[CHECK][0], bit
+        assert row_checks(row)[0] != row[CHECKSUM_COLUMN][0], bit
     assert row_checks(np.zeros(1, rows.dtype))[0] != 0, "never written"
 
 

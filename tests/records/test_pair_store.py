@@ -5,23 +5,23 @@ from pathlib import Path
 import pytest
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.common import StoredPair
+from calstation.estimation.common import StoredCrossCalibration
 from calstation.records import load_pair, pair_path, store_pair
 from tests.helpers import raises_code
 
-FIRST = StoredPair({"secondary_gyro_bias_x": 0.1 + 0.2, "clock_offset": 1e-3}, 1e-3, 0.02)
+FIRST = StoredCrossCalibration({"secondary_gyro_bias_x": 0.1 + 0.2, "clock_offset": 1e-3}, 1e-3, 0.02)
 
 
 def test_newest_calibration_replaces_the_previous_one(tmp_path: Path) -> None:
     folder = tmp_path / "pairs"
-    assert load_pair(folder, "P 1", "S/2") == StoredPair()
+    assert load_pair(folder, "P 1", "S/2") == StoredCrossCalibration()
     path = store_pair(folder, "P 1", "S/2", FIRST)
     assert path == pair_path(folder, "P 1", "S/2")
     assert load_pair(folder, "P 1", "S/2") == FIRST
-    second = StoredPair({"secondary_gyro_bias_x": 2.0})
+    second = StoredCrossCalibration({"secondary_gyro_bias_x": 2.0})
     store_pair(folder, "P 1", "S/2", second)
     assert load_pair(folder, "P 1", "S/2") == second
-    assert load_pair(folder, "P 1", "S/3") == StoredPair()
+    assert load_pair(folder, "P 1", "S/3") == StoredCrossCalibration()
 
 
 def test_damaged_file_and_uncreatable_folder_are_reported(tmp_path: Path) -> None:

@@ -373,7 +373,7 @@ from records_samples import make_block
 from calstation.errors import ConfigurationError
 from calstation.records import raw_log
 from calstation.records.meta import meta_from_json
-raw_log.RESERVE = 0
+raw_log.RESERVED_SPACE = 0
 path = Path(sys.argv[1])
 log = raw_log.RawLogWriter(path, meta_from_json(sys.stdin.read(), path))
 kept = 0
@@ -405,7 +405,7 @@ def test_nearly_full_disk_is_reported_while_the_log_can_still_be_closed(
 ) -> None:
     log = RawLogWriter(tmp_path / "a.h5", meta)
     log.append(make_block("rate", 0, 100))
-    log.free_space = lambda path: raw_log.RESERVE - 1
+    log.free_space = lambda path: raw_log.RESERVED_SPACE - 1
     with raises_code(ConfigurationError, "log.disk_nearly_full"):
         log.sync()
     log.event({"event": "Fault"})

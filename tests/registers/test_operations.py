@@ -211,7 +211,7 @@ def test_table_fault_during_verification_leaves_the_transfer_open(
 ) -> None:
     def spoil(operations: RegisterOperations, event: Event) -> None:
         if verifying(operations, event):
-            current_clock[-1].order({"order": order, "value": 0.0, "after": 0.5})
+            current_clock[-1].inject({"order": order, "value": 0.0, "after": 0.5})
 
     floor.operations.on_event = spoil
     with pytest.raises(DeviceFaultError, match=words) as fault:
@@ -228,7 +228,7 @@ def test_table_fault_during_verification_leaves_the_transfer_open(
 def test_table_fault_before_the_write_leaves_the_registers_unchanged(floor: Floor, current_clock: list[Any]) -> None:
     def spoil(operations: RegisterOperations, event: Event) -> None:
         if isinstance(event, StepStarted) and event.label[:1] == ("verify",):
-            current_clock[-1].order({"order": "drive_fault", "after": 0.5})
+            current_clock[-1].inject({"order": "drive_fault", "after": 0.5})
 
     floor.operations.on_event = spoil
     with pytest.raises(DeviceFaultError, match=r"fault 'drive'.*--at-rest"):

@@ -25,7 +25,7 @@ from calstation.judgement import Check
 from calstation.messages import Language, parameter_name
 from calstation.physics import INDEX, RATE, display
 from calstation.records import PriorSection, context_from_meta, open_log
-from calstation.records.meta import FurtherImuSection
+from calstation.records.meta import SecondaryImuSection
 from calstation.reports import ReportRequest, build_certificate, issue_report, write_dcc
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import LATITUDE_ERROR_DEG
@@ -226,8 +226,8 @@ def test_the_registers_before_and_after_the_run_are_printed(made: Made) -> None:
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
 def test_first_page_lists_every_imu(made: Made) -> None:
     imu = made.certificate.meta.imu.model_dump(exclude_unset=True)
-    second = FurtherImuSection.model_validate(
-        {name: value for name, value in imu.items() if name in FurtherImuSection.model_fields}
+    second = SecondaryImuSection.model_validate(
+        {name: value for name, value in imu.items() if name in SecondaryImuSection.model_fields}
         | {"serial": "SECOND-0002"}
     )
     meta = made.certificate.meta.model_copy(update={"imu2": second})

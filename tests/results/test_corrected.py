@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.estimation.common import SampleBlock, StoredPair
+from calstation.estimation.common import SampleBlock, StoredCrossCalibration
 from calstation.estimation.pairs import RestDeviation, StaticCheck, Verdict, WatchEvent
 from calstation.records import Log, open_log
 from calstation.results import CorrectedOutput, CorrectedStream, CorrectedTraceBuilder, PairSession, PairWatchResult
@@ -170,9 +170,9 @@ def test_watch_succeeds_only_if_every_secondary_is_checked_and_sends_until_the_e
     check = StaticCheck(sound, sound)
     within: Verdict = "within"
     verdicts = {2: {"gyro": within, "accel": within}}
-    stored = {2: StoredPair()}
+    stored = {2: StoredCrossCalibration()}
     assert PairWatchResult((), {2: check}, verdicts, stored, frozenset()).within
-    assert not PairWatchResult((), {2: check}, verdicts, {**stored, 3: StoredPair()}, frozenset()).within
+    assert not PairWatchResult((), {2: check}, verdicts, {**stored, 3: StoredCrossCalibration()}, frozenset()).within
     assert not PairWatchResult((), {2: check}, verdicts, stored, frozenset({2})).within
     lost = (WatchEvent("not_stored", 1.0, 2),)
     assert not PairWatchResult(lost, {2: check}, verdicts, stored, frozenset()).within

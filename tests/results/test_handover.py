@@ -16,7 +16,7 @@ from calstation.sequencer import Event, Message
 from tests.site_folder import STATION
 
 #: A check as a result holds it.
-CHECK = {"name": "gyro_bias_x within", "value": 2.0, "limit": [-1.0, 1.0], "unit": "rad/s"}
+CHECKSUM_COLUMN = {"name": "gyro_bias_x within", "value": 2.0, "limit": [-1.0, 1.0], "unit": "rad/s"}
 
 
 class Factory:
@@ -48,7 +48,7 @@ class Factory:
             "stages": ["rate", "six_position"],
             "duration_s": 12.34,
             "advice": None,
-            "checks": [{**CHECK, "passed": outcome == "passed"}],
+            "checks": [{**CHECKSUM_COLUMN, "passed": outcome == "passed"}],
             "registers": {"verified": True} if outcome == "passed" else None,
             "configuration_sha256": "c0",
             "log": {"sha256": "1f", "file": f"{name}.h5"},

@@ -6,11 +6,11 @@ import pytest
 
 from calstation.errors import ConfigurationError
 from calstation.simulation import run_method_study
-from calstation.simulation.method_study import KIND_OF
+from calstation.simulation.method_study import RECORDING_KINDS
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("stage", list(KIND_OF))
+@pytest.mark.parametrize("stage", list(RECORDING_KINDS))
 def test_errors_agree_with_their_sigmas(stage: str) -> None:
     progress: list[tuple[int, int]] = []
     study = run_method_study(stage, "mems", 4, lambda *done: progress.append(done))

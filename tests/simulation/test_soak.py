@@ -16,13 +16,19 @@ from calstation.physics import INDEX
 from calstation.results import Result
 from calstation.simulation import Soak, bench_config
 from calstation.simulation.fault_plan import KINDS
-from calstation.simulation.soak_judge import RunEvaluation, _bench_report, _keeps_axes_on, _set_up, _verdict_errors
-from calstation.simulation.soak_plan import OTHER_FAULTS, STAGE_FAULTS, Planned, devices, plans, write_request
+from calstation.simulation.soak_judge import (
+    RunEvaluation,
+    _bench_report,
+    _keeps_axes_on,
+    _takes_effect,
+    _verdict_errors,
+)
+from calstation.simulation.soak_plan import OTHER_FAULTS, STAGE_FAULTS, PlannedRun, devices, plans, write_request
 from tests.check_rows import check_row
 
 pytestmark = pytest.mark.long
 
-GOOD = Planned(0, 5, faulty_unit=False, faults=())
+GOOD = PlannedRun(0, 5, faulty_unit=False, faults=())
 
 
 def judged(**changes: Any) -> RunEvaluation:
@@ -155,5 +161,5 @@ def test_fault_that_a_device_cannot_have_is_not_counted(setups: dict[str, RunCon
         ("never_ready", {"vectornav_vn100"}),
         ("wrong_unit", set()),
     ):
-        assert {name for name, setup in setups.items() if not _set_up(kind, setup)} == without, kind
-    assert not _set_up("stall", setups["aerosmith_atl"])
+        assert {name for name, setup in setups.items() if not _takes_effect(kind, setup)} == without, kind
+    assert not _takes_effect("stall", setups["aerosmith_atl"])

@@ -16,7 +16,7 @@ from calstation.config import RunConfiguration, RunRequest, library, load_config
 from calstation.jobs import ProgressCallback
 from calstation.records import SUFFIX, LogMeta, RawLogWriter
 from calstation.simulation import bench_config
-from calstation.simulation.study import FAST, block_of
+from calstation.simulation.study import FAST_PRODUCTS, block_of
 from procedures import method
 
 #: Site of each station, with its true gravity.
@@ -56,7 +56,7 @@ def _record(job: tuple[Path, GradeName, int, int, int]) -> Path:
     folder, grade, seed, number, count = job
     serial, station = f"SN-{number + 1:05d}", [*STATIONS][number % len(STATIONS)]
     started = _BEGIN + number / count * _PERIOD
-    request = RunRequest(serial, None, library.find("products", FAST[grade]), seed=seed)
+    request = RunRequest(serial, None, library.find("products", FAST_PRODUCTS[grade]), seed=seed)
     setup = load_configuration(request)
     bench = bench_config(setup)
     assert bench is not None

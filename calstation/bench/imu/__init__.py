@@ -1,5 +1,5 @@
-"""The processor of a simulated unit: registers, flash, protocols and stream faults. `bench.truth` has its sensors."""
+"""The processor of a simulated unit: registers, flash, protocols and stream faults; `bench.truth` has the sensors."""
 
 from calstation.bench.imu.stream_faults import StreamFaults
-from calstation.bench.imu.unit import ImuUnit, burnt_cycles
+from calstation.bench.imu.unit import ImuUnit, count_flash_cycles
 from calstation.bench.imu.units import UNITS

@@ -13,10 +13,10 @@ _SATURATED = 2**31 - 1
 class StreamFaults:
     """Modifies samples and frames according to the active faults.
 
-    `counts` are the numbers of next frames that are corrupted by a flipped bit, omitted, sent twice, swapped with the
-    following frame, or preceded by random bytes. `until` are the device times, s, until which nothing is sent, bytes
-    are random, or the first gyro channel saturates or is NaN. Channel number `frozen` repeats its last value until
-    `frozen_until`.
+    `counts` contains, by fault, the number of frames that are still to be corrupted by a flipped bit, omitted, sent
+    twice, swapped with the next frame, or preceded by random bytes. `until` contains, by fault, the device time, s,
+    until which nothing is sent, bytes are random, or the first gyro channel saturates or is NaN. Channel number
+    `frozen` repeats its last value until `frozen_until`.
     """
 
     def __init__(self, random: np.random.Generator, frame_size: int) -> None:

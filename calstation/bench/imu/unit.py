@@ -25,10 +25,10 @@ from calstation.physics import FloatArray, IntArray
 #: Number of calibration registers, float32.
 REGISTERS = 30
 
-#: States of the stream: off, raw sensor output, or corrected by the registers.
+#: States of the stream: off, raw sensor output, and output corrected by the registers.
 OFF, RAW, CORRECTED = 0, 1, 2
 
-#: Device time for which the unit is silent after power-up or reset, s.
+#: Device time after power-up or reset during which the unit sends nothing, s.
 BOOT_TIME = 0.1
 
 
@@ -57,8 +57,8 @@ def stream_frames(counter: IntArray, counts: FloatArray, temperature: float, sta
 
     Parameters
     ----------
-    counter : counter, shape (n,), of which the low 16 bits are sent
-    counts : counts, shape (n, 6); NaN is sent as the lowest number
+    counter : sample counter, shape (n,), of which the low 16 bits are sent
+    counts : sensor output in counts, shape (n, 6); NaN is sent as the lowest number
     temperature : temperature, °C
     status : status words, shape (n,)
     """
@@ -76,25 +76,25 @@ def stream_frames(counter: IntArray, counts: FloatArray, temperature: float, sta
 _NUMBER, _CHECK = struct.Struct("<I"), struct.Struct("<I")
 
 
-def burnt_cycles(file: Path | None) -> int:
+def count_flash_cycles(file: Path | None) -> int:
     """Return the number of writes to a flash saved in a file; 0 without a file."""
     return int.from_bytes(file.read_bytes()[:4], "little") if file is not None and file.exists() else 0
 
 
 class PowerCut(Exception):  # noqa: N818 - an event of the unit, not an error of the program
-    """The power supply of the unit failed."""
+    """Raised when the power supply of the unit fails."""
 
 
 class Flash:
-    """Flash banks with one image each, saved between runs if there is a file.
+    """Flash banks with one image each, which a file preserves between runs.
 
-    Of two banks, the inactive one is written, and the valid image with the higher number is active at power-up; after a
-    power cut, this is the old or the new image. With a single bank, no image is valid after a power cut, and the unit
-    starts with its defaults. `cycles` is the number of writes.
+    If there are two banks, the inactive one is written, and the valid image with the higher number is active at
+    power-up; after a power cut, this is the old or the new image. With a single bank, no image is valid after a power
+    cut, and the unit starts with its defaults. `cycles` is the number of writes.
     """
 
     def __init__(self, size: int, banks: int = 2, file: Path | None = None) -> None:
-        self.cycles = burnt_cycles(file)
+        self.cycles = count_flash_cycles(file)
         self.image_bytes = _NUMBER.size + size + _CHECK.size
         self._file = file
         self._erased = b"\xff" * self.image_bytes
@@ -104,7 +104,7 @@ class Flash:
             self._banks = [content[4 + i * self.image_bytes :][: self.image_bytes] for i in range(banks)]
 
     def load(self) -> bytes | None:
-        """Return the content of the active image; None if no image is valid."""
+        """Return the content of the active image, or None if no image is valid."""
         images = [image for image in map(self._read, self._banks) if image is not None]
         return max(images, key=lambda image: image[0])[1] if images else None
 
@@ -124,7 +124,7 @@ class Flash:
             raise PowerCut
 
     def _read(self, bank: bytes) -> tuple[int, bytes] | None:
-        """Return the number and content of an image; None if its checksum is wrong."""
+        """Return the number and content of an image, or None if its checksum is wrong."""
         body = bank[: -_CHECK.size]
         if len(bank) != self.image_bytes or _CHECK.pack(zlib.crc32(body)) != bank[-_CHECK.size :]:
             return None
@@ -132,12 +132,12 @@ class Flash:
 
 
 #: Iterations for the second-order term; each reduces its error by a factor of about 10^-5.
-_ROUNDS = 4
+_ITERATIONS = 4
 
 
 @dataclass(frozen=True)
 class Correction:
-    """The correction of the output by the registers of a unit, according to its documentation.
+    """The correction of the output by the registers of a unit, as specified in its documentation.
 
         rate = gyro · (measured − before) + after
         force = accel · (measured − bias − quadratic · force² − cubic · force³) + size effect
@@ -160,7 +160,7 @@ class Correction:
         rate = _times(self.gyro, measured[:, :3] - self.before) + self.after
         straight = measured[:, 3:] - self.bias
         force = _times(self.accel, straight)
-        for _ in range(_ROUNDS):
+        for _ in range(_ITERATIONS):
             force = _times(self.accel, straight - self.quadratic * force * force - self.cubic * force**3)
         # An accelerometer displaced along its own axis senses the centripetal acceleration about the other two axes.
         squares = rate * rate
@@ -195,11 +195,12 @@ class Requantiser:
 
 
 class ImuUnit(ABC):
-    """Base of the units of all protocols, which replies to commands and converts samples to frames.
+    """Base class of the simulated units of all protocols, which reply to commands and convert samples to frames.
 
-    All times are in s of device time. `scale` is the size of a count, rad/s and m/s², shape (6,). `axes` contains the
+    All times are device times in s. `scale` is the size of a count, rad/s and m/s², shape (6,). `axes` contains the
     registers of the table's axes if they are accessed over the unit's line. `write_power_cut` and `commit_power_cut`
-    are the numbers of bytes written to registers or flash before the power fails briefly, or None.
+    are the numbers of bytes that are written to registers and flash before a brief power failure; None means that the
+    power does not fail.
     """
 
     #: Shipped IMU profile that describes a unit of grade mems.
@@ -240,7 +241,7 @@ class ImuUnit(ABC):
         return self.registers.astype("<f4").tobytes()
 
     def calibrate(self, model: FloatArray) -> None:
-        """Store an `ImuTruth.error_model`, shape (23, 3), in registers and flash unless the flash contains values."""
+        """Store an `ImuTruth.error_model`, shape (23, 3), in registers and flash if the flash is empty."""
         if self.flash.load() is not None:
             return
         levers = np.diag(model[9:12])
@@ -267,7 +268,7 @@ class ImuUnit(ABC):
         return float(config.ambient_c + config.warm_up_c * -np.expm1(-time / config.warm_up_time_s))
 
     def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:
-        """Return the frames of samples that end at `ends`, s, shape (n,), unless booting or with the stream off."""
+        """Return the frames of samples that end at `ends`, s, shape (n,); empty while booting or not streaming."""
         awake = ends > self._started + BOOT_TIME
         counter = self.counter + np.cumsum(awake) - 1
         self.counter += int(awake.sum())
@@ -295,5 +296,5 @@ class ImuUnit(ABC):
         )
 
     @abstractmethod
-    def conversation(self) -> Callable[[bytes, float], list[bytes]]:
+    def new_parser(self) -> Callable[[bytes, float], list[bytes]]:
         """Return a parser for one connection, which converts received bytes and device time to replies in order."""

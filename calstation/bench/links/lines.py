@@ -1,4 +1,4 @@
-"""Serial lines of units and tables, which are TCP servers or pseudo-terminals."""
+"""Simulated serial lines of units and tables, which are TCP servers or pseudo-terminals."""
 
 import asyncio
 import os
@@ -9,17 +9,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 #: Size of the kernel buffer of a line, bytes; the time of the bench stops while a reader has a larger backlog.
-BUFFER = 65536
+BUFFER_SIZE = 65536
 
 #: Polling interval of a terminal, host time, s.
-POLL = 0.002
+POLL_INTERVAL = 0.002
 
 #: Function that creates the parser of one connection, which converts received bytes to replies.
 ParserFactory = Callable[[], Callable[[bytes], list[bytes]]]
 
 
 def open_raw() -> tuple[int, int, str]:
-    """Open a pseudo-terminal that does not change bytes; return master (non-blocking), slave and path of the slave.
+    """Open a raw pseudo-terminal; return the non-blocking master, the slave and the path of the slave.
 
     Raises OSError on platforms without pseudo-terminals.
     """
@@ -34,21 +34,21 @@ def open_raw() -> tuple[int, int, str]:
 
 
 class _Line(ABC):
-    """A line to one client; it waits for a slow reader, so that no samples are lost.
+    """A line to one client, which waits for a slow reader so that no samples are lost.
 
-    `endpoint` is the address for clients. `sent` is the number of bytes sent to the current client, 0 once it has
-    closed the line. `reply_delays` are the delays of the next replies, host time, s.
+    `endpoint` is the address for clients. `sent` is the number of bytes sent to the current client; it is 0 after the
+    client has closed the line. `reply_delays` are the delays of the next replies, host time, s.
     """
 
-    def __init__(self, talk: ParserFactory) -> None:
+    def __init__(self, new_parser: ParserFactory) -> None:
         self.endpoint = ""
         self.sent = 0
         self.reply_delays: list[float] = []
-        self._talk = talk
+        self._new_parser = new_parser
 
     @abstractmethod
     async def send(self, data: bytes) -> None:
-        """Send bytes, which are lost if there is no client."""
+        """Send bytes; they are lost if there is no client."""
 
     async def _reply(self, replies: list[bytes]) -> None:
         for reply in replies:
@@ -60,8 +60,8 @@ class _Line(ABC):
 class SocketLine(_Line):
     """A line that is a TCP server on 127.0.0.1 for the client that connected last."""
 
-    def __init__(self, talk: ParserFactory) -> None:
-        super().__init__(talk)
+    def __init__(self, new_parser: ParserFactory) -> None:
+        super().__init__(new_parser)
         self._server: asyncio.Server | None = None
         self._writer: asyncio.StreamWriter | None = None
 
@@ -98,11 +98,11 @@ class SocketLine(_Line):
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self.hang_up()
         connection = writer.get_extra_info("socket")
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_SIZE)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         writer.transport.set_write_buffer_limits(high=0)
         self._writer, self.sent = writer, 0
-        answer = self._talk()
+        answer = self._new_parser()
         try:
             while data := await reader.read(4096):
                 await self._reply(answer(data))
@@ -120,10 +120,10 @@ class SocketLine(_Line):
 
 
 class TerminalLine(_Line):
-    """A line that is a pseudo-terminal (POSIX); bytes are lost while no process has it open."""
+    """A line that is a pseudo-terminal (POSIX); bytes are lost while no process has opened it."""
 
-    def __init__(self, talk: ParserFactory) -> None:
-        super().__init__(talk)
+    def __init__(self, new_parser: ParserFactory) -> None:
+        super().__init__(new_parser)
         self._master = -1
         self._task: asyncio.Task[None] | None = None
 
@@ -141,7 +141,7 @@ class TerminalLine(_Line):
             try:
                 written = os.write(self._master, data)
             except BlockingIOError:
-                await asyncio.sleep(POLL / 4)
+                await asyncio.sleep(POLL_INTERVAL / 4)
                 continue
             except OSError:
                 return
@@ -149,7 +149,7 @@ class TerminalLine(_Line):
             data = data[written:]
 
     def hang_up(self) -> None:
-        """Simulate unplugging and replugging the adapter: a terminal with another name replaces the current one."""
+        """Replace the terminal by one with another name, as if the adapter were unplugged and plugged in again."""
         unplugged = self._master
         self._make()
         os.close(unplugged)
@@ -165,7 +165,7 @@ class TerminalLine(_Line):
     def _make(self) -> None:
         self._master, slave, self.endpoint = open_raw()
         self.sent = 0
-        # If this process has closed the slave end, the master indicates whether another process has it open.
+        # If this process has closed the slave end, the master indicates whether another process has opened it.
         os.close(slave)
 
     def _is_open(self) -> bool:
@@ -176,16 +176,16 @@ class TerminalLine(_Line):
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
 
     async def _read(self) -> None:
-        answer, plugged = self._talk(), self._master
+        answer, plugged = self._new_parser(), self._master
         while True:
             if plugged != self._master:
-                answer, plugged = self._talk(), self._master
+                answer, plugged = self._new_parser(), self._master
             try:
                 data = os.read(self._master, 4096)
             except OSError:
                 data = b""
             await self._reply(answer(data))
-            await asyncio.sleep(POLL)
+            await asyncio.sleep(POLL_INTERVAL)
 
 
 Line = SocketLine | TerminalLine

@@ -1,6 +1,6 @@
-"""A Modbus server, TCP or RTU, for requests in the received bytes of a line.
+"""A Modbus server, TCP or RTU, which processes the bytes received on a line.
 
-The frames and messages of pymodbus are used, but not its servers, because they own their line: a unit also streams on
+It uses the frames and messages of pymodbus, but not its servers, which do not share their line: a unit also streams on
 its line, and the bench delays, corrupts and omits replies.
 """
 
@@ -24,7 +24,7 @@ _EXCEPTIONS = {NoSuchRegister: ExcCodes.ILLEGAL_ADDRESS, OutOfRange: ExcCodes.IL
 
 
 class NoReply(Exception):  # noqa: N818 - an event of the unit, not an error of the program
-    """The unit does not reply to a request."""
+    """Raised when the unit does not reply to a request."""
 
 
 class ModbusUnit(Protocol):
@@ -40,15 +40,15 @@ class ModbusUnit(Protocol):
 class ModbusServer:
     """A server with the registers of each unit number, over `tcp` or RTU.
 
-    `mute` is the number of next requests that are ignored, and `garble` the number of next replies with a flipped bit.
-    `refuse` is the Modbus exception of the next reply, or 0.
+    `ignored_requests` is the number of requests to ignore, `corrupted_replies` the number of replies in which a bit is
+    to be flipped, and `exception` the Modbus exception code of the next reply, or 0.
     """
 
     def __init__(self, units: Mapping[int, ModbusUnit], *, tcp: bool = False) -> None:
-        self.mute = self.garble = self.refuse = 0
+        self.ignored_requests = self.corrupted_replies = self.exception = 0
         self._units, self._tcp = units, tcp
 
-    def talk(self) -> Callable[[bytes], list[bytes]]:
+    def new_parser(self) -> Callable[[bytes], list[bytes]]:
         """Return a parser for one connection, which converts received bytes to replies."""
         framer: FramerBase = (FramerSocket if self._tcp else FramerRTU)(DecodePDU(is_server=True))
         pending = b""
@@ -74,12 +74,12 @@ class ModbusServer:
         return answer
 
     def _reply(self, request: ModbusPDU) -> ModbusPDU | None:
-        """Return the reply to a request, or None, e.g. if the request is for another unit on an RTU line."""
-        self.mute, muted = max(0, self.mute - 1), self.mute > 0
+        """Return the reply to a request; None for no reply, for example if another unit on an RTU line is addressed."""
+        self.ignored_requests, muted = max(0, self.ignored_requests - 1), self.ignored_requests > 0
         unit = self._units.get(request.dev_id)
         if muted or (unit is None and not self._tcp):
             return None
-        code, self.refuse = self.refuse, 0
+        code, self.exception = self.exception, 0
         if code or unit is None:
             return ExceptionResponse(request.function_code, code or ExcCodes.GATEWAY_NO_RESPONSE)
         try:
@@ -90,10 +90,10 @@ class ModbusServer:
             return ExceptionResponse(request.function_code, _EXCEPTIONS.get(type(refusal), ExcCodes.DEVICE_FAILURE))
 
     def _sent(self, frame: bytes) -> bytes:
-        """Return the bytes sent for a reply, in which a fault changes the transaction number (TCP) or the checksum."""
-        if not self.garble:
+        """Return the bytes to send for a reply; a fault changes the transaction number (TCP) or the checksum."""
+        if not self.corrupted_replies:
             return frame
-        self.garble -= 1
+        self.corrupted_replies -= 1
         at = 0 if self._tcp else len(frame) - 1
         return frame[:at] + bytes([frame[at] ^ 0x10]) + frame[at + 1 :]
 

@@ -1,6 +1,6 @@
 """The simulated controller of a table: drives, limits, watchdog, register maps and text protocols.
 
-The package `bench.truth` simulates the motion of the joints.
+The motion of the joints is simulated by the package `bench.truth`.
 """
 
 from calstation.bench.table.axes import Axes

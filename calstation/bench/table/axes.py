@@ -1,4 +1,4 @@
-"""Separate control of the table's two joints, for controllers without a watchdog."""
+"""Independent control of the table's two joints for controllers without a watchdog."""
 
 from enum import IntFlag
 
@@ -23,7 +23,7 @@ class StateBit(IntFlag):
 
 
 def state_bits(machine: TableMachine, time: float) -> StateBit:
-    """Return the state of a machine at device time `time`, s, without `REMOTE`."""
+    """Return the state bits of a machine at device time `time`, s, without `REMOTE`."""
     state = StateBit.SETTLED if machine.settled(time) else StateBit.MOVING
     state |= StateBit.ENABLED if machine.power is Power.ENABLED else 0
     state |= StateBit.HOMED if machine.homed else 0
@@ -59,7 +59,7 @@ class Axes:
         self.machine.move_joint(self.clocks.device(), joint, self.targets[joint], rate, acceleration)
 
     def turn(self, joint: int, rate: float) -> None:
-        """Turn an axis at a rate, rad/s, until it is stopped, or stop both axes if it is 0. Raises a `Refusal`."""
+        """Turn an axis at a rate, rad/s, until it is stopped; a rate of 0 stops both axes. Raises a `Refusal`."""
         if rate == 0.0:
             self.stop()
         else:
@@ -76,7 +76,7 @@ class Axes:
             self.machine.control(word, self.clocks.device(), self.clocks.host())
 
     def state(self) -> int:
-        """Return the state bits of both axes, see `StateBit`."""
+        """Return the state bits of both axes; see `StateBit`."""
         return int(StateBit.REMOTE | state_bits(self.machine, self.clocks.device()))
 
     @property

@@ -1,8 +1,8 @@
 """Two drives without a watchdog, one for each axis, which are Modbus units with CiA 402 objects.
 
-Two-register values have the low word first: positions in counts of 1e-5 deg, measured and commanded turning rates as
-floats in deg/s, rates of a move and accelerations in 1e-4 deg/s and 1e-4 deg/s². The inner drive is mounted in reverse,
-so that its counts decrease when the axis turns in the positive sense.
+Values of two registers have the low word first. Positions are in counts of 1e-5 deg, measured and commanded turning
+rates are floats in deg/s, and the rates and accelerations of moves are in 1e-4 deg/s and 1e-4 deg/s². The inner drive
+is mounted in reverse, so that its counts decrease when the axis turns in the positive direction.
 """
 
 import struct
@@ -34,7 +34,7 @@ _NEW_SETPOINT, _RESET = 0x10, 0x80
 
 
 def drives(machine: TableMachine, clocks: Clocks, serial: str) -> "dict[int, Drive]":
-    """Return both drives of a machine by Modbus unit number; a letter is appended to each serial number."""
+    """Return both drives of a machine by Modbus unit number; each appends a letter to the serial number."""
     axes = Axes(machine, clocks)
     return {UNITS[joint]: Drive(joint, axes, f"{serial}{'AB'[joint]}") for joint in (0, 1)}
 

@@ -1,6 +1,6 @@
-"""The controller of the virtual three-axis gimbal, a text protocol for the table's state machine and watchdog.
+"""The controller of the virtual three-axis gimbal, with a text protocol for the table's state machine and watchdog.
 
-Angles are in degrees, rates in °/s. Lines end with LF. Every reply is one line, which is "?" for a refused line.
+Angles are in degrees, rates in °/s. Lines end with LF. Every reply is one line; a refused command is answered by "?".
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ MODEL = "VG-3"
 
 
 class GimbalDrive(TableDrive):
-    """The drive of the gimbal, whose two commands, homing and stop, act on all joints."""
+    """The drive of the gimbal, whose commands for homing and stopping act on all joints."""
 
     def __init__(self, stream: GimbalStream) -> None:
         super().__init__(EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0))
@@ -43,18 +43,19 @@ class GimbalDrive(TableDrive):
 
 
 class GimbalController(TextController):
-    """The gimbal's commands.
+    """The controller with the gimbal's commands.
 
     IDN returns model and serial number. ENA and DIS switch the axes on and off. LCK locks the joints and averages the
-    gyro bias, and STB stabilises. TRN,axis,angle,rate turns about a body axis, HOM moves to zero and locks, STP stops,
-    CLR resets, WDG feeds the watchdog. STS returns angles, rates, state bits, fault and watchdog timeout (s).
+    gyro bias, and STB starts stabilisation. TRN,axis,angle,rate turns about a body axis, HOM moves to zero and locks
+    the joints, STP stops, CLR resets, and WDG feeds the watchdog. STS returns angles, rates, state bits, fault and
+    watchdog timeout (s).
     """
 
     def __init__(self, machine: TableMachine, stream: GimbalStream, clocks: Clocks, serial: str, travel: float) -> None:
         self._machine, self._stream, self._clocks = machine, stream, clocks
         self._serial, self._travel = serial, travel
         self._pending = b""
-        self.mute = 0
+        self.ignored_requests = 0
 
     def _reply(self, line: str) -> bytes:
         name, *rest = line.upper().split(",")
@@ -97,7 +98,7 @@ class GimbalController(TextController):
             raise NotPermitted
 
     def _turn(self, axis: int, angle: float, rate: float) -> None:
-        if self._machine.jammed:  # the controller does not detect it
+        if self._machine.jammed:  # the controller does not detect the jam
             return
         if not self._stream.is_stabilised:
             raise NotPermitted

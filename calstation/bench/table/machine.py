@@ -115,7 +115,7 @@ class TableMachine:
             self.trip(Fault.INTERLOCK, time)
 
     def trip(self, fault: Fault, time: float) -> None:
-        """Decelerate, disable the axes and latch the fault unless another fault is latched."""
+        """Decelerate, disable the axes and latch the fault, unless another fault is already latched."""
         self.stop(time)
         self.power = Power.DISABLED
         if self.fault is Fault.NONE:
@@ -144,7 +144,7 @@ class TableMachine:
         self._zero = np.zeros(2)
 
     def jam(self, time: float) -> None:
-        """Block the joints until a reset, which the controller does not detect."""
+        """Block the joints until a reset; the controller does not detect this."""
         self.stop(time)
         self.jammed = True
 
@@ -189,7 +189,7 @@ class TableMachine:
     def move(
         self, time: float, targets: tuple[float, float], rates: tuple[float, float], accelerations: tuple[float, float]
     ) -> None:
-        """Start moving both joints unless this is the current move. Raises a `Refusal`."""
+        """Start moving both joints, unless the same move is in progress. Raises a `Refusal`."""
         for joint in (0, 1):
             self._check_limits(joint, targets[joint], rates[joint], accelerations[joint])
         if not self.homed:
@@ -203,7 +203,7 @@ class TableMachine:
             self.drive.move(time, (targets[0] + beyond, targets[1] + beyond), rates, accelerations)
 
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
-        """Start moving one joint independently of the other unless this is its current move. Raises a `Refusal`."""
+        """Start moving one joint alone, unless the same move is in progress. Raises a `Refusal`."""
         if self._may_start(time, joint, target, rate, acceleration):
             beyond, self.overshoot = self.overshoot, 0.0
             if not self.jammed:
@@ -235,7 +235,7 @@ class TableMachine:
             self.drive.move_joint(time, joint, end, abs(rate), acceleration)
 
     def _end_of_turn(self, time: float, joint: int, rate: float, acceleration: float) -> float | None:
-        """Return the end of travel to which a joint starts to turn, or None. Raises a `Refusal`."""
+        """Return the end of travel to which a joint starts to turn, or None if it does not. Raises a `Refusal`."""
         if rate == 0.0:
             self._check_permitted(time, self.drive.profiles[joint].end)
             return None
@@ -269,7 +269,7 @@ class TableMachine:
             raise OutOfRange
 
     def _check_permitted(self, time: float, end: float | None = None) -> None:
-        """Raise NotPermitted unless a motion may start after `end` of the previous one, by default of both joints."""
+        """Raise NotPermitted unless a motion may start after `end`, by default the end of the motion of both joints."""
         halted = bool(self._controlword & 0x100)
         ready = self.power is Power.ENABLED and self.fault is Fault.NONE and self.interlock_closed
         if not ready or halted or time < (self.drive.end if end is None else end):

@@ -1,4 +1,4 @@
-"""The Modbus register map of the table, with the content of each register and the effect of writing it.
+"""The Modbus register map of the table, which defines the content of registers and the effects of writing them.
 
 Registers have 16 bits and 0-based addresses; 32-bit values are signed, with the high word first. Positions are in 1e-5
 deg, rates in 1e-4 deg/s, accelerations in 1e-4 deg/s².
@@ -28,7 +28,7 @@ _SPEED = np.deg2rad(1e-4)
 
 
 def text_words(text: str) -> list[int]:
-    """Return eight registers with the text in ASCII, padded with zeros."""
+    """Return eight registers that contain the text in ASCII, padded with zeros."""
     data = text.encode("ascii", "replace")[: 2 * TEXT_WORDS].ljust(2 * TEXT_WORDS, b"\0")
     return [int.from_bytes(data[i : i + 2], "big") for i in range(0, len(data), 2)]
 

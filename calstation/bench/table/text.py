@@ -14,14 +14,14 @@ from calstation.bench.table.machine import Refusal
 
 
 class TextController(ABC):
-    """A controller on a serial line whose requests end with LF; the next `mute` lines get no reply."""
+    """A controller on a serial line whose requests end with LF; it ignores the next `ignored_requests` lines."""
 
     def __init__(self, axes: Axes, serial: str) -> None:
         self._axes, self._serial = axes, serial
         self._pending = b""
-        self.mute = 0
+        self.ignored_requests = 0
 
-    def talk(self) -> Callable[[bytes], list[bytes]]:
+    def new_parser(self) -> Callable[[bytes], list[bytes]]:
         """Return the parser of a connection."""
         return self.feed
 
@@ -30,8 +30,8 @@ class TextController(ABC):
         *lines, rest = (self._pending + data).split(b"\n")
         self._pending = rest[-1000:]
         replies = [self._reply(line.decode("ascii", "replace").strip()) for line in lines]
-        muted = min(self.mute, len(replies))
-        self.mute -= muted
+        muted = min(self.ignored_requests, len(replies))
+        self.ignored_requests -= muted
         return [b""] * muted + replies[muted:]
 
     @abstractmethod
@@ -53,7 +53,7 @@ def _radians(text: str) -> float:
 class Atl(TextController):
     """A subset of the table language of Ideal Aerosmith.
 
-    Lines end with CR and LF, replies with the prompt ">". The reply to JOG is sent together with the next reply.
+    Lines end with CR and LF, and replies with the prompt ">". The reply to JOG is sent together with the next reply.
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:

@@ -13,7 +13,7 @@ from calstation.cli.options import JsonOption, command_group
 from calstation.cli.show import emit
 from calstation.cli.text import say, sentence
 from calstation.config import check as check_text
-from calstation.config import detect_kind, library, line_of, load_station, missing_report_places, read_text
+from calstation.config import detect_kind, library, line_of, load_station, missing_report_paths, read_text
 from calstation.connection import station_conflicts
 from calstation.errors import ConfigurationError
 from calstation.quality import due_certificates
@@ -43,8 +43,8 @@ def check(
     problems = check_text(kind, text, path)
     if kind == "stations" and not problems:
         section = load_station(path)[1].report
-        missing = () if section is None else map(Problem.of, missing_report_places(section, path))
-        problems = [*station_conflicts(text), *(replace(each, line=line_of(text, each.place)) for each in missing)]
+        missing = () if section is None else map(Problem.of, missing_report_paths(section, path))
+        problems = [*station_conflicts(text), *(replace(each, line=line_of(text, each.key_path)) for each in missing)]
     rows = [{"line": p.line, "text": p.text} for p in problems]
     lines = [f"{path}:{problem.line}: {problem.text}" for problem in problems]
     valid = [say("cli.file_valid", path=path, kind=kind)]

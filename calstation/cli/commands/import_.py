@@ -33,7 +33,7 @@ def import_(
         from calstation.connection import import_capture
 
         config = load_station(station)[1]
-        capture = import_capture(source, out, imu, meta, config.site.place)
+        capture = import_capture(source, out, imu, meta, config.site.location)
         facts = capture.facts
         notes = [say("cli.import_damaged", packets=capture.failed, bytes=capture.skipped)]
         notes += [] if capture.has_site else [say("cli.import_site", station=config.name)]

@@ -1,4 +1,4 @@
-"""Executed by alembic: migrate over the connection provided by `calstation.database.connect`."""
+"""Script executed by Alembic, which migrates the tables over the connection of `calstation.database.connect`."""
 
 from alembic import context
 

@@ -97,7 +97,7 @@ def is_set(section: StrictModel, name: str) -> bool:
 
 def with_prefix(error: EntryError, *prefix: str | int) -> EntryError:
     """Return the error of a section at the key path `prefix`."""
-    return EntryError(error.code, *prefix, *error.place, **error.values)
+    return EntryError(error.code, *prefix, *error.key_path, **error.values)
 
 
 def require(value: T, is_valid: object, code: str, **values: Any) -> T:

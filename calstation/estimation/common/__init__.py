@@ -24,7 +24,7 @@ from calstation.estimation.common.context import (
     Secondary,
     Site,
     SolveContext,
-    StoredPair,
+    StoredCrossCalibration,
     TableModel,
 )
 from calstation.estimation.common.gravity import gravity_sensitivity, with_gravity, without_gravity

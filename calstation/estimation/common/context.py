@@ -112,7 +112,7 @@ class TableModel:
 
 
 @dataclass(frozen=True)
-class StoredPair:
+class StoredCrossCalibration:
     """The last cross-calibration of a secondary IMU against the primary."""
 
     #: Pair parameters, SI, by name without the IMU's number; a missing one has its value for identical IMUs.
@@ -132,7 +132,7 @@ class Secondary:
 
     number: int
     imu: ImuModel
-    stored: StoredPair = field(default_factory=StoredPair)
+    stored: StoredCrossCalibration = field(default_factory=StoredCrossCalibration)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
-from calstation.estimation.common import Posterior, Secondary, SolveContext, StageData, StoredPair, find_stillness
+from calstation.estimation.common import (
+    Posterior,
+    Secondary,
+    SolveContext,
+    StageData,
+    StoredCrossCalibration,
+    find_stillness,
+)
 from calstation.estimation.pairs.filtering import PairData, lever_matrix, pair_data
 from calstation.estimation.pairs.fit import (
     ACCEL_BIAS,
@@ -78,7 +85,7 @@ class StaticCheck:
         return tuple(s for s in SENSORS if not self.primary[s].within)
 
 
-def pair_vector(stored: StoredPair) -> FloatArray:
+def pair_vector(stored: StoredCrossCalibration) -> FloatArray:
     """Return the stored values as a vector of all pair parameters, shape (28,); missing ones have neutral values."""
     return np.array([stored.values.get(p.name, p.neutral) for p in PAIR_PARAMETERS])
 
@@ -101,7 +108,7 @@ class PairResult:
     """A fit and the values to be stored."""
 
     fit: PairFit
-    stored: StoredPair
+    stored: StoredCrossCalibration
     static: dict[str, float | None]  #: Deviation at rest of each calibrated sensor, rad/s or m/s², None if unknown.
 
 
@@ -119,7 +126,7 @@ class PairCalibration:
         return rests[-1] if rests else None
 
     def check(
-        self, data: StageData, rest: tuple[int, int], index: int, secondary: Secondary, stored: StoredPair
+        self, data: StageData, rest: tuple[int, int], index: int, secondary: Secondary, stored: StoredCrossCalibration
     ) -> StaticCheck | None:
         """Check both IMUs at a rest; return None if the secondary, at `index` in the samples, has no data in it."""
         a, b = rest
@@ -158,7 +165,7 @@ class PairCalibration:
         )
 
     def calibrate(
-        self, data: StageData, index: int, secondary: Secondary, choice: PairChoice, stored: StoredPair
+        self, data: StageData, index: int, secondary: Secondary, choice: PairChoice, stored: StoredCrossCalibration
     ) -> PairResult:
         """Fit the chosen terms to all data; the other terms keep their stored values. Raises InputError."""
         pair = pair_data(data, index, secondary.imu)
@@ -169,7 +176,9 @@ class PairCalibration:
             raise InputError("solve.pair_undetermined", number=secondary.number) from exc
         require_plausible(fit, secondary.number, choice)
         values = dict(zip((p.name for p in PAIR_PARAMETERS), fit.value.tolist(), strict=True))
-        solved = StoredPair({n: v for n, v in values.items() if fit.fitted[_INDEX[n]] or n in stored.values})
+        solved = StoredCrossCalibration(
+            {n: v for n, v in values.items() if fit.fitted[_INDEX[n]] or n in stored.values}
+        )
         rest = self.last_rest(data)
         check = None if rest is None else self.check(data, rest, index, secondary, solved)
         last = stored.static
@@ -200,7 +209,7 @@ class SecondaryCorrection:
         self._before = np.empty((0, 3))  # the last rates, at most `_width`
         self.use(secondary.stored)
 
-    def use(self, stored: StoredPair) -> None:
+    def use(self, stored: StoredCrossCalibration) -> None:
         """Use another calibration for the following samples."""
         self.stored, self._pair = stored, pair_vector(stored)
 

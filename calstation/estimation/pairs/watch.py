@@ -19,7 +19,7 @@ from calstation.estimation.common import (
     SampleBlock,
     Secondary,
     StageData,
-    StoredPair,
+    StoredCrossCalibration,
     join_blocks,
     stage_data,
 )
@@ -80,7 +80,7 @@ class PairWatch:
         imu: ImuModel,
         secondaries: tuple[Secondary, ...],
         calibration: PairCalibration,
-        store: Callable[[int, StoredPair], None] = lambda number, stored: None,
+        store: Callable[[int, StoredCrossCalibration], None] = lambda number, stored: None,
         submit: Submit = call_now,
     ) -> None:
         self._imu, self._secondaries, self._calibration = imu, secondaries, calibration

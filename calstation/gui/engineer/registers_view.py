@@ -190,7 +190,7 @@ class RegistersView(QWidget):
     def _write(self, target: TargetRegisters, people: Confirmation | None = None, *, at_rest: bool) -> None:
         if self._run is None:
             return
-        if self._app.job_queue.at_device:
+        if self._app.job_queue.uses_device:
             self._show_error("engineer.device_busy")
             return
         result = self._run.result

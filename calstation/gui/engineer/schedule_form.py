@@ -136,9 +136,9 @@ class _Field(FormField):
         if problem.kind in ("table", "value_error"):
             return say(problem.what)
         kind = _WRONG.get(problem.kind, "number")
-        if len(problem.place) > 1:
+        if len(problem.key_path) > 1:
             code = "schedule.wrong_target" if kind == "low" else "schedule.wrong_target_number"
-            return say(code, subject=problem.place[1], range="0.1")
+            return say(code, subject=problem.key_path[1], range="0.1")
         return say(f"schedule.wrong_{kind}", range=_range(self._spec) or ("1" if kind == "whole" else "0.1"))
 
 

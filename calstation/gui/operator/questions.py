@@ -121,7 +121,7 @@ class StartDialog:
         if app.badge_required:
             ask(self._notice, "caution", Text("station.badge_missing"), {})
             self._cancelled()
-        elif app.job_queue.at_device:
+        elif app.job_queue.uses_device:
             self._ask(Text.of("question.device_busy"), {"clear": lambda: self._launch(request)})
         elif not app.engine_link.running:
             app.engine_link.start(replace(request, operator=app.badge or request.operator))

@@ -199,7 +199,7 @@ def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:
 
 
 def problem_text_with_name(problem: Problem) -> str:
-    """Return the text of a problem with the name of its field, for display elsewhere."""
-    if known(f"field.{problem.kind}") and problem.place:
+    """Return the text of a problem with the name of its field, for display away from the field."""
+    if known(f"field.{problem.kind}") and problem.key_path:
         return f"{problem.name}: {problem_text(problem)}"
     return say(problem.as_text)

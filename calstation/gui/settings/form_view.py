@@ -115,9 +115,9 @@ class FormModel(ParameterModel):
         """Return the text, the edited value, or the appearance of a cell; defaults are grey."""
         cell = self.cell(index)
         if role == Qt.ItemDataRole.EditRole and isinstance(cell, FormCell):
-            return cell.shown(self.draft.value)
+            return cell.displayed(self.draft.value)
         if role == Qt.ItemDataRole.ForegroundRole and cell not in self._problems:
-            stated = isinstance(cell, FormCell) and cell.stated(self.draft.value)
+            stated = isinstance(cell, FormCell) and cell.is_set(self.draft.value)
             return None if stated else QColor(theme.colours().muted)
         return super().data(index, role)
 
@@ -139,7 +139,7 @@ class FormModel(ParameterModel):
 
     def choice_text(self, cell: FormCell, value: Any) -> str:
         """Return the text of a choice."""
-        key = cell.place[-1]
+        key = cell.key_path[-1]
         if key == "orientation":
             return say("form.mounting", name=value, x=with_minus(value[:2]), z=with_minus(value[2:]))
         return say(f"form.{key}_{value}") if known(f"form.{key}_{value}") else str(value)
@@ -165,7 +165,7 @@ class FormModel(ParameterModel):
     def _text(self, cell: FormCell | str) -> str:
         if isinstance(cell, str):
             return cell
-        shown = cell.shown(self.draft.value)
+        shown = cell.displayed(self.draft.value)
         if cell.kind == "choice":
             return self.choice_text(cell, shown) if shown in cell.choices else str(shown or "")
         return str(shown)
@@ -178,7 +178,7 @@ class FormModel(ParameterModel):
         if not isinstance(cell, str):
             if cell in self._problems:
                 return self.describe(self._problems[cell])
-            if cell.kind == "names" or cell.place[-1] == "orientation":
+            if cell.kind == "names" or cell.key_path[-1] == "orientation":
                 return self._text(cell)  # may be too long for the column
         return self.locked or self._about(self._form_columns[number])
 
@@ -393,7 +393,7 @@ class FormView(QWidget):
         if self.form.listed:
             self._arrange([i for i in range(len(self.model.rows)) if i != number])
         else:
-            self._draft.set(dict.fromkeys(self.model.rows[number].places))
+            self._draft.set(dict.fromkeys(self.model.rows[number].key_paths))
 
     def _move(self, by: int) -> None:
         index = self.table.currentIndex()

@@ -1,6 +1,6 @@
 """The links to the units of a station: the link to the only unit, or the slots of the table and their links."""
 
-from calstation.config import SLOTS, takes_one_unit, with_one_unit, with_slots
+from calstation.config import SLOTS, profile_takes_single_unit, with_one_unit, with_slots
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Section, problem_text_with_name
 from calstation.gui.settings.form_view import FormView
@@ -92,7 +92,7 @@ class ImuSection(Section):
                 self.view.table.setCurrentIndex(self.view.model.index(0, 0))
         bench = draft.value(("bench",)) is not None
         self._about.setText(say("setting.about_slots_of_bench" if bench else "setting.about_slots"))
-        problems = [problem for problem in draft.problems if problem.place[:1] and problem.place[0] in _KEYS]
+        problems = [problem for problem in draft.problems if problem.key_path[:1] and problem.key_path[0] in _KEYS]
         show_text(self._problems, "\n".join(self.view.model.describe(p) or problem_text_with_name(p) for p in problems))
         enable(self._several_button, self._locked or self._why_not_several())
         self._show_link()
@@ -102,7 +102,7 @@ class ImuSection(Section):
         draft = self._draft
         if draft.value(("imu2",)) is not None:
             return say("settings.one_body")
-        if takes_one_unit(str(draft.value(("table", "profile")) or "")):
+        if profile_takes_single_unit(str(draft.value(("table", "profile")) or "")):
             return say("settings.needs_table")
         return ""
 

@@ -191,7 +191,7 @@ class StationPage(Page):
             reason = say("settings.correct_in", file=invalid[0].name, problem=first)
         enable(self._save_button, reason)
         problems = self.drafts.station.problems
-        without_field = [p for p in problems if not p.place or p.kind in ("toml", "file", "extra_forbidden")]
+        without_field = [p for p in problems if not p.key_path or p.kind in ("toml", "file", "extra_forbidden")]
         show_text(self._problems, "\n".join(map(problem_text_with_name, without_field)))
         if not dirty and self.notice.asking:
             self.notice.dismiss()

@@ -108,7 +108,7 @@ class FormField(QWidget):
         if not self._typing or self.editor.value() != value:  # do not replace the text while the user types
             with QSignalBlocker(self.editor):
                 self.editor.show_value(self.default if value is None else value)
-        problem = next((p for p in self._source.problems if self._shows(p.place)), None)
+        problem = next((p for p in self._source.problems if self._shows(p.key_path)), None)
         if problem is not None:
             kind, text = "error", self.problem_text(problem)
         elif text := say(self.warning):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from calstation.config import pair_folder
-from calstation.estimation.common import Posterior, SolveContext, StageData, StoredPair
+from calstation.estimation.common import Posterior, SolveContext, StageData, StoredCrossCalibration
 from calstation.estimation.pairs import (
     ACCEL_BIAS,
     ACCEL_MATRIX,
@@ -86,7 +86,7 @@ def pair_plot_data(
     secondaries = []
     for i, (secondary, row) in enumerate(zip(context.secondaries, details["secondaries"], strict=True)):
         pair = pair_data(data, i, secondary.imu)
-        fitted = StoredPair(row["stored"]["values"])
+        fitted = StoredCrossCalibration(row["stored"]["values"])
         residuals = _residuals(pair, c, pair_vector(secondary.stored), pair_vector(fitted)) if "fit" in row else {}
         static = {sensor: row["stored"][f"{sensor}_static"] for sensor in ("gyro", "accel")}
         secondaries.append(SecondaryPlotData(secondary.number, secondary.imu.serial, residuals, row["check"], static))

@@ -1,6 +1,6 @@
-"""Simulated units: the module of a protocol has the protocol's name in profiles and a class `UNIT`.
+"""Simulated units; each module has the name of its protocol in profiles and assigns the class of its unit to `UNIT`.
 
-The package `bench.imu` contains their common parts; `docs/how-to/extend.md` explains how to add a unit.
+The package `bench.imu` contains the code common to all units; `docs/how-to/extend.md` explains how to add a unit.
 """
 
 from importlib import import_module

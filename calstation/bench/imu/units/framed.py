@@ -1,4 +1,4 @@
-"""Protocol "framed": commands and replies in frames, little-endian with the checksum of the stream frames.
+"""The protocol "framed", whose commands and replies are little-endian frames with the checksum of the stream frames.
 
     command  55 A5 | op u8 | n u8 | payload, n bytes | CRC of op to payload
     reply    55 5A | op u8 | n u8 | payload, n bytes | CRC of op to payload
@@ -66,16 +66,16 @@ class CommandParser:
 
 
 class FramedUnit(ImuUnit):
-    """A unit with the commands of the bench, which may include access to the table's axes."""
+    """A unit with the bench's own commands, which may include access to the table's axes."""
 
     profile = "bench_mems"
 
     def restart(self, time: float) -> None:
-        """Start with the registers in flash, see `ImuUnit.restart`."""
+        """Restart the unit; see `ImuUnit.restart`."""
         super().restart(time)
         self._busy_until, self._refusals = -np.inf, 0
 
-    def conversation(self) -> Callable[[bytes, float], list[bytes]]:
+    def new_parser(self) -> Callable[[bytes, float], list[bytes]]:
         """Return a parser for one connection, which converts received bytes and device time to replies in order."""
         parser = CommandParser()
         return lambda data, time: [self.answer(op, payload, time) for op, payload in parser.feed(data)]
@@ -118,18 +118,18 @@ class FramedUnit(ImuUnit):
         address, count = struct.unpack("<HB", payload[:3])
         if count == 0 or address + count > REGISTERS or len(payload) != 3 + 4 * count:
             return BAD_ADDRESS
-        if self._burning(time):
+        if self._flash_busy(time):
             return FLASH_BUSY
         self._count_written(len(payload))
         self.registers[address : address + count] = np.frombuffer(payload[3:], dtype="<f4")
         return payload[:3]
 
-    def _burning(self, time: float) -> bool:
+    def _flash_busy(self, time: float) -> bool:
         self._refusals -= time < self._busy_until
         return time < self._busy_until and self._refusals >= 0
 
     def _commit(self, payload: bytes, time: float) -> bytes | int:
-        if self._burning(time):
+        if self._flash_busy(time):
             return FLASH_BUSY
         self._busy_until, self._refusals = time + FLASH_TIME, FLASH_REFUSALS
         self._burn()

@@ -42,7 +42,7 @@ class DspUnit(ImuUnit):
     flash_bytes = 2 * sum(count for _, count in PAGES.values())
 
     def restart(self, time: float) -> None:
-        """Start with the registers in flash, see `ImuUnit.restart`."""
+        """Restart the unit; see `ImuUnit.restart`."""
         self._words = {page: [0] * count for page, (_, count) in PAGES.items()}
         super().restart(time)
         self._page = 0
@@ -57,9 +57,9 @@ class DspUnit(ImuUnit):
         words = [word for page in PAGES for word in self._words[page]]
         return struct.pack(f"<{len(words)}H", *words)
 
-    def conversation(self) -> Callable[[bytes, float], list[bytes]]:
-        """Return a parser for one connection, see `ImuUnit.conversation`."""
-        answer = ModbusServer({UNIT_NUMBER: self}).talk()
+    def new_parser(self) -> Callable[[bytes, float], list[bytes]]:
+        """Return a parser for one connection; see `ImuUnit.new_parser`."""
+        answer = ModbusServer({UNIT_NUMBER: self}).new_parser()
 
         def answer_at(data: bytes, time: float) -> list[bytes]:
             self._time = time
@@ -122,7 +122,7 @@ class DspUnit(ImuUnit):
             raise OutOfRange
 
     def correction(self) -> Correction:
-        """Return the correction, see `ImuUnit.correction`; formulas and addresses are in the module docstring."""
+        """Return the correction defined by the registers; the module docstring contains formulas and addresses."""
         gyros, accels = (np.array(self._words[page], dtype=">u2") for page in (1, 2))
         cubic = np.array(self._words[3], dtype=">u2").tobytes()
         columns = gyros[:18].reshape(9, 2)[:, ::-1].tobytes()

@@ -47,12 +47,12 @@ class VectorNavUnit(ImuUnit):
     frame_size = SAMPLES.itemsize
 
     def restart(self, time: float) -> None:
-        """Start with the registers in flash, see `ImuUnit.restart`."""
+        """Restart the unit; see `ImuUnit.restart`."""
         super().restart(time)
         self.streaming = bool(self.registers[REGISTERS - 1])
 
     def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:
-        """Return the frames of samples, see `ImuUnit.frames`."""
+        """Return the frames of samples; see `ImuUnit.frames`."""
         awake = ends > self._started + BOOT_TIME
         if not self.streaming or not awake.any():
             return b""
@@ -71,7 +71,7 @@ class VectorNavUnit(ImuUnit):
         return frames.tobytes()
 
     def correction(self) -> Correction:
-        """Return the correction, see `ImuUnit.correction`; the formula is in the module docstring."""
+        """Return the correction defined by the registers; the module docstring contains the formula."""
         gyro, accel = (np.array(self._numbers(register)) for register in (84, 25))
         return Correction(
             gyro=gyro[:9].reshape(3, 3),
@@ -83,8 +83,8 @@ class VectorNavUnit(ImuUnit):
             levers=np.zeros(3),
         )
 
-    def conversation(self) -> Callable[[bytes, float], list[bytes]]:
-        """Return a parser for one connection, see `ImuUnit.conversation`."""
+    def new_parser(self) -> Callable[[bytes, float], list[bytes]]:
+        """Return a parser for one connection; see `ImuUnit.new_parser`."""
         pending = b""
 
         def answer(data: bytes, time: float) -> list[bytes]:

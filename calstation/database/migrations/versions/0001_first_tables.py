@@ -1,4 +1,4 @@
-"""Create the tables of the shared database as declared; the first later revision replaces this by their old form."""
+"""Create the tables of the shared database as declared; the next revision must replace this by their old form."""
 
 from uuid import uuid4
 
