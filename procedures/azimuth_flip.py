@@ -1,4 +1,4 @@
-"""Azimuth flips: half turns about the vertical, +, −, −, +, with long rests; the biases are estimated (12 states)."""
+"""Azimuth flips: half turns about the vertical (+, −, −, +) with long rests, which estimate the biases (12 states)."""
 
 from collections.abc import Iterator
 
@@ -11,11 +11,11 @@ from calstation.estimation.navigation import NavigationStage
 from calstation.physics import JOINTS, Dwell, Move, RoundEnd, Step, TableGeometry
 
 ESTIMATED = tuple(f"{group}_{axis}" for group in ("gyro_bias", "accel_bias") for axis in "xyz")
-WAYS = (1.0, -1.0, -1.0, 1.0)
+DIRECTIONS = (1.0, -1.0, -1.0, 1.0)
 
 
 class Schedule(RepeatedSchedule):
-    """Duration of rests (s), rate and acceleration of moves (°/s, °/s²), and the stop rule."""
+    """Duration of rests, rate and acceleration of moves, and stop rule."""
 
     dwell_s: float = Field(60.0, ge=2.0, le=3600.0, description="rest after every half turn")
     rate_dps: float = Field(20.0, gt=0.0, le=360.0, description="rate of every move")
@@ -34,7 +34,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     yield Dwell(schedule.dwell_s)
     rounds = 0
     while True:
-        for way in WAYS:
+        for way in DIRECTIONS:
             joints[joint] += way * np.pi
             yield Move(joints[0], joints[1], rate, acceleration, ("flip", 180.0 * way))
             yield Dwell(schedule.dwell_s)

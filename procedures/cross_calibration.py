@@ -1,6 +1,6 @@
-"""Cross-calibration of secondary IMUs against a primary IMU on the same body, from any common motion.
+"""Cross-calibration of secondary IMUs against a primary IMU on the same body from any common motion.
 
-On command the whole recording is fitted; with other triggers, only secondaries that are out of tolerance in a check.
+With the trigger `command`, the whole recording is fitted; with other triggers, only secondaries that fail a check are.
 """
 
 from collections.abc import Iterator
@@ -38,11 +38,11 @@ from calstation.messages import values_to_json
 from calstation.physics import PAIR_PARAMETERS, Step, TableGeometry, pair_name
 
 NO_OBSERVATIONS = Consistency(0.0, 0.0, 0.0, 0)
-#: Largest sigma of a determined value; the limit of the clock offset is half a sample.
+#: Largest sigma of a value that counts as determined; the limit of the clock offset is half a sample.
 MAX_SIGMA = {"secondary_gyro_matrix": 0.02, "secondary_accel_matrix": 0.02, "secondary_lever": 0.05}
 
-#: Largest change of a value from the first to the second half of the recording, in standard deviations: noise exceeds
-#: it in one of 28 values once in 5,000 recordings.
+#: Largest change of a value from the first to the second half of the recording, in standard deviations. Due to noise,
+#: one of 28 values exceeds it once in 5,000 recordings.
 MAX_CHANGE = 4.5
 
 
@@ -153,7 +153,7 @@ def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[
     fit = calibrated.fit
     sigma = np.sqrt(np.diag(fit.covariance))
     limits = {**MAX_SIGMA, "clock_offset": 0.5 / sample_rate}
-    # a bias is valid only with the matrix, which is therefore also listed if it was not fitted
+    # a bias is valid only with the matrix, which is therefore listed even if it was not fitted
     fixed = {
         f"secondary_{s}_matrix" for s, bias in (("gyro", GYRO_BIAS), ("accel", ACCEL_BIAS)) if fit.fitted[bias].any()
     }
@@ -165,7 +165,7 @@ def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[
 
 
 def _halves_test(number: int, calibrated: PairResult) -> ModelTest:
-    """Return the test of the value with the largest change between the halves, in standard deviations of the change."""
+    """Return the test of the value that changed most between the halves, in standard deviations of the change."""
     fit = calibrated.fit
     changes = np.nan_to_num(fit.change / fit.change_sigma)
     names = [pair_name(p.name, number) for p in PAIR_PARAMETERS]
@@ -180,7 +180,7 @@ def _halves_test(number: int, calibrated: PairResult) -> ModelTest:
 
 
 def _of_pair(number: int, test: ModelTest) -> ModelTest:
-    """Return a test for effects outside the model with the parameter names of a pair."""
+    """Return a test for effects outside the model in which the parameters have the names of a pair."""
     diagnosis = test.diagnosis
     shift = {pair_name(name, number): size for name, size in diagnosis.parameter_shift.items()}
     if changed := diagnosis.values.get("parameter"):

@@ -1,6 +1,7 @@
-"""Gimbal: gyro misalignment from the joints of a gimbal that stabilises on corrected rates, updated after each turn.
+"""Gimbal: gyro misalignment from the joint angles of a gimbal that stabilises the unit by its corrected rates.
 
-A recording is replayed, and its joint angles give the same corrections as online. A least-squares fit must agree.
+The misalignment is updated after each turn. Replaying the joint angles of a recording gives the same corrections as the
+run, and a least-squares fit must agree with them.
 """
 
 import itertools
@@ -42,7 +43,7 @@ from calstation.physics import AXES, CHANNELS, INDEX, NAMES, FloatArray, GimbalT
 from calstation.schema import EntryError
 
 ESTIMATED = tuple(f"gyro_misalign_{pair}" for pair in ("xy", "xz", "yx", "yz", "zx", "zy"))
-#: Largest ratio of last to first drift with corrected rates, if the turns reduce the drift at least to a half.
+#: Largest ratio of the last to the first drift with corrected rates, if the turns should at least halve the drift.
 MAX_DRIFT_RATIO = 0.7
 #: Largest difference between the iteration and least squares, in sigmas of the iteration. Both use the same samples, so
 #: the variance of their difference is smaller than that of the iteration.
@@ -63,7 +64,7 @@ class Schedule(BaseModel):
     order: str = "zxy"  #: Order of the joints from the base to the unit.
     dwell_s: float = Field(4.0, ge=2.0, le=600.0)  #: Stabilised rest before and after a turn.
     rate_dps: float = Field(30.0, gt=0.0, le=360.0)  #: Rate of every turn.
-    #: Sigma of b, as defined by the accelerometers, relative to the joint axes; 0 if the joint axes define b.
+    #: Sigma of the body frame, as defined by the accelerometers, relative to the joint axes; 0 if these define it.
     mount_sigma_deg: float = Field(0.0, ge=0.0, le=10.0)
 
     @field_validator("order")
@@ -74,7 +75,7 @@ class Schedule(BaseModel):
         return order
 
     def iteration(self) -> GimbalIteration:
-        """Return a new iteration with these settings."""
+        """Create an iteration with these settings."""
         return GimbalIteration(
             self.gain,
             float(np.deg2rad(self.angle_deg)),
@@ -85,9 +86,9 @@ class Schedule(BaseModel):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Plan the turns of each axis and the return to zero after them; the turns of a complete axis are omitted.
+    """Plan the turns of each axis, each followed by a return to zero; the turns of a complete axis are omitted.
 
-    Raises ConfigurationError for a table, which does not stabilise on the rates of the unit, or for a schedule that the
+    Raises ConfigurationError for a table, which cannot stabilise the unit by its rates, or for a schedule that the
     gimbal cannot execute.
     """
     gimbal = geometry.gimbal
@@ -150,10 +151,10 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
 def _replayed(
     motions: list[Motion], schedule: Schedule, encoder_sigma: float
 ) -> tuple[GimbalIteration, dict[int, list[Motion]]]:
-    """Reproduce the online iteration; return it and the turns of each axis.
+    """Reproduce the iteration of the run; return it and the turns of each axis.
 
-    A motion to zero is a turn if the corrected rates have no rotation about the other axes, and a return if it moves
-    the other joints to zero: the smaller deviation in sigmas decides.
+    A motion to zero is a turn if the corrected rates contain no rotation about the other axes, and a return if it moves
+    the other joints to zero; the smaller of both deviations in sigmas decides.
     """
     iteration = schedule.iteration()
     turns: dict[int, list[Motion]] = {}
@@ -229,14 +230,15 @@ def _axis_solution(
     schedule: Schedule,
     fit: GimbalFit,
 ) -> _AxisSolution:
-    """Propagate the noise of every drift through the recursion.
+    """Determine the misalignments of an axis and propagate the noise of every drift through the recursion.
 
-    For a pure rotation the column of N is parallel to the axis, so the off-diagonal elements are K = M / (1 + scale).
-    The part of the initial error (from least squares) that remains after the last turn is added to the uncertainty.
+    For a pure rotation, the column of N is parallel to the axis, so that the off-diagonal elements are
+    K = M / (1 + scale). The part of the initial error (from least squares) that remains after the last turn is added to
+    the uncertainty.
     """
     noise, name = filter_noise(context), AXES[course.axis]
     encoder = context.table.encoder_sigma**2
-    # covariance of the error of K and of the joint errors at the last rest, which is shared by two successive turns
+    # covariance of the error of K and of the joint errors at the last rest, which two successive turns share
     P, shared, remaining, drift = np.zeros((2, 2)), np.zeros((2, 2)), np.eye(2), np.zeros((2, 2))
     before = None
     for m in motions:
@@ -269,7 +271,7 @@ def _axis_solution(
 
 
 def _require_corrected(course: AxisTurns, solved: _AxisSolution) -> None:
-    """Check that the drifts decreased as predicted from the gain; otherwise the rates were not corrected with K."""
+    """Check that the drifts decreased as the gain predicts; otherwise the rates were not corrected with K."""
     first, last = (float(np.linalg.norm(course.drifts[k])) for k in (0, -1))
     if solved.remaining < 0.5 * MAX_DRIFT_RATIO and last > MAX_DRIFT_RATIO * first and last > 6.0 * solved.drift_sigma:
         raise InputError(
@@ -305,7 +307,7 @@ def _with_observations(prior: Posterior, solved: list[_AxisSolution]) -> Posteri
 
 
 def _axis(course: AxisTurns, schedule: Schedule) -> dict[str, Any]:
-    """Return the convergence of an axis as JSON values."""
+    """Return the convergence of an axis as JSON data."""
     angle = float(np.mean(np.abs(course.angles)))
     return {
         "axis": AXES[course.axis],

@@ -52,12 +52,12 @@ class Schedule(BaseModel):
     step_deg: float = Field(45.0, ge=15.0, le=120.0)  #: Angle between positions.
     rate_dps: float = Field(20.0, gt=0.0, le=360.0)
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
-    manual: bool = False  #: Whether an operator, guided by the program, turns the rails at about `rate_dps`.
-    shortest_rest_s: float = Field(1.0, ge=0.5, le=60.0)  #: Shortest rest at a position instead of a pause.
+    manual: bool = False  #: Whether an operator turns the rails at about `rate_dps`, guided by the program.
+    shortest_rest_s: float = Field(1.0, ge=0.5, le=60.0)  #: Shortest rest at a position; a shorter one is a pause.
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Plan a revolution and back of the inner joint, of the outer joint, and of the outer joint with the inner at 90°.
+    """Plan revolutions to and fro of the inner joint, of the outer joint, and of the outer joint with the inner at 90°.
 
     Raises ConfigurationError if the travel permits only the first position.
     """
@@ -96,7 +96,7 @@ def _manual_steps(schedule: Schedule, poses: list[Pose]) -> Iterator[Step]:
 
 
 def _around(geometry: TableGeometry, joint: int, step: float) -> Iterator[float]:
-    """Yield joint angles, rad, for one revolution and back to 0, or to both ends of a shorter travel."""
+    """Yield the joint angles, rad, of one revolution and back to 0, or to both ends of a shorter travel and back."""
     steps = round(2.0 * np.pi / step)
     for way in (1.0, -1.0):
         if geometry.limits.within(joint, way * steps * step):

@@ -77,7 +77,7 @@ def site_folder(tmp_path: Path) -> SiteFolder:
 
 
 @pytest.fixture
-def behind(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> SiteFolder:
+def corrected_site(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> SiteFolder:
     """A site folder with a unit whose registers are applied to its samples."""
     from calstation.config import library
     from tests.site_folder import behind_registers

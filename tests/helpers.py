@@ -25,7 +25,7 @@ def raises_code(
     assert caught.value.code == code, f"{caught.value.code or 'no code'}: {caught.value}"
 
 
-def complaint(error: CalstationError) -> str:
+def error_code(error: CalstationError) -> str:
     """Return entry and code of the first problem reported by a loader, e.g. ``link.baud entry.missing``."""
     what = error.values["what"]
     if what.code == "entry.at":

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.config import library
-from calstation.devices.codecs import SLOTS, legal_range, parameter_of
+from calstation.devices.codecs import ELEMENTS, parameter_of, permitted_range
 from calstation.devices.profiles import ImuProfile, RegisterEntry
 from calstation.errors import ConfigurationError
 from calstation.physics import EFFECTS, INDEX, NAMES, PARAMETERS, further_parameter, parameter_indices
@@ -254,10 +254,10 @@ def _conflicts(register: RegisterEntry, name: str, limit_name: str, limit: Limit
 
 def _register_range(register: RegisterEntry, name: str, interval: tuple[float, float]) -> tuple[float, float]:
     """Return the range of a register's value over an interval of its parameter."""
-    parameter = parameter_of(name) if name in SLOTS else None
+    parameter = parameter_of(name) if name in ELEMENTS else None
     if parameter is None:
         return interval
-    return legal_range(name, {parameter: max(map(abs, interval))}, register.effective_convention) or interval
+    return permitted_range(name, {parameter: max(map(abs, interval))}, register.effective_convention) or interval
 
 
 def manual_product() -> Path | None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from calstation.devices.imu import FrameDecoder, SampleCount, frame_decoder
-from calstation.devices.profiles import ImuProfile, load_imu_profile, span
+from calstation.devices.profiles import ImuProfile, channel_range, load_imu_profile
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import os_reason
@@ -65,7 +65,7 @@ def _with_defaults(data: dict[str, Any], profile: ImuProfile, source: Path, site
 
 def _blocks(source: Path, profile: ImuProfile, decoder: FrameDecoder, stage: str) -> Iterator[SampleBlock]:
     """Decode a file; saturated and non-numeric samples are marked as invalid. Raises InputError."""
-    count, bounds, rate = SampleCount(profile.frame), span(profile.frame), profile.stream.sample_rate_hz
+    count, bounds, rate = SampleCount(profile.frame), channel_range(profile.frame), profile.stream.sample_rate_hz
     size = 0
     try:
         with source.open("rb") as stream:

@@ -29,7 +29,7 @@ from calstation.connection.identify import (
 )
 from calstation.connection.imu_test import ImuTest, diagnose_text, find_baud_rate
 from calstation.connection.table_test import query_table
-from calstation.devices.links import SerialLink, host_and_port, list_serial_ports, port_device, why_not
+from calstation.devices.links import SerialLink, diagnose_port, host_and_port, list_serial_ports, port_device
 from calstation.devices.links import SerialPortInfo as SerialPortInfo
 from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
@@ -188,7 +188,7 @@ def _opened_finding(port: str) -> Finding:
 
 
 def _not_opened_finding(port: str, settings: SerialSettings, timeout: float, error: CalstationError) -> Finding:
-    reason, words = why_not(port, settings, timeout)
+    reason, words = diagnose_port(port, settings, timeout)
     ports = list_serial_ports()
     names = [p.usb for p in ports if p.usb] if reason == "no_adapter" else [p.device for p in ports]
     values: dict[str, Value] = {"port": port, "words": words or error.as_text, "seconds": timeout}

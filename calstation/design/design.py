@@ -9,7 +9,7 @@ import numpy as np
 import tomlkit
 
 from calstation.config import ProductConfig, RunConfiguration, Version, edit_toml, library, read_text, versions
-from calstation.devices.profiles import span
+from calstation.devices.profiles import channel_range
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import SolveContext, rest_mean_variance
 from calstation.estimation.effects import EffectLimit
@@ -158,7 +158,7 @@ def speeds(setup: RunConfiguration, request: DesignRequest) -> tuple[float, floa
     """Return the rate, °/s, and acceleration, °/s², of all moves, from the request or as fractions of the limits."""
     limits, imu = setup.table.geometry().limits, setup.solve_context().imu
     per_count = imu.gyro_lsb * (imu.sample_rate if imu.output == "increment" else 1.0)
-    ends = span(setup.imu.frame)
+    ends = channel_range(setup.imu.frame)
     reach = float(np.min(np.minimum(-ends.low[:3], ends.high[:3]))) * per_count
     factor = 2.0**0.5  # because two perpendicular joints move simultaneously
     rate = np.rad2deg(min(_RATE_FRACTION * min(limits.rate), _GYRO_RANGE_FRACTION * reach / factor))

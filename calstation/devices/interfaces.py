@@ -7,15 +7,15 @@ from typing import Protocol
 from calstation.errors import DeviceFaultError
 from calstation.physics import FloatArray, IntArray, JointLimits
 
-#: `fault` of a table under local control, which accepts commands from its own panel only; this fault is not latched.
+#: `fault` of a table under local control, which accepts commands only from its own panel; this fault is not latched.
 LOCAL_CONTROL = "local control"
 
-#: `fault` of a table that reports a fault without a cause.
+#: `fault` of a table that reports a fault without its cause.
 UNKNOWN_FAULT = "cause not told"
 
 
 class OtherModelError(DeviceFaultError):
-    """The device that replies is not of the model in the profile."""
+    """The device that replies is of a different model than the profile."""
 
     @property
     def found(self) -> str:
@@ -42,15 +42,15 @@ class TableIdentity:
 
 @dataclass(frozen=True)
 class TableStatus:
-    """State of a table, from one poll.
+    """State of a table, as returned by one poll.
 
-    angles, rates : cumulative angles and rates of joints outer, inner, rad and rad/s, shape (2,); NaN if not measured
+    angles, rates : cumulative angles and rates of the outer and inner joint, rad and rad/s, shape (2,); NaN if unknown
     enabled, homed, settled : whether both axes are in this state
     moving : whether at least one axis moves
     fault : latched fault, or another reason why the table does not accept commands, or None
     interlock_closed : whether the safety interlock is closed, so that the axes may be powered
     watchdog : timeout of the table's watchdog, host time in s; 0 if it is off, infinite if there is none
-    limits : travel as set in the table, with the rate and acceleration limits of the profile
+    limits : travel as configured in the table, with the rate and acceleration limits of the profile
     joints, joint_rates : angles and rates of a gimbal's joints x, y, z, rad and rad/s, shape (3,); None for a table
     """
 
@@ -84,20 +84,31 @@ class Table(Protocol):
         """Switch both axes off."""
 
     def home(self) -> None:
-        """Start slow homing, whose end is reported by `status`."""
+        """Start slow homing; `status` reports when it is complete."""
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
-        """Start moving both joints to absolute angles, rad, with limits in rad/s and rad/s²; do not wait."""
+        """Start moving both joints to absolute angles without waiting.
+
+        Parameters
+        ----------
+        outer, inner : target angles, rad
+        rate, acceleration : limits of the motion, rad/s and rad/s²
+        """
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Start rotating both joints until they are stopped, rad/s and rad/s²; do not wait.
+        """Start rotating both joints until they are stopped, without waiting.
 
         Raises ConfigurationError if the table would not stop after a link loss, because it has no active watchdog and
         the profile no `link_loss_stop_s`.
+
+        Parameters
+        ----------
+        outer, inner : rates, rad/s
+        acceleration : acceleration of both joints, rad/s²
         """
 
     def stop(self) -> None:
-        """Start decelerating to rest; do not wait."""
+        """Start decelerating to rest without waiting."""
 
     def reset_fault(self) -> None:
         """Clear a latched fault; this never starts a motion."""
@@ -110,16 +121,22 @@ class Table(Protocol):
 
 
 class Gimbal(Table, Protocol):
-    """A three-joint gimbal that stabilises the unit with its corrected rates; `home` returns to zero and locks."""
+    """A three-joint gimbal, which stabilises the unit by its corrected rates; `home` moves to zero and locks."""
 
     def lock(self) -> None:
-        """Lock the joints and average the gyro output from now on as the gyro bias."""
+        """Lock the joints and start to average the gyro output, which gives the gyro bias."""
 
     def stabilise(self) -> None:
         """Hold the unit at rest in space."""
 
     def turn(self, axis: int, angle: float, rate: float) -> None:
-        """Start a turn about a body axis, rad and rad/s, with the others stabilised; do not wait."""
+        """Start a turn about a body axis with the other axes stabilised, without waiting.
+
+        Parameters
+        ----------
+        axis : index of the body axis
+        angle, rate : angle and rate of the turn, rad and rad/s
+        """
 
 
 @dataclass(frozen=True)
@@ -137,7 +154,7 @@ class SampleBatch:
 
     seq : unwrapped counter, shape (n,)
     time : IMU time at the end of each sample, s, shape (n,)
-    counts : gyro x y z, accel x y z, shape (n, 6)
+    counts : counts of gyro x, y, z and accel x, y, z, shape (n, 6)
     temperature : temperature, °C, shape (n,); NaN if the frames have none
     status : status word, shape (n,); 0 if the frames have none
     arrival : host monotonic time at which each sample's bytes were read, s, shape (n,)
@@ -161,7 +178,7 @@ class LinkStats:
     frames, bytes : number of frames and bytes received
     crc_errors : number of frames with a wrong checksum
     skipped : number of bytes outside frames
-    gaps, restarts : number of interruptions of the counter, and of those due to a restart
+    gaps, restarts : number of interruptions of the counter, and number of interruptions by a restart of the unit
     """
 
     frames: int = 0
@@ -173,7 +190,7 @@ class LinkStats:
 
 
 class Imu(Protocol):
-    """An IMU. Calls raise DeviceFaultError if the link or the unit fails."""
+    """An IMU, whose methods raise DeviceFaultError if the link or the unit fails."""
 
     @property
     def stats(self) -> LinkStats:
@@ -182,13 +199,14 @@ class Imu(Protocol):
     def start(self, *, corrected: bool = False) -> None:
         """Start the raw stream or, if `corrected`, the stream with the registers applied.
 
-        Only samples of this stream are read from now on. After a restart, the unit sends the raw stream again.
+        `read` then returns only samples of this stream. After a restart, the unit sends the raw stream again.
         """
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity | None:
-        """Identify a unit that may have restarted, repeatedly for as long as a restart may take, and `start` it.
+        """Wait for a unit that may be restarting, `start` its stream and return its identity.
 
-        `check_cancelled` is called between attempts and may raise. Returns None if the unit accepts no commands.
+        The unit is identified repeatedly for as long as a restart may take; `check_cancelled` is called between the
+        attempts and may raise an exception. Returns None if the unit accepts no commands.
         """
 
     def read(self) -> SampleBatch:
@@ -201,10 +219,10 @@ class Imu(Protocol):
         """Return the model, serial number and firmware."""
 
     def read_registers(self) -> dict[str, float]:
-        """Return the calibration registers by contract parameter name, SI."""
+        """Return the calibration registers by parameter name, SI."""
 
     def write_registers(self, values: Mapping[str, float]) -> None:
-        """Write calibration registers, which are volatile until `commit`."""
+        """Write calibration registers by parameter, SI, which are volatile until `commit` is called."""
 
     def commit(self) -> None:
         """Store the registers permanently in flash."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from calstation.devices import Imu, Table
-from calstation.devices.profiles import Span, StatusSection
+from calstation.devices.profiles import ChannelRange, StatusSection
 from calstation.errors import CalstationError
 from calstation.estimation import Ranking, Solution
 from calstation.estimation.common import ImuModel, SampleBlock
@@ -83,7 +83,7 @@ class UnitTask:
     preflight: PreflightLimits
     geometry: TableGeometry
     masks: StatusSection = field(default_factory=StatusSection)
-    span: Span = field(default_factory=Span)
+    span: ChannelRange = field(default_factory=ChannelRange)
     wrap: float = np.inf
     corrected: Output = Output.NEVER
 

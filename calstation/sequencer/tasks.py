@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from calstation.config import RunConfiguration
-from calstation.devices.profiles import span
+from calstation.devices.profiles import channel_range
 from calstation.estimation import RepeatedSchedule
 from calstation.estimation.common import BIAS_SIGMAS, REST_RATE
 from calstation.physics import GimbalTurn, group_indices
@@ -56,7 +56,7 @@ def unit_task(setup: RunConfiguration, meta: LogMeta | None = None) -> UnitTask:
         ),
         geometry=replace(setup.table.geometry(), orientation=context.table.orientation),
         masks=setup.imu.status,
-        span=span(setup.imu.frame),
+        span=channel_range(setup.imu.frame),
         wrap=setup.imu.frame.counter_period,
         corrected=corrected_output(setup),
     )

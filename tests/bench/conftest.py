@@ -101,13 +101,13 @@ def running(**config):
 
 @pytest.fixture
 def start_bench():
-    """`with start_bench(**config) as bench`."""
+    """A context manager that runs a bench: `with start_bench(**config) as bench`."""
     return running
 
 
 @pytest.fixture
 def imu_client():
-    """Opens clients of an IMU endpoint; closed at the end."""
+    """A function that opens a client of an IMU endpoint; all clients are closed at the end."""
     clients = []
 
     def connect(endpoint):

@@ -98,10 +98,10 @@ def test_units_at_rest_measure_gravity_along_the_upward_axis():
     for name, force in zip(names, forces(units), strict=True):
         assert force == pytest.approx(9.8 * unit_axes(name)[2], abs=1e-4)
     assert forces(units)[2] == pytest.approx([-9.8, 0.0, 0.0], abs=1e-4)
-    move(units, np.pi / 2, 0.0)  # about x: y of the platform is up
+    move(units, np.pi / 2, 0.0)  # a rotation about x, after which y of the platform is up
     for name, force in zip(names, forces(units), strict=True):
         assert force == pytest.approx(9.8 * unit_axes(name)[1], abs=1e-4)
-    move(units, np.pi / 2, np.pi / 2)  # and then about z of the platform: x is up
+    move(units, np.pi / 2, np.pi / 2)  # a rotation about z of the platform, after which x is up
     for name, force in zip(names, forces(units), strict=True):
         assert force == pytest.approx(9.8 * unit_axes(name)[0], abs=1e-4)
 
@@ -177,12 +177,12 @@ def test_table_fault_within_a_time_step_affects_all_units_equally():
     assert second == pytest.approx(first, abs=1e-12)
 
 
-def test_fault_order_for_an_unknown_unit_is_rejected():
+def test_fault_command_for_an_unknown_unit_is_rejected():
     with raises_code(ConfigurationError, "entry.in_file"):
         validate(BenchConfig, {"orders": [{"order": "reset_imu", "unit": 3}], "secondaries": [{"unit": 2}]}, "bench")
 
 
-def test_timed_fault_order_silences_only_its_unit(start_bench, imu_client):
+def test_timed_fault_command_silences_only_its_unit(start_bench, imu_client):
     further = [{"unit": unit, "serial": f"SN-{unit}", "seed": unit} for unit in (2, 4)]
     orders = [{"order": "silence_imu", "value": 0.5, "at": 1.0, "unit": 4}]
     with start_bench(secondaries=further, orders=orders, clock_drift_ppm=0.0) as bench:

@@ -1,4 +1,4 @@
-"""The corrected stream of a simulated unit equals the true motion if its registers hold its true errors."""
+"""The corrected stream of a simulated unit equals the true motion if its registers contain its true errors."""
 
 import struct
 from pathlib import Path
@@ -44,7 +44,7 @@ def measured(errors, rate, force):
 
 
 @pytest.mark.parametrize("protocol", UNITS)
-def test_output_is_the_true_motion_if_registers_hold_the_true_errors(protocol):
+def test_output_is_the_true_motion_if_registers_contain_the_true_errors(protocol):
     profile = shipped(protocol)
     entries = RegisterMap(tuple(profile.registers))
     registers = {n: v for n, v in ERRORS.items() if n in entries.parameters}

@@ -1,4 +1,4 @@
-"""Two CiA 402 drives described only by a profile: low word first, floats, a negative scale, no watchdog."""
+"""Two CiA 402 drives, described only by a profile, with floats, the low word first, a negative scale, no watchdog."""
 
 import struct
 import sys

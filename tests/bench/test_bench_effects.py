@@ -12,7 +12,7 @@ from calstation.bench.truth.kinematics import JointProfile
 from calstation.errors import ConfigurationError
 from calstation.physics import COUNT, INDEX, NAMES, Dwell, Move
 from calstation.schema import validate
-from tests.helpers import complaint, raises_code
+from tests.helpers import error_code, raises_code
 
 G, PPM = 9.80665, 1e-6
 DPH = np.deg2rad(1.0) / 3600.0
@@ -29,7 +29,7 @@ PLAIN: dict[str, Any] = {
     "velocity_sigma": 0.0,
     "mount_deg": (0.0, 0.0),
 }
-#: Counts of 1e-9 of the usual ones, so that rounding does not matter.
+#: Factor that makes counts so small that rounding does not matter.
 FINE = 1e-9
 
 
@@ -153,7 +153,7 @@ def test_sample_clock_error_changes_the_true_sample_duration_but_not_the_timesta
     )
     assert len(fast.seq) == pytest.approx(1.02 * len(plain.seq), abs=2)
     assert fast.time == pytest.approx((fast.seq + 1) * 0.01)
-    # The same angle in more samples, each of a shorter time: less gravity in a sample.
+    # The same angle takes more samples, each of which is shorter and contains less gravity.
     lsb = BenchConfig(**settings).truth().imu
     assert fast.counts[:, 2].sum() * lsb.gyro_lsb == pytest.approx(6.0, abs=2e-3)
     assert fast.counts[:400, 5].mean() * lsb.accel_lsb == pytest.approx(0.01 * G / 1.02, abs=1e-5)
@@ -227,4 +227,4 @@ def test_effects_require_a_motorised_table() -> None:
     config = {"table_protocol": "hand", "effects": {"accel_delay_ms": 1.0}}
     with raises_code(ConfigurationError, "entry.in_file") as caught:
         validate(BenchConfig, config, "bench configuration")
-    assert complaint(caught.value) == "effects bench.effects_without_table"
+    assert error_code(caught.value) == "effects bench.effects_without_table"

@@ -159,7 +159,7 @@ def test_simulated_operator_moves_the_unit_near_the_position_and_releases_it():
     per_count = imu.accel_lsb * 100.0
     for pose in ((0.0, 1.0), (0.0, 1.0), (1.5, 1.0), (0.0, 0.0)):
         stream.carry(pose, 5.0, stream.produced / 100.0)
-        stream.produce(1500)  # a touch that comes too soon is over by then
+        stream.produce(1500)  # a premature touch has ended by then
         up = stream.produce(200).counts[:, 3:].mean(axis=0) * per_count
         asked = (rotation(np.array([pose[0], 0.0, 0.0])) @ rotation(np.array([0.0, pose[1], 0.0])))[2]
         away = np.arccos(up @ asked / np.linalg.norm(up))

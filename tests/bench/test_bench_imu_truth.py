@@ -1,4 +1,4 @@
-"""The output of the simulated unit agrees with closed forms: rest, centripetal and Euler terms, integrated attitude."""
+"""The output of the simulated unit agrees with closed forms at rest, in rotation and after integration."""
 
 from dataclasses import replace
 
@@ -46,7 +46,7 @@ def test_at_rest_a_perfect_unit_measures_gravity_and_earth_rate():
     rates = increments(unit(), table, JointProfile.rest(0.7), JointProfile.rest(-1.3), 3) * 100.0
     to_body = table_attitude(table, np.array([[0.7, -1.3]]))[0].T
     assert rates[:, :3] == pytest.approx(np.tile(to_body @ table.earth_rate_n, (3, 1)), abs=1e-17)
-    # The lever is 0: no rotation of the earth is felt by the accelerometers beyond gravity.
+    # The lever arm is 0, so the earth's rotation affects the accelerometers only through gravity.
     assert rates[:, 3:] == pytest.approx(np.tile(to_body @ [0.0, 0.0, GRAVITY], (3, 1)), abs=1e-13)
 
 
@@ -96,7 +96,7 @@ def test_accelerating_rotation_gives_the_euler_force_of_the_lever_arms():
     imu = unit(outer_lever_x=0.3, outer_lever_y=-0.2)
     acceleration = 0.5
     turning = JointProfile.rest(0.0).move(0.0, 100.0, 5.0, acceleration)
-    # At 5 s the start's oscillation has gone: the joint's acceleration is constant.
+    # At 5 s the initial oscillation has decayed, and the acceleration of the joint is constant.
     forces = increments(imu, PLAIN, JointProfile.rest(0.0), turning, 1, first=500)[0, 3:] * 100.0
     angle, rate, change = turning.states(np.array([5.005]))[0]
     assert change == pytest.approx(acceleration, abs=1e-9)
@@ -109,7 +109,7 @@ def test_accelerating_rotation_gives_the_euler_force_of_the_lever_arms():
     expected_z = GRAVITY + (rate + PLAIN.earth_rate_n[2]) * (north_body @ [0.3, -0.2])
     expected_x = -(square + earth) * 0.3 + acceleration * 0.2
     assert forces[0] == pytest.approx(expected_x, abs=1e-7)
-    # Euler's part of the turning earth rotation doubles it: ω' = Ω_b × ω_joint.
+    # The Euler term due to the rotating earth rate doubles it: ω' = Ω_b × ω_joint.
     assert forces[2] == pytest.approx(expected_z + rate * (north_body @ [0.3, -0.2]), abs=1e-6)
 
 
@@ -128,7 +128,7 @@ def test_integrated_body_rate_gives_the_closed_form_attitude():
     time = count / sample_rate
     ends = np.array([[outer.states(np.array([time]))[0, 0], inner.states(np.array([time]))[0, 0]]])
     earth = Rotation.from_rotvec(table.earth_rate_n * time)
-    # The body turns in inertial space; n has turned by the earth's rotation since.
+    # The body rotates in inertial space, while frame n has rotated with the earth.
     got = earth.inv() * attitude
     error = (Rotation.from_matrix(table_attitude(table, ends)[0]).inv() * got).magnitude()
     assert error < 1e-9
@@ -190,7 +190,7 @@ def test_increments_are_rounded_and_carry_the_remainder():
     counts, saturated = quantise(values, as_rate=False)
     assert not saturated.any()
     assert np.all(counts == np.round(counts))
-    # The sum never strays by more than half a count.
+    # The error of the sum never exceeds half a count.
     assert np.max(np.abs(np.cumsum(counts * 0.5, axis=0) - np.cumsum(values, axis=0))) <= 0.25 + 1e-9
 
 

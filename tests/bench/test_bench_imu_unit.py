@@ -101,7 +101,7 @@ def test_frames_flag_power_up_reset_and_saturation():
     imu = unit(ready_time_s=1.0)
     ends = np.arange(1, 11) * BOOT_TIME / 5
     frames = np.frombuffer(imu.frames(output(10), ends), dtype=STREAM)
-    # Silent while it boots, then counting from 0, not ready yet.
+    # The unit is silent while booting, then counts from 0 before it is ready.
     assert np.array_equal(frames["counter"], np.arange(5))
     assert np.all(frames["status"] == 0)
     later = np.frombuffer(imu.frames(output(2, saturated=True), np.array([1.0, 1.1])), dtype=STREAM)

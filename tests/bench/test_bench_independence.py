@@ -18,7 +18,7 @@ SHARED = {
 MODULES = sorted(Path(calstation.bench.__file__).parent.rglob("*.py"))
 
 
-def of_physics(tree: ast.Module) -> Iterator[str]:
+def imported_from_physics(tree: ast.Module) -> Iterator[str]:
     """Return the names that a module imports from physics, or the full name of an imported module."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -32,7 +32,7 @@ def of_physics(tree: ast.Module) -> Iterator[str]:
 
 
 def test_the_bench_imports_only_parameter_names_steps_and_array_types_from_physics() -> None:
-    found = {str(path): set(of_physics(ast.parse(path.read_text(encoding="utf-8")))) for path in MODULES}
+    found = {str(path): set(imported_from_physics(ast.parse(path.read_text(encoding="utf-8")))) for path in MODULES}
     assert any(found.values())
     assert not {name: more for name, names in found.items() if (more := names - SHARED)}
 
@@ -46,4 +46,4 @@ def test_import_of_an_equation_or_a_physics_module_is_detected() -> None:
         "import calstation.physics.rotation as rotation",
         "from ...physics import FloatArray",
     ):
-        assert not set(of_physics(ast.parse(line))) <= SHARED, line
+        assert not set(imported_from_physics(ast.parse(line))) <= SHARED, line

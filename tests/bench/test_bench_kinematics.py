@@ -34,7 +34,7 @@ def test_rate_and_acceleration_are_the_derivatives_of_the_angle(target, rate, ac
     times = np.linspace(0.5, min(profile.settling_time(1e-9), 6.0), 200) + 1e-3
     step = 1e-5
     near = np.array([profile.states(times + k * step) for k in (-1, 0, 1)])
-    # The angle has continuous second derivatives, the third is at most a·ω.
+    # The second derivative of the angle is continuous, and the third is at most a·ω.
     bound = 4.0 * acceleration * DRIVE_FREQUENCY
     assert near[1, :, 1] == pytest.approx((near[2, :, 0] - near[0, :, 0]) / (2 * step), abs=bound * step**2 + 1e-9)
     assert near[1, :, 2] == pytest.approx((near[2, :, 1] - near[0, :, 1]) / (2 * step), abs=bound * step + 1e-8)

@@ -62,7 +62,7 @@ def test_sum_of_gauss_markov_processes_has_the_flicker_floor():
 
 
 def test_bias_instability_has_the_autocovariance_of_the_gauss_markov_processes():
-    # Slow samples show many correlation times; pooled over six channels and runs.
+    # Slow samples cover many correlation times; they are pooled over six channels and all runs.
     instability, rate, length = 1e-3, 0.5, 4096
     lags = np.array([0, 1, 2, 4])
     found = []

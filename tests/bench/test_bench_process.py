@@ -116,7 +116,7 @@ def test_watchdog_and_interlock_trip_and_latch_faults(start_bench):
 def test_serial_line_loses_no_bytes_and_replies_while_streaming(start_bench, imu_client, transport):
     with start_bench(imu_transport=transport, serial="SN-77", clock_drift_ppm=0.0) as bench:
         imu = imu_client(bench.endpoints["imu"])
-        assert imu.command(1) == (1, b"bench-imu;SN-77;1.0.0")  # now the bench has seen that the line is open
+        assert imu.command(1) == (1, b"bench-imu;SN-77;1.0.0")  # the bench has detected the open line
         answer = bench.advance(20.0)
         values = struct.pack("<HB3f", 12, 3, 0.5, -1.5, 2.5)
         assert imu.command(3, values) == (3, values[:3])
@@ -126,7 +126,7 @@ def test_serial_line_loses_no_bytes_and_replies_while_streaming(start_bench, imu
         assert answer["now"] == pytest.approx(20.0)
         assert total["samples"] == 8000
         assert len(imu.data) == total["bytes"][0]
-        # Cut the three replies out; what is left is whole frames, none missing.
+        # Without the three replies, only complete frames remain, and none is missing.
         first, replies = 6 + 21, 6 + 3 + 6 + 15
         frames = len(imu.data) - first - replies
         assert frames % STREAM.itemsize == 0
@@ -242,7 +242,7 @@ def test_invalid_configuration_is_reported_in_one_line(config, message):
 
 
 def test_watchdog_stops_a_bench_without_clients_and_is_reported(start_bench, tmp_path):
-    """Time does not advance then, so the bench itself simulates the deceleration."""
+    """Without clients, time does not advance, so the bench itself simulates the deceleration."""
     report = tmp_path / "report.json"
     with start_bench(report_file=str(report), watchdog_ms=300, start_deg=[0.0, 0.0]) as bench:
         client = connect(bench)

@@ -13,7 +13,7 @@ from calstation.physics import COUNT, PARAMETERS, Dwell, Move, RoundEnd
 RATE, ACCELERATION = np.deg2rad(30.0), np.deg2rad(60.0)
 
 
-def endless():
+def unlimited_plan():
     for number in count(1):
         yield Move(0.0, np.pi, RATE, ACCELERATION)
         yield Dwell(1.0)
@@ -41,7 +41,7 @@ def test_angles_are_nan_between_polls():
 
 
 def test_unlimited_plan_ends_after_the_requested_rounds():
-    result = Simulator(BenchConfig(grade="mems", seed=1).truth(), 1).run(endless(), "azimuth_flip", rounds=3)
+    result = Simulator(BenchConfig(grade="mems", seed=1).truth(), 1).run(unlimited_plan(), "azimuth_flip", rounds=3)
     assert result.step[-1] == 6
 
 

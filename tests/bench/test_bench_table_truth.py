@@ -82,7 +82,7 @@ def test_unit_at_rest_measures_only_earth_rate():
 
 def test_rates_are_exact_derivatives_of_the_attitude_including_wobble():
     table = real_table()
-    # Smooth courses of the joints with known derivatives.
+    # Smooth joint angles with known derivatives.
     outer = lambda t: np.array([0.9 * np.sin(t), 0.9 * np.cos(t), -0.9 * np.sin(t)])  # noqa: E731
     inner = lambda t: np.array([1.4 * t + 0.2 * t**2, 1.4 + 0.4 * t, 0.4])  # noqa: E731
     for time in (0.0, 0.7, 2.3):

@@ -83,12 +83,12 @@ def test_recording_is_not_overwritten(calstation: Run, log: Path, result: Path, 
 
 
 def test_samples_corrected_by_other_registers_are_not_corrected_again(calstation: Run, log: Path, result: Path) -> None:
-    behind = log.rename(log.with_name("behind.csv"))
-    behind.with_suffix(".toml").write_text(META + "[registers]\naccel_scale_x = 1e-3\n", encoding="utf-8")
+    corrected_log = log.rename(log.with_name("corrected_log.csv"))
+    corrected_log.with_suffix(".toml").write_text(META + "[registers]\naccel_scale_x = 1e-3\n", encoding="utf-8")
     log.with_suffix(".toml").unlink()
-    done = calstation("apply", result, behind, "--json", behind.with_name("shown.json"))
+    done = calstation("apply", result, corrected_log, "--json", corrected_log.with_name("shown.json"))
     assert "the result is not applied a second time" in done.err
-    shown = json.loads(behind.with_name("shown.json").read_text())
+    shown = json.loads(corrected_log.with_name("shown.json").read_text())
     assert shown["corrected"]
     assert shown["rms"]["force_after"] == shown["rms"]["force_before"]
 

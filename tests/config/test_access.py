@@ -14,7 +14,7 @@ from calstation.errors import ConfigurationError
 from calstation.records import audit_path, read_audit
 from tests.helpers import raises_code
 
-#: As recommended by OWASP; the fixtures of other tests make it smaller.
+#: Cost recommended by OWASP; the fixtures of other tests reduce it.
 COST = (2**15, 8, 3)
 
 
@@ -72,7 +72,7 @@ def test_a_short_pin_is_refused() -> None:
 def test_pin_of_an_earlier_version_keeps_its_hash_cost_until_changed(
     home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It was set with four characters."""
+    """A PIN of an earlier version may have four characters."""
     monkeypatch.setattr(access, "_N", COST[0])
     digest = hashlib.scrypt(b"2468", salt=bytes(16), n=2**13, r=8, p=1, dklen=32)
     stored = {"salt": bytes(16).hex(), "hash": digest.hex(), "n": 2**13, "r": 8, "p": 1}

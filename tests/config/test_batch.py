@@ -29,7 +29,7 @@ from calstation.schema import validate
 from calstation.sequencer import table_task, unit_task
 from calstation.simulation import bench_config
 from calstation.simulation.fault_plan import with_faults
-from tests.helpers import complaint, raises_code
+from tests.helpers import error_code, raises_code
 from tests.site_folder import BENCH, PRODUCT, STATION, SiteFolder
 
 PORTS = ("/dev/ttyUSB1", "/dev/ttyUSB2")
@@ -79,14 +79,14 @@ def test_invalid_slots_are_refused(changes: dict[str, Any], entry: str, code: st
     validate(StationConfig, HARDWARE, "station")
     with pytest.raises(ConfigurationError) as caught:
         validate(StationConfig, {**HARDWARE, **changes}, "station")
-    assert complaint(caught.value) == f"{entry} {code}"
+    assert error_code(caught.value) == f"{entry} {code}"
 
 
 @pytest.mark.parametrize("units", [0, 17, 2.0, True, "2"])
 def test_bench_accepts_one_to_sixteen_units(units: Any) -> None:
     with pytest.raises(ConfigurationError) as caught:
         validate(StationConfig, {**STATION, "bench": {"units": units}}, "station")
-    assert complaint(caught.value) == "bench.units station.units_out_of_range"
+    assert error_code(caught.value) == "bench.units station.units_out_of_range"
 
 
 def test_number_of_simulated_units_must_equal_the_number_of_slots() -> None:
@@ -94,10 +94,10 @@ def test_number_of_simulated_units_must_equal_the_number_of_slots() -> None:
     assert validate(StationConfig, data, "station").slot_names == ("left", "right", "top")
     with pytest.raises(ConfigurationError) as caught:
         validate(StationConfig, {**data, "bench": {"units": 2}}, "station")
-    assert complaint(caught.value) == "bench.units station.units_unlike_slots"
+    assert error_code(caught.value) == "bench.units station.units_unlike_slots"
     with pytest.raises(ConfigurationError) as caught:
         validate(StationConfig, {**data, "slots": SLOTS, "bench": {}}, "station")
-    assert complaint(caught.value) == 'slots["A"].port station.port_on_bench'
+    assert error_code(caught.value) == 'slots["A"].port station.port_on_bench'
 
 
 def test_lever_arm_of_a_slot_requires_a_table_with_units_off_centre(tmp_path: Path, site_folder: SiteFolder) -> None:
@@ -110,7 +110,7 @@ def test_lever_arm_of_a_slot_requires_a_table_with_units_off_centre(tmp_path: Pa
     write(site_folder, table={"profile": "turns_about_the_unit"})
     with pytest.raises(ConfigurationError) as caught:
         load_station(site_folder.station)
-    assert complaint(caught.value) == 'slots["right"].lever_m station.lever_fixed'
+    assert error_code(caught.value) == 'slots["right"].lever_m station.lever_fixed'
 
 
 def test_editor_validates_the_profiles_and_products_of_slots() -> None:
@@ -132,10 +132,10 @@ def test_a_slot_on_the_port_of_the_table_is_reported() -> None:
 
 def test_batch_has_one_request_per_occupied_slot(site_folder: SiteFolder) -> None:
     write(site_folder)
-    found = unit_requests(batch(site_folder, "SN-000001", "-", "SN-000003"))
-    assert [(r.serial, r.slot, r.serials) for r in found] == [("SN-000001", "left", ()), ("SN-000003", "top", ())]
-    assert found[0].batch == found[1].batch
-    assert re.fullmatch(r"B\d{8}T\d{6}-[0-9A-F]{4}", str(found[0].batch))
+    requests = unit_requests(batch(site_folder, "SN-000001", "-", "SN-000003"))
+    assert [(r.serial, r.slot, r.serials) for r in requests] == [("SN-000001", "left", ()), ("SN-000003", "top", ())]
+    assert requests[0].batch == requests[1].batch
+    assert re.fullmatch(r"B\d{8}T\d{6}-[0-9A-F]{4}", str(requests[0].batch))
     (only,) = unit_requests(replace(batch(site_folder, "", "SN-000002"), batch="B1"))
     assert (only.serial, only.slot, only.batch) == ("SN-000002", "right", "B1")
 
@@ -174,7 +174,7 @@ def test_station_for_one_unit_accepts_no_batch(site_folder: SiteFolder) -> None:
         prepare_batch(batch(site_folder, "SN-000001"))
     with pytest.raises(ConfigurationError) as caught:
         prepare_run(replace(site_folder.request(), slot="left"))
-    assert complaint(caught.value) == "slots station.unknown_slot"
+    assert error_code(caught.value) == "slots station.unknown_slot"
 
 
 def test_batch_of_several_units_cannot_be_resumed(site_folder: SiteFolder, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from calstation.config import library, load_product, save_schedule, versions
 from calstation.errors import ConfigurationError
-from tests.helpers import complaint, ignore_progress
+from tests.helpers import error_code, ignore_progress
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def test_a_shipped_product_is_copied_to_the_site_with_the_new_values(shipped: Pa
 def test_required_value_cannot_be_removed(shipped: Path) -> None:
     with pytest.raises(ConfigurationError, match="means 1") as caught:
         save_schedule(ignore_progress, shipped, {"excitation": {"rounds": None}}, "wang")
-    assert complaint(caught.value) == "schedule.excitation.rounds product.empty_in_file"
+    assert error_code(caught.value) == "schedule.excitation.rounds product.empty_in_file"
 
 
 def test_invalid_value_changes_nothing(shipped: Path) -> None:
@@ -52,7 +52,7 @@ def test_check_for_a_stage_missing_from_the_product_is_refused(shipped: Path, tm
     path.write_text(shipped.read_text("utf-8").replace('stage = "excitation"', 'stage = "exitation"'), "utf-8")
     with pytest.raises(ConfigurationError, match=r"'exitation' is unknown.*'excitation'") as caught:
         load_product(path)
-    assert complaint(caught.value) == "checks.motion_angle.stage entry.unknown_name"
+    assert error_code(caught.value) == "checks.motion_angle.stage entry.unknown_name"
 
 
 @pytest.mark.parametrize(
@@ -76,4 +76,4 @@ def test_serial_number_example_must_match_the_pattern(tmp_path: Path) -> None:
     )
     with pytest.raises(ConfigurationError) as caught:
         load_product(path)
-    assert complaint(caught.value) == "serial_example product.example_unlike"
+    assert error_code(caught.value) == "serial_example product.example_unlike"

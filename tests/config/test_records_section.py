@@ -1,4 +1,4 @@
-"""`[records]` of a station file names a database and an archive, and holds no credentials."""
+"""`[records]` of a station file names a database and an archive, and contains no credentials."""
 
 from pathlib import Path
 

@@ -10,7 +10,7 @@ import tomli_w
 from calstation.config import editing as settings
 from calstation.config import library, load_configuration
 from calstation.errors import ConfigurationError
-from tests.helpers import complaint, raises_code
+from tests.helpers import error_code, raises_code
 from tests.site_folder import STATION
 
 NAV = Path(library.shipped_folder()) / "imus" / "bench_nav.toml"
@@ -51,7 +51,7 @@ def test_limits_outside_the_register_range_are_refused(
     coarse(entry, {"gyro_bias": limit})
     with raises_code(ConfigurationError, "entry.in_file") as caught:
         load_configuration(site_folder.request("rate"))
-    assert complaint(caught.value) == f"limits.gyro_bias.{found}"
+    assert error_code(caught.value) == f"limits.gyro_bias.{found}"
     values = caught.value.values["what"].values["what"].values
     assert (values["parameter"], values["register"]) == ("gyro_bias_x", 0)
     (problem,) = settings.check("products", site_folder.product.read_text(encoding="utf-8"))
@@ -70,12 +70,12 @@ def test_station_baud_rate_must_be_sufficient_for_the_stream(site_folder: Any, p
     hardware = {**STATION, "table": {"profile": "bench", "port": "tcp://127.0.0.1:502"}}
     hardware["imu"] = {"port": port, "serial": {"baud": 19200}}
     site_folder.station.write_text(tomli_w.dumps(hardware), encoding="utf-8")
-    if port.startswith("socket"):  # of a socket's other end nobody knows
+    if port.startswith("socket"):  # the baud rate behind a socket is unknown
         load_configuration(site_folder.request("rate"))
         return
     with raises_code(ConfigurationError, "entry.in_file") as caught:
         load_configuration(site_folder.request("rate"))
-    assert complaint(caught.value) == "imu.serial.baud profile.baud_too_low"
+    assert error_code(caught.value) == "imu.serial.baud profile.baud_too_low"
 
 
 def test_station_baud_rate_must_be_sufficient_for_the_corrected_stream(

@@ -90,7 +90,7 @@ def test_copy_of_a_shipped_product_uses_the_shipped_or_its_own_picture(
 ) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
     shipped = library.find("products", "nav_a")
-    for name in ("nav_a", "nav_b"):  # changed in place, and under another name
+    for name in ("nav_a", "nav_b"):  # changed under its own name and under another name
         versions.save("products", name, shipped.read_text(encoding="utf-8") + "\n# own\n", "li")
         path, product = load_product(library.find("products", name))
         assert path.is_relative_to(tmp_path)

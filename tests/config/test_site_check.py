@@ -53,7 +53,7 @@ def test_gravity_that_contradicts_latitude_or_height_is_refused(
 
 def test_gyros_that_resolve_earth_rate_need_no_surveyed_gravity() -> None:
     check_site(meta(NAV, "six_position"))
-    check_site(meta(MEMS, "rate"))  # turned both ways, a gyro's scale factor carries no latitude
+    check_site(meta(MEMS, "rate"))  # turns in both directions make the gyro scale factor independent of the latitude
     for stage in ("six_position", "excitation", "multi_position"):
         with raises_code(EntryError, "site.gravity_missing"):
             check_site(meta(MEMS, "rate", stage))
@@ -75,7 +75,7 @@ def test_imported_recording_requires_site_confirmation() -> None:
     asked = unconfirmed_site(foreign, solutions)
     assert asked is not None
     assert asked["latitude"] == 34.25
-    assert unconfirmed_site(meta(MEMS, "six_position"), solutions) is None  # the run asked
+    assert unconfirmed_site(meta(MEMS, "six_position"), solutions) is None  # a run requires the confirmation itself
     assert unconfirmed_site(meta(NAV).model_copy(update={"run": None}), solutions) is None
     assert unconfirmed_site(foreign, solved(None)) is None
 

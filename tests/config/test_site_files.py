@@ -13,7 +13,7 @@ from calstation.config.editing import MODELS, list_files, new_name
 from calstation.errors import ConfigurationError
 from calstation.schema import Problem, load
 
-THERE, HEADER = "the changed line", "its table's header"
+CHANGED_LINE, HEADER_LINE = "the changed line", "its table's header"
 SHIPPED = [(kind, path) for kind in MODELS for path in (library.shipped_folder() / kind).glob("*.toml")]
 
 
@@ -36,44 +36,44 @@ def test_every_shipped_file_is_valid(kind: str, path: Path) -> None:
 @pytest.mark.parametrize(
     ("kind", "name", "old", "new", "where", "message"),
     [
-        ("products", "nav_a", "turns = 2", "turns = 0", THERE, "schedule.rate.turns: 0 is out of range"),
-        ("products", "nav_a", "rounds = 1", "round = 1", THERE, "Did you mean 'rounds'?"),
-        ("products", "nav_a", '"rate"', '"rat"', THERE, "There is no stage 'rat'"),
+        ("products", "nav_a", "turns = 2", "turns = 0", CHANGED_LINE, "schedule.rate.turns: 0 is out of range"),
+        ("products", "nav_a", "rounds = 1", "round = 1", CHANGED_LINE, "Did you mean 'rounds'?"),
+        ("products", "nav_a", '"rate"', '"rat"', CHANGED_LINE, "There is no stage 'rat'"),
         (
             "products",
             "nav_a",
             'imu = "bench_nav"',
             'imu = "x"',
-            THERE,
+            CHANGED_LINE,
             "imu: There is no IMU profile “x”. Choose from",
         ),
-        ("products", "nav_a", "name =", "name", THERE, "not valid TOML: Expected '='"),
+        ("products", "nav_a", "name =", "name", CHANGED_LINE, "not valid TOML: Expected '='"),
         (
             "imus",
             "bench_nav",
             '"gyro_z", type = "i32"',
             '"gyro_z", type = "i33"',
-            THERE,
+            CHANGED_LINE,
             'frame.fields["gyro_z"].type',
         ),
-        ("imus", "bench_nav", "sigma = 2.5e-05", "sigma = -1.0", THERE, "prior.gyro_bias.sigma: -1.0"),
-        ("imus", "bench_nav", "address = 12", "address = 11", THERE, "overlap"),
+        ("imus", "bench_nav", "sigma = 2.5e-05", "sigma = -1.0", CHANGED_LINE, "prior.gyro_bias.sigma: -1.0"),
+        ("imus", "bench_nav", "address = 12", "address = 11", CHANGED_LINE, "overlap"),
         (
             "imus",
             "bench_nav",
             '"gyro_scale_x", ',
             '"gyro_scal_x", ',
-            THERE,
+            CHANGED_LINE,
             "'gyro_scal_x' is not a parameter",
         ),
-        ("imus", "bench_nav", "range = [-2.0, 2.0]", "range = [-0.001, 2.0]", THERE, "Widen the range"),
-        ("imus", "bench_nav", 'name = "gyro_x"', 'name = "gyrox"', THERE, "'gyrox' is unknown"),
+        ("imus", "bench_nav", "range = [-2.0, 2.0]", "range = [-0.001, 2.0]", CHANGED_LINE, "Widen the range"),
+        ("imus", "bench_nav", 'name = "gyro_x"', 'name = "gyrox"', CHANGED_LINE, "'gyrox' is unknown"),
         (
             "imus",
             "bench_nav",
             'crc16_ccitt_false", start = 2',
             'crc16_ccitt_false", start = 99',
-            THERE,
+            CHANGED_LINE,
             "crc.start: Byte 99",
         ),
         (
@@ -81,7 +81,7 @@ def test_every_shipped_file_is_valid(kind: str, path: Path) -> None:
             "vectornav_vn100",
             "reach = 156.9 }, # ±16 g",
             "per_sample = 2.0 },",
-            THERE,
+            CHANGED_LINE,
             "Only the counter has a per_sample",
         ),
         (
@@ -89,7 +89,7 @@ def test_every_shipped_file_is_valid(kind: str, path: Path) -> None:
             "vectornav_vn100",
             '"accel_quadratic", "inner',
             '"accel_quadratc", "inner',
-            THERE,
+            CHANGED_LINE,
             "Did you mean",
         ),
         (
@@ -97,16 +97,16 @@ def test_every_shipped_file_is_valid(kind: str, path: Path) -> None:
             "mn_ascii",
             'stop = ["STP,{axis}"]',
             'stop = ["STP,{angle}"]',
-            THERE,
+            CHANGED_LINE,
             "'{angle}' is unknown here",
         ),
-        ("tables", "mn_ascii", "rate = { send", "rat = { send", HEADER, "queries.rate: The entry is missing"),
+        ("tables", "mn_ascii", "rate = { send", "rat = { send", HEADER_LINE, "queries.rate: The entry is missing"),
         (
             "tables",
             "mn_ascii",
             "moving = { query",
             "movin = { query",
-            THERE,
+            CHANGED_LINE,
             "flags.movin: The entry is unknown",
         ),
         (
@@ -114,22 +114,22 @@ def test_every_shipped_file_is_valid(kind: str, path: Path) -> None:
             "bench",
             'outer_target = { address = 34, type = "i32"',
             'outer_target = { address = 34, type = "i16"',
-            THERE,
+            CHANGED_LINE,
             "registers.outer_target: Type i16",
         ),
-        ("tables", "bench", "stop = 2", "stop = 70000", THERE, "commands.stop: 70000 does not fit"),
-        ("tables", "bench", "homed = 12", "homed = 16", THERE, "status_bits.homed: 16 is out of range"),
-        ("stations", "virtual_bench", "seed = 1", "seed = -1", THERE, "bench.seed: -1 is out of range"),
+        ("tables", "bench", "stop = 2", "stop = 70000", CHANGED_LINE, "commands.stop: 70000 does not fit"),
+        ("tables", "bench", "homed = 12", "homed = 16", CHANGED_LINE, "status_bits.homed: 16 is out of range"),
+        ("stations", "virtual_bench", "seed = 1", "seed = -1", CHANGED_LINE, "bench.seed: -1 is out of range"),
         (
             "stations",
             "virtual_bench",
             'profile = "bench"',
             'profile = "x"',
-            THERE,
+            CHANGED_LINE,
             "table.profile: There is no table profile “x”",
         ),
-        ("stations", "example_hardware", "timeout_s = 1.0", "timeout_s = 'long'", THERE, "imu.timeout_s"),
-        ("stations", "example_hardware", 'port = "tcp', 'prt = "tcp', THERE, "Did you mean 'port'?"),
+        ("stations", "example_hardware", "timeout_s = 1.0", "timeout_s = 'long'", CHANGED_LINE, "imu.timeout_s"),
+        ("stations", "example_hardware", 'port = "tcp', 'prt = "tcp', CHANGED_LINE, "Did you mean 'port'?"),
     ],
 )
 def test_problem_of_an_entry_has_its_line_number(
@@ -139,7 +139,7 @@ def test_problem_of_an_entry_has_its_line_number(
     assert message in problem.text
     lines = (shipped(kind, name).split(old)[0] + old).splitlines()
     header = max((i for i, text in enumerate(lines, 1) if text.startswith("[")), default=0)
-    assert problem.line == (header if where == HEADER else len(lines))
+    assert problem.line == (header if where == HEADER_LINE else len(lines))
 
 
 def test_all_problems_are_found() -> None:

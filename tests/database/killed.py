@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from sqlalchemy import Engine, event
 
-#: What counts as a step: before or after a statement, and a commit.
+#: Events that count as steps.
 STEPS = ("before_cursor_execute", "after_cursor_execute", "commit")
 
 

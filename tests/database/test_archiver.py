@@ -261,7 +261,7 @@ def test_pauses_grow_after_repeated_failures(
 def test_uncopyable_log_does_not_delay_other_logs(url: str, folder: Path, archive: Path) -> None:
     exchange = Exchange(folder, url, "line 1")
     exchange.exchange()
-    (archive / exchange.outbox.id / "a.h5").mkdir(parents=True)  # in the way
+    (archive / exchange.outbox.id / "a.h5").mkdir(parents=True)  # prevents the copy of a.h5
     archiver = LogArchiver(folder, str(archive))
     with raises_code(InputError, "database.archive_failed"):
         archiver.copy_next()

@@ -57,13 +57,13 @@ def test_two_stations_that_scan_the_same_unit_are_both_warned(shared_database: s
             start = datetime.now(UTC).timestamp() + 0.2
             work = [(start, shared_database, folders[k], f"SN-{number}") for k in (0, 1)]
             found = pool.starmap(scan, work, chunksize=1)
-            assert any(found)  # at once: whoever scans last sees the other
+            assert any(found)  # the station that scans last sees the other's claim immediately
             for k, there in enumerate(found):
                 assert all((claim.serial, claim.operator) == (f"SN-{number}", "li") for claim in there)
                 assert {claim.station for claim in there} <= {folders[1 - k].name}
                 counts[k] += len(there)
     assert sum(counts.values()) >= 10
-    for k in (0, 1):  # the exchange tells whoever scanned first
+    for k in (0, 1):  # the exchange informs the station that scanned first
         exchange = Exchange(folders[k], shared_database, folders[k].name)
         there = exchange.exchange()
         exchange.close()
@@ -109,7 +109,7 @@ def test_claim_lasts_while_the_station_renews_it(url: str, folders: tuple[Path, 
     assert [(claim.station, claim.operator, claim.since) for claim in two.exchange()] == [("line 1", "li", since)]
     assert [claim.station for claim in one.exchange()] == ["line 2"]
     past = datetime.now(UTC) - timedelta(seconds=1)
-    serials(url, {"expires": past})  # as after five minutes without a contact
+    serials(url, {"expires": past})  # simulates five minutes without contact
     assert two.exchange() == []
     assert [claim.station for claim in one.exchange()] == ["line 2"]
     assert [claim.station for claim in two.exchange()] == ["line 1"]

@@ -107,7 +107,7 @@ def test_database_contains_the_result_digest_and_the_log_location(url: str, stat
         outbox.add_copy(ArchivedLog(name, f"s3://logs/{name}.h5", "1" * 64, 17))
     exchange(one, url)
     exchange(two, url)
-    write_result(one, "a", 2)  # its log remains where it is
+    write_result(one, "a", 2)  # the log remains at its location
     exchange(one, url)
     locations = ["s3://logs/a.h5", "s3://logs/b.h5"]
     with engine.connect() as connection:
@@ -154,7 +154,7 @@ def test_messages_are_not_stored_if_another_process_has_sent_some(url: str, stat
     assert made.outbox.refresh()
     (page,) = [messages for messages in made.outbox.pages() if messages]
     exchange(one, url)  # another process, which does not wait for this one
-    made.outbox.acknowledge(0, [], replace=True)  # not yet known here
+    made.outbox.acknowledge(0, [], replace=True)  # this process does not know the acknowledgement yet
     made._deliver(engine, page)
     made.close()
     assert in_database(url) == [("a", "one")]
@@ -237,7 +237,7 @@ def test_database_restored_from_a_backup_loses_no_run(
         exchange(folder, url)
     assert [row[0] for row in in_index(b) if row[0].startswith("a")] == ["a0", "a1", "a2", "a3"]
 
-    # the database is restored, which loses three runs of `a`; `a` is off
+    # the database is restored, which loses three runs of station `a`, which is off
     for number in range(1, 6):
         write_result(c, f"c{number}", number)
     for folder in (c, b):
@@ -336,7 +336,7 @@ def test_log_copy_waits_until_its_run_is_sent(
     outbox = Outbox(one)
     outbox.add_copy(ArchivedLog("a", "s3://logs/a.h5", "1" * 64, 17))
     with monkeypatch.context() as patch:
-        patch.setattr(RunIndex, "named", lambda *_: [])  # the index was recreated in between
+        patch.setattr(RunIndex, "runs_by_name", lambda *_: [])  # as if the index had been recreated in the meantime
         assert outbox.refresh()
         assert [messages for messages in outbox.pages() if messages] == []
     exchange(one, url)
@@ -388,7 +388,7 @@ def test_run_rejected_by_the_database_does_not_delay_other_runs(
     assert [row[0] for row in in_index(two)] == ["a", "c", "d"]
     assert [run.record.location for run in RunIndex(two).find(RunFilter(names=("c",)))] == ["s3://logs/c.h5"]
 
-    write_result(one, "b", 1)  # corrected; its log is in the archive
+    write_result(one, "b", 1)  # a corrected result whose log is in the archive
     assert run_app(command) == 0
     assert "All runs of the folder are in the shared database." in capsys.readouterr().err
     exchange(two, shared_database)
@@ -444,15 +444,15 @@ def test_page_of_runs_needs_few_statements(url: str, stations: tuple[Path, Path]
     engine = made._connected()
     made._synchronise(engine)
     assert made.outbox.refresh()
-    said: list[str] = []
-    event.listen(engine, "before_cursor_execute", lambda *args: said.append(args[2].split()[1:3]))
+    statements: list[str] = []
+    event.listen(engine, "before_cursor_execute", lambda *args: statements.append(args[2].split()[1:3]))
     for messages in made.outbox.pages():
         made._send(engine, messages)
     made.close()
     begin = [["now()", "AS"], ["revisions", "SET"]][url.startswith("sqlite") :]
     end = [["outboxes", "SET"]]
     copies = [["INTO", "log_copies"], ["runs", "SET"]]
-    assert said == [*begin, ["INTO", "runs"], *end, *begin, *copies, *end]
+    assert statements == [*begin, ["INTO", "runs"], *end, *begin, *copies, *end]
     assert len(in_database(url)) == 50
 
 
@@ -563,4 +563,4 @@ def test_results_of_other_stations_are_exported_and_compared(url: str, stations:
     export_shared_runs(ignore_progress, None, two, RunFilter(), table)  # needs no database
     rows = list(csv.DictReader(table.read_text("utf-8").splitlines()))
     assert [(row["station"], float(row["gyro_bias_x"])) for row in rows] == [("two", 0.2), ("one", 0.1)]
-    assert History(two).refresh() == 0  # the copies are no runs of this folder
+    assert History(two).refresh() == 0  # the copies are not runs of this folder

@@ -72,7 +72,7 @@ def test_runs_are_exchanged_while_the_process_lives(shared_database: str, folder
             assert [(claim.serial, claim.station) for claim in claims] == [("SN-7", "line 2")]
             assert exchange.new_claims() == []
             write_result(other, "c", 3)
-        # its last exchange sends what it had
+        # the last exchange sends the remaining runs
         eventually(lambda: len(in_index(folder)) == 3)
         write_result(folder, "d", 4)
     eventually(lambda: exchange.process.poll() is not None)
@@ -91,7 +91,7 @@ def test_only_new_claims_on_the_current_unit_are_returned(folder: Path, monkeypa
         patch.setattr("calstation.database.process.sys.executable", shutil.which("cat"))  # exchanges nothing
         exchange = ExchangeProcess(folder, "sqlite://", "line 1", {"SN-7": None})
     with exchange:
-        assert exchange.new_claims() == []  # of the last session
+        assert exchange.new_claims() == []  # claims of the last session are ignored
         change_state(folder, contact_utc=now + timedelta(seconds=1))
         assert exchange.new_claims() == [mine]
         assert exchange.new_claims() == []
@@ -99,7 +99,7 @@ def test_only_new_claims_on_the_current_unit_are_returned(folder: Path, monkeypa
         assert exchange.new_claims() == [other]
 
 
-def _own(url: str, folder: Path, connection) -> None:
+def _run_owner(url: str, folder: Path, connection) -> None:
     process = ExchangeProcess(folder, url, "line 1")
     connection.send(process.process.pid)
     time.sleep(600)
@@ -109,7 +109,7 @@ def _own(url: str, folder: Path, connection) -> None:
 def test_process_ends_when_its_owner_is_killed(shared_database: str, folder: Path) -> None:
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
-    owner = context.Process(target=_own, args=(shared_database, folder, there))
+    owner = context.Process(target=_run_owner, args=(shared_database, folder, there))
     owner.start()
     pid = here.recv()
     eventually(lambda: read_state(folder).contact_utc)
@@ -237,9 +237,9 @@ def test_long_exchange_yields_to_another_process_on_the_same_folder(
     monkeypatch.setattr("calstation.database.process.time", clock)
     state = exchange_once(one, folder)
     assert (state.pending, state.error) == (0, None)
-    assert pending[:3] == [0, 120, 20]  # 100 runs are read, then each of the two sends a page in turn
+    assert pending[:3] == [0, 120, 20]  # 100 runs are read, then both processes send pages alternately
     assert [name for name, _ in in_database(url) if name in names] == names
-    assert stored == names  # none was sent twice
+    assert stored == names  # no run was sent twice
     station.exchange()
     assert len(in_index(folder)) == 2 * len(names)
     assert in_index(folder) == in_index(there)
@@ -258,7 +258,7 @@ def test_unchanged_state_is_rarely_written(folder: Path, tmp_path: Path, monkeyp
 
 @pytest.mark.long
 def test_ending_does_not_block_and_a_hanging_process_exits(folder: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:  # accepts connections and says nothing
+    with socket.create_server(("127.0.0.1", 0)) as server:  # accepts connections and sends nothing
         url = f"postgresql+psycopg://line@127.0.0.1:{server.getsockname()[1]}/none"
         exchange = ExchangeProcess(folder, url, "line 1")
         server.settimeout(60.0)
@@ -283,7 +283,7 @@ def test_logs_state_and_errors_contain_no_password(
     command = [sys.executable, "-m", "calstation", "--log-level", "debug", "database", "exchange"]
     command += ["--station", str(station), "--out", str(folder)]
     found = []
-    for password in ("falsch geheim", "geheim"):  # one that is wrong, then a role without any right
+    for password in ("falsch geheim", "geheim"):  # a wrong password, then a role without permissions
         monkeypatch.setenv("PGPASSWORD", password)
         for extra in ([], ["--debug"]):
             done = subprocess.run([*command, *extra], capture_output=True, text=True, check=False)

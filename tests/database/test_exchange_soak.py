@@ -1,8 +1,8 @@
-"""Nothing is lost and nothing arrives twice, whatever is cut off at whatever moment.
+"""No run is lost and none arrives twice, regardless of which process, connection or server fails and when.
 
-The soak is accelerated: in a minute, two stations write some 500 runs, their processes are killed 50 times, connections
-are cut 20 times and the server is stopped 15 times, and their pauses are 60 times shorter. ``CALSTATION_SOAK_S=3600``
-makes it an hour long, with outages of up to 12 s and pauses that are 10 times shorter.
+The soak test is accelerated: in a minute, two stations write about 500 runs, their processes are killed 50 times,
+connections are cut 20 times and the server is stopped 15 times, and all pauses are 60 times shorter.
+``CALSTATION_SOAK_S=3600`` makes it an hour long, with outages of up to 12 s and pauses that are 10 times shorter.
 """
 
 import hashlib
@@ -32,14 +32,14 @@ from tests.helpers import ignore_progress
 
 #: Duration, s.
 SOAK_S = float(os.environ.get("CALSTATION_SOAK_S", "30"))
-#: Factor by which actions follow more slowly and outages last longer than in a short soak.
+#: Factor by which intervals between actions and outages are longer than in a short soak test.
 PACE = max(1.0, SOAK_S / 600.0)
 #: Number of real logs that the stations archive and a fleet job solves; the other runs have none.
 LOGS = round(12 * SOAK_S / 60.0 / PACE**0.5)
 #: Longest time until everything has arrived and is solved after the last outage, s.
-SETTLED_S = 300.0
+MAX_SYNC_S = 300.0
 
-#: A record of everything that arrives, kept by the database itself.
+#: SQL that makes the database record everything that arrives.
 ARRIVALS = """
 CREATE TABLE arrivals (number bigserial, what text, outbox text, name text, attempt int, outcome text);
 CREATE FUNCTION note_run() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN
@@ -62,10 +62,10 @@ CREATE TRIGGER note AFTER INSERT OR UPDATE OF result ON solutions FOR EACH ROW E
 
 
 def work(folder: Path, url: str, archive: Path, exchanges, claimed, number: int) -> None:
-    """Exchange a folder with shorter pauses, as the process beside a window does, until it is killed."""
+    """Exchange a folder with shorter pauses, like the process of a window, until this process is killed."""
 
     def wait(seconds: float) -> bool:
-        exchanges[number] += 1  # without a lock, which a killed process would keep
+        exchanges[number] += 1  # without a lock, which a killed process would not release
         time.sleep(seconds * PACE / 60.0)
         return False
 
@@ -95,7 +95,7 @@ class Stations:
         self.processes[number] = process
 
     def kill(self, number: int) -> None:
-        """Kill a process with SIGKILL, as a power cut does."""
+        """Kill a process with SIGKILL, like a power failure."""
         self.processes[number].kill()
         self.processes[number].join()
 
@@ -110,8 +110,8 @@ class FleetJob:
         self._process: subprocess.Popen | None = None
         self.ended: list[int] = []  #: Exit codes.
 
-    def go_on(self) -> None:
-        """Note the end of the job, and start it again after a pause."""
+    def restart_if_ended(self) -> None:
+        """Record the end of the job, and start it again after a pause."""
         if self._process is not None and self._process.poll() is not None:
             self.ended.append(self._process.returncode)
             self._process, self._due = None, time.monotonic() + 2.0 * PACE
@@ -135,7 +135,7 @@ def test_two_stations_and_a_fleet_job_survive_random_outages(postgres, shared_da
     draw, stations = random.Random(2), Stations(tmp_path, shared_database)
     job = FleetJob(shared_database, tmp_path / "job")
     written: list[list[tuple[str, int]]] = [[], []]  # name and attempt in the order of the files
-    digests: list[dict[str, str]] = [{}, {}]  # of the files of the logs, by name
+    digests: list[dict[str, str]] = [{}, {}]  # digests of the log files by name
     counts = dict.fromkeys(("runs", "changes", "logs", "claims", "kills", "job kills", "cuts", "outages"), 0)
     down_until = 0.0
     begin = time.monotonic()
@@ -147,7 +147,7 @@ def test_two_stations_and_a_fleet_job_survive_random_outages(postgres, shared_da
             if down_until and now >= down_until:
                 postgres.start()
                 down_until = 0.0
-            job.go_on()
+            job.restart_if_ended()
             if counts["logs"] < LOGS * min(1.0, 1.2 * (now - begin) / SOAK_S):
                 log = logs[counts["logs"]]
                 digests[k][log.stem] = hashlib.sha256(log.read_bytes()).hexdigest()
@@ -191,16 +191,18 @@ def test_two_stations_and_a_fleet_job_survive_random_outages(postgres, shared_da
             postgres.start()
     stations.claimed[:] = [77, 77]
     one, two = stations.folders
-    deadline = time.monotonic() + SETTLED_S
-    while not (is_settled(one, two, counts["runs"]) and is_settled(two, one, counts["runs"])) or job.ended[-1:] != [0]:
+    deadline = time.monotonic() + MAX_SYNC_S
+    while not (is_synchronised(one, two, counts["runs"]) and is_synchronised(two, one, counts["runs"])) or job.ended[
+        -1:
+    ] != [0]:
         assert time.monotonic() < deadline, [read_state(folder) for folder in stations.folders]
-        job.go_on()
+        job.restart_if_ended()
         time.sleep(0.5)
     time.sleep(1.0)  # the last changes are received
     jobs = len(job.ended)
-    while len(job.ended) < jobs + 2 or job.ended[-1]:  # one that begins now
+    while len(job.ended) < jobs + 2 or job.ended[-1]:  # a job that begins now
         assert time.monotonic() < deadline
-        job.go_on()
+        job.restart_if_ended()
         time.sleep(0.5)
     for number in (0, 1):
         stations.kill(number)
@@ -208,13 +210,13 @@ def test_two_stations_and_a_fleet_job_survive_random_outages(postgres, shared_da
     print(f"{time.monotonic() - begin:.0f} s:", counts, sum(stations.exchanges), "exchanges; fleet jobs:", job.ended)
 
     arrived = _rows(postgres, database, "name, attempt, outcome FROM arrivals WHERE what = 'run' ORDER BY number")
-    # nothing twice; a run may arrive as incomplete if its log is found while its result is written
+    # no run arrives twice; it may arrive as incomplete if its log is found while its result is written
     assert {row: count for row, count in Counter(map(tuple, arrived)).items() if count > 1} == {}
     versions = [(name, int(attempt)) for name, attempt, _ in arrived]
     for number, folder in enumerate(stations.folders):
         last = dict(written[number])
         mine = [version for version in versions if version in set(written[number])]
-        assert dict(mine) == last  # nothing lost
+        assert dict(mine) == last  # no run is lost
         order = {version: place for place, version in enumerate(written[number])}
         assert [order[version] for version in mine] == sorted(order[version] for version in mine)
         assert sorted(name for name, station in in_database(shared_database) if station == folder.name) == sorted(last)
@@ -235,8 +237,8 @@ def test_two_stations_and_a_fleet_job_survive_random_outages(postgres, shared_da
         assert json.loads(result) == resolve(Path(location)).result.to_json()
 
 
-def is_settled(folder: Path, other: Path, runs: int) -> bool:
-    """Whether a station has all runs, nothing waits, and a claim of the other station has been reported once."""
+def is_synchronised(folder: Path, other: Path, runs: int) -> bool:
+    """Whether a station has all runs, nothing is pending, and the other station's claim has been reported once."""
     state = read_state(folder)
     stations = [claim.station for claim in state.claims if claim.serial == "SN-77"]
     waits = (state.pending, state.logs_pending, state.error, state.archive_error, state.refusal)
@@ -257,7 +259,7 @@ def test_process_killed_at_any_statement_loses_and_repeats_no_run(
 ) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     upgrade(url)
-    monkeypatch.setattr("calstation.database.exchange.connect", create_engine)  # migrations take a third of a second
+    monkeypatch.setattr("calstation.database.exchange.connect", create_engine)  # saves the time of the migrations
     engine = create_engine(url, poolclass=NullPool)
     with engine.begin() as connection:
         connection.execute(text("CREATE TABLE arrivals (number INTEGER PRIMARY KEY, name TEXT)"))

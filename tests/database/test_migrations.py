@@ -39,7 +39,7 @@ def test_migrations_create_the_declared_tables(url: str, capsys: pytest.CaptureF
     assert run_app(["database", "upgrade", url]) == 0
     line = f"The tables of the database {url} were created or brought to this version.\n"
     assert capsys.readouterr().err == line
-    assert not upgrade(url)  # of tables of this version changes nothing
+    assert not upgrade(url)  # tables of this version are not changed
     engine = create_engine(url)
     with engine.begin() as connection:
         assert compare_metadata(MigrationContext.configure(connection), metadata) == []
@@ -94,7 +94,7 @@ def test_file_locked_by_another_process_is_opened_without_waiting(tmp_path: Path
     engine = create_engine(url)
     with engine.connect() as writer:
         writer.exec_driver_sql("BEGIN IMMEDIATE")
-        connect(url).dispose()  # does not wait for the right to write
+        connect(url).dispose()  # does not wait for write access
     engine.dispose()
 
 

@@ -24,7 +24,7 @@ def database(postgres, shared_database: str, capsys: pytest.CaptureFixture[str])
     name = shared_database.rpartition("/")[2]
     assert run_app(["database", "roles"]) == 0
     roles = capsys.readouterr().out
-    for _ in range(2):  # also where the roles exist
+    for _ in range(2):  # the second time, the roles already exist
         postgres.execute(roles, name)
     for login, role in (("line", "station"), ("solver", "fleet"), ("quality", "reader"), ("nobody_here", "")):
         postgres.execute(f"DROP ROLE IF EXISTS {login}")
@@ -103,7 +103,7 @@ def test_a_station_changes_only_its_own_runs(postgres, database: str, tmp_path: 
             postgres.execute(command, database, "line2")
         assert "violates row-level security policy" in refused.value.output
 
-    # a copy of the folder that counts as the folder itself, at a station with another login
+    # a copy of the folder that has the same outbox, at a station with another login
     copy = tmp_path / "line 2"
     shutil.copytree(folder, copy)
     adopt_folder(copy, copied=False)
@@ -189,9 +189,9 @@ def test_statements_outside_a_role_are_denied(postgres, database: str, login: st
     for command in FORBIDDEN[login]:
         with pytest.raises(subprocess.CalledProcessError) as caught:
             postgres.execute(command, database, login)
-        said = caught.value.output
+        output = caught.value.output
         refused = ("permission denied", "must be owner", "must be superuser")
-        assert any(words in said for words in refused), f"{command}: {said}"
+        assert any(words in output for words in refused), f"{command}: {output}"
 
 
 def test_fleet_and_reader_read_runs_and_solutions(postgres, database: str, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The designer on the virtual bench: what it answers, what it refuses, and that the bench can drive the answer."""
+"""The designer finds schedules that meet the limits and run on the virtual bench, and refuses unreachable limits."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def ignore(fraction, remaining_s=None, note=""):
 
 @pytest.fixture(scope="module")
 def mems():
-    """A design found in little time."""
+    """A design from a short search."""
     return design_schedule(ignore, DesignRequest(product=library.find("products", "mems_c"), time_limit=1.0))
 
 

@@ -42,7 +42,7 @@ def problem():
         yield Problem(SegmentLibrary(conditions), targets, (-4, -4), (4, 4), TURNS)
 
 
-def answer(problem, width=4, longest=40.0, front=None):
+def run_search(problem, width=4, longest=40.0, front=None):
     *_, (seconds, stops) = Beam(problem, width, longest, front).run()
     return seconds, stops
 
@@ -53,8 +53,8 @@ def ratios(problem, stops):
 
 def test_beam_search_is_reproducible_and_respects_travel_and_targets(problem):
     front = Front()
-    seconds, stops = answer(problem, front=front)
-    assert (seconds, stops) == answer(problem)
+    seconds, stops = run_search(problem, front=front)
+    assert (seconds, stops) == run_search(problem)
     assert seconds == pytest.approx(durations(problem.library, stops)[-1])
     assert ratios(problem, stops).max() <= 1.0
     assert all(problem.allowed(stop.position) for stop in stops)
@@ -66,7 +66,7 @@ def test_beam_search_is_reproducible_and_respects_travel_and_targets(problem):
 
 
 def test_exchange_search_keeps_a_solution_and_shortens_a_poor_one(problem):
-    _, stops = answer(problem)
+    _, stops = run_search(problem)
     poor = (*stops[:-1], replace(stops[-1], rest=stops[-1].rest + 20))
     exchange = Exchange(problem, poor, seed=3)
     shares = list(exchange.run(20))
@@ -81,7 +81,7 @@ def test_exchange_search_keeps_a_solution_and_shortens_a_poor_one(problem):
 
 
 def test_schedule_is_extended_from_its_end(problem):
-    seconds, stops = answer(problem)
+    seconds, stops = run_search(problem)
     tighter = replace(problem, targets=0.8 * problem.targets)
     before = stops, states(problem.library, stops)[-1], seconds
     *_, (longer, more) = Beam(tighter, 4, 80.0).run(before)

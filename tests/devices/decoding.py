@@ -1,4 +1,4 @@
-"""Decode a byte stream, whole or in pieces, into frames."""
+"""Decoding of a byte stream into frames, as a whole or in pieces."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from calstation.devices.profiles import FrameSection
 
 
 def decode(frame: FrameSection, data: bytes, cut: int = 0) -> tuple[FrameDecoder, Frames]:
-    """Feed the data whole, or in pieces of `cut` bytes."""
+    """Decode the data as a whole, or in pieces of `cut` bytes."""
     decoder = FrameDecoder(frame)
     pieces = [data[i : i + cut] for i in range(0, len(data), cut)] if cut else [data]
     return decoder, join([decoder.feed(piece).frames for piece in pieces])

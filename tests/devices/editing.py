@@ -8,7 +8,7 @@ from typing import Any
 
 
 def edited(profile: Path | dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of a profile with changes by their path, such as ``registers/1/address``; `None` removes an entry."""
+    """Return a copy of a profile with changes by path, such as ``registers/1/address``; `None` removes an entry."""
     data = tomllib.loads(profile.read_text("utf-8")) if isinstance(profile, Path) else copy.deepcopy(profile)
     for path, value in changes.items():
         *parents, last = path.split("/")

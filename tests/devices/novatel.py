@@ -1,10 +1,10 @@
-"""Lines of NovAtel's RAWIMUSA log."""
+"""Lines of a NovAtel RAWIMUSA log."""
 
 from zlib import crc32
 
 
 def novatel_check(text: str) -> int:
-    """Return NovAtel's CRC-32, which is zlib's without the inversions at start and end."""
+    """Return NovAtel's CRC-32, which differs from zlib's by the missing inversions at the start and the end."""
     return crc32(text.encode(), 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 

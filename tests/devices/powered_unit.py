@@ -12,7 +12,7 @@ from calstation.bench.imu import UNITS, ImuUnit
 from calstation.config import library
 from calstation.devices.imu import RegisteredImu, RegisterMap
 from calstation.devices.imu.drivers import driver
-from calstation.devices.links import PortLostError, Question
+from calstation.devices.links import PortLostError, Transaction
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 
 T = TypeVar("T")
@@ -39,7 +39,7 @@ class Supply:
         self.spent = 0
 
     def take(self, wanted: int) -> int:
-        """Return for how many of `wanted` bytes power is left."""
+        """Return the number of bytes, at most `wanted`, for which power is left."""
         given = wanted if self.budget is None else min(wanted, self.budget - self.spent)
         self.spent += given
         return given
@@ -70,10 +70,10 @@ class Wire:
         unit.flash.burn = burn_while_powered  # type: ignore[method-assign]
 
     def write(self, data: bytes) -> None:
-        """Execute commands as far as power is left."""
+        """Execute commands while power is left."""
         self._check()
         given = self._supply.take(len(data))
-        self._time += 1.0  # so that its flash is never busy
+        self._time += 1.0  # so that the flash is never busy
         for answer in self._parse(data[:given], self._time):
             self._waiting += answer[: self._supply.take(len(answer))]
             self._ready.set()
@@ -117,18 +117,18 @@ MAP = registers()
 
 @cache
 def direct(protocol: str) -> type[RegisteredImu]:
-    """Return a driver class without its thread: every command is answered or lost before the next one."""
+    """Return a driver class without a thread, in which every command is answered or lost before the next one."""
 
     class Direct(driver(protocol)):  # type: ignore[misc]
         def _serve(self) -> None: ...
 
-        def exchange(self, question: Question[T], **more: Any) -> T:
+        def exchange(self, transaction: Transaction[T], **more: Any) -> T:
             try:
-                self._link.write(question.request)
+                self._link.write(transaction.request)
                 for reply in self._decoder.feed(self._link.read(0.0)).replies:
-                    taken = question.take(reply)
-                    if taken is not None:
-                        return taken
+                    content = transaction.parse(reply)
+                    if content is not None:
+                        return content
             except PortLostError as error:
                 self._failure = error
                 raise
@@ -158,7 +158,7 @@ class Unit:
 
     @contextmanager
     def directly(self, supply: Supply) -> Iterator[RegisteredImu]:
-        """Do the same without the driver's thread, for thousands of power-ups."""
+        """Power the unit up with a driver without a thread, which is fast enough for thousands of power-ups."""
         with self._driven(direct(self._protocol), supply, 0.5) as imu:
             yield imu
 

@@ -281,7 +281,7 @@ def recordings() -> list[tuple[str, Path]]:
 
 
 @pytest.mark.parametrize("which", range(3), ids=["mip", "mtdata2", "stim300"])
-# The same noise every time: a check of one byte would let some of it pass in the long run.
+# The noise is always the same, because a checksum of one byte accepts some random noise in the long run.
 @settings(derandomize=True)
 @given(data=st.data())
 def test_valid_packets_are_found_after_arbitrary_noise(which: int, data: st.DataObject) -> None:
@@ -300,7 +300,7 @@ def test_valid_packets_are_found_after_arbitrary_noise(which: int, data: st.Data
         else:
             sent += packet
             kept.append(packet)
-    # Whatever a length in the noise promises is behind it, so that nothing waits for more.
+    # Enough data follow for any length in the noise, so that the decoder never waits for more.
     decoder, frames = decode(frame, sent + bytes(frame.max_size), data.draw(st.integers(0, 60)))
     found = list(frames.raw)
     assert all(packet in found for packet in kept)

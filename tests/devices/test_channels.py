@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from calstation.config import library
-from calstation.devices.profiles import CHANNELS, FrameSection, ImuProfile, span
+from calstation.devices.profiles import CHANNELS, FrameSection, ImuProfile, channel_range
 from calstation.schema import problems_of
 
 
@@ -24,7 +24,7 @@ def frame(*types: dict[str, Any], **changes: Any) -> FrameSection:
 
 
 def test_integer_channels_saturate_at_the_limits_of_their_type() -> None:
-    shown = span(
+    shown = channel_range(
         frame(
             {"type": "i16"},
             {"type": "i24"},
@@ -40,14 +40,14 @@ def test_integer_channels_saturate_at_the_limits_of_their_type() -> None:
 
 
 def test_float_channels_have_no_resolution_and_only_a_stated_range() -> None:
-    shown = span(frame({"type": "f32", "reach": 34.9}, *[{"type": "f64"}] * 5))
+    shown = channel_range(frame({"type": "f32", "reach": 34.9}, *[{"type": "f64"}] * 5))
     np.testing.assert_array_equal(shown.step, np.zeros(6))
     np.testing.assert_array_equal(shown.high, [34.9, *[np.inf] * 5])
     np.testing.assert_array_equal(shown.low, -shown.high)
 
 
 def test_resolution_of_a_text_channel_is_unknown() -> None:
-    shown = span(frame(*[{"type": "f64"}] * 6, format="text", sync="$X"))
+    shown = channel_range(frame(*[{"type": "f64"}] * 6, format="text", sync="$X"))
     assert np.isinf(shown.step).all()
 
 

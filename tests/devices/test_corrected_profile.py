@@ -1,4 +1,4 @@
-"""The `[corrected]` section of an IMU profile: valid and refused entries, and the bytes that the drivers exchange."""
+"""The section `[corrected]` of an IMU profile: valid and refused entries, and the bytes that the drivers exchange."""
 
 import tomllib
 from pathlib import Path
@@ -15,7 +15,7 @@ from test_vectornav_imu import pair
 from calstation.devices.profiles import ImuProfile
 from calstation.errors import ConfigurationError
 from calstation.schema import validate
-from tests.helpers import complaint
+from tests.helpers import error_code
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 
@@ -57,7 +57,7 @@ def test_incompatible_corrected_sections_are_reported(
 ) -> None:
     with pytest.raises(ConfigurationError) as error:
         profile(name, corrected, **changes)
-    assert complaint(error.value) == expected
+    assert error_code(error.value) == expected
 
 
 def own_frame(name: str, place: str, value: Any) -> dict[str, Any]:
@@ -102,7 +102,7 @@ def at_half_the_rate(fields: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def test_corrected_frame_is_validated_like_the_raw_frame(name: str, place: str, value: Any, expected: str) -> None:
     with pytest.raises(ConfigurationError) as error:
         profile(name, own_frame(name, place, value))
-    assert complaint(error.value) == expected
+    assert error_code(error.value) == expected
 
 
 def test_corrected_output_is_selected_by_a_byte_on_the_framed_link() -> None:

@@ -196,7 +196,7 @@ def test_clock_that_jumps_back_counts_as_a_reset_with_one_lost_sample() -> None:
     assert count.gaps == 1
 
 
-# What a profile may not say --------------------------------------------------------------------------------------
+# Invalid profiles ------------------------------------------------------------------------------------------------
 
 FIXED: dict[str, Any] = {
     "sync": "55 AA",

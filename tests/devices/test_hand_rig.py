@@ -10,7 +10,7 @@ from calstation.devices.profiles import TableProfile, load_table_profile
 from calstation.devices.table import ManualTable, open_table
 from calstation.errors import ConfigurationError
 from calstation.schema import read_toml, validate
-from tests.helpers import complaint, raises_code
+from tests.helpers import error_code, raises_code
 
 PATH = library.shipped_folder() / "tables" / "hand_rails.toml"
 
@@ -59,4 +59,4 @@ def test_port_of_a_manual_rig_is_refused(profile: TableProfile) -> None:
 def test_entries_of_a_motorised_table_are_refused(section: str, value: object) -> None:
     with pytest.raises(ConfigurationError) as caught:
         validate(TableProfile, {**read_toml(PATH), section: value}, "hand.toml")
-    assert complaint(caught.value) == f"{section} profile.not_with"
+    assert error_code(caught.value) == f"{section} profile.not_with"

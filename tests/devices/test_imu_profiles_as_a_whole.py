@@ -9,7 +9,7 @@ import tomli_w
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import ConfigurationError
 from tests.devices.editing import edited
-from tests.helpers import complaint
+from tests.helpers import error_code
 
 DATA = Path(__file__).parents[2] / "data" / "imus"
 DSP, NAV, MIP, VN = "dsp_modbus", "bench_nav", "microstrain_mip", "vectornav_vn100"
@@ -22,7 +22,7 @@ def refusal(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
         load_imu_profile(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
-    return complaint(caught.value)
+    return error_code(caught.value)
 
 
 @pytest.mark.parametrize(

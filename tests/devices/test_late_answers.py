@@ -87,7 +87,7 @@ def test_new_target_is_not_confirmed_by_a_late_echo() -> None:
         table.write(34, [3, 4])
         assert [device.words[34], device.words[35]] == [3, 4]
         asked = device.requests.index((3, 0, 1))
-        assert device.requests[asked + 1 :] == [(16, 34, 2)], "the answer to another question does not count"
+        assert device.requests[asked + 1 :] == [(16, 34, 2)], "the answer to another transaction does not count"
 
 
 def test_exception_of_an_older_request_is_discarded() -> None:
@@ -188,13 +188,13 @@ def test_synchronising_read_has_a_distinct_length() -> None:
     unit = RtuUnit(RtuLine("NONE", TIMEOUT, SerialSettings()), 1)
     unit.lengths |= {4: 17, 8: 0}
     waiting = unit.dialogue.unanswered
-    waiting.append(RtuRequest.read(1, 30, 4).question(RefusedError).signature)
+    waiting.append(RtuRequest.read(1, 30, 4).transaction(RefusedError).signature)
     seen = []
     for _ in range(20):
-        question = unit.dialogue.other_question()
-        assert question is not None
-        assert question.signature not in waiting
-        waiting.append(question.signature)
-        seen.append(question.signature[1][0] // 2)
+        transaction = unit.dialogue.other_transaction()
+        assert transaction is not None
+        assert transaction.signature not in waiting
+        waiting.append(transaction.signature)
+        seen.append(transaction.signature[1][0] // 2)
     assert seen[:8] == [8, 1, 2, 3, 5, 6, 7, 4], "all lengths before one is used again"
     assert len(waiting) == 8

@@ -108,7 +108,7 @@ def test_registers_are_read_page_by_page_while_the_stream_is_off() -> None:
     pairs = [OFF]
     for (page, address), words in wire(VALUES).items():
         pairs += [write(23, page), read(address, words)]
-    # Answers stand between frames that were still on their way.
+    # The replies arrive between frames that were sent before.
     pairs = [(request, stream_frame(1, [0] * 6) + reply) for request, reply in pairs]
     with driver([ON, *pairs, ON]) as (imu, link):
         imu.start()
@@ -216,7 +216,7 @@ def test_request_with_a_lost_or_damaged_response_is_repeated() -> None:
     request, reply = IDENTITY[0]
     hurt = reply[:5] + bytes([reply[5] ^ 4]) + reply[6:]
     other = rtu(1, 3, 2, 0, 7)
-    between = read(16, b"2.0".ljust(8, b"\0"))  # of another length than what may still come
+    between = read(16, b"2.0".ljust(8, b"\0"))  # its length differs from that of replies that may still arrive
     lost = [(request, b""), between, (request, hurt), between]
     with driver([*lost, (request, other + reply), *IDENTITY[1:]]) as (imu, link):
         assert imu.identify().model == "bench-dsp"

@@ -57,7 +57,7 @@ def write(address: int, *words: int) -> tuple[bytes, bytes]:
     return head + struct.pack(f">B{len(words)}H", 2 * len(words), *words), head
 
 
-def long(value: int) -> list[int]:
+def two_words(value: int) -> list[int]:
     return list(struct.unpack(">HH", struct.pack(">i", value)))
 
 
@@ -65,8 +65,8 @@ def image(status: int = 0x1627, fault: int = 0) -> list[int]:
     words = [0] * 64
     words[17:21] = [status, fault, 1, 1500]
     for joint, (position, rate) in zip((30, 50), ((-4500000, 123456), (36000001, -20000)), strict=True):
-        words[joint : joint + 4] = long(position) + long(rate)
-        words[joint + 10 : joint + 14] = long(-108000000) + long(108000000)
+        words[joint : joint + 4] = two_words(position) + two_words(rate)
+        words[joint + 10 : joint + 14] = two_words(-108000000) + two_words(108000000)
     return words
 
 
@@ -113,8 +113,8 @@ def test_commands_match_the_protocol() -> None:
     pairs = [
         *(write(16, word) for word in (0x06, 0x07, 0x0F)),
         write(22, HOME),
-        write(34, *long(-9000000), *long(200000), *long(400000)),
-        write(54, *long(72000000), *long(200000), *long(400000)),
+        write(34, *two_words(-9000000), *two_words(200000), *two_words(400000)),
+        write(54, *two_words(72000000), *two_words(200000), *two_words(400000)),
         write(22, MOVE),
         write(21, 1),
         write(22, STOP),
@@ -236,10 +236,10 @@ def test_optional_registers_and_status_bits_may_be_absent() -> None:
     with table([read(0, model), *polled()], profile) as (driver, _):
         assert driver.identify().serial == ""
         status = driver.status()
-        driver.heartbeat()  # nothing to feed: nothing is said
+        driver.heartbeat()  # nothing is sent, because there is no watchdog
     assert status.interlock_closed
     assert status.homed
-    assert status.moving  # its rate says so
+    assert status.moving  # derived from the rate
     assert status.watchdog == np.inf
     np.testing.assert_allclose(status.limits.low, np.deg2rad([-1080.0, -1080.0]))
     words[32:34] = words[52:54] = [0, 0]

@@ -32,8 +32,8 @@ from tests.connection.fake_links import server, tcp_pdu
 
 DATA = Path(__file__).parents[2] / "data"
 DRIVEN = ["bench", "cia402_drives", "indexing_unit", "aerosmith_atl", "acutronic_acl", "mn_ascii"]
-#: Host time until a lost answer is asked for again, s.
-WITHIN = 0.2
+#: Host time after which a request without a reply is repeated, s.
+TIMEOUT = 0.2
 
 FROM = [(0.0, 0.0), (np.deg2rad(30.0), np.deg2rad(-20.0))]
 TO = (np.deg2rad(-95.5), np.deg2rad(370.25))
@@ -45,7 +45,7 @@ class FakeDevice:
 
     Attributes
     ----------
-    said : all received requests in order, without transaction numbers
+    requests : all received requests in order, without transaction numbers
     loses : whether the reply to every motion command is lost
     """
 
@@ -57,12 +57,12 @@ class FakeDevice:
         for word in (0x06, 0x07, 0x0F):
             self.machine.control(word, 0.0, 0.0)
         assert self.machine.power is Power.ENABLED
-        self.said: list[bytes] = []
+        self.requests: list[bytes] = []
         self.loses, self._going = loses, self.targets()
 
-    def check_cancelled(self, request: bytes, reply: bytes) -> bytes:
+    def respond(self, request: bytes, reply: bytes) -> bytes:
         """Record a request; return its reply, or nothing if the reply is lost."""
-        self.said.append(request)
+        self.requests.append(request)
         if not self.loses or not reply or self._going == self.targets():
             return reply
         self._going = self.targets()
@@ -84,26 +84,26 @@ class FakeDevice:
         return both
 
 
-def text(far: FakeDevice, language: str) -> Callable[[bytes], bytes]:
-    controller = LANGUAGES[language](Axes(far.machine, far.clocks), "T-1")
-    far.machine.power = Power.ENABLED
+def text(device: FakeDevice, language: str) -> Callable[[bytes], bytes]:
+    controller = LANGUAGES[language](Axes(device.machine, device.clocks), "T-1")
+    device.machine.power = Power.ENABLED
 
-    def answer(heard: bytes) -> bytes:
-        lines = heard.splitlines(keepends=True)
-        return b"".join(far.check_cancelled(line, b"".join(controller.feed(line))) for line in lines)
+    def answer(received: bytes) -> bytes:
+        lines = received.splitlines(keepends=True)
+        return b"".join(device.respond(line, b"".join(controller.feed(line))) for line in lines)
 
     return answer
 
 
-def modbus(far: FakeDevice, apart: bool) -> Callable[[bytes], bytes]:
-    units = far.drives() if apart else {1: far.registers()}
+def modbus(device: FakeDevice, separate_drives: bool) -> Callable[[bytes], bytes]:
+    units = device.drives() if separate_drives else {1: device.registers()}
 
-    def answer(heard: bytes) -> bytes:
-        registers, request = units[heard[6]], heard[7:]
+    def answer(received: bytes) -> bytes:
+        registers, request = units[received[6]], received[7:]
         address, value = struct.unpack(">HH", request[1:5])
         values = [value] if request[0] == 6 else list(struct.unpack(f">{value}H", request[6:]))
         registers.write(address, values)
-        return far.check_cancelled(heard[6:], tcp_pdu(heard, request[:5]))
+        return device.respond(received[6:], tcp_pdu(received, request[:5]))
 
     return answer
 
@@ -113,10 +113,10 @@ class Line:
 
     port = "LINE"
 
-    def __init__(self, far: FakeDevice) -> None:
-        self._far = far
+    def __init__(self, device: FakeDevice) -> None:
+        self._device = device
         unit = UNITS["framed"](BenchConfig(serial="SN-1"))
-        unit.axes = far.registers()
+        unit.axes = device.registers()
         self._parse = unit.new_parser()
         self._replies: SimpleQueue[bytes] = SimpleQueue()
 
@@ -127,7 +127,7 @@ class Line:
             return b""
 
     def write(self, data: bytes) -> None:
-        if reply := self._far.check_cancelled(data, b"".join(self._parse(data, 0.0))):
+        if reply := self._device.respond(data, b"".join(self._parse(data, 0.0))):
             self._replies.put(reply)
 
     def close(self) -> None:
@@ -135,22 +135,22 @@ class Line:
 
 
 @contextmanager
-def driver(name: str, far: FakeDevice) -> Iterator[RegisterTable | TextTable]:
-    """Run the driver of the profile on a link to `far`."""
+def driver(name: str, device: FakeDevice) -> Iterator[RegisterTable | TextTable]:
+    """Run the driver of the profile on a link to `device`."""
     profile = load_table_profile(DATA / "tables" / f"{name}.toml")
     if profile.protocol == "imu_link":
-        imu_profile = load_imu_profile(DATA / "imus" / "bench_nav.toml").with_commands(timeout_s=WITHIN)
+        imu_profile = load_imu_profile(DATA / "imus" / "bench_nav.toml").with_commands(timeout_s=TIMEOUT)
         table: RegisterTable | TextTable = SharedTable(
-            FramedImu(Line(far), imu_profile),  # type: ignore[arg-type]
+            FramedImu(Line(device), imu_profile),  # type: ignore[arg-type]
             profile,
             owned=True,
         )
         yield table
         table.close()
         return
-    answer = modbus(far, profile.two_drives) if profile.protocol == "modbus" else text(far, profile.protocol)
-    with server(answer) as place:
-        port = f"tcp://{place}"
+    answer = modbus(device, profile.two_drives) if profile.protocol == "modbus" else text(device, profile.protocol)
+    with server(answer) as address:
+        port = f"tcp://{address}"
         quick = with_short_timeout(profile)
         table = ModbusTable(port, quick) if profile.protocol == "modbus" else TextTable(port, quick)
         yield table
@@ -162,16 +162,16 @@ def with_short_timeout(profile: TableProfile) -> TableProfile:
     section = profile.modbus or profile.text
     assert section is not None
     name = "modbus" if profile.modbus is not None else "text"
-    return profile.model_copy(update={name: section.model_copy(update={"timeout_s": WITHIN})})
+    return profile.model_copy(update={name: section.model_copy(update={"timeout_s": TIMEOUT})})
 
 
 @cache
 def moved(name: str, start: tuple[float, float], loses: bool = False) -> tuple[list[bytes], list[float]]:
     """Return the requests for a move from `start`, and the resulting targets."""
-    far = FakeDevice(start, loses)
-    with driver(name, far) as table:
+    device = FakeDevice(start, loses)
+    with driver(name, device) as table:
         table.move(*TO, *RATE)
-    return far.said, far.targets()
+    return device.requests, device.targets()
 
 
 def test_every_shipped_profile_of_a_motorised_table_is_tested() -> None:
@@ -183,20 +183,20 @@ def test_every_shipped_profile_of_a_motorised_table_is_tested() -> None:
 
 @pytest.mark.parametrize("name", DRIVEN)
 def test_move_commands_absolute_angles(name: str) -> None:
-    said, targets = zip(*(moved(name, start) for start in FROM), strict=True)
-    assert said[0] == said[1]
+    requests, targets = zip(*(moved(name, start) for start in FROM), strict=True)
+    assert requests[0] == requests[1]
     np.testing.assert_allclose(targets, [TO, TO], atol=1e-6)
 
 
-#: Questions who answers on a connection that was opened anew.
-WHO = (b"IDN\r\n", b"*IDN?\n", b"$MNCHK*D6\r\n")
+#: Queries with which a driver identifies the table after it has opened the connection again.
+IDENTITY_QUERIES = (b"IDN\r\n", b"*IDN?\n", b"$MNCHK*D6\r\n")
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", DRIVEN)
 def test_move_with_a_lost_reply_is_repeated_literally_without_extra_motion(name: str) -> None:
     clean, _ = moved(name, FROM[1])
-    said, targets = moved(name, FROM[1], loses=True)
-    assert len(said) > len(clean)
-    assert [request for request, _ in groupby(r for r in said if r not in WHO)] == clean
+    requests, targets = moved(name, FROM[1], loses=True)
+    assert len(requests) > len(clean)
+    assert [request for request, _ in groupby(r for r in requests if r not in IDENTITY_QUERIES)] == clean
     np.testing.assert_allclose(targets, TO, atol=1e-6)

@@ -6,7 +6,7 @@ import socket
 import pytest
 import serial
 
-from calstation.devices.links import host_and_port, why_not
+from calstation.devices.links import diagnose_port, host_and_port
 from calstation.devices.profiles import SerialSettings
 
 SETTINGS = SerialSettings()
@@ -31,8 +31,8 @@ def test_addresses_are_parsed(url: str, address: tuple[str, int] | None) -> None
 def test_port_without_a_server_is_refused() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-    assert why_not(f"tcp://127.0.0.1:{port}", SETTINGS, 1.0)[0] == "refused"
-    assert why_not("socket://x", SETTINGS, 1.0)[0] == "bad_address"
+    assert diagnose_port(f"tcp://127.0.0.1:{port}", SETTINGS, 1.0)[0] == "refused"
+    assert diagnose_port("socket://x", SETTINGS, 1.0)[0] == "bad_address"
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_unreachable_host_is_reported_with_its_reason(
         raise error
 
     monkeypatch.setattr(socket, "create_connection", fail)
-    assert why_not("tcp://plc:502", SETTINGS, 1.0)[0] == reason
+    assert diagnose_port("tcp://plc:502", SETTINGS, 1.0)[0] == reason
 
 
 @pytest.mark.parametrize(
@@ -74,8 +74,8 @@ def test_serial_port_that_does_not_open_is_reported_with_its_reason(
         raise error
 
     monkeypatch.setattr(serial, "serial_for_url", fail)
-    assert why_not("/dev/ttyUSB7", SETTINGS, 1.0)[0] == reason
+    assert diagnose_port("/dev/ttyUSB7", SETTINGS, 1.0)[0] == reason
 
 
 def test_missing_adapter_is_reported() -> None:
-    assert why_not("usb:NONE", SETTINGS, 1.0)[0] == "no_adapter"
+    assert diagnose_port("usb:NONE", SETTINGS, 1.0)[0] == "no_adapter"

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 from serial.tools import list_ports
 
-from calstation.devices.links import ModbusLink, SerialLink, list_serial_ports, port_device, why_not
+from calstation.devices.links import ModbusLink, SerialLink, diagnose_port, list_serial_ports, port_device
 from calstation.devices.profiles import SerialSettings
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code
@@ -74,7 +74,7 @@ def test_adapters_with_equal_serial_numbers_are_named_by_bus_location(plugged: l
 
 
 def test_name_of_a_disconnected_adapter_is_not_reused(plugged: list[object]) -> None:
-    plugged += [listed("/dev/ttyUSB0", "0001", "1-2")]  # that at 1-1 was pulled
+    plugged += [listed("/dev/ttyUSB0", "0001", "1-2")]  # the adapter at 1-1 was unplugged
     assert port_device("usb:0001@1-2", "table") == "/dev/ttyUSB0"
     for name in ("usb:0001@1-1", "usb:0001/1", "usb:0001/2"):
         with raises_code(DeviceFaultError, "link.not_plugged_in"):
@@ -106,7 +106,7 @@ def test_both_link_types_open_the_adapter_port_exclusively(plugged: list[object]
     link = SerialLink("usb:A9", SerialSettings(), "imu")
     os.write(master, b"abc")
     assert link.read(1.0) == b"abc"
-    assert why_not("usb:A9", SerialSettings(), 1.0)[0] == "busy"
+    assert diagnose_port("usb:A9", SerialSettings(), 1.0)[0] == "busy"
     with raises_code(DeviceFaultError, "link.in_use"):
         SerialLink("usb:A9", SerialSettings(), "imu")
     link.close()

@@ -15,10 +15,10 @@ from calstation.devices.imu import FrameDecoder, RegisterMap
 from calstation.devices.imu.drivers.framed import command_frame
 from calstation.devices.profiles import OPS, ImuProfile, ModbusRegister, TableProfile, load_imu_profile
 from calstation.devices.profiles.table_registers import (
+    COMMAND_REGISTERS,
     DRIVE_REGISTERS,
     JOINT_REGISTERS,
     OPTIONAL_DRIVE_REGISTERS,
-    WRITTEN,
 )
 
 ROOT = Path(__file__).parents[2]
@@ -48,7 +48,7 @@ def test_every_entry_is_documented(profile: type[BaseModel]) -> None:
 
 
 def test_every_permitted_name_is_documented() -> None:
-    names = {*OPS, *CHECK_WIDTHS, *WRITTEN, *DRIVE_REGISTERS, *OPTIONAL_DRIVE_REGISTERS, *JOINT_REGISTERS}
+    names = {*OPS, *CHECK_WIDTHS, *COMMAND_REGISTERS, *DRIVE_REGISTERS, *OPTIONAL_DRIVE_REGISTERS, *JOINT_REGISTERS}
     assert sorted(names - DOCUMENTED) == []
     assert set(CRC_WIDTHS) <= DOCUMENTED
 

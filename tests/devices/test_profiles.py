@@ -12,7 +12,7 @@ import tomli_w
 
 from calstation.devices.profiles import ImuProfile, TableProfile, load_imu_profile, load_table_profile
 from calstation.errors import ConfigurationError
-from tests.helpers import complaint
+from tests.helpers import error_code
 
 DATA = Path(__file__).parents[2] / "data"
 IMUS = sorted((DATA / "imus").glob("*.toml"))
@@ -62,7 +62,7 @@ def refused(
         load(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
-    return complaint(caught.value)
+    return error_code(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -170,5 +170,5 @@ def test_invalid_text_table_profile_is_reported_by_its_entry(
     path.write_text(tomli_w.dumps(data), encoding="utf-8")
     with pytest.raises(ConfigurationError) as caught:
         load_table_profile(path)
-    assert complaint(caught.value) == expected
+    assert error_code(caught.value) == expected
     assert "\n" not in str(caught.value)

@@ -10,13 +10,13 @@ import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.devices.codecs import Convention, from_registers, matrix_slots, offset_slots, to_registers
+from calstation.devices.codecs import Convention, from_registers, matrix_elements, offset_elements, to_registers
 from calstation.devices.imu import RegisterMap
 from calstation.devices.profiles import RegisterEntry, load_imu_profile
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.physics import GROUPS, NAMES, PARAMETERS, compensate, compensation
 from tests.devices.editing import edited
-from tests.helpers import complaint, raises_code
+from tests.helpers import error_code, raises_code
 
 DATA = Path(__file__).parents[2] / "data" / "imus"
 CONVENTIONS = [
@@ -35,10 +35,10 @@ def parameters(sensor: str, draw: Any) -> dict[str, float]:
     return {name: draw(small) for name in names}
 
 
-def device_output(held: dict[str, float], sensor: str, c: Convention, measured: np.ndarray) -> np.ndarray:
+def device_output(contents: dict[str, float], sensor: str, c: Convention, measured: np.ndarray) -> np.ndarray:
     """Return the corrected output by the formula of the unit, implemented independently."""
-    registers = np.array([[held[f"{sensor}_matrix_{row}{column}"] for column in "xyz"] for row in "xyz"])
-    offset = np.array([held[f"{sensor}_offset_{axis}"] for axis in "xyz"])
+    registers = np.array([[contents[f"{sensor}_matrix_{row}{column}"] for column in "xyz"] for row in "xyz"])
+    offset = np.array([contents[f"{sensor}_offset_{axis}"] for axis in "xyz"])
     offset = -offset if c.added else offset
     if not c.identity:
         registers = np.eye(3) - registers if c.negated else np.eye(3) + registers
@@ -60,35 +60,35 @@ def test_formula_of_the_unit_gives_the_exact_true_value(
         (model.gyro_inverse, model.gyro_bias) if sensor == "gyro" else (model.accel_inverse, model.accel_bias)
     )
     measured = np.linalg.inv(inverse) @ truth + bias
-    held = to_registers(sensor, values, (*matrix_slots(sensor), *offset_slots(sensor)), c, c)
-    np.testing.assert_allclose(device_output(held, sensor, c, measured), truth, rtol=0, atol=1e-15)
-    back = from_registers(sensor, held, c, c)
+    contents = to_registers(sensor, values, (*matrix_elements(sensor), *offset_elements(sensor)), c, c)
+    np.testing.assert_allclose(device_output(contents, sensor, c, measured), truth, rtol=0, atol=1e-15)
+    back = from_registers(sensor, contents, c, c)
     assert set(back) == set(values)
     for name, value in values.items():
         assert back[name] == pytest.approx(value, abs=1e-15)
 
 
 def test_first_order_inverse_is_not_accurate_enough() -> None:
-    """At errors of 5 % the first-order inverse is wrong by more than 0.2 %."""
+    """With errors of 5 %, the first-order inverse is wrong by more than 0.2 %."""
     values = {n: 0.05 for n in NAMES if n.startswith("gyro_")}
-    held = to_registers("gyro", values, matrix_slots("gyro"), Convention(), Convention())
-    assert abs(held["gyro_matrix_xx"] - (1.0 - 0.05)) > 2e-3
+    contents = to_registers("gyro", values, matrix_elements("gyro"), Convention(), Convention())
+    assert abs(contents["gyro_matrix_xx"] - (1.0 - 0.05)) > 2e-3
 
 
 @pytest.mark.parametrize("places", [["xx", "yy", "zz"], ["xx", "yx", "yy", "zx", "zy", "zz"]])
 def test_partial_matrix_is_inverted_for_its_elements(places: list[str]) -> None:
     slots = [f"accel_matrix_{p}" for p in places]
     values = {n: 0.01 * (i + 1) for i, n in enumerate(NAMES) if n.startswith("accel")}
-    held = to_registers("accel", values, slots, Convention(), Convention())
-    back = from_registers("accel", held, Convention(), Convention())
+    contents = to_registers("accel", values, slots, Convention(), Convention())
+    back = from_registers("accel", contents, Convention(), Convention())
     assert back == {name: pytest.approx(values[name], abs=1e-15) for name in back}
     assert len(back) == len(places)
 
 
 def test_register_values_without_a_valid_calibration_are_refused() -> None:
-    erased = dict.fromkeys(matrix_slots("gyro"), 0.0)
+    erased = dict.fromkeys(matrix_elements("gyro"), 0.0)
     assert all(np.isnan(v) for v in from_registers("gyro", erased, Convention(), Convention()).values())
-    full = {**dict.fromkeys(matrix_slots("accel"), 0.0), "accel_matrix_xx": 1.0, "accel_matrix_yy": 1.0}
+    full = {**dict.fromkeys(matrix_elements("accel"), 0.0), "accel_matrix_xx": 1.0, "accel_matrix_yy": 1.0}
     full |= {"accel_matrix_zz": 1.0, "accel_matrix_xz": 0.01}
     with raises_code(DeviceFaultError, "imu.matrix_not_triangular"):
         from_registers("accel", full, Convention(), Convention())
@@ -97,7 +97,7 @@ def test_register_values_without_a_valid_calibration_are_refused() -> None:
 # Maps of shipped profiles ----------------------------------------------------------------------------------------
 
 
-def legal(name: str, draw: Any) -> dict[str, float]:
+def valid_values(name: str, draw: Any) -> dict[str, float]:
     """Draw parameter values within the limits of a unit of the profile's type."""
     sigmas = load_imu_profile(DATA / f"{name}.toml").prior_sigmas()
     return {n: draw(st.floats(-3 * sigmas[n], 3 * sigmas[n])) for n in map_of(name).parameters}
@@ -111,14 +111,14 @@ def map_of(name: str) -> RegisterMap:
 @given(data=st.data())
 def test_valid_values_survive_encoding_within_register_resolution(name: str, data: st.DataObject) -> None:
     entries = map_of(name)
-    values = legal(name, data.draw)
-    held = entries.rounded(values)
-    assert set(held) == set(values)
+    values = valid_values(name, data.draw)
+    contents = entries.rounded(values)
+    assert set(contents) == set(values)
     for parameter, value in values.items():
-        assert held[parameter] == pytest.approx(value, abs=2e-4 if "lever" in parameter else 2e-7)
-    again = entries.rounded(held)
-    assert entries.differing(held, again) == []
-    assert entries.differing(held, entries.decode(entries.encode(held))) == []
+        assert contents[parameter] == pytest.approx(value, abs=2e-4 if "lever" in parameter else 2e-7)
+    again = entries.rounded(contents)
+    assert entries.differing(contents, again) == []
+    assert entries.differing(contents, entries.decode(entries.encode(contents))) == []
 
 
 def test_vectornav_identity_matrix_is_a_zero_calibration() -> None:
@@ -164,9 +164,9 @@ def test_matrix_can_be_stored_in_column_major_order() -> None:
 def test_negative_scale_inverts_the_sign() -> None:
     entry = RegisterEntry(address=7, parameters=["gyro_bias"], scale=-1e-6, type="i16", range=[-0.01, 0.01])
     entries = RegisterMap((entry,))
-    held = entries.encode({"gyro_bias_x": 1e-3, "gyro_bias_y": -0.01, "gyro_bias_z": 0.0})
-    assert held == {7: [-1000.0, 10000.0, 0.0]}
-    assert entries.decode(held)["gyro_bias_y"] == pytest.approx(-0.01)
+    contents = entries.encode({"gyro_bias_x": 1e-3, "gyro_bias_y": -0.01, "gyro_bias_z": 0.0})
+    assert contents == {7: [-1000.0, 10000.0, 0.0]}
+    assert entries.decode(contents)["gyro_bias_y"] == pytest.approx(-0.01)
     with raises_code(DeviceFaultError, "imu.value_beyond_register"):
         entries.encode({"gyro_bias_x": 0.0, "gyro_bias_y": 0.0, "gyro_bias_z": 0.02})
 
@@ -238,7 +238,7 @@ def test_invalid_register_map_is_reported_by_its_entry(
         return
     with pytest.raises(ConfigurationError) as caught:
         load_imu_profile(path)
-    assert complaint(caught.value) == expected
+    assert error_code(caught.value) == expected
     assert "\n" not in str(caught.value)
 
 
@@ -249,14 +249,14 @@ def test_group_name_expands_to_its_parameters() -> None:
 
 
 def test_offline_compensation_equals_the_correction_by_the_unit() -> None:
-    """Registers and offline compensation correct alike."""
+    """The unit with these registers and the offline compensation give the same output."""
     random = np.random.default_rng(7)
     entries = map_of("vectornav_vn100")
     values = {n: float(random.uniform(-0.01, 0.01)) for n in entries.parameters}
-    held = entries.rounded(values)
-    row = entries.encode(held)[84]
+    contents = entries.rounded(values)
+    row = entries.encode(contents)[84]
     measured = random.uniform(-1, 1, (5, 3))
     unit = (measured - row[9:]) @ np.array(row[:9]).reshape(3, 3).T
-    vectorised = np.array([held.get(name, 0.0) for name in NAMES])
+    vectorised = np.array([contents.get(name, 0.0) for name in NAMES])
     ours, _ = compensate(compensation(vectorised), measured, np.zeros((5, 3)))
     np.testing.assert_allclose(unit, ours, atol=2e-7)

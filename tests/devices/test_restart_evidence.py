@@ -15,7 +15,7 @@ from calstation.devices.imu.registered_imu import marker_entry, marker_numbers
 from calstation.devices.links import SerialLink
 from calstation.devices.profiles import RegisterEntry
 from calstation.errors import DeviceFaultError
-from tests.devices.test_transfer import Noted
+from tests.devices.test_transfer import FakeEntry
 from tests.helpers import raises_code
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
@@ -81,64 +81,64 @@ def driver(unit: FlashUnit, **section: float) -> Iterator[ModbusImu]:
         unit.close()
 
 
-def moved(imu: ModbusImu, noted: Noted, value: float = 0.5) -> Mapping[str, float]:
+def moved(imu: ModbusImu, transfer_entry: FakeEntry, value: float = 0.5) -> Mapping[str, float]:
     registers = RegisterMap(tuple(pageless().registers))
-    return transfer(imu, registers, UNIT, {"gyro_bias_x": value}, noted.begin).registers_read
+    return transfer(imu, registers, UNIT, {"gyro_bias_x": value}, transfer_entry.begin).registers_read
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("delay", [0.0, 0.4])
 def test_committed_registers_are_read_back_after_the_restart(delay: float) -> None:
-    unit, noted = FlashUnit(delay=delay), Noted(serial=UNIT)
+    unit, transfer_entry = FlashUnit(delay=delay), FakeEntry(serial=UNIT)
     with driver(unit) as imu:
-        assert moved(imu, noted)["gyro_bias_x"] == 0.5
-    assert noted.steps[-1] == "restarted"
-    assert noted.closing is None
+        assert moved(imu, transfer_entry)["gyro_bias_x"] == 0.5
+    assert transfer_entry.steps[-1] == "restarted"
+    assert transfer_entry.closing is None
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("delay", [0.0, 0.4])
 def test_uncommitted_registers_are_not_taken_as_evidence_of_a_restart(delay: float) -> None:
-    unit, noted = FlashUnit(burns=None, delay=delay), Noted(serial=UNIT)
+    unit, transfer_entry = FlashUnit(burns=None, delay=delay), FakeEntry(serial=UNIT)
     with driver(unit) as imu, raises_code(DeviceFaultError, "imu.holds_old"):
-        moved(imu, noted)
-    assert "restarted" not in noted.steps
-    assert noted.closing == "kept"
+        moved(imu, transfer_entry)
+    assert "restarted" not in transfer_entry.steps
+    assert transfer_entry.closing == "kept"
 
 
 def test_unit_that_never_restarts_is_reported_before_any_write() -> None:
-    unit, noted = FlashUnit(delay=None), Noted(serial=UNIT)
+    unit, transfer_entry = FlashUnit(delay=None), FakeEntry(serial=UNIT)
     with driver(unit, reset_timeout_s=0.3) as imu, raises_code(DeviceFaultError, "imu.not_restarted"):
-        moved(imu, noted)
-    assert noted.steps == []
+        moved(imu, transfer_entry)
+    assert transfer_entry.steps == []
     assert unit.words == unit.flash, "the mark was taken back"
 
 
 @pytest.mark.long
 def test_a_unit_is_not_restarted_during_a_long_commit() -> None:
-    unit, noted = FlashUnit(burns=0.5), Noted(serial=UNIT)
+    unit, transfer_entry = FlashUnit(burns=0.5), FakeEntry(serial=UNIT)
     with driver(unit) as imu:
-        assert moved(imu, noted)["gyro_bias_x"] == 0.5
+        assert moved(imu, transfer_entry)["gyro_bias_x"] == 0.5
     assert not unit.hurt
 
 
 def test_a_unit_whose_commit_exceeds_its_timeout_is_not_restarted() -> None:
-    unit, noted = FlashUnit(burns=3600.0), Noted(serial=UNIT)
+    unit, transfer_entry = FlashUnit(burns=3600.0), FakeEntry(serial=UNIT)
     with driver(unit, commit_timeout_s=0.4) as imu, raises_code(DeviceFaultError, "imu.holds_unknown"):
-        moved(imu, noted)
+        moved(imu, transfer_entry)
     commit = unit.requests.index((6, COMMIT, 0x5A5A))
     assert {request[0] for request in unit.requests[commit + 1 :]} == {3}, "neither written nor restarted"
-    assert (noted.steps[-1], noted.closing) == ("committing", None)
+    assert (transfer_entry.steps[-1], transfer_entry.closing) == ("committing", None)
 
 
 @pytest.mark.long
 def test_a_unit_busy_with_another_commit_is_not_restarted() -> None:
-    unit, noted = FlashUnit(burns=0.5), Noted(serial=UNIT)
+    unit, transfer_entry = FlashUnit(burns=0.5), FakeEntry(serial=UNIT)
     unit.store(6, COMMIT, [0x5A5A])
     with driver(unit) as imu:
-        moved(imu, noted)
+        moved(imu, transfer_entry)
     assert not unit.hurt
-    assert noted.steps[-1] == "restarted"
+    assert transfer_entry.steps[-1] == "restarted"
 
 
 def entry(*parameters: str, **more: object) -> RegisterEntry:

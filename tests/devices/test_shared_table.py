@@ -14,7 +14,7 @@ from test_frames import reply_frame, stream_frame
 from test_modbus_table import image, long
 
 from calstation.devices.imu import FramedImu
-from calstation.devices.imu.drivers.stream import SilentImu
+from calstation.devices.imu.drivers.stream import StreamOnlyImu
 from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
 from calstation.devices.table import SharedTable, open_table
 from calstation.errors import ConfigurationError, DeviceFaultError
@@ -23,8 +23,8 @@ from tests.helpers import raises_code
 
 DATA = Path(__file__).parents[2] / "data"
 PROFILE = load_table_profile(DATA / "tables" / "indexing_unit.toml")
-#: Answers come at once, but a busy computer may take its time to hear them.
-PATIENT = IMU_PROFILE.model_copy(update={"commands": IMU_PROFILE.commands.model_copy(update={"timeout_s": 1.0})})
+#: Profile with a long timeout, because a busy computer may process the immediate replies late.
+LONG_TIMEOUT = IMU_PROFILE.model_copy(update={"commands": IMU_PROFILE.commands.model_copy(update={"timeout_s": 1.0})})
 Pair = tuple[bytes, bytes]
 
 
@@ -41,7 +41,7 @@ def write(address: int, *words: int) -> Pair:
 @contextmanager
 def system(pairs: list[Pair]) -> Iterator[tuple[SharedTable, FramedImu, ScriptedDevice]]:
     link = ScriptedDevice(pairs)
-    imu = FramedImu(link, PATIENT)  # type: ignore[arg-type]
+    imu = FramedImu(link, LONG_TIMEOUT)  # type: ignore[arg-type]
     table = SharedTable(imu, PROFILE)
     try:
         yield table, imu, link
@@ -141,7 +141,7 @@ def test_reply_of_the_wrong_length_is_reported() -> None:
 
 def test_axes_require_an_imu_with_framed_commands() -> None:
     link = ScriptedDevice([])
-    imu = SilentImu(link, load_imu_profile(DATA / "imus" / "stim300.toml"), "SN")  # type: ignore[arg-type]
+    imu = StreamOnlyImu(link, load_imu_profile(DATA / "imus" / "stim300.toml"), "SN")  # type: ignore[arg-type]
     with raises_code(ConfigurationError, "table.imu_without_words"):
         SharedTable(imu, PROFILE, owned=True)
     assert link.closed.is_set()

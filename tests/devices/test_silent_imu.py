@@ -1,9 +1,9 @@
-"""A stream-only unit: samples are read, the serial number comes from the operator, nothing is ever sent."""
+"""A unit that only streams is read without sending anything, and the operator enters its serial number."""
 
 import time
 from pathlib import Path
 
-from calstation.devices.imu.drivers.stream import SilentImu
+from calstation.devices.imu.drivers.stream import StreamOnlyImu
 from calstation.devices.profiles import load_imu_profile
 from tests.devices.scripted import ScriptedDevice
 
@@ -16,7 +16,7 @@ DATAGRAM = bytes.fromhex(
 
 def test_stream_only_unit_is_read_without_sending_commands() -> None:
     link = ScriptedDevice([])
-    imu = SilentImu(link, load_imu_profile(IMUS / "stim300.toml"), "SN-7")  # type: ignore[arg-type]
+    imu = StreamOnlyImu(link, load_imu_profile(IMUS / "stim300.toml"), "SN-7")  # type: ignore[arg-type]
     try:
         imu.start()
         link.send(b"\x00\xaf" + DATAGRAM[:40])

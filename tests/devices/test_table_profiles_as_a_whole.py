@@ -9,7 +9,7 @@ import tomli_w
 from calstation.devices.profiles import TableProfile, load_table_profile
 from calstation.errors import ConfigurationError
 from tests.devices.editing import edited
-from tests.helpers import complaint
+from tests.helpers import error_code
 
 DATA = Path(__file__).parents[2] / "data" / "tables"
 BENCH, DRIVES, MN, ATL, ACL = "bench", "cia402_drives", "mn_ascii", "aerosmith_atl", "acutronic_acl"
@@ -26,7 +26,7 @@ def refusal(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
         load(tmp_path, name, changes)
     assert str(caught.value).startswith(f"{tmp_path / 'profile.toml'}: ")
     assert "\n" not in str(caught.value)
-    return complaint(caught.value)
+    return error_code(caught.value)
 
 
 @pytest.mark.parametrize(

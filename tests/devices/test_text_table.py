@@ -163,12 +163,12 @@ def test_atl_error_reply_is_reported_and_the_request_not_repeated() -> None:
         driver.enable()
 
 
-WHO: Pairs = [(b"IDN\r\n", b"AERO 4000,SN77\r\n>")]
+IDENTITY: Pairs = [(b"IDN\r\n", b"AERO 4000,SN77\r\n>")]
 LOST, STOP = (b"1STO\r\n", b""), [(b"1STO\r\n", b">")]
 
 
 def test_request_with_a_lost_reply_is_repeated_on_a_new_socket_except_homing() -> None:
-    pairs = [LOST, *WHO, LOST, *WHO, *STOP, (b"2STO\r\n", b">"), (b"1HOM\r\n", b"")]
+    pairs = [LOST, *IDENTITY, LOST, *IDENTITY, *STOP, (b"2STO\r\n", b">"), (b"1HOM\r\n", b"")]
     with table(pairs, profile("aerosmith_atl")) as (driver, line):
         driver.stop()
         with raises_code(DeviceFaultError, "table.line_unanswered"):
@@ -178,7 +178,7 @@ def test_request_with_a_lost_reply_is_repeated_on_a_new_socket_except_homing() -
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals")
 def test_stop_is_sent_immediately_while_other_replies_are_pending() -> None:
-    second: Pairs = [(b"2STO\r\n", b">"), *WHO, (b"2STO\r\n", b">")]
+    second: Pairs = [(b"2STO\r\n", b">"), *IDENTITY, (b"2STO\r\n", b">")]
     with table([LOST, LOST, *STOP, *second, (b"1HOM\r\n", b"")], profile("aerosmith_atl"), over_terminal) as (
         driver,
         _,
@@ -203,7 +203,7 @@ def test_late_reply_is_not_taken_for_another_axis_or_command() -> None:
 
 def test_a_reopened_link_must_lead_to_the_same_table() -> None:
     other: Pairs = [(b"IDN\r\n", b"AERO 4000,SN78\r\n>")]
-    with table([*WHO, LOST, *other], profile("aerosmith_atl")) as (driver, _):
+    with table([*IDENTITY, LOST, *other], profile("aerosmith_atl")) as (driver, _):
         driver.identify()
         with raises_code(DeviceFaultError, "table.other_table"):
             driver.stop()
@@ -382,7 +382,7 @@ def test_mn_local_control_is_reported() -> None:
         assert driver.status().fault == "local control"
 
 
-# Any table of text -----------------------------------------------------------------------------------------------
+# All text tables -------------------------------------------------------------------------------------------------
 
 
 def test_lost_table_is_reported_and_reconnected() -> None:

@@ -17,7 +17,7 @@ OLD = float(np.float32(0.001))
 
 
 @dataclass
-class Noted:
+class FakeEntry:
     """An in-memory journal entry; `full_at` is the step at which the disk is full."""
 
     old: Mapping[str, float] = field(default_factory=dict)
@@ -35,16 +35,16 @@ class Noted:
     def close(self, closing: Closing) -> None:
         self.closing = closing
 
-    def begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> "Noted":
+    def begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> "FakeEntry":
         self.old, self.new = old, new
         return self
 
 
 class RegisterUnit:
-    """RAM and flash registers; `deaf` names a register that ignores writes, `forgets` one that a commit loses."""
+    """RAM and flash registers; `ignores_writes` and `loses` name a register that ignores writes or loses a commit."""
 
-    def __init__(self, deaf: str = "", forgets: str = "", serial: str = SERIAL) -> None:
-        self.deaf, self.forgets, self.serial = deaf, forgets, serial
+    def __init__(self, ignores_writes: str = "", loses: str = "", serial: str = SERIAL) -> None:
+        self.ignores_writes, self.loses, self.serial = ignores_writes, loses, serial
         self.ram = dict.fromkeys(NAMES, OLD)
         self.flash = dict(self.ram)
         self.calls: list[str] = []
@@ -68,11 +68,11 @@ class RegisterUnit:
 
     def write_registers(self, values: Mapping[str, float]) -> None:
         self._alive("write")
-        self.ram.update({k: v for k, v in values.items() if k != self.deaf})
+        self.ram.update({k: v for k, v in values.items() if k != self.ignores_writes})
 
     def commit(self) -> None:
         self._alive("commit")
-        self.flash = {**self.ram, **({self.forgets: 0.0} if self.forgets else {})}
+        self.flash = {**self.ram, **({self.loses: 0.0} if self.loses else {})}
 
     def reset(self) -> None:
         self._alive("reset")
@@ -85,72 +85,72 @@ class RegisterUnit:
 
 
 def test_transfer_follows_its_steps_and_stays_open_until_verified() -> None:
-    unit, noted = RegisterUnit(), Noted()
-    done = transfer(unit, MAP, SERIAL, {"gyro_bias_x": 1.23456789e-6, "outer_lever_x": 9.0}, noted.begin)
+    unit, entry = RegisterUnit(), FakeEntry()
+    done = transfer(unit, MAP, SERIAL, {"gyro_bias_x": 1.23456789e-6, "outer_lever_x": 9.0}, entry.begin)
     assert unit.calls == ["reset", "read", "write", "read", "commit", "reset", "read"]
-    assert noted.steps == ["written", "committing", "committed", "restarted"]
-    assert noted.closing is None
-    assert done.registers_read == noted.new
+    assert entry.steps == ["written", "committing", "committed", "restarted"]
+    assert entry.closing is None
+    assert done.registers_read == entry.new
     assert done.registers_read["gyro_bias_x"] == float(np.float32(1.23456789e-6))
-    assert done.registers_read["gyro_bias_y"] == noted.old["gyro_bias_y"] == OLD
+    assert done.registers_read["gyro_bias_y"] == entry.old["gyro_bias_y"] == OLD
     assert "outer_lever_x" not in done.registers_read
 
 
 def test_different_unit_is_not_accessed() -> None:
     unit = RegisterUnit(serial="SN-7")
     with raises_code(DeviceFaultError, "imu.other_unit"):
-        transfer(unit, MAP, SERIAL, {"gyro_bias_x": 0.0}, Noted().begin)
+        transfer(unit, MAP, SERIAL, {"gyro_bias_x": 0.0}, FakeEntry().begin)
     with raises_code(DeviceFaultError, "imu.other_unit"):
-        read_flash_content(unit, Noted(), MAP)
+        read_flash_content(unit, FakeEntry(), MAP)
     assert unit.calls == []
 
 
 def test_uncommitted_values_do_not_count_as_old_registers() -> None:
-    unit, noted = RegisterUnit(), Noted()
+    unit, entry = RegisterUnit(), FakeEntry()
     unit.ram["gyro_bias_y"] = 0.5
-    transfer(unit, MAP, SERIAL, {"gyro_bias_x": 1e-5}, noted.begin)
-    assert noted.old == dict.fromkeys(NAMES, OLD)
+    transfer(unit, MAP, SERIAL, {"gyro_bias_x": 1e-5}, entry.begin)
+    assert entry.old == dict.fromkeys(NAMES, OLD)
     assert unit.flash["gyro_bias_y"] == OLD
 
 
 def test_nothing_is_written_if_a_value_is_out_of_range() -> None:
     unit = RegisterUnit()
     with raises_code(DeviceFaultError, "imu.value_beyond_register"):
-        transfer(unit, MAP, SERIAL, {"gyro_bias_x": 5.0}, Noted().begin)
+        transfer(unit, MAP, SERIAL, {"gyro_bias_x": 5.0}, FakeEntry().begin)
     assert unit.calls == ["reset", "read"]
 
 
 def test_failed_read_back_is_not_committed_and_the_unit_is_restarted() -> None:
-    unit, noted = RegisterUnit(deaf="accel_bias_z"), Noted()
+    unit, entry = RegisterUnit(ignores_writes="accel_bias_z"), FakeEntry()
     with raises_code(DeviceFaultError, "imu.holds_old"):
-        transfer(unit, MAP, SERIAL, {"accel_bias_z": 0.01, "accel_bias_x": 0.2}, noted.begin)
+        transfer(unit, MAP, SERIAL, {"accel_bias_z": 0.01, "accel_bias_x": 0.2}, entry.begin)
     assert "commit" not in unit.calls
-    assert unit.ram == unit.flash == noted.old
-    assert noted.closing == "kept"
+    assert unit.ram == unit.flash == entry.old
+    assert entry.closing == "kept"
 
 
 def test_transfer_stays_open_if_a_register_is_lost_from_flash() -> None:
-    unit, noted = RegisterUnit(forgets="gyro_bias_y"), Noted()
+    unit, entry = RegisterUnit(loses="gyro_bias_y"), FakeEntry()
     with raises_code(DeviceFaultError, "imu.holds_neither"):
-        transfer(unit, MAP, SERIAL, {"gyro_bias_y": 0.01}, noted.begin)
-    assert noted.closing is None
-    assert read_flash_content(unit, noted, MAP) is FlashContent.NEITHER
-    unit.forgets = ""
-    assert restore(unit, MAP, noted) == noted.old == unit.flash
-    assert noted.closing == "restored"
+        transfer(unit, MAP, SERIAL, {"gyro_bias_y": 0.01}, entry.begin)
+    assert entry.closing is None
+    assert read_flash_content(unit, entry, MAP) is FlashContent.NEITHER
+    unit.loses = ""
+    assert restore(unit, MAP, entry) == entry.old == unit.flash
+    assert entry.closing == "restored"
 
 
 @pytest.mark.parametrize("step", ["written", "committing"])
 def test_nothing_is_committed_if_the_journal_cannot_be_written(step: str) -> None:
-    unit, noted = RegisterUnit(), Noted(full_at=step)
+    unit, entry = RegisterUnit(), FakeEntry(full_at=step)
     with raises_code(ConfigurationError, "imu.holds_old"):
-        transfer(unit, MAP, SERIAL, {"gyro_bias_x": 0.01}, noted.begin)
+        transfer(unit, MAP, SERIAL, {"gyro_bias_x": 0.01}, entry.begin)
     assert "commit" not in unit.calls
-    assert unit.ram == noted.old
+    assert unit.ram == entry.old
 
 
 def test_transfer_stays_open_if_the_link_is_lost_during_the_commit() -> None:
-    unit, noted = RegisterUnit(), Noted()
+    unit, entry = RegisterUnit(), FakeEntry()
     commit = unit.commit
 
     def commit_and_lose() -> None:
@@ -160,75 +160,75 @@ def test_transfer_stays_open_if_the_link_is_lost_during_the_commit() -> None:
 
     unit.commit = commit_and_lose  # type: ignore[method-assign]
     with raises_code(DeviceFaultError, "imu.holds_unknown"):
-        transfer(unit, MAP, SERIAL, {"gyro_bias_x": 0.01}, noted.begin)
-    assert noted.steps[-1] == "committing"
-    assert noted.closing is None
+        transfer(unit, MAP, SERIAL, {"gyro_bias_x": 0.01}, entry.begin)
+    assert entry.steps[-1] == "committing"
+    assert entry.closing is None
     unit.cut = False
     unit.calls.clear()
-    assert finish(unit, MAP, noted).registers_read == noted.new
+    assert finish(unit, MAP, entry).registers_read == entry.new
     assert "commit" not in unit.calls, "its flash held the new values already: no second cycle"
 
 
 def test_restoring_unchanged_registers_uses_no_flash_cycle() -> None:
-    unit, noted = RegisterUnit(), Noted(old=dict.fromkeys(NAMES, OLD), new=dict.fromkeys(NAMES, 0.5))
-    assert restore(unit, MAP, noted) == noted.old
+    unit, entry = RegisterUnit(), FakeEntry(old=dict.fromkeys(NAMES, OLD), new=dict.fromkeys(NAMES, 0.5))
+    assert restore(unit, MAP, entry) == entry.old
     assert unit.calls == ["reset", "read"]
-    assert noted.closing == "kept"
+    assert entry.closing == "kept"
 
 
 @pytest.mark.parametrize("moment", [0, 64, 127])
 def test_brown_out_during_the_commit_is_reported_and_keeps_old_values(tmp_path: Path, moment: int) -> None:
-    unit, noted = Unit(tmp_path / "flash.bin"), Noted()
+    unit, entry = Unit(tmp_path / "flash.bin"), FakeEntry()
     with unit.powered(timeout_s=0.2) as imu:
         unit.unit.commit_power_cut = moment
         with raises_code(DeviceFaultError, "imu.holds_old"):
-            transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5, "accel_bias_z": 0.02}, noted.begin)
-    assert noted.closing == "kept"
-    assert unit.flash == noted.old
+            transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5, "accel_bias_z": 0.02}, entry.begin)
+    assert entry.closing == "kept"
+    assert unit.flash == entry.old
 
 
 def test_brown_out_between_two_writes_is_detected_by_the_read_back(tmp_path: Path) -> None:
-    unit, noted = Unit(tmp_path / "flash.bin"), Noted()
+    unit, entry = Unit(tmp_path / "flash.bin"), FakeEntry()
     with unit.powered(timeout_s=0.2) as imu:
-        unit.unit.write_power_cut = 31  # behind the mark and the first entry
+        unit.unit.write_power_cut = 31  # after the marker and the first entry
         with raises_code(DeviceFaultError, "imu.holds_old"):
-            transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5, "accel_bias_z": 0.02}, noted.begin)
-    assert (unit.cycles, noted.closing) == (0, "kept")
+            transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5, "accel_bias_z": 0.02}, entry.begin)
+    assert (unit.cycles, entry.closing) == (0, "kept")
 
 
 def test_brown_out_during_the_first_write_is_recovered_by_a_repeat(tmp_path: Path) -> None:
-    unit, noted = Unit(tmp_path / "flash.bin"), Noted()
+    unit, entry = Unit(tmp_path / "flash.bin"), FakeEntry()
     with unit.powered(timeout_s=0.2) as imu:
         unit.unit.write_power_cut = 0
-        transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5}, noted.begin)
-    assert unit.flash == noted.new
+        transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5}, entry.begin)
+    assert unit.flash == entry.new
 
 
 def test_brown_out_after_the_commit_leaves_new_values_to_verify(tmp_path: Path) -> None:
-    unit, noted = Unit(tmp_path / "flash.bin"), Noted()
+    unit, entry = Unit(tmp_path / "flash.bin"), FakeEntry()
     with unit.powered(timeout_s=0.2) as imu:
         unit.unit.commit_power_cut = 128
         with raises_code(DeviceFaultError, "imu.holds_new"):
-            transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5}, noted.begin)
-        assert noted.closing is None
-        assert read_flash_content(imu, noted, MAP) is FlashContent.NEW
+            transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5}, entry.begin)
+        assert entry.closing is None
+        assert read_flash_content(imu, entry, MAP) is FlashContent.NEW
 
 
 def test_unit_without_a_spare_flash_bank_can_be_recovered(tmp_path: Path) -> None:
     unit = Unit(tmp_path / "flash.bin", banks=1)
     with unit.powered() as imu:
-        transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5}, Noted().begin)
+        transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5}, FakeEntry().begin)
     for mend in ("finish", "restore"):
-        noted = Noted()
+        entry = FakeEntry()
         with unit.powered(timeout_s=0.2) as imu:
             unit.unit.commit_power_cut = 60
             with raises_code(DeviceFaultError, "imu.holds_neither"):
-                transfer(imu, MAP, SERIAL, {"gyro_bias_x": 2e-5}, noted.begin)
+                transfer(imu, MAP, SERIAL, {"gyro_bias_x": 2e-5}, entry.begin)
         with unit.powered() as imu:
-            assert read_flash_content(imu, noted, MAP) is FlashContent.NEITHER
+            assert read_flash_content(imu, entry, MAP) is FlashContent.NEITHER
             if mend == "finish":
-                finish(imu, MAP, noted)
-                assert unit.flash == noted.new
+                finish(imu, MAP, entry)
+                assert unit.flash == entry.new
             else:
-                restore(imu, MAP, noted)
-                assert unit.flash == noted.old
+                restore(imu, MAP, entry)
+                assert unit.flash == entry.old

@@ -27,20 +27,20 @@ def read_for(imu: StreamedImu, seconds: float) -> None:
 
 
 class BootingLink:
-    """A simulated unit that ignores a number of requests after its restart, then sends `says` unsolicited."""
+    """A simulated unit that ignores a number of requests after its restart, then sends `unsolicited`."""
 
     port = "memory"
 
     def __init__(self, unit: ImuUnit) -> None:
-        self.unit, self.lost, self.says = unit, 0, b""
+        self.unit, self.lost, self.unsolicited = unit, 0, b""
         self._parse: Callable[[bytes, float], list[bytes]] = unit.new_parser()
         self._waiting = bytearray()
-        crc16(b"")  # compiled here and not while an answer is waited for
+        crc16(b"")  # compiles the function before a reply is expected
 
-    def restart(self, lost: int, says: bytes = b"") -> None:
+    def restart(self, lost: int, unsolicited: bytes = b"") -> None:
         """Restart it."""
         self.unit.restart(1.0)
-        self.lost, self.says = lost, says
+        self.lost, self.unsolicited = lost, unsolicited
 
     def send(self, data: bytes) -> None:
         """Send unsolicited bytes."""
@@ -53,7 +53,7 @@ class BootingLink:
         self._waiting += b"".join(self._parse(data, 100.0))
 
     def read(self, wait: float) -> bytes:
-        data = self.says + bytes(self._waiting)
+        data = self.unsolicited + bytes(self._waiting)
         self._waiting.clear()
         time.sleep(0.0005)
         return data
@@ -117,8 +117,8 @@ def test_cancellation_is_checked_between_two_queries(protocol: str) -> None:
 def test_unsolicited_bytes_do_not_count_as_a_wrong_baud_rate() -> None:
     with driver("vectornav") as (imu, link):
         imu.start()
-        # As it leaves the factory: lines of text that no frame of the profile is among.
-        link.restart(lost=0, says=b"$VNYMR,+006.271,+000.031,-002.000,+01.0640,-00.2531,+03.0614*65\r\n")
+        # A unit with factory settings sends lines of text, which contain no frame of the profile.
+        link.restart(lost=0, unsolicited=b"$VNYMR,+006.271,+000.031,-002.000,+01.0640,-00.2531,+03.0614*65\r\n")
         with raises_code(NoFramesError, "imu.no_frames"):
             read_for(imu, 20.0)
         imu.wake(lambda: None)

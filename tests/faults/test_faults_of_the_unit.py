@@ -13,7 +13,7 @@ from calstation.results import resolve
 from calstation.runs import find_resumable
 from calstation.sequencer import Message, StepStarted, Trace
 from tests.faults.conftest import SERIAL, FaultRuns, fault
-from tests.helpers import complaint, sampled
+from tests.helpers import error_code, sampled
 from tests.site_folder import PRODUCT, QUICK
 
 pytestmark = pytest.mark.long
@@ -177,11 +177,11 @@ def test_gyros_that_cannot_resolve_earth_rate_need_consistent_gravity_and_latitu
     fault_runs.product = {**PRODUCT, "imu": "bench_mems"}
     with pytest.raises(ConfigurationError, match=r"Add the local gravity") as missing:
         fault_runs.run(stages=("six_position",))
-    assert complaint(missing.value) == "site.gravity_mps2 site.gravity_missing"
+    assert error_code(missing.value) == "site.gravity_mps2 site.gravity_missing"
     fault_runs.site = {"gravity_mps2": 9.79547}
     with pytest.raises(ConfigurationError, match=r"Correct gravity, latitude or height") as contradicting:
         fault_runs.run({"kind": "wrong_latitude", "value": degrees}, stages=("six_position",))
-    assert complaint(contradicting.value) == "site.gravity_mps2 site.gravity_contradicts"
+    assert error_code(contradicting.value) == "site.gravity_mps2 site.gravity_contradicts"
     assert not list((fault_runs.folder / "runs").glob("*.h5"))
 
 

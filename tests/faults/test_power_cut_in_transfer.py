@@ -47,7 +47,7 @@ def _journal_under_power(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(chained_lines, "_write", write_while_powered)
     # The cut is at a byte of these files, not of a real disk: nothing need wait for one, nor for a busy flash.
     monkeypatch.setattr("os.fsync", lambda handle: None)
-    monkeypatch.setattr("calstation.devices.imu.drivers.modbus.POLL", 0.0)
+    monkeypatch.setattr("calstation.devices.imu.drivers.modbus.POLL_INTERVAL", 0.0)
 
 
 class Factory:

@@ -13,7 +13,7 @@ import pytest
 from calstation.jobs import Job, JobQueue
 from tests.jobs import job_functions as works
 
-PATIENCE = 120.0
+TIMEOUT = 120.0
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def job_queue() -> Iterator[JobQueue]:
 
 def until(condition: Callable[[], bool]) -> None:
     """Poll like the timer of a window."""
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     while not condition():
         assert time.monotonic() < deadline, "nothing came"
         threading.Event().wait(0.01)
@@ -38,7 +38,7 @@ def ended(job: Job) -> Job:
 
 def test_jobs_run_in_order_with_progress_and_result(job_queue: JobQueue) -> None:
     first, second = job_queue.submit(works.add, 1, b=2), job_queue.submit(works.add, 3)
-    assert first.state in ("waiting", "running")  # it may have begun already
+    assert first.state in ("waiting", "running")  # the job may already have begun
     assert second.state == "waiting"
     assert ended(second).result == 3
     assert (first.state, first.result, first.fraction, first.note) == ("done", 3, 1.0, "adding")
@@ -46,7 +46,9 @@ def test_jobs_run_in_order_with_progress_and_result(job_queue: JobQueue) -> None
 
 
 def test_errors_of_jobs_are_reported(job_queue: JobQueue) -> None:
-    jobs = [job_queue.submit(work) for work in (works.complain, works.blunder, works.unpicklable)]
+    jobs = [
+        job_queue.submit(work) for work in (works.raise_known_error, works.raise_unexpected_error, works.unpicklable)
+    ]
     clear, mistake, lost = (ended(job) for job in jobs)
     assert [job.state for job in jobs] == ["failed"] * 3
     assert str(clear.error) == "log.h5: No such file. Give the path of an existing TOML file."
@@ -116,7 +118,7 @@ def test_idle_worker_that_is_killed_is_replaced(job_queue: JobQueue) -> None:
     process = job_queue._worker.process
     assert process is not None
     process.kill()
-    process.join(PATIENCE)
+    process.join(TIMEOUT)
     assert ended(job_queue.submit(works.add, 2)).result == 2
 
 
@@ -129,7 +131,7 @@ def test_closing_ends_all_jobs_and_the_worker(tmp_path: Path) -> None:
     assert process is not None
     job_queue.close()
     job_queue.close()
-    process.join(PATIENCE)
+    process.join(TIMEOUT)
     assert not process.is_alive()
     assert (running.state, waiting.state) == ("cancelled", "cancelled")
     assert job_queue.submit(works.add, 1).state == "cancelled", "a window that is closing may still ask"

@@ -1,4 +1,4 @@
-"""Recordings of the simulated gimbal in closed loop with the method, as input of the solver."""
+"""Recordings of the simulated gimbal in closed loop with the method, which are input for the solver."""
 
 import numpy as np
 from hand_recordings import prior_of
@@ -33,7 +33,7 @@ class Uncorrected(GimbalBench):
 def recorded(
     imu: ImuTruth, seed: int, corrected: bool = True, **schedule: object
 ) -> tuple[GimbalIteration, SampleBlock]:
-    """Run method and gimbal in closed loop from locked joints to the last axis."""
+    """Run the method and the gimbal in closed loop, from locked joints to the last axis."""
     settings, blocks = method("gimbal").schedule(**schedule), []
     gimbal = (GimbalBench if corrected else Uncorrected)(imu, seed, order=settings.order, encoder_sigma=ENCODER)
     iteration = run_gimbal(gimbal, settings, context_of(imu).imu, blocks.append)

@@ -102,8 +102,8 @@ def context_of(
     return SolveContext(Site(RIG.latitude, 0.0, RIG.height), model(primary), TableModel(), further)
 
 
-def known(primary: ImuTruth) -> Posterior:
-    """Return the errors of the primary, calibrated before."""
+def primary_errors(primary: ImuTruth) -> Posterior:
+    """Return the known errors of the primary, which was calibrated before."""
     prior = prior_of("mems")
     return Posterior(primary.parameters, 1e-6 * prior.covariance)
 

@@ -12,8 +12,8 @@ from pair_recordings import (
     RATE,
     RIG,
     context_of,
-    known,
     pair,
+    primary_errors,
     recording,
     solved,
     solver_of,
@@ -50,19 +50,21 @@ def test_errors_of_many_pairs_agree_with_their_sigmas():
     errors = []
     for seed in range(9):
         primary, secondary = pair(100 + seed)
-        solution = solved(recording(primary, [secondary], seed), context_of(primary, [secondary]), known(primary))
+        solution = solved(
+            recording(primary, [secondary], seed), context_of(primary, [secondary]), primary_errors(primary)
+        )
         errors.append((vector(solution) - truth_of(primary, secondary)) / vector(solution, "sigma"))
     for group in GROUPS:
         columns = [k for k, p in enumerate(PAIR_PARAMETERS) if p.group == group]
         count = 9 * min(len(columns), 3)
         low, high = chi2.ppf([0.0005, 0.9995], count) / count
-        # the jackknife knows its sigmas to a tenth
+        # the sigmas of the jackknife are accurate to a tenth
         assert 0.85 * low < np.mean(np.square(np.array(errors)[:, columns])) < 1.15 * high, group
 
 
 def test_clock_offset_is_found_with_subsample_accuracy(mems):
     primary, secondary, block = mems
-    solution = solved(block, context_of(primary, [secondary]), known(primary)).estimates["clock_offset"]
+    solution = solved(block, context_of(primary, [secondary]), primary_errors(primary)).estimates["clock_offset"]
     assert abs(solution.value - secondary.offset) < 4.0 * solution.sigma
     assert solution.sigma < 1e-5
     assert abs(secondary.offset) > 1e-3
@@ -71,12 +73,12 @@ def test_clock_offset_is_found_with_subsample_accuracy(mems):
 def test_bias_change_during_the_recording_fails_and_is_reported(mems):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
-    sound = solved(block, context, known(primary))
+    sound = solved(block, context, primary_errors(primary))
     assert all(test.value < test.limit for test in sound.tests)
     sigma = sound.estimates["secondary_gyro_bias_y"].sigma
     late = np.arange(len(block)) >= len(block) // 2
     changed = with_error(block, context, lambda w, f: 14.0 * sigma * late[:, None] * np.eye(6)[1])
-    test, _ = solved(changed, context, known(primary)).tests
+    test, _ = solved(changed, context, primary_errors(primary)).tests
     assert test.value > test.limit
     assert test.diagnosis.values["parameter"] == "secondary_gyro_bias_y"
     assert test.diagnosis.size == pytest.approx(14.0 * sigma, abs=4.0 * test.diagnosis.sigma)
@@ -117,19 +119,23 @@ FAST, G = np.deg2rad(100.0), 9.8
 def test_unmodelled_effect_fails_and_is_reported(mems, effect, size, error):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
-    (_, test) = solved(with_error(block, context, lambda w, f: size * error(w, f)), context, known(primary)).tests
+    (_, test) = solved(
+        with_error(block, context, lambda w, f: size * error(w, f)), context, primary_errors(primary)
+    ).tests
     assert (test.kind, test.diagnosis.cause, test.diagnosis.values["effect"]) == ("effects", "pair_effect", effect)
     assert test.value > test.limit
     assert test.diagnosis.size == pytest.approx(
         size, rel=0.15, abs=4.0 * test.diagnosis.sigma
-    )  # what it measures is filtered
+    )  # the measured values are filtered
 
 
 def test_drift_during_the_recording_fails_and_is_reported(mems):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
     course = np.linspace(0.0, 1e-3, len(block))[:, None]
-    (_, test) = solved(with_error(block, context, lambda w, f: accel(course * f)), context, known(primary)).tests
+    (_, test) = solved(
+        with_error(block, context, lambda w, f: accel(course * f)), context, primary_errors(primary)
+    ).tests
     assert test.value > test.limit
     assert test.diagnosis.cause == "drift"
     assert test.diagnosis.values["parameter"].startswith("secondary_accel_matrix_")
@@ -171,10 +177,10 @@ def test_effects_are_reported_in_the_axes_of_a_rotated_secondary():
     turned = replace(secondary, mounting=Mounting(rotation(np.array([0.0, 0.0, 0.5 * np.pi])), np.zeros(3)))
     block, context = recording(primary, [turned], 3), context_of(primary, [turned])
     along_x = np.eye(3)[0]
-    sound = solved(block, context, known(primary))
+    sound = solved(block, context, primary_errors(primary))
     assert all(test.value < test.limit for test in sound.tests)
     changed = with_error(block, context, lambda w, f: 3e-3 / FAST**2 * gyro(along_x * w**3))
-    (_, test) = solved(changed, context, known(primary)).tests
+    (_, test) = solved(changed, context, primary_errors(primary)).tests
     assert test.value > test.limit
     assert (test.diagnosis.values["effect"], test.diagnosis.values["component"]) == ("gyro_cubic", "x")
 
@@ -182,7 +188,7 @@ def test_effects_are_reported_in_the_axes_of_a_rotated_secondary():
 def test_effect_indistinguishable_from_a_parameter_is_not_reported(mems):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
-    upright = block.part(0, 4000)  # an axis that stays upward: |f| is f
+    upright = block.part(0, 4000)  # the axis always points up, so that |f| equals f
     imus = (context.imu, context.secondaries[0].imu)
     counts, others = (np.asarray(x, np.float64).copy() for x in (upright.counts, upright.others))
     random = np.random.default_rng(1)
@@ -193,7 +199,7 @@ def test_effect_indistinguishable_from_a_parameter_is_not_reported(mems):
         noise = np.repeat([imu.gyro_arw, imu.accel_vrw], 3) * np.sqrt(RATE)
         of[:] = (np.hstack([rates, forces]) + noise * random.normal(size=(len(upright), 6))) / unit
     moved = replace(upright, counts=counts, others=others)
-    solution = solved(moved, context, known(primary), lever=False, clock_offset=False)
+    solution = solved(moved, context, primary_errors(primary), lever=False, clock_offset=False)
     assert all(test.value < test.limit for test in solution.tests)
     assert solution.explanation is None
 
@@ -202,7 +208,7 @@ def test_effect_indistinguishable_from_a_parameter_is_not_reported(mems):
 @pytest.mark.parametrize("choice", [{"model": "bias"}, {"model": "scale"}, {"clock_offset": False}])
 def test_terms_excluded_from_the_fit_are_not_reported_as_effects(mems, choice):
     primary, secondary, block = mems
-    solution = solved(block, context_of(primary, [secondary]), known(primary), **choice)
+    solution = solved(block, context_of(primary, [secondary]), primary_errors(primary), **choice)
     named = [
         test.diagnosis
         for test in (*solution.tests, solution.explanation)
@@ -216,7 +222,7 @@ def test_terms_excluded_from_the_fit_are_not_reported_as_effects(mems, choice):
 def test_effect_without_influence_on_the_parameters_passes(mems):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
-    solution = solved(with_error(block, context, lambda w, f: gyro(1e-5 * f)), context, known(primary))
+    solution = solved(with_error(block, context, lambda w, f: gyro(1e-5 * f)), context, primary_errors(primary))
     assert all(test.value < test.limit for test in solution.tests)
     assert solution.explanation.diagnosis.values["effect"] == "g_sensitivity"
 
@@ -224,7 +230,7 @@ def test_effect_without_influence_on_the_parameters_passes(mems):
 def test_secondary_mounted_upside_down_is_calibrated():
     primary, secondary = pair(4)
     turned = replace(secondary, mounting=Mounting(rotation(np.array([np.pi, 0.02, 0.01])), secondary.mounting.arm))
-    solution = solved(recording(primary, [turned], 4), context_of(primary, [turned]), known(primary))
+    solution = solved(recording(primary, [turned], 4), context_of(primary, [turned]), primary_errors(primary))
     error = (vector(solution) - truth_of(primary, turned)) / vector(solution, "sigma")
     assert np.abs(error).max() < 5.0
 
@@ -242,7 +248,7 @@ def test_partial_models_are_fitted(what):
         unit.parameters[group_indices("gyro_bias")] += shift * 0.004
         unit.parameters[group_indices("accel_bias")] -= shift * 0.06
     alike = SecondaryTruth(other, Mounting(np.eye(3), np.zeros(3)), 0.004)
-    solution = solved(recording(primary, [alike], 5), context_of(primary, [alike]), known(primary), model=what)
+    solution = solved(recording(primary, [alike], 5), context_of(primary, [alike]), primary_errors(primary), model=what)
     truth, sigma = truth_of(primary, alike), vector(solution, "sigma")
     fitted = sigma > 0.0
     assert fitted.sum() == {"bias": 7, "scale": 13}[what]
@@ -255,7 +261,7 @@ def test_parameters_of_several_secondaries_have_distinct_names():
     primary, first = pair(6)
     _, second = pair(7)
     block = recording(primary, [first, second], 6)
-    solution = solved(block, context_of(primary, [first, second]), known(primary))
+    solution = solved(block, context_of(primary, [first, second]), primary_errors(primary))
     assert {"secondary_gyro_bias_x", "clock_offset", "secondary3_gyro_bias_x", "clock_offset3"} < set(
         solution.estimates
     )
@@ -291,7 +297,7 @@ def test_threshold_is_fixed_or_relative_to_the_last_calibration():
     assert Threshold(fixed=0.1, ratio=3.0).limit(None) == 0.1
     with pytest.raises(ValueError, match="exclude each other"):
         Threshold(fixed=0.1, ratio=3.0, offset=0.1)
-    # no calibration of a pair changes the primary
+    # the calibration of a pair does not change the primary
     with pytest.raises(ValueError, match="only a fixed threshold"):
         PairSchedule(primary_gyro={"fixed": 0.1, "ratio": 3.0})
 
@@ -299,7 +305,7 @@ def test_threshold_is_fixed_or_relative_to_the_last_calibration():
 def watch_of(primary, secondaries, kept=None, stored=None, submit=call_now, **schedule):
     settings = PairSchedule(**{"trigger": "start_up", "motion_s": 10.0, **TIGHT, **schedule})
     context = context_of(primary, secondaries, stored)
-    calibration = PairCalibration(context, known(primary), settings)
+    calibration = PairCalibration(context, primary_errors(primary), settings)
     keep = (lambda number, pair: None) if kept is None else kept.__setitem__
     return PairWatch(context.imu, context.secondaries, calibration, keep, submit)
 
@@ -317,7 +323,7 @@ def test_secondary_out_of_tolerance_is_calibrated_from_the_next_motion(mems):
     assert watch.state == "waiting"
     error = (pair_vector(kept[2]) - truth_of(primary, secondary)) / np.sqrt(np.diag(watch.calibrated[2].fit.covariance))
     assert np.abs(error).max() < 5.0
-    # checked again, with what is stored now, it is as good as the primary: nothing more is done
+    # with the stored values, the next check finds the secondary as good as the primary and does nothing
     again = watch_of(primary, [secondary], kept, stored=kept)
     assert [e.kind for e in run(again, block)] == ["triggered", "checked"]
     assert again.checks[2].secondary["gyro"].value < 1e-4
@@ -343,7 +349,7 @@ def test_out_of_tolerance_primary_prevents_calibration(mems):
     primary, secondary, block = mems
     watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, primary_accel={"fixed": 1e-6})
     assert [e.kind for e in run(watch, block)] == ["triggered", "checked", "primary_off"]
-    # each sensor is judged by itself: with gyros alone in doubt the accelerometer is still calibrated
+    # each sensor is judged separately: if only the gyros are out of tolerance, the accelerometers are still calibrated
     for sensors in ("triggering", "all"):
         watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, sensors=sensors)
         kinds = [e.kind for e in run(watch, block)]
@@ -352,7 +358,7 @@ def test_out_of_tolerance_primary_prevents_calibration(mems):
         fitted = watch.calibrated[2].fit.fitted
         assert not fitted[:12].any()
         assert fitted[12:24].all()
-        # the uncalibrated error of the gyros must not become the figure from which the next threshold is derived
+        # the next threshold must not be derived from the uncalibrated error of the gyros
         assert watch.stored[2].gyro_static is None
         assert watch.stored[2].accel_static < TIGHT["secondary_accel"]["fixed"]
         assert watch.verdicts[2] == {"gyro": "out_of_tolerance", "accel": "calibrated"}
@@ -387,7 +393,7 @@ def test_out_of_tolerance_calibration_does_not_loosen_the_next_threshold(mems):
     run(again, block)
     assert again.checks[2].secondary["gyro"].limit == 2e-6
     assert again.verdicts[2]["gyro"] == "out_of_tolerance"
-    # nor does a figure that only a loosened threshold accepts become the next one
+    # nor is a value used that only a loosened threshold would accept
     loosened = {2: StoredCrossCalibration({}, None, 0.002)}
     limits["secondary_accel"] = {"fixed": 1e-6, "ratio": 3.0}
     last = watch_of(primary, [secondary], stored=loosened, **limits)
@@ -431,14 +437,14 @@ def test_primary_stays_out_of_tolerance_until_the_next_check(mems):
     watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, primary_valid="both_sensors")
     assert [e.kind for e in run(watch, still)] == ["triggered", "checked", "primary_off"]
     watch.command()
-    # the secondary has no data in the rest: nothing was checked
+    # the secondary has no data during the rest, so that nothing was checked
     later = replace(still, seq=still.seq + 600, time=still.time + 6.0)
     assert {e.kind for e in run(watch, without_secondary(later, 0))} == {"triggered", "secondary_silent"}
     assert watch.primary_off == ("gyro",)
     assert watch.state == "checking"
 
 
-class Held:
+class DeferredExecutor:
     """An executor that runs a fit only when its result is requested."""
 
     def __init__(self):
@@ -458,7 +464,7 @@ class Held:
 def test_motion_before_a_realignment_is_discarded_even_during_a_fit(mems):
     primary, secondary, block = mems
     kept: dict[int, StoredCrossCalibration] = {}
-    fits = Held()
+    fits = DeferredExecutor()
     watch = watch_of(primary, [secondary], kept, submit=fits)
     begin = 0
     while not fits.started:
@@ -472,7 +478,7 @@ def test_motion_before_a_realignment_is_discarded_even_during_a_fit(mems):
     run(watch, block.part(begin + 50, begin + 350))
     assert kept == {}
     assert watch.state == "calibrating"
-    # nor is any motion while the offset is not known
+    # motion is not used either while the offset is unknown
     watch.lost_alignment(2, 40.0)
     before = watch.progress
     events = run(watch, block.part(begin + 350, begin + 2350))
@@ -488,10 +494,10 @@ def test_sensor_stays_out_of_tolerance_if_no_rest_verifies_its_calibration(mems,
     watch = watch_of(primary, [secondary])
     solution = PairCalibration.calibrate
 
-    def unproved(*arguments):
+    def unverified(*arguments):
         return replace(solution(*arguments), static={"gyro": None, "accel": None})
 
-    monkeypatch.setattr(PairCalibration, "calibrate", unproved)
+    monkeypatch.setattr(PairCalibration, "calibrate", unverified)
     assert run(watch, block)[-1].kind == "calibrated"
     assert set(watch.verdicts[2].values()) == {"out_of_tolerance"}
 
@@ -532,7 +538,7 @@ def test_calibration_without_motion_is_abandoned(mems):
 @pytest.mark.long
 def test_solution_does_not_depend_on_the_blocks(mems):
     primary, secondary, block = mems
-    context, prior = context_of(primary, [secondary]), known(primary)
+    context, prior = context_of(primary, [secondary]), primary_errors(primary)
     for trigger in ("command", "start_up"):
         answers = []
         for size in (37, 1000, len(block)):
@@ -549,7 +555,7 @@ def test_secondary_within_tolerance_is_not_changed(mems):
     solution = solved(
         block,
         context_of(primary, [secondary]),
-        known(primary),
+        primary_errors(primary),
         trigger="start_up",
         secondary_gyro=LOOSE,
         secondary_accel=LOOSE,
@@ -600,13 +606,13 @@ def turn_gyro(counts):
 def test_unusable_recording_is_refused_with_its_fault(mems, change, code, words):
     primary, secondary, block = mems
     with raises_code(InputError, f"recording.{code}") as caught:
-        solved(altered(block, change), context_of(primary, [secondary]), known(primary))
+        solved(altered(block, change), context_of(primary, [secondary]), primary_errors(primary))
     assert words in str(caught.value)
 
 
 def test_too_little_motion_is_refused(mems):
     primary, secondary, block = mems
-    context, prior = context_of(primary, [secondary]), known(primary)
+    context, prior = context_of(primary, [secondary]), primary_errors(primary)
     with raises_code(InsufficientDataError, "recording.no_turning"):
         solved(block.part(0, 550), context, prior)
     inner_only = replace(RIG, play=0.0, stop_sigma=0.0, tilt=0.0, shake=0.0)
@@ -633,7 +639,7 @@ def test_gaps_and_missing_values_exclude_only_their_rows(mems):
         },
         others=others[keep],
     )
-    solution = solved(kept, context_of(primary, [secondary]), known(primary))
+    solution = solved(kept, context_of(primary, [secondary]), primary_errors(primary))
     assert solution.gaps == 1
     assert np.abs((vector(solution) - truth_of(primary, secondary)) / vector(solution, "sigma")).max() < 5.0
 
@@ -656,9 +662,9 @@ def test_array_recording_agrees_with_its_references(number: int, tmp_path: Path)
     def values(group: str) -> np.ndarray:
         return np.array([row["value"] for name, row in parameters.items() if name.startswith(group)])
 
-    # the board's drawing, which nothing in the recording knows
+    # the lever arms from the drawing of the board, which the recording does not contain
     assert 1e3 * values("secondary_lever") == pytest.approx(real.array_lever_mm(number), abs=1.0)
-    # one clock drives all: no offset to within a hundredth of a sample
+    # one clock drives all IMUs, so that the offset is less than a hundredth of a sample
     assert parameters["clock_offset"]["value"] == pytest.approx(0.0, abs=2e-4)
     if number == 3:
         gyro, accel, bias = real.ARRAY_3_TO_1

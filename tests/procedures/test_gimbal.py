@@ -50,7 +50,7 @@ def test_errors_of_many_gimbals_agree_with_their_sigmas(grade, seeds):
 
 @pytest.mark.long
 def test_return_to_zero_does_not_affect_the_previous_rotation():
-    # the return by 71 arcsec stands inside a rest: its rotation is no part of the gyros' mean at rest
+    # the return by 71 arcsec occurs during a rest and must not contribute to the mean of the gyros at rest
     imu = unit(11, "nav")
     iteration, block = recorded(imu, 11)
     axes = solved(block, imu, "nav").details["axes"]
@@ -91,7 +91,7 @@ def test_stable_gain_range_matches_the_closed_form(angle):
             assert largest_gain(order, axis, A) == pytest.approx(1.0 / np.tan(A / 2.0), rel=1e-6)
             best = 0.5 / np.tan(A / 2.0)
             assert contraction(order, axis, A, best) == pytest.approx(np.sin(A / 2.0), rel=1e-6)
-        # the middle joint's neighbours come nearer to each other as it turns
+        # the axes of the other joints approach each other as the middle joint turns
         worst = (np.sin(A) + 1.0 - np.cos(A)) / np.cos(A)
         assert largest_gain(order, middle, A) == pytest.approx(2.0 / worst, rel=1e-6)
     assert largest_gain("zxy", 2, np.pi) == pytest.approx(0.0, abs=1e-6)
@@ -123,7 +123,7 @@ def test_axes_are_calibrated_in_turn_until_the_count_or_threshold():
     iteration.add_drift(0, 0.5, np.array([-2e-3, 1e-3]))
     assert iteration.correction[1:, 0] == pytest.approx([2e-3, -1e-3])
     command = iteration.next_turn()
-    assert (command.angle, command.home) == (-0.5, False)  # back, without a return to zero
+    assert (command.angle, command.home) == (-0.5, False)  # a turn back, without a return to zero
     iteration.add_drift(0, -0.5, np.array([-5e-4, 0.0]))
     assert iteration.correction[1:, 0] == pytest.approx([1.5e-3, -1e-3])
     iteration.add_drift(0, 0.5, np.array([5e-3, 0.0]))

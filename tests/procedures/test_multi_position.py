@@ -249,7 +249,7 @@ def freeze(column: int, first: int, last: int):
     return change
 
 
-def deaf(counts):
+def without_motion(counts):
     """Replace the gyro output by noise at rest."""
     counts[:, :3] = np.resize(counts[:800, :3], counts[:, :3].shape)
     return counts
@@ -268,7 +268,7 @@ def deaf(counts):
         (scale(slice(3, 6), 2.0), "accel_unit", "units are wrong by a factor of 2"),
         (scale(slice(0, 3), 180.0 / np.pi), "gyro_unit_no_rest", "(°/s instead of rad/s)"),
         (scale(slice(0, 3), 0.5), "gyro_unit", "rates are multiplied by 2"),
-        (deaf, "gyros_see_no_motion", "The gyros do not measure the motions"),
+        (without_motion, "gyros_see_no_motion", "The gyros do not measure the motions"),
     ],
 )
 def test_unusable_recording_is_refused_with_its_fault(mems, change, code, words):
@@ -310,7 +310,7 @@ def test_motions_across_gaps_are_not_used(mems):
     output = solved(block, context_of(imu), prior_of("mems"))
     positions = output.details["positions"]
     keep = np.ones(len(block), dtype=bool)
-    for k in (3, 9):  # what lies between these rests and the next was thrown away and the counter mended
+    for k in (3, 9):  # the motion after these rests is removed, and the counter is made continuous
         keep[positions[k]["last_seq"] - 20 : positions[k + 1]["first_seq"] + 20] = False
     seq = np.arange(int(keep.sum()))
     spliced = SampleBlock(
@@ -337,7 +337,7 @@ def test_manual_recording_agrees_with_its_authors():
         output = np.array([result["parameters"][f"{name}_{a}"]["value"] for a in "xyz"])
         assert output == pytest.approx(faces, abs=tolerance)
         assert output == pytest.approx(modulus, abs=tolerance)
-    # its faces are cut together and its turns are about the vertical: nothing in it determines the gyros
+    # the recording contains no motion between the faces, and its turns are vertical, so the gyros are undetermined
     lost = result["unobservable"]
     assert all(name in lost for name in ESTIMATED if name.startswith(("gyro_scale", "gyro_misalign")))
     assert not any(name in lost for name in ESTIMATED if name.endswith(("bias_x", "bias_y", "bias_z")))
@@ -356,11 +356,11 @@ def test_xsens_recording_agrees_with_its_authors(tmp_path: Path):
         M = np.eye(3) + group_matrix(value, f"{sensor}_scale", f"{sensor}_misalign")
         width = group_matrix(sigma, f"{sensor}_scale", f"{sensor}_misalign")
         assert np.all(np.abs(M - published[f"{sensor}_matrix"]) < 3.0 * width + 1e-12)
-    # and closely, whatever the sigmas say
+    # the agreement is close regardless of the sigmas
     accel = np.eye(3) + group_matrix(value, "accel_scale", "accel_misalign")
     assert accel == pytest.approx(published["accel_matrix"], abs=3e-4)
     assert group_vector(value, "accel_bias") == pytest.approx(published["accel_bias"], abs=2e-3)
     gyro = np.eye(3) + group_matrix(value, "gyro_scale", "gyro_misalign")
     assert gyro == pytest.approx(published["gyro_matrix"], abs=2e-3)
-    # theirs is the bias of the first 50 s, this the mean of all rests: it wandered by this much
+    # the published bias is from the first 50 s and ours the mean of all rests, between which the bias drifted
     assert group_vector(value, "gyro_bias") == pytest.approx(published["gyro_bias"], abs=2e-3)

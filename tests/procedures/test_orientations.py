@@ -65,7 +65,7 @@ def test_reoriented_unit_is_calibrated_as_accurately_as_an_aligned_unit(
     for stage in ("excitation", "azimuth_flip"):
         consistency = solution.solutions[stage].consistency
         assert consistency.nis_low < consistency.nis_mean < consistency.nis_high
-    # axes of the unit change places on the platform, which does not treat all of them equally
+    # the orientation permutes the axes of the unit on the platform, whose motion differs between axes
     ratio = solution.posterior.sigma / aligned.posterior.sigma
     assert ratio.min() > 0.5
     assert ratio.max() < 2.0

@@ -29,12 +29,12 @@ def first_bad(trail: Path) -> int | None:
 
 
 def test_event_is_read_as_written(trail: Path) -> None:
-    found = read_audit(trail)
-    assert (found.damage, found.incomplete, len(found.entries)) == (None, (), 3)
-    last = found.entries[-1]
+    chain = read_audit(trail)
+    assert (chain.damage, chain.incomplete, len(chain.entries)) == (None, (), 3)
+    last = chain.entries[-1]
     assert (last.event, last.by, last.confirmed_by, last.why) == ("override", "wang", "li", 'scratch, "accepted"\n')
     assert last.values == {"serial": "SN-1", "limit": 1.5e-7}
-    assert found.digest == last.digest
+    assert chain.digest == last.digest
 
 
 def test_digest_is_the_sha_256_of_the_rest_of_the_line(trail: Path) -> None:
@@ -83,9 +83,9 @@ def test_truncated_line_is_reported_and_the_chain_continues_after_it(tmp_path: P
         trail.write_bytes(whole[:end])
         assert (read_audit(trail).incomplete, first_bad(trail)) == ((3,), None)
         append_audit(tmp_path, "pin_changed", "li")
-        found = read_audit(trail)
-        assert (found.incomplete, found.damage) == ((3,), None)
-        assert [each.event for each in found.entries] == ["pin_set", "file_saved", "pin_changed"]
+        chain = read_audit(trail)
+        assert (chain.incomplete, chain.damage) == ((3,), None)
+        assert [each.event for each in chain.entries] == ["pin_set", "file_saved", "pin_changed"]
         assert trail.read_bytes().startswith(whole[:end])
 
 
@@ -106,8 +106,8 @@ def test_event_that_could_not_be_read_back_is_not_written(tmp_path: Path, trail:
 def test_line_without_its_newline_is_complete(tmp_path: Path, trail: Path) -> None:
     trail.write_bytes(trail.read_bytes()[:-1])
     append_audit(tmp_path, "pin_changed", "li")
-    found = read_audit(trail)
-    assert (found.incomplete, found.damage, len(found.entries)) == ((), None, 4)
+    chain = read_audit(trail)
+    assert (chain.incomplete, chain.damage, len(chain.entries)) == ((), None, 4)
 
 
 def test_modified_last_line_is_not_treated_as_incomplete(tmp_path: Path, trail: Path) -> None:
@@ -137,8 +137,8 @@ def test_concurrent_processes_append_to_one_chain(tmp_path: Path) -> None:
     for process in processes:
         process.join()
         assert process.exitcode == 0
-    found = read_audit(audit_path(tmp_path))
-    assert (len(found.entries), found.damage) == (40, None)
+    chain = read_audit(audit_path(tmp_path))
+    assert (len(chain.entries), chain.damage) == (40, None)
 
 
 def test_trail_locked_by_another_process_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

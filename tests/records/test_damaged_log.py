@@ -63,7 +63,7 @@ def test_damaged_bytes_never_block_the_reader(
     spoilt = bytearray(logs[name])
     used = [place for place, byte in enumerate(spoilt) if byte]
     for _ in range(data.draw(st.integers(1, 4))):
-        # Half of the wrong bytes stand where the file says how it is laid out.
+        # Half of the wrong bytes are in the metadata of the file.
         place = data.draw(st.sampled_from(used[:1500]) | st.sampled_from(used))
         spoilt[place] = data.draw(st.sampled_from([0, 255, spoilt[place] ^ 1, spoilt[place] ^ 128]))
     assert -1 <= rows(write(tmp_path / "run.h5", bytes(spoilt))) <= ROWS

@@ -111,13 +111,13 @@ def test_all_rows_of_a_truncated_log_are_read(tmp_path: Path, logs: dict[str, by
     assert seq == list(range(FIRST, FIRST + len(seq)))
     assert part == DamagedRows(len(seq), ROWS - len(seq), FIRST + len(seq) - 1, None)
     size = row_dtype(0, False).itemsize
-    chunk, other = CHUNK_ROWS * size, 40_000  # the last chunk, which is cut, and what is no sample
+    chunk, other = CHUNK_ROWS * size, 40_000  # the truncated last chunk, and other data
     assert len(seq) * size > length - chunk - other
 
 
 def test_chunks_missing_from_the_index_are_damaged_rows(tmp_path: Path, logs: dict[str, bytes]) -> None:
     data = bytearray(logs["closed"])
-    block = logs["closed"].index(b"EADB")  # part of the list of chunks, with a check of its own
+    block = logs["closed"].index(b"EADB")  # a part of the chunk index with its own checksum
     data[block + 20] ^= 1
     (tmp_path / "run.h5").write_bytes(data)
     seq, (part,) = read(tmp_path / "run.h5")

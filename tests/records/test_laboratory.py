@@ -16,7 +16,7 @@ from tests.site_folder import STATION, SiteFolder
 def test_log_contains_the_laboratory_of_the_station(site_folder: SiteFolder) -> None:
     plain = load_configuration(site_folder.request()).log_meta()
     assert "laboratory" not in plain.to_json().partition('"profiles"')[0]
-    assert '"instruments"' not in plain.to_json()  # the digest of logs without them stays the same
+    assert '"instruments"' not in plain.to_json()  # so that the digest of logs without instruments is unchanged
     with_laboratory(site_folder)
     meta = load_configuration(site_folder.request()).log_meta()
     assert meta.laboratory is not None

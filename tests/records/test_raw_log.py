@@ -219,7 +219,7 @@ def test_power_cut_loses_less_than_two_seconds(tmp_path: Path, meta: LogMeta, mo
             return done
 
         def shutdown(self) -> None:
-            """Do nothing, because nothing runs."""
+            """Do nothing, because no thread is running."""
 
     monkeypatch.setattr(raw_log.os, "fsync", fsync)
     monkeypatch.setattr(raw_log.time, "monotonic", lambda: now)
@@ -329,7 +329,7 @@ def test_slow_disk_does_not_block_and_its_errors_are_reported(
     monkeypatch.setattr(raw_log, "SYNC_INTERVAL", 0.0)
     log.append(make_block("rate", 0, 500))
     assert begun.wait(60.0)
-    log.append(make_block("rate", 500, 500))  # would stand still if it waited
+    log.append(make_block("rate", 500, 500))  # would block if it waited for the disk
     reached.set()
     with raises_code(ConfigurationError, "log.not_written") as caught:
         log.sync()

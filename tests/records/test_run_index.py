@@ -62,7 +62,7 @@ def test_units_of_a_batch_are_found_by_its_id(index: RunIndex) -> None:
 
 
 @pytest.mark.parametrize(
-    ("wanted", "found"),
+    ("conditions", "found"),
     [
         (RunFilter(), "dcba"),
         (RunFilter(verdict="passed"), "dc"),
@@ -81,10 +81,10 @@ def test_units_of_a_batch_are_found_by_its_id(index: RunIndex) -> None:
         (RunFilter(verdict="passed", station="bench 2"), ""),
     ],
 )
-def test_found_and_counted_runs_meet_all_conditions(index: RunIndex, wanted: RunFilter, found: str) -> None:
-    assert "".join(each.name for each in index.find(wanted)) == found
-    assert index.count(wanted) == len(found)
-    assert [each.name for each in index.find(wanted, 1)] == list(found[:1])
+def test_found_and_counted_runs_meet_all_conditions(index: RunIndex, conditions: RunFilter, found: str) -> None:
+    assert "".join(each.name for each in index.find(conditions)) == found
+    assert index.count(conditions) == len(found)
+    assert [each.name for each in index.find(conditions, 1)] == list(found[:1])
 
 
 def test_choices_are_the_values_of_the_runs(index: RunIndex, tmp_path: Path) -> None:
@@ -139,7 +139,7 @@ def test_columns_contain_runs_with_a_start_time_oldest_first(index: RunIndex) ->
     np.testing.assert_array_equal(found.sigmas["gyro_bias_x"], [nan, 3e-6, 1e-8])
     np.testing.assert_array_equal(found.values["accel_bias_x"], [nan, nan, 2e-3])
     np.testing.assert_array_equal(found.sigmas["accel_bias_x"], [nan, nan, nan])
-    assert len(index.columns(RunFilter()).names) == 6  # without g and h
+    assert len(index.columns(RunFilter()).names) == 6  # g and h have no start time
     nothing = index.columns(RunFilter(search="zzz"))
     assert (nothing.names, nothing.started.tolist(), nothing.values) == ((), [], {})
 
@@ -190,7 +190,7 @@ def test_locked_index_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     index.update([run("a", 1)])
     index.receive([run("x", 5, origin="other")], "db", 7)
     with busy(tmp_path):
-        index.update([run("b", 2)])  # a run goes on
+        index.update([run("b", 2)])  # a run continues
         assert [each.name for each in index.find(RunFilter())] == ["b"]
         assert index.may_lack_runs
         index.may_lack_runs = False

@@ -1,4 +1,4 @@
-"""Run register operations in tests and record their events."""
+"""Execution of register operations in tests, which records their events."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from calstation.sequencer import Control, Event, Fault, Message, Settled, StepSt
 
 @dataclass
 class RegisterOperations:
-    """Register operations of one site in sequence; `events` and `control` belong to the last one.
+    """Executes register operations at one site; `events` and `control` belong to the last operation.
 
     on_event : called with every event
     """

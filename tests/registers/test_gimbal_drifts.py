@@ -18,10 +18,10 @@ CONTEXT = SolveContext(
 )
 
 
-@pytest.mark.parametrize(("written", "holds", "passed"), [(0.6e-3, 0.6e-3, True), (0.6e-3, 0.0, False)])
-def test_expected_drift_follows_from_the_written_registers(written: float, holds: float, passed: bool) -> None:
+@pytest.mark.parametrize(("written", "remaining", "passed"), [(0.6e-3, 0.6e-3, True), (0.6e-3, 0.0, False)])
+def test_expected_drift_follows_from_the_written_registers(written: float, remaining: float, passed: bool) -> None:
     J = drift_matrix("zxy", 0, np.deg2rad(30.0))
-    drift = JointDrift(0, J, -J @ np.full(2, TRUE - holds), 1.5, 3.0)
+    drift = JointDrift(0, J, -J @ np.full(2, TRUE - remaining), 1.5, 3.0)
     mounted = np.eye(COUNT) * np.deg2rad(0.1) ** 2
     (check,) = verify_output(
         VerificationData((), 0.0, corrected=True, drifts=(drift,)),

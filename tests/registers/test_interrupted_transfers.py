@@ -47,7 +47,7 @@ class Workbench:
         def begin(old: Any, new: Any) -> register_journal.Transfer:
             return register_journal.begin(self.runs, SERIAL, old, new, register_journal.Purpose("li", "run", "a.h5"))
 
-        class Cut(BaseException):
+        class PowerFailure(BaseException):
             pass
 
         with open_imu_session(ignore_progress, setup) as unit:
@@ -56,16 +56,16 @@ class Workbench:
             def cut() -> None:
                 if committed:
                     commit()
-                raise Cut
+                raise PowerFailure
 
             unit.imu.commit = cut  # type: ignore[method-assign]
-            with pytest.raises(Cut):
+            with pytest.raises(PowerFailure):
                 transfer(unit.imu, RegisterMap(tuple(setup.imu.registers)), SERIAL, values, begin)
         entry = register_journal.interrupted(self.runs, SERIAL)
         assert entry is not None
         return entry
 
-    def holds(self) -> dict[str, float]:
+    def register_values(self) -> dict[str, float]:
         return read_unit(ignore_progress, self.request, self.runs).values
 
     def run(self, **changes: Any) -> list[Event]:
@@ -152,7 +152,7 @@ def test_registers_that_fail_verification_are_restored_and_the_run_ends(bench: W
     (fault,) = [event for event in events if isinstance(event, Fault)]
     assert fault.code == "verification.wrong"
     assert not [event for event in events if isinstance(event, StageStarted)]
-    assert bench.holds() == dict(entry.old)
+    assert bench.register_values() == dict(entry.old)
     (closed,) = register_journal.history(bench.runs, SERIAL)
     assert closed.closing == "restored"
 
@@ -190,7 +190,7 @@ def test_any_earlier_register_set_can_be_restored(bench: Workbench) -> None:
     known = register_journal.history(bench.runs, SERIAL)
     settled = bench.operations.do("restore", transfer=known[1].id)
     assert (settled.closing, settled.proof) == ("done", "turn")
-    assert bench.holds()["gyro_bias_x"] == np.float32(1e-6)
+    assert bench.register_values()["gyro_bias_x"] == np.float32(1e-6)
     assert [t.why for t in register_journal.history(bench.runs, SERIAL)] == ["hand", "hand", "restore"]
     with raises_code(InputError, "transfer.unknown_id"):
         bench.operations.do("restore", transfer="x")
@@ -200,10 +200,10 @@ def test_any_earlier_register_set_can_be_restored(bench: Workbench) -> None:
 
 @pytest.mark.parametrize("at_rest", [False, True])
 def test_registers_that_give_wrong_output_are_restored(bench: Workbench, at_rest: bool) -> None:
-    before = bench.holds()
+    before = bench.register_values()
     with raises_code(DeviceFaultError, "verification.wrong"):
         bench.operations.write({"accel_scale_z": 0.05}, at_rest=at_rest)
-    assert bench.holds() == before
+    assert bench.register_values() == before
     (entry,) = register_journal.history(bench.runs, SERIAL)
     assert entry.closing == "restored"
     assert "refuted" in entry.steps
@@ -235,7 +235,7 @@ def test_command_line_lists_finishes_and_restores_transfers(
     assert run_app(["registers", "finish", SERIAL, *files, "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["registers"] == dict(entry.new)
     code, text = run("restore", SERIAL, *files)
-    assert (code, bench.holds()) == (0, dict(entry.old))
+    assert (code, bench.register_values()) == (0, dict(entry.old))
     code, text = run("finish", SERIAL, *files)
     assert code == 2
     assert "nothing to finish" in text()

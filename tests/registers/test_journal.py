@@ -27,12 +27,12 @@ def test_transfer_is_read_back_bit_identical(tmp_path: Path) -> None:
     made = begin(tmp_path)
     for step in (Step.WRITTEN, Step.COMMITTING):
         made.note(step)
-    (found,) = journal.history(tmp_path, "SN-1")
-    assert repr(found) == repr(made)
-    assert (found.by, found.why, found.source) == ("wang", "run", "a.h5")
-    assert found.cycles == journal.cycles(tmp_path, "SN-1") == 1
-    assert repr(journal.interrupted(tmp_path, "SN-1")) == repr(found)
-    found.close(Closing.DONE)
+    (transfer,) = journal.history(tmp_path, "SN-1")
+    assert repr(transfer) == repr(made)
+    assert (transfer.by, transfer.why, transfer.source) == ("wang", "run", "a.h5")
+    assert transfer.cycles == journal.cycles(tmp_path, "SN-1") == 1
+    assert repr(journal.interrupted(tmp_path, "SN-1")) == repr(transfer)
+    transfer.close(Closing.DONE)
     assert journal.interrupted(tmp_path, "SN-1") is None
 
 
@@ -64,9 +64,9 @@ def test_units_never_share_a_journal(tmp_path: Path) -> None:
 def test_only_the_latest_entry_can_be_open(tmp_path: Path) -> None:
     begin(tmp_path)
     second = begin(tmp_path)
-    found = journal.interrupted(tmp_path, "SN-1")
-    assert found is not None
-    assert found.id == second.id
+    transfer = journal.interrupted(tmp_path, "SN-1")
+    assert transfer is not None
+    assert transfer.id == second.id
     second.close(Closing.KEPT)
     assert journal.interrupted(tmp_path, "SN-1") is None
 
@@ -86,30 +86,30 @@ def begun(runs: Path) -> journal.Transfer:
     return made
 
 
-def complaint(runs: Path) -> str:
+def error_text(runs: Path) -> str:
     """Return the error for a damaged journal, "" for a valid one; all readers agree."""
-    said = set()
+    messages = set()
     for ask in (journal.history, journal.interrupted, journal.cycles):
         try:
             ask(runs, "SN-1")
         except ConfigurationError as error:
-            said.add(str(error))
+            messages.add(str(error))
         else:
-            said.add("")
-    (words,) = said
+            messages.add("")
+    (words,) = messages
     return words
 
 
-@pytest.mark.parametrize("apart", [11, pytest.param(1, marks=pytest.mark.exhaustive)])
-def test_every_wrong_byte_is_detected(tmp_path: Path, apart: int) -> None:
+@pytest.mark.parametrize("stride", [11, pytest.param(1, marks=pytest.mark.exhaustive)])
+def test_every_wrong_byte_is_detected(tmp_path: Path, stride: int) -> None:
     made = begun(tmp_path)
     whole = made.path.read_bytes()
-    for position in range(0, len(whole), apart):
+    for position in range(0, len(whole), stride):
         for wrong in {whole[position] ^ 1, whole[position] ^ 128, 0, ord("\n")} - {whole[position]}:
             made.path.write_bytes(whole[:position] + bytes([wrong]) + whole[position + 1 :])
             line = whole[:position].count(b"\n") + 1
             lines = tuple(f"Data: {made.path}, line {number}: " for number in (line, line + 1))
-            assert complaint(tmp_path).startswith(lines), (position, wrong)
+            assert error_text(tmp_path).startswith(lines), (position, wrong)
 
 
 @pytest.mark.parametrize(
@@ -122,14 +122,14 @@ def test_reordered_lines_are_detected(tmp_path: Path, order: tuple[int, ...], li
     lines = made.path.read_bytes().splitlines(keepends=True)
     assert len(lines) == 3
     made.path.write_bytes(b"".join(lines[i] for i in order))
-    assert complaint(tmp_path).startswith(f"Data: {made.path}, line {line}: ")
+    assert error_text(tmp_path).startswith(f"Data: {made.path}, line {line}: ")
 
 
-Spoil = Callable[[bytes], bytes]
+Damage = Callable[[bytes], bytes]
 
 
 @pytest.mark.parametrize(
-    ("spoil", "line"),
+    ("damage", "line"),
     [
         pytest.param(lambda data: b"", 1, id="emptied"),
         pytest.param(lambda data: bytes(len(data)), 1, id="zeroed"),
@@ -139,10 +139,10 @@ Spoil = Callable[[bytes], bytes]
         pytest.param(lambda data: data[:40], 1, id="a torn intention"),
     ],
 )
-def test_damaged_journal_blocks_its_unit_with_file_line_and_remedy(tmp_path: Path, spoil: Spoil, line: int) -> None:
+def test_damaged_journal_blocks_its_unit_with_file_line_and_remedy(tmp_path: Path, damage: Damage, line: int) -> None:
     path = begun(tmp_path).path
-    path.write_bytes(spoil(path.read_bytes()))
-    words = complaint(tmp_path)
+    path.write_bytes(damage(path.read_bytes()))
+    words = error_text(tmp_path)
     assert words.startswith(f"Data: {path}, line {line}: ")
     assert "Compare the unit's registers with those of its last result" in words
     assert "\n" not in words
@@ -176,7 +176,7 @@ def test_damaged_journal_blocks_its_unit_with_file_line_and_remedy(tmp_path: Pat
 def test_unknown_journal_line_blocks_the_unit(tmp_path: Path, content: dict[str, object]) -> None:
     made = begun(tmp_path)
     ChainedFile[dict[str, object]](made.path, dict).append({"id": made.id, "utc": "", **content})
-    assert complaint(tmp_path).startswith(
+    assert error_text(tmp_path).startswith(
         f"Data: {made.path}, line 4: the content of the line is unknown to this program"
     )
 
@@ -186,9 +186,9 @@ def test_a_truncated_last_line_is_ignored_and_reported(tmp_path: Path) -> None:
     whole = made.path.read_bytes()
     last = whole.rindex(b"\n", 0, -1) + 1
     for cut in range(last + 1, len(whole) - 1):
-        for tail in (b"", bytes(30)):  # a file system may have made room that it never filled
+        for tail in (b"", bytes(30)):  # a file system may have allocated space that it did not fill
             made.path.write_bytes(whole[:cut] + tail)
-            assert complaint(tmp_path) == ""
+            assert error_text(tmp_path) == ""
             assert journal.truncated(tmp_path, "SN-1") == made.path
             assert journal.cycles(tmp_path, "SN-1") == 0
     made.path.write_bytes(whole[:-1])
@@ -201,13 +201,13 @@ def test_a_journal_is_continued_after_a_power_cut(tmp_path_factory: pytest.TempP
     runs = tmp_path_factory.mktemp("journal")
     first = begun(runs)
     content = first.path.read_bytes()
-    least = content.index(b"\n") + 1  # the file appears with its first line
+    least = content.index(b"\n") + 1  # the file is created with its first line
     first.path.write_bytes(content[: least + cut % (len(content) - least)])
     later = begin(runs)
     later.note(Step.WRITTEN)
-    found = journal.interrupted(runs, "SN-1")
-    assert found is not None
-    assert (found.id, found.steps) == (later.id, ["written"])
+    transfer = journal.interrupted(runs, "SN-1")
+    assert transfer is not None
+    assert (transfer.id, transfer.steps) == (later.id, ["written"])
     assert [t.id for t in journal.history(runs, "SN-1")] == [first.id, later.id]
 
 
@@ -221,9 +221,9 @@ def test_unit_on_hardware_has_one_journal_for_all_runs_folders(
     made = begin(journal.journal_folder(hardware, monday))
     made.note(Step.COMMITTING)
     assert journal.journal_folder(hardware, tuesday) == tmp_path / "site"
-    found = journal.interrupted(journal.journal_folder(hardware, tuesday), "SN-1")
-    assert found is not None
-    assert (found.id, found.cycles) == (made.id, 1)
+    transfer = journal.interrupted(journal.journal_folder(hardware, tuesday), "SN-1")
+    assert transfer is not None
+    assert (transfer.id, transfer.cycles) == (made.id, 1)
     assert journal.serials(tmp_path / "site") == ["SN-1"]
     assert journal.history(journal.journal_folder(virtual, monday), "SN-1") == [], "a virtual unit of the same number"
 

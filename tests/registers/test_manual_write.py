@@ -74,14 +74,14 @@ def test_the_command_line_reads_the_registers_of_a_unit(unit: SiteFolder, capsys
         str(unit.folder / "runs"),
     ]
     assert run_app(["registers", "read", SERIAL, *where]) == 0
-    said = capsys.readouterr().out
-    assert f"unit {SERIAL}, bench-imu" in said
-    assert "(virtual bench); flash cycles known here: 1" in said
-    rows = {line.split()[1]: line.split() for line in said.splitlines() if "_" in line}
+    output = capsys.readouterr().out
+    assert f"unit {SERIAL}, bench-imu" in output
+    assert "(virtual bench); flash cycles known here: 1" in output
+    rows = {line.split()[1]: line.split() for line in output.splitlines() if "_" in line}
     assert rows["accel_scale_y"] == ["19", "accel_scale_y", "300.0000", "ppm", "399D4952"]
     assert run_app(["registers", "read", SERIAL, *where, "--json", "-"]) == 0
-    found = UnitRegisters.of(json.loads(capsys.readouterr().out))
-    assert found.values["gyro_bias_x"] == np.float32(1e-6)
+    unit_registers = UnitRegisters.of(json.loads(capsys.readouterr().out))
+    assert unit_registers.values["gyro_bias_x"] == np.float32(1e-6)
     assert (unit.folder / "flash.bin").read_bytes() == flash, "nothing was written"
     unit.write(serial=SERIAL)
     assert run_app(["registers", "read", "SN-000043", *where]) == 3
@@ -114,14 +114,14 @@ def test_write_is_refused_without_a_journal(unit: SiteFolder) -> None:
 
 
 @pytest.mark.long
-def test_result_from_corrected_output_is_composed_with_the_registers(behind: SiteFolder) -> None:
-    result = dict(behind.run("six_position").result)
-    wanted = target_registers(ignore_progress, behind.request(), Result.from_json(result))
-    found = {name: row["value"] for name, row in result["parameters"].items()}
-    expected = compose(result["registers"]["old"], found)
+def test_result_from_corrected_output_is_composed_with_the_registers(corrected_site: SiteFolder) -> None:
+    result = dict(corrected_site.run("six_position").result)
+    wanted = target_registers(ignore_progress, corrected_site.request(), Result.from_json(result))
+    unit_registers = {name: row["value"] for name, row in result["parameters"].items()}
+    expected = compose(result["registers"]["old"], unit_registers)
     for name, value in wanted.values.items():
         assert value == pytest.approx(np.float32(expected[name]), abs=1e-12)
-    moved = replace(behind.request(), out=Path("elsewhere"))
+    moved = replace(corrected_site.request(), out=Path("elsewhere"))
     Path(result["log"]["file"]).unlink()
     again = target_registers(ignore_progress, moved, Result.from_json(result))
     assert again.values == wanted.values, "as the run wrote them"

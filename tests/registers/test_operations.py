@@ -27,11 +27,11 @@ pytestmark = pytest.mark.long
 
 SERIAL = "SN-000042"
 VALUES = {"gyro_bias_x": 1e-6, "accel_scale_y": 3e-4}
-#: Of the unit's x gyro, larger than any calibrated one: what a wrong sign makes of it cannot be mistaken.
+#: Scale factor error of the x gyro, so large that the effect of a wrong sign is unmistakable.
 SCALE = 0.02
 
 
-class Floor:
+class OperationSite:
     """A site whose unit keeps its flash, with access to the final state of the bench."""
 
     def __init__(self, site_folder: SiteFolder) -> None:
@@ -62,14 +62,14 @@ class Floor:
         """Return the latest transfer."""
         return register_journal.history(self.runs, SERIAL)[-1]
 
-    def left_alone(self) -> bool:
+    def is_safe(self) -> bool:
         """Return whether the table is at rest with its axes off."""
         return not self.report["enabled"] and not self.report["moving"]
 
 
 @pytest.fixture
-def floor(site_folder: SiteFolder) -> Floor:
-    return Floor(site_folder)
+def site(site_folder: SiteFolder) -> OperationSite:
+    return OperationSite(site_folder)
 
 
 def verifying(operations: RegisterOperations, event: Event) -> bool:
@@ -90,36 +90,38 @@ def stop_at(moment: str) -> Any:
     return watch
 
 
-def test_wrong_sign_that_is_invisible_at_rest_fails_the_rotation_test(floor: Floor) -> None:
-    floor.write_station(parameters={"gyro_scale_x": SCALE})
-    floor.operations.write({"gyro_scale_x": SCALE})
-    assert floor.entry.steps[-1] == "turned"
+def test_wrong_sign_that_is_invisible_at_rest_fails_the_rotation_test(site: OperationSite) -> None:
+    site.write_station(parameters={"gyro_scale_x": SCALE})
+    site.operations.write({"gyro_scale_x": SCALE})
+    assert site.entry.steps[-1] == "turned"
     with raises_code(DeviceFaultError, "verification.wrong"):
-        floor.operations.write({"gyro_scale_x": -SCALE})
-    assert (floor.entry.closing, "refuted" in floor.entry.steps) == ("restored", True)
-    assert floor.left_alone()
-    settled = floor.operations.write({"gyro_scale_x": -SCALE}, at_rest=True)
+        site.operations.write({"gyro_scale_x": -SCALE})
+    assert (site.entry.closing, "refuted" in site.entry.steps) == ("restored", True)
+    assert site.is_safe()
+    settled = site.operations.write({"gyro_scale_x": -SCALE}, at_rest=True)
     assert (settled.closing, settled.proof) == ("done", "rest")
-    assert floor.entry.steps[-1] == "at_rest"
-    assert floor.operations.moves() == []
+    assert site.entry.steps[-1] == "at_rest"
+    assert site.operations.moves() == []
     assert UnitRegisters.of(settled.unit).values["gyro_scale_x"] == pytest.approx(-SCALE)
 
 
 @pytest.mark.parametrize("profile", ["bench", pytest.param("indexing_unit", marks=pytest.mark.exhaustive)])
-def test_table_is_prepared_moved_for_verification_and_returned_to_load_position(floor: Floor, profile: str) -> None:
-    floor.write_station(profile)
-    settled = floor.operations.write(VALUES)
+def test_table_is_prepared_moved_for_verification_and_returned_to_load_position(
+    site: OperationSite, profile: str
+) -> None:
+    site.write_station(profile)
+    settled = site.operations.write(VALUES)
     assert (settled.closing, settled.proof) == ("done", "turn")
-    ids = floor.operations.message_ids()
+    ids = site.operations.message_ids()
     order = ["identified", "homing", "checking_mounting", "registers_writing", "verifying", "registers_proved"]
     assert [ident for ident in ids if ident in order] == order
-    moves = floor.operations.moves()
+    moves = site.operations.moves()
     assert moves.count("verify") >= 11, "twice around"
     assert set(moves[-12:]) <= {"verify", "load"}
     assert "verify" not in moves[moves.index("load") :] if "load" in moves else True, "loaded at the end"
-    states = [event.state for event in floor.operations.events if isinstance(event, StateChanged)]
+    states = [event.state for event in site.operations.events if isinstance(event, StateChanged)]
     assert states == ["preparing", "running", "done"], "an operation that is not a calibration does not pass"
-    assert floor.left_alone()
+    assert site.is_safe()
 
 
 @pytest.mark.parametrize(
@@ -136,15 +138,17 @@ def test_table_is_prepared_moved_for_verification_and_returned_to_load_position(
         ),
     ],
 )
-def test_table_that_cannot_move_is_reported_before_any_write(floor: Floor, bench: dict[str, Any], words: str) -> None:
-    floor.write_station(**bench)
+def test_table_that_cannot_move_is_reported_before_any_write(
+    site: OperationSite, bench: dict[str, Any], words: str
+) -> None:
+    site.write_station(**bench)
     with pytest.raises(CalstationError, match=words) as refused:
-        floor.operations.write(VALUES)
+        site.operations.write(VALUES)
     assert str(refused.value).endswith(" Or leave the table alone: --at-rest.")
-    assert register_journal.history(floor.runs, SERIAL) == []
-    assert floor.report["flash_cycles"] == 0
-    assert floor.left_alone()
-    assert floor.operations.write(VALUES, at_rest=True).proof == "rest"
+    assert register_journal.history(site.runs, SERIAL) == []
+    assert site.report["flash_cycles"] == 0
+    assert site.is_safe()
+    assert site.operations.write(VALUES, at_rest=True).proof == "rest"
 
 
 @pytest.mark.long
@@ -156,34 +160,34 @@ def test_table_that_cannot_move_is_reported_before_any_write(floor: Floor, bench
         ["identified", "homing", "check", "reference", "registers_writing", "verifying", "verify"],
     ),
 )
-def test_stop_is_safe_at_every_step(floor: Floor, profile: str, moment: str) -> None:
+def test_stop_is_safe_at_every_step(site: OperationSite, profile: str, moment: str) -> None:
     written = moment in ("registers_writing", "verifying", "verify")
-    floor.write_station(profile)
-    floor.operations.on_event = stop_at(moment)
-    assert floor.operations.write(VALUES).closing == "stopped"
-    assert floor.left_alone()
-    assert bool(register_journal.interrupted(floor.runs, SERIAL)) is written
-    assert ("transfer_unproved" in floor.operations.message_ids()) is written
-    assert ("transfer_finished" in floor.operations.message_ids()) is (moment == "registers_writing")
+    site.write_station(profile)
+    site.operations.on_event = stop_at(moment)
+    assert site.operations.write(VALUES).closing == "stopped"
+    assert site.is_safe()
+    assert bool(register_journal.interrupted(site.runs, SERIAL)) is written
+    assert ("transfer_unproved" in site.operations.message_ids()) is written
+    assert ("transfer_finished" in site.operations.message_ids()) is (moment == "registers_writing")
     if written:
-        floor.operations.on_event = lambda operations, event: None
-        settled = floor.operations.do("finish")
+        site.operations.on_event = lambda operations, event: None
+        settled = site.operations.do("finish")
         assert (settled.closing, settled.proof) == ("done", "turn")
-        assert floor.entry.cycles == 1, "what was in flash already is not written again"
+        assert site.entry.cycles == 1, "what was in flash already is not written again"
 
 
 @pytest.mark.long
-def test_stop_without_a_table_leaves_the_transfer_unverified(floor: Floor) -> None:
-    floor.operations.on_event = stop_at("verifying")
-    assert floor.operations.write(VALUES, at_rest=True).closing == "stopped"
-    assert floor.operations.message_ids()[-1] == "transfer_unproved"
-    floor.operations.on_event = lambda operations, event: None
-    assert floor.operations.do("restore", at_rest=True).closing == "restored"
+def test_stop_without_a_table_leaves_the_transfer_unverified(site: OperationSite) -> None:
+    site.operations.on_event = stop_at("verifying")
+    assert site.operations.write(VALUES, at_rest=True).closing == "stopped"
+    assert site.operations.message_ids()[-1] == "transfer_unproved"
+    site.operations.on_event = lambda operations, event: None
+    assert site.operations.do("restore", at_rest=True).closing == "restored"
 
 
 @pytest.fixture
 def current_clock(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The clock of the current bench, which accepts fault orders."""
+    """The clock of the current bench, which accepts fault commands."""
     clocks: list[Any] = []
     open_devices = register_errand.open_devices
 
@@ -207,95 +211,97 @@ def current_clock(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     ],
 )
 def test_table_fault_during_verification_leaves_the_transfer_open(
-    floor: Floor, current_clock: list[Any], order: str, words: str
+    site: OperationSite, current_clock: list[Any], order: str, words: str
 ) -> None:
-    def spoil(operations: RegisterOperations, event: Event) -> None:
+    def inject(operations: RegisterOperations, event: Event) -> None:
         if verifying(operations, event):
             current_clock[-1].inject({"order": order, "value": 0.0, "after": 0.5})
 
-    floor.operations.on_event = spoil
+    site.operations.on_event = inject
     with pytest.raises(DeviceFaultError, match=words) as fault:
-        floor.operations.write(VALUES)
+        site.operations.write(VALUES)
     assert "--at-rest" not in str(fault.value)
-    assert "transfer_unproved" in floor.operations.message_ids()
-    assert floor.left_alone()
-    assert register_journal.interrupted(floor.runs, SERIAL) is not None
-    floor.operations.on_event = lambda operations, event: None
-    assert floor.operations.do("restore").closing == "restored"
+    assert "transfer_unproved" in site.operations.message_ids()
+    assert site.is_safe()
+    assert register_journal.interrupted(site.runs, SERIAL) is not None
+    site.operations.on_event = lambda operations, event: None
+    assert site.operations.do("restore").closing == "restored"
 
 
 @pytest.mark.long
-def test_table_fault_before_the_write_leaves_the_registers_unchanged(floor: Floor, current_clock: list[Any]) -> None:
-    def spoil(operations: RegisterOperations, event: Event) -> None:
+def test_table_fault_before_the_write_leaves_the_registers_unchanged(
+    site: OperationSite, current_clock: list[Any]
+) -> None:
+    def inject(operations: RegisterOperations, event: Event) -> None:
         if isinstance(event, StepStarted) and event.label[:1] == ("verify",):
             current_clock[-1].inject({"order": "drive_fault", "after": 0.5})
 
-    floor.operations.on_event = spoil
+    site.operations.on_event = inject
     with pytest.raises(DeviceFaultError, match=r"fault 'drive'.*--at-rest"):
-        floor.operations.write(VALUES)
-    assert "transfer_unproved" not in floor.operations.message_ids()
-    assert floor.left_alone()
-    assert register_journal.interrupted(floor.runs, SERIAL) is None
+        site.operations.write(VALUES)
+    assert "transfer_unproved" not in site.operations.message_ids()
+    assert site.is_safe()
+    assert register_journal.interrupted(site.runs, SERIAL) is None
 
 
 @pytest.mark.exhaustive
-def test_restored_registers_are_verified(floor: Floor) -> None:
-    floor.write_station(parameters={"gyro_scale_x": SCALE})
-    floor.operations.write({"gyro_scale_x": -SCALE}, at_rest=True)
-    floor.operations.on_event = stop_at("verifying")
-    floor.operations.write({"gyro_scale_x": 0.0})
-    floor.operations.on_event = lambda operations, event: None
+def test_restored_registers_are_verified(site: OperationSite) -> None:
+    site.write_station(parameters={"gyro_scale_x": SCALE})
+    site.operations.write({"gyro_scale_x": -SCALE}, at_rest=True)
+    site.operations.on_event = stop_at("verifying")
+    site.operations.write({"gyro_scale_x": 0.0})
+    site.operations.on_event = lambda operations, event: None
     with raises_code(DeviceFaultError, "verification.old_wrong"):
-        floor.operations.do("restore")
-    assert (floor.entry.closing, floor.entry.steps[-1]) == ("restored", "refuted")
+        site.operations.do("restore")
+    assert (site.entry.closing, site.entry.steps[-1]) == ("restored", "refuted")
 
-    floor.operations.write({"gyro_scale_x": SCALE})
-    floor.operations.on_event = stop_at("verifying")
-    floor.operations.write({"gyro_scale_x": 0.0})
-    floor.operations.on_event = lambda operations, event: None
-    settled = floor.operations.do("restore")
+    site.operations.write({"gyro_scale_x": SCALE})
+    site.operations.on_event = stop_at("verifying")
+    site.operations.write({"gyro_scale_x": 0.0})
+    site.operations.on_event = lambda operations, event: None
+    settled = site.operations.do("restore")
     assert (settled.closing, settled.proof) == ("restored", "turn")
     assert UnitRegisters.of(settled.unit).values["gyro_scale_x"] == pytest.approx(SCALE)
 
 
 @pytest.mark.long
-def test_unit_with_its_old_registers_needs_no_verification_motion(floor: Floor) -> None:
-    floor.operations.on_event = stop_at("verifying")
-    floor.operations.write(VALUES)
-    entry = floor.entry
-    floor.operations.on_event = lambda operations, event: None
-    floor.operations.do("restore", at_rest=True)
-    register_journal.begin(floor.runs, SERIAL, entry.old, entry.new, register_journal.Purpose("li", "hand", "y.h5"))
-    settled = floor.operations.do("restore")
+def test_unit_with_its_old_registers_needs_no_verification_motion(site: OperationSite) -> None:
+    site.operations.on_event = stop_at("verifying")
+    site.operations.write(VALUES)
+    entry = site.entry
+    site.operations.on_event = lambda operations, event: None
+    site.operations.do("restore", at_rest=True)
+    register_journal.begin(site.runs, SERIAL, entry.old, entry.new, register_journal.Purpose("li", "hand", "y.h5"))
+    settled = site.operations.do("restore")
     assert (settled.closing, settled.proof) == ("kept", "")
-    assert floor.operations.moves() == []
-    assert floor.entry.closing == "kept"
+    assert site.operations.moves() == []
+    assert site.entry.closing == "kept"
 
 
 @pytest.mark.long
-def test_manual_rig_needs_no_motion_test(floor: Floor) -> None:
-    floor.write_station("hand_rails", parameters={})
-    floor.operations.request = replace(floor.operations.request, product=library.find("products", "mems_hand"))
-    settled = floor.operations.write({"gyro_bias_x": 1e-4})
+def test_manual_rig_needs_no_motion_test(site: OperationSite) -> None:
+    site.write_station("hand_rails", parameters={})
+    site.operations.request = replace(site.operations.request, product=library.find("products", "mems_hand"))
+    settled = site.operations.write({"gyro_bias_x": 1e-4})
     assert (settled.closing, settled.proof) == ("done", "rest")
-    assert floor.operations.moves() == []
+    assert site.operations.moves() == []
 
 
 @pytest.mark.long
-def test_command_line_reports_motion_and_verification(floor: Floor, capsys: pytest.CaptureFixture[str]) -> None:
-    floor.operations.write(VALUES, at_rest=True)
-    files = ["--out", str(floor.runs), "--station", str(floor.site_folder.station)]
-    files += ["--product", str(floor.site_folder.product)]
+def test_command_line_reports_motion_and_verification(site: OperationSite, capsys: pytest.CaptureFixture[str]) -> None:
+    site.operations.write(VALUES, at_rest=True)
+    files = ["--out", str(site.runs), "--station", str(site.site_folder.station)]
+    files += ["--product", str(site.site_folder.product)]
     assert run_app(["registers", "restore", SERIAL, *files]) == 0
     shown = capsys.readouterr()
     assert shown.err.index("will move") < shown.err.index("Writing the registers")
-    assert "old registers" not in shown.out  # of a transfer that had been closed: a new one, proved
+    assert "old registers" not in shown.out  # the earlier transfer was closed, and this one is new
     assert "verified with a turn of the table" in shown.out
     assert run_app(["registers", "restore", SERIAL, *files, "--at-rest", "--json", "-"]) == 0
     shown = capsys.readouterr()
     assert "Nothing moves" in shown.err
     assert json.loads(shown.out)["proof"] == "rest"
-    assert run_app(["registers", "list", SERIAL, "--out", str(floor.runs)]) == 0
+    assert run_app(["registers", "list", SERIAL, "--out", str(site.runs)]) == 0
     listed = capsys.readouterr().out
     assert listed.count("done, verified at rest, without a turn") == 2
     assert listed.count("done, verified with a turn of the table") == 1
@@ -307,12 +313,12 @@ def test_command_line_reports_motion_and_verification(floor: Floor, capsys: pyte
 
 @pytest.mark.exhaustive
 @pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
-def test_ctrl_c_during_verification_stops_the_table(floor: Floor) -> None:
-    floor.operations.on_event = stop_at("verifying")
-    floor.operations.write(VALUES)
-    floor.write_station(speed=5.0)
-    command = [sys.executable, "-m", "calstation", "registers", "finish", SERIAL, "--out", str(floor.runs)]
-    command += ["--station", str(floor.site_folder.station), "--product", str(floor.site_folder.product)]
+def test_ctrl_c_during_verification_stops_the_table(site: OperationSite) -> None:
+    site.operations.on_event = stop_at("verifying")
+    site.operations.write(VALUES)
+    site.write_station(speed=5.0)
+    command = [sys.executable, "-m", "calstation", "registers", "finish", SERIAL, "--out", str(site.runs)]
+    command += ["--station", str(site.site_folder.station), "--product", str(site.site_folder.product)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, env={**os.environ, "COLUMNS": "200"}) as process:
         assert process.stderr is not None
         for line in process.stderr:
@@ -322,5 +328,5 @@ def test_ctrl_c_during_verification_stops_the_table(floor: Floor) -> None:
         rest = process.stderr.read().decode()
         assert process.wait(120) == 4
     assert "written but not verified" in rest
-    assert floor.left_alone()
-    assert register_journal.interrupted(floor.runs, SERIAL) is not None
+    assert site.is_safe()
+    assert register_journal.interrupted(site.runs, SERIAL) is not None

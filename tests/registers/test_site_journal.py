@@ -77,7 +77,7 @@ def test_different_runs_folders_share_the_journal(
     assert unknown.value.values == {"folder": str(home), "serial": "SN-000077"}
 
 
-class Worn:
+class WornFlashSite:
     """A site whose units have a flash with ten write cycles."""
 
     def __init__(self, site_folder: SiteFolder, home: Path) -> None:
@@ -103,12 +103,12 @@ class Worn:
 
 
 @pytest.fixture
-def worn(site_folder: SiteFolder, home: Path) -> Worn:
-    return Worn(site_folder, home)
+def worn(site_folder: SiteFolder, home: Path) -> WornFlashSite:
+    return WornFlashSite(site_folder, home)
 
 
 @pytest.mark.long
-def test_a_nearly_worn_flash_is_reported(worn: Worn) -> None:
+def test_a_nearly_worn_flash_is_reported(worn: WornFlashSite) -> None:
     worn.wear(9)
     events = worn.run()
     (message,) = [event for event in events if isinstance(event, Message) and event.id == "flash_near"]
@@ -120,7 +120,7 @@ def test_a_nearly_worn_flash_is_reported(worn: Worn) -> None:
         worn.run()
 
 
-def test_a_worn_flash_is_not_written(worn: Worn) -> None:
+def test_a_worn_flash_is_not_written(worn: WornFlashSite) -> None:
     worn.wear(10)
     operations = RegisterOperations(worn.request)
     uses: list[Any] = [worn.run, lambda: operations.write(VALUES), lambda: operations.do("restore")]
@@ -131,13 +131,13 @@ def test_a_worn_flash_is_not_written(worn: Worn) -> None:
 
 
 @pytest.mark.long
-def test_interrupted_transfer_is_restored_despite_worn_flash(worn: Worn) -> None:
+def test_interrupted_transfer_is_restored_despite_worn_flash(worn: WornFlashSite) -> None:
     worn.wear(10)
     register_journal.begin(worn.runs, SERIAL, {}, {}, register_journal.Purpose(None, "run", ""))
     assert RegisterOperations(worn.request).do("restore").closing in ("kept", "restored")
 
 
-def test_damaged_journal_ends_a_run_before_any_device_is_opened(worn: Worn) -> None:
+def test_damaged_journal_ends_a_run_before_any_device_is_opened(worn: WornFlashSite) -> None:
     worn.wear(1)
     (journal,) = (worn.runs / register_journal.FOLDER).iterdir()
     data = journal.read_bytes()
@@ -147,7 +147,7 @@ def test_damaged_journal_ends_a_run_before_any_device_is_opened(worn: Worn) -> N
 
 
 @pytest.mark.long
-def test_a_truncated_line_is_reported(worn: Worn) -> None:
+def test_a_truncated_line_is_reported(worn: WornFlashSite) -> None:
     worn.wear(1)
     (journal,) = (worn.runs / register_journal.FOLDER).iterdir()
     journal.write_bytes(journal.read_bytes() + b'{"event": "int')

@@ -50,20 +50,22 @@ def test_effect_is_written_to_its_register_if_available(
     prepare(site_folder, monkeypatch, with_register if register else str)
     ended = site_folder.run("rate", "six_position")
     assert ended.verdict.passed, ended.result["checks"]
-    new, found = ended.result["registers"]["new"], ended.result["parameters"]
+    new, parameters = ended.result["registers"]["new"], ended.result["parameters"]
     assert ended.result["registers"]["verified"]
     for name in CUBIC:
-        row = found[name]
+        row = parameters[name]
         assert abs(row["value"] - TRUE) < 5.0 * row["sigma"]
         if register:
             assert new[name] == pytest.approx(row["value"], rel=1e-6)
-    (said,) = [e.values["states"] for e in site_folder.events_of(Message) if e.id == "states_without_register"] or [""]
-    assert said == ("" if register else ", ".join(CUBIC))
+    (states,) = [e.values["states"] for e in site_folder.events_of(Message) if e.id == "states_without_register"] or [
+        ""
+    ]
+    assert states == ("" if register else ", ".join(CUBIC))
     assert register or not set(CUBIC) & set(new)
 
 
 def test_residual_effect_is_added_to_the_register(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
-    prepare(site_folder, monkeypatch, lambda profile: with_register(behind(profile)))
+    prepare(site_folder, monkeypatch, lambda profile: with_register(corrected_stream(profile)))
     first, second = (site_folder.run("rate", "six_position") for _ in range(2))
     assert first.verdict.passed
     assert second.verdict.passed
@@ -75,6 +77,6 @@ def test_residual_effect_is_added_to_the_register(site_folder: SiteFolder, monke
         assert new == pytest.approx(held + left["value"], rel=1e-6)
 
 
-def behind(profile: str) -> str:
+def corrected_stream(profile: str) -> str:
     """Return the profile of a unit whose only stream is corrected by its registers."""
     return behind_registers(profile).replace("before_registers", "after_registers")

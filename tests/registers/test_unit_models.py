@@ -31,7 +31,7 @@ def registers() -> list[RegisterEntry]:
     return load_imu_profile(library.find("imus", "bench_nav")).registers
 
 
-class Known:
+class JournalSite:
     """A site whose journal contains a transfer to a type of unit."""
 
     def __init__(self, site_folder: SiteFolder) -> None:
@@ -62,22 +62,26 @@ class Known:
 
 
 @pytest.fixture
-def known(site_folder: SiteFolder) -> Known:
-    return Known(site_folder)
+def journal_site(site_folder: SiteFolder) -> JournalSite:
+    return JournalSite(site_folder)
 
 
-def test_register_set_records_its_type_of_unit(known: Known) -> None:
-    settled = RegisterOperations(known.site_folder.request()).write({"gyro_bias_x": 2e-6}, at_rest=True)
-    (entry,) = register_journal.history(known.runs, SERIAL)
-    assert entry.unit_type == UnitType(settled.unit["model"], NAV, "short", known.own.map)
-    assert known.restores()
+def test_register_set_records_its_type_of_unit(journal_site: JournalSite) -> None:
+    settled = RegisterOperations(journal_site.site_folder.request()).write({"gyro_bias_x": 2e-6}, at_rest=True)
+    (entry,) = register_journal.history(journal_site.runs, SERIAL)
+    assert entry.unit_type == UnitType(settled.unit["model"], NAV, "short", journal_site.own.map)
+    assert journal_site.restores()
 
 
 @pytest.mark.exhaustive
-def test_run_records_the_type_of_unit_that_it_wrote(known: Known) -> None:
-    assert known.site_folder.run("rate").verdict.passed
-    (entry,) = register_journal.history(known.runs, SERIAL)
-    assert (entry.unit_type.profile, entry.unit_type.product, entry.unit_type.map) == (NAV, "short", known.own.map)
+def test_run_records_the_type_of_unit_that_it_wrote(journal_site: JournalSite) -> None:
+    assert journal_site.site_folder.run("rate").verdict.passed
+    (entry,) = register_journal.history(journal_site.runs, SERIAL)
+    assert (entry.unit_type.profile, entry.unit_type.product, entry.unit_type.map) == (
+        NAV,
+        "short",
+        journal_site.own.map,
+    )
     assert entry.unit_type.model.startswith("bench-imu")
 
 
@@ -90,45 +94,45 @@ def test_run_records_the_type_of_unit_that_it_wrote(known: Known) -> None:
 )
 @pytest.mark.parametrize("open_", [False, True])
 def test_register_set_of_another_map_is_refused_before_any_device_is_opened(
-    known: Known, sort: UnitType, code: str, open_: bool
+    journal_site: JournalSite, sort: UnitType, code: str, open_: bool
 ) -> None:
-    known.transfer(sort, open_=open_)
+    journal_site.transfer(sort, open_=open_)
     with raises_code(InputError, code):
-        known.restores()
+        journal_site.restores()
     for what in ("finish", "restore"):
         with raises_code(InputError, code if open_ or what == "restore" else "transfer.nothing_to_finish"):
-            RegisterOperations(known.site_folder.request()).do(what)
+            RegisterOperations(journal_site.site_folder.request()).do(what)
     if open_:
         with raises_code(InputError, code):
-            execute(known.site_folder.request("rate"), lambda event: None, Control())
-        assert list(known.runs.glob("*.h5")) == []
+            execute(journal_site.site_folder.request("rate"), lambda event: None, Control())
+        assert list(journal_site.runs.glob("*.h5")) == []
 
 
 @pytest.mark.parametrize("open_", [False, True])
-def test_register_set_of_another_model_is_not_written(known: Known, open_: bool) -> None:
-    known.transfer(UnitType("other-imu", NAV, "short", known.own.map), open_=open_)
+def test_register_set_of_another_model_is_not_written(journal_site: JournalSite, open_: bool) -> None:
+    journal_site.transfer(UnitType("other-imu", NAV, "short", journal_site.own.map), open_=open_)
     with raises_code(DeviceFaultError, "transfer.other_model"):
-        RegisterOperations(known.site_folder.request()).do("restore", at_rest=True)
-    assert len(register_journal.history(known.runs, SERIAL)) == 1
+        RegisterOperations(journal_site.site_folder.request()).do("restore", at_rest=True)
+    assert len(register_journal.history(journal_site.runs, SERIAL)) == 1
 
 
-def test_a_register_set_without_a_type_is_compared_by_its_parameters(known: Known) -> None:
-    known.transfer(None)
-    assert known.restores()
-    known.transfer(None, {"gyro_bias_x": 1e-6})
+def test_a_register_set_without_a_type_is_compared_by_its_parameters(journal_site: JournalSite) -> None:
+    journal_site.transfer(None)
+    assert journal_site.restores()
+    journal_site.transfer(None, {"gyro_bias_x": 1e-6})
     with raises_code(InputError, "transfer.other_parameters"):
-        known.restores()
+        journal_site.restores()
 
 
-def test_tolerance_does_not_change_the_identity_of_a_register_map(known: Known) -> None:
+def test_tolerance_does_not_change_the_identity_of_a_register_map(journal_site: JournalSite) -> None:
     entries = registers()
     near = [entry.model_copy(update={"tolerance": 1e-9}) for entry in entries]
     turned = [entry.model_copy(update={"scale": -entry.scale}) for entry in entries]
-    assert map_digest(near) == known.own.map
-    assert map_digest(turned) != known.own.map
+    assert map_digest(near) == journal_site.own.map
+    assert map_digest(turned) != journal_site.own.map
 
 
-def test_a_result_of_another_profile_is_not_offered_to_the_unit(known: Known) -> None:
+def test_a_result_of_another_profile_is_not_offered_to_the_unit(journal_site: JournalSite) -> None:
     result = {
         "unit": {"serial": SERIAL},
         "product": "MEMS grade C",
@@ -140,10 +144,10 @@ def test_a_result_of_another_profile_is_not_offered_to_the_unit(known: Known) ->
         "log": {"file": ""},
     }
     with raises_code(InputError, "transfer.result_other_profile"):
-        target_registers(ignore_progress, known.site_folder.request(), Result.from_json(result))
+        target_registers(ignore_progress, journal_site.site_folder.request(), Result.from_json(result))
 
 
-def test_registers_are_not_written_from_unjudged_parameters(known: Known) -> None:
+def test_registers_are_not_written_from_unjudged_parameters(journal_site: JournalSite) -> None:
     result = {
         "unit": {"serial": SERIAL},
         "parameters": {"gyro_bias_x": {"value": 1e-6, "sigma": 0.0}},
@@ -154,16 +158,16 @@ def test_registers_are_not_written_from_unjudged_parameters(known: Known) -> Non
         "log": {"file": ""},
     }
     with raises_code(InputError, "transfer.result_untested"):
-        target_registers(ignore_progress, known.site_folder.request(), Result.from_json(result))
+        target_registers(ignore_progress, journal_site.site_folder.request(), Result.from_json(result))
 
 
-def test_largest_change_is_relative_to_the_expected_change(known: Known) -> None:
+def test_largest_change_is_relative_to_the_expected_change(journal_site: JournalSite) -> None:
     old = {"gyro_bias_x": 0.0, "gyro_scale_x": 0.0, "accel_bias_x": 1e-3}
     new = {"gyro_bias_x": 2e-5, "gyro_scale_x": 2e-3, "accel_bias_x": 1.1e-3}
 
     def largest(profile: str) -> str | None:
         made = register_journal.begin(
-            known.runs, SERIAL, old, new, register_journal.Purpose(None, "run", "", UnitType("", profile))
+            journal_site.runs, SERIAL, old, new, register_journal.Purpose(None, "run", "", UnitType("", profile))
         )
         return largest_change(made)
 
@@ -178,24 +182,24 @@ def test_largest_change_is_relative_to_the_expected_change(known: Known) -> None
 
 
 def test_hardware_and_simulated_units_are_listed_separately(
-    known: Known, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    journal_site: JournalSite, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     home = tmp_path / "home"
     monkeypatch.setenv("CALSTATION_HOME", str(home))
-    known.transfer(UnitType("bench-imu", MEMS, "MEMS grade C"))
+    journal_site.transfer(UnitType("bench-imu", MEMS, "MEMS grade C"))
     for _ in range(2):
-        made = register_journal.begin(home, SERIAL, {}, {}, register_journal.Purpose(None, "run", "", known.own))
+        made = register_journal.begin(home, SERIAL, {}, {}, register_journal.Purpose(None, "run", "", journal_site.own))
         made.note(Step.COMMITTING)
         made.close(Closing.KEPT)
-    assert run_app(["registers", "list", "--out", str(known.runs)]) == 0
-    said = capsys.readouterr().out
-    assert f"unit {SERIAL} on hardware, 2 flash cycles" in said
-    assert f"unit {SERIAL} on the virtual bench, 1 flash cycles" in said
-    assert f"a bench-imu, with IMU profile '{MEMS}' of product 'MEMS grade C'" in said
-    assert run_app(["registers", "list", SERIAL, "--out", str(known.runs), "--json", "-"]) == 0
+    assert run_app(["registers", "list", "--out", str(journal_site.runs)]) == 0
+    output = capsys.readouterr().out
+    assert f"unit {SERIAL} on hardware, 2 flash cycles" in output
+    assert f"unit {SERIAL} on the virtual bench, 1 flash cycles" in output
+    assert f"a bench-imu, with IMU profile '{MEMS}' of product 'MEMS grade C'" in output
+    assert run_app(["registers", "list", SERIAL, "--out", str(journal_site.runs), "--json", "-"]) == 0
     listed = json.loads(capsys.readouterr().out)[SERIAL]
     assert {kind: found["flash_cycles"] for kind, found in listed.items()} == {"hardware": 2, "virtual": 1}
     (row,) = listed["virtual"]["transfers"]
     assert (row["station"], row["model"], row["profile"]) == ("virtual", "bench-imu", MEMS)
-    assert run_app(["registers", "list", "SN-000099", "--out", str(known.runs)]) == 0
-    assert "No transfer is known" in capsys.readouterr().out
+    assert run_app(["registers", "list", "SN-000099", "--out", str(journal_site.runs)]) == 0
+    assert "No transfer is journal_site" in capsys.readouterr().out

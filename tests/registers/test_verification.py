@@ -34,17 +34,17 @@ def swap(names: list[str], first: str, second: str) -> list[str]:
     return [second if n == first else first if n == second else n for n in names]
 
 
-def entry(data: dict[str, Any], holds: str) -> dict[str, Any]:
+def entry(data: dict[str, Any], name: str) -> dict[str, Any]:
     """Return the register entry that contains a name."""
-    found: dict[str, Any] = next(e for e in data["registers"] if any(holds in n for n in e["parameters"]))
+    found: dict[str, Any] = next(e for e in data["registers"] if any(name in n for n in e["parameters"]))
     return found
 
 
-def convention(holds: str, **changes: Any) -> Any:
+def convention(name: str, **changes: Any) -> Any:
     """Change a convention of all registers of a sensor."""
 
     def change(data: dict[str, Any]) -> None:
-        sensor = holds.split("_")[0]
+        sensor = name.split("_")[0]
         for e in data["registers"]:
             if any(n.startswith((f"{sensor}_matrix", f"{sensor}_offset")) for n in e["parameters"]):
                 e["convention"] = {**e.get("convention", {}), **changes}
@@ -52,31 +52,31 @@ def convention(holds: str, **changes: Any) -> Any:
     return change
 
 
-def reorder(holds: str, first: str, second: str) -> Any:
+def reorder(name: str, first: str, second: str) -> Any:
     """Swap two numbers of an entry."""
 
     def change(data: dict[str, Any]) -> None:
-        e = entry(data, holds)
+        e = entry(data, name)
         e["parameters"] = swap(e["parameters"], first, second)
 
     return change
 
 
-def negate(holds: str) -> Any:
+def negate(name: str) -> Any:
     """Invert the sign of the scale."""
 
     def change(data: dict[str, Any]) -> None:
-        e = entry(data, holds)
+        e = entry(data, name)
         e["scale"] = -e.get("scale", 1.0)
 
     return change
 
 
-def transpose(holds: str, sensor: str) -> Any:
+def transpose(name: str, sensor: str) -> Any:
     """Swap rows and columns."""
 
     def change(data: dict[str, Any]) -> None:
-        e = entry(data, holds)
+        e = entry(data, name)
         if f"{sensor}_matrix" in e["parameters"]:
             e["major"] = "row" if e.get("major", "row") == "column" else "column"
             return
@@ -142,7 +142,7 @@ def test_wrong_order_of_bias_and_matrix_fails_verification(protocol: str) -> Non
 
 
 def test_verification_detects_errors_of_the_stated_size() -> None:
-    """At navigation grade, errors of that size in any single register are detected."""
+    """For a navigation-grade unit, an error of the stated size in any single register is detected."""
     resolved = {
         "gyro_bias": 1.6e-6,
         "gyro_scale": 3.7e-5,

@@ -37,7 +37,7 @@ WRONG = {
 
 
 def misread(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, name: str, right: str, wrong: str) -> None:
-    """Write a site copy of a profile with a mistake."""
+    """Write a copy of a profile with a mistake to the site's folder."""
     home = site_folder.folder / "home"
     (home / "imus").mkdir(parents=True)
     shipped = library.find("imus", name).read_text("utf-8")

@@ -22,7 +22,7 @@ from calstation.records import CalibrationSection, Limit, LogMeta, correlation_o
 from calstation.results import current_calibration, estimate_of
 from calstation.results.calibration import Calibration, from_estimate
 from calstation.schema import load
-from tests.helpers import complaint
+from tests.helpers import error_code
 from tests.records.records_samples import META
 from tests.results.test_history import refreshed, write
 from tests.site_folder import SiteFolder, behind_registers
@@ -188,7 +188,7 @@ def test_invalid_correlations_are_refused(tmp_path: Path, table: dict[str, Any],
     path.write_text(tomli_w.dumps({**META, "prior_correlation": table}), encoding="utf-8")
     with pytest.raises(InputError) as caught:
         load(LogMeta, path, InputError)
-    assert complaint(caught.value) == message
+    assert error_code(caught.value) == message
 
 
 def solution(prior: Posterior, name: str, value: float, sigma: float) -> Solution:

@@ -117,10 +117,10 @@ def test_a_stopped_partial_run_is_resumed_with_its_prior(
 
 
 @pytest.mark.long
-def test_partial_run_on_corrected_output_starts_from_the_residual_errors(behind: SiteFolder) -> None:
-    first = behind.run()
-    behind.events.clear()
-    second = behind.run("azimuth_flip")
+def test_partial_run_on_corrected_output_starts_from_the_residual_errors(corrected_site: SiteFolder) -> None:
+    first = corrected_site.run()
+    corrected_site.events.clear()
+    second = corrected_site.run("azimuth_flip")
     assert (first.verdict, second.verdict) == ("passed", "partial")
     assert second.result["registers"]["old"] == first.result["registers"]["new"]
     before, after = (run.result["registers"]["estimate"] for run in (first, second))

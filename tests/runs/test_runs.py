@@ -147,21 +147,21 @@ def test_run_requires_limits(site_folder: SiteFolder) -> None:
 
 
 @pytest.mark.long
-def test_registers_applied_to_the_stream_are_read_and_logged(behind: SiteFolder) -> None:
-    ended = behind.run("six_position")
+def test_registers_applied_to_the_stream_are_read_and_logged(corrected_site: SiteFolder) -> None:
+    ended = corrected_site.run("six_position")
     assert ended.verdict.passed
     assert open_log(Path(ended.log)).meta.registers == ended.result["registers"]["old"]
 
 
 @pytest.mark.exhaustive
 def test_uncommitted_registers_are_not_applied_to_the_stream(
-    behind: SiteFolder, monkeypatch: pytest.MonkeyPatch
+    corrected_site: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def left_by_another_program(devices: Devices, *rest: Any) -> None:
         devices.imu.write_registers({"gyro_bias_x": 1e-3})
 
     monkeypatch.setattr(run, "recover_interrupted", left_by_another_program)
-    ended = behind.run("six_position")
+    ended = corrected_site.run("six_position")
     assert ended.result["registers"]["old"]["gyro_bias_x"] == 0.0
     assert open_log(Path(ended.log)).meta.registers == ended.result["registers"]["old"]
 

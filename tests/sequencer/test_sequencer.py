@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calstation.connection import RealClock
-from calstation.devices.profiles import Span
+from calstation.devices.profiles import ChannelRange
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation import Solution
 from calstation.messages import Text
@@ -591,7 +591,7 @@ def test_unit_that_is_not_ready_is_not_reported_as_stuck() -> None:
 
 def test_constant_float_channel_is_stuck_regardless_of_its_noise_in_counts() -> None:
     scene = Scene()
-    scene.unit = replace(scene.unit, span=Span(step=np.zeros(6)))
+    scene.unit = replace(scene.unit, span=ChannelRange(step=np.zeros(6)))
     assert scene.run().state is State.FAULT
     (fault,) = scene.events_of(Fault)
     assert (fault.code, fault.values) == ("stream.stuck", {"channel": "gyro y"})
@@ -610,7 +610,7 @@ def test_output_that_saturates_in_the_preflight_rotations_is_reported() -> None:
     scene = Scene()
     rest = GRAVITY / MODEL.accel_lsb
     turns = np.deg2rad(1.0) / MODEL.gyro_lsb
-    scene.unit = replace(scene.unit, span=Span(high=np.array([turns] * 3 + [2.0 * rest] * 3)))
+    scene.unit = replace(scene.unit, span=ChannelRange(high=np.array([turns] * 3 + [2.0 * rest] * 3)))
     assert scene.run().state is State.FAULT
     (fault,) = scene.events_of(Fault)
     assert fault.code == "preflight.saturated"

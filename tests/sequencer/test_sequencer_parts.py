@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calstation.devices.profiles import Span, StatusSection
+from calstation.devices.profiles import ChannelRange, StatusSection
 from calstation.estimation.common import SampleBlock
 from calstation.physics import COUNT, INDEX, Dwell, Move, RoundEnd, parameter_indices, targets_reached
 from calstation.sequencer import LastSample, StopRule, move_time, plan_time, planned
@@ -115,7 +115,7 @@ def test_channel_at_its_range_limit_invalidates_the_sample_regardless_of_status(
     gravity = 9.8 / MODEL.accel_lsb
     blocks: list[SampleBlock] = []
     for high, saturated in ((gravity * 0.999, True), (gravity * 1.001, False)):
-        span = Span(high=np.full(6, high))
+        span = ChannelRange(high=np.full(6, high))
         acquisition = Acquisition(imu, replace(UNIT, span=span), clock, SampleTags(), blocks.append)
         clock.sleep(0.1)
         assert acquisition.drain().saturated is saturated

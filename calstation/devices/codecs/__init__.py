@@ -1,14 +1,14 @@
-"""Encoding of numbers, checksums and matrix conventions in bytes and registers, independent of profiles and ports."""
+"""Encoding of numbers, checksums and matrix conventions in bytes and registers, regardless of profiles and ports."""
 
 from calstation.devices.codecs.conventions import (
+    ELEMENTS,
     SENSORS,
-    SLOTS,
     Convention,
     from_registers,
-    legal_range,
-    matrix_slots,
-    offset_slots,
+    matrix_elements,
+    offset_elements,
     parameter_of,
+    permitted_range,
     to_registers,
 )
 from calstation.devices.codecs.frame_checks import (

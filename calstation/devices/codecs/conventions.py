@@ -3,7 +3,7 @@
 The error model is measured = (I + M) true + b. From the matrix R and offset B in its registers, a unit computes either
 
     corrected = C (measured − B)        offset before the matrix
-    corrected = C measured − B          offset after it
+    corrected = C measured − B          offset after the matrix
 
 where R is C itself ("correction"), or its inverse E = C⁻¹, the error matrix that the unit inverts ("error"). R may omit
 the identity, C = I + R, and may then be negated, C = I − R. B may be added instead of subtracted. In every convention,
@@ -24,7 +24,7 @@ from calstation.schema import EntryError, StrictModel
 SENSORS = ("gyro", "accel")
 
 #: Largest rounding error accepted above the diagonal of an accelerometer's error matrix.
-_TRIANGULAR = 1e-6
+_MAX_UPPER_ELEMENT = 1e-6
 
 
 class Convention(StrictModel):
@@ -51,52 +51,52 @@ class Convention(StrictModel):
 
 
 @cache
-def matrix_slots(sensor: str) -> tuple[str, ...]:
-    """Return the names of a sensor's matrix elements in registers, row by row."""
+def matrix_elements(sensor: str) -> tuple[str, ...]:
+    """Return the names of the elements of a sensor's matrix, row by row."""
     return tuple(f"{sensor}_matrix_{a}{b}" for a in AXES for b in AXES)
 
 
 @cache
-def offset_slots(sensor: str) -> tuple[str, ...]:
-    """Return the names of a sensor's offsets in registers."""
+def offset_elements(sensor: str) -> tuple[str, ...]:
+    """Return the names of the elements of a sensor's offset."""
     return tuple(f"{sensor}_offset_{axis}" for axis in AXES)
 
 
-def _slots(sensor: str) -> tuple[str, ...]:
-    return matrix_slots(sensor) + offset_slots(sensor)
+def _elements(sensor: str) -> tuple[str, ...]:
+    return matrix_elements(sensor) + offset_elements(sensor)
 
 
-#: Names that register entries may contain in addition to the parameters themselves.
-SLOTS: tuple[str, ...] = tuple(name for sensor in SENSORS for name in _slots(sensor))
+#: Names of the matrix and offset elements, which register entries may contain instead of parameters.
+ELEMENTS: tuple[str, ...] = tuple(name for sensor in SENSORS for name in _elements(sensor))
 
 
 @cache
 def parameter_of(name: str) -> str | None:
-    """Return the parameter in a slot, or any other `name` itself; None for an element that the error model omits."""
-    if name not in SLOTS:
+    """Return the parameter of a matrix or offset element, None if the model omits it, or any other `name` itself."""
+    if name not in ELEMENTS:
         return name
-    sensor, kind, element = name.split("_")
+    sensor, kind, part = name.split("_")
     if kind == "offset":
-        return f"{sensor}_bias_{element}"
-    name = f"{sensor}_scale_{element[0]}" if element[0] == element[1] else f"{sensor}_misalign_{element}"
+        return f"{sensor}_bias_{part}"
+    name = f"{sensor}_scale_{part[0]}" if part[0] == part[1] else f"{sensor}_misalign_{part}"
     return name if name in NAMES else None
 
 
 def to_registers(
-    sensor: str, values: Mapping[str, float], slots: Iterable[str], matrix: Convention, offset: Convention
+    sensor: str, values: Mapping[str, float], elements: Iterable[str], matrix: Convention, offset: Convention
 ) -> dict[str, float]:
-    """Convert parameters to the values of a sensor's slots.
+    """Convert parameters to the values of the matrix and offset elements of a sensor.
 
     Parameters
     ----------
     sensor : gyro or accel
     values : parameters by name, SI
-    slots : slots of the unit's registers; parameters without a slot are 0
+    elements : names of the elements in the unit's registers; parameters without an element are 0
     matrix, offset : conventions of the registers of the matrix and the offset
     """
-    present = set(slots)
-    names = {slot: parameter_of(slot) for slot in _slots(sensor)}
-    parameters = np.array([values[name] if name and slot in present else 0.0 for slot, name in names.items()])
+    present = set(elements)
+    names = {element: parameter_of(element) for element in _elements(sensor)}
+    parameters = np.array([values[name] if name and element in present else 0.0 for element, name in names.items()])
     error, bias = np.eye(3) + parameters[:9].reshape(3, 3), parameters[9:]
     correction = _inverse(error)
     stored = correction if matrix.matrix == "correction" else error
@@ -105,29 +105,35 @@ def to_registers(
     shift = bias if offset.offset == "before" else correction @ bias
     shift = -shift if offset.added else shift
     contents = zip(names, (*stored.ravel().tolist(), *shift.tolist()), strict=True)
-    return {slot: content for slot, content in contents if slot in present}
+    return {element: content for element, content in contents if element in present}
 
 
 def from_registers(
     sensor: str, contents: Mapping[str, float], matrix: Convention, offset: Convention
 ) -> dict[str, float]:
-    """Convert the values of a sensor's slots to parameters, SI, which are NaN if the matrix cannot be inverted.
+    """Convert the values of matrix and offset elements to parameters, SI; NaN if the matrix cannot be inverted.
 
     Raises DeviceFaultError if an accelerometer's matrix is not lower triangular, as the error model requires.
+
+    Parameters
+    ----------
+    sensor : gyro or accel
+    contents : values by name of the element
+    matrix, offset : conventions of the registers of the matrix and the offset
     """
     stored = np.zeros((3, 3)) if not matrix.identity else np.eye(3)
-    for i, slot in enumerate(matrix_slots(sensor)):
-        stored[i // 3, i % 3] = contents.get(slot, stored[i // 3, i % 3])
+    for i, element in enumerate(matrix_elements(sensor)):
+        stored[i // 3, i % 3] = contents.get(element, stored[i // 3, i % 3])
     if not matrix.identity:
         stored = np.eye(3) + stored * (-1.0 if matrix.negated else 1.0)
     error = _inverse(stored) if matrix.matrix == "correction" else stored
-    if sensor == "accel" and np.any(np.abs(np.triu(error, 1)) > _TRIANGULAR):
+    if sensor == "accel" and np.any(np.abs(np.triu(error, 1)) > _MAX_UPPER_ELEMENT):
         raise DeviceFaultError("imu.matrix_not_triangular")
-    shift = np.array([contents.get(slot, 0.0) for slot in offset_slots(sensor)])
+    shift = np.array([contents.get(element, 0.0) for element in offset_elements(sensor)])
     shift = -shift if offset.added else shift
     bias = shift if offset.offset == "before" or not np.any(shift) else error @ shift
-    parameters = zip(_slots(sensor), (*(error - np.eye(3)).ravel().tolist(), *bias.tolist()), strict=True)
-    return {name: value for slot, value in parameters if slot in contents and (name := parameter_of(slot))}
+    parameters = zip(_elements(sensor), (*(error - np.eye(3)).ravel().tolist(), *bias.tolist()), strict=True)
+    return {name: value for element, value in parameters if element in contents and (name := parameter_of(element))}
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
@@ -137,14 +143,14 @@ def _inverse(matrix: FloatArray) -> FloatArray:
         return np.full((3, 3), np.nan)
 
 
-def legal_range(slot: str, sigmas: Mapping[str, float], convention: Convention) -> tuple[float, float] | None:
-    """Return the range of the values in a slot for parameters within `sigmas`, to first order and widened by half.
+def permitted_range(element: str, sigmas: Mapping[str, float], convention: Convention) -> tuple[float, float] | None:
+    """Return the range of an element for parameters within `sigmas`, to first order and widened by half.
 
-    None is returned if the parameter has no sigma.
+    The result is None if the parameter has no sigma.
     """
-    sigma = sigmas.get(parameter_of(slot) or "")
+    sigma = sigmas.get(parameter_of(element) or "")
     if sigma is None:
         return None
-    _, kind, element = slot.split("_")
-    middle = 1.0 if kind == "matrix" and element[0] == element[1] and convention.identity else 0.0
+    _, kind, part = element.split("_")
+    middle = 1.0 if kind == "matrix" and part[0] == part[1] and convention.identity else 0.0
     return middle - 1.5 * sigma, middle + 1.5 * sigma

@@ -1,4 +1,4 @@
-"""Checksums of frames: the CRCs, sums and parities with names in profiles, and CRCs defined by parameters."""
+"""Checksums of frames: the CRCs, sums and parities that profiles name, and CRCs defined by parameters."""
 
 import zlib
 from collections.abc import Callable
@@ -14,7 +14,7 @@ CheckFunction = Callable[[bytes], int]
 
 
 def _fletcher(data: bytes) -> int:
-    """Return Fletcher's checksum modulo 256: the sum of the bytes, then the sum of all partial sums."""
+    """Return Fletcher's checksum modulo 256, which is the sum of the bytes followed by the sum of all partial sums."""
     values = np.frombuffer(data, np.uint8).astype(np.int64)
     return (int(values.sum()) & 0xFF) << 8 | int(values @ np.arange(len(values), 0, -1)) & 0xFF
 
@@ -83,7 +83,7 @@ def parametric_crc(
         value = int(_remainder(np.frombuffer(ordered, np.uint8), table, initial, width))
         return (_mirrored(value, width) if reflect_out else value) ^ final_xor
 
-    crc(b"\0")  # compile before data arrive
+    crc(b"\0")  # compiles the function before data arrive
     return crc
 
 

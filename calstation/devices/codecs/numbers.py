@@ -1,4 +1,4 @@
-"""Number types on the wire: integers of 1 to 8 bytes, floats and Q formats in any byte and word order."""
+"""Number types on the wire, which are integers of 1 to 8 bytes, floats and Q formats in any byte and word order."""
 
 import re
 import struct
@@ -24,7 +24,7 @@ _Q = re.compile(r"(u?)q(\d{1,2})\.(\d{1,2})")
 
 @dataclass(frozen=True)
 class Number:
-    """A number type: unsigned, signed or IEEE 754, with its width in bytes and the fraction bits of a Q format."""
+    """An unsigned, signed or IEEE 754 number type, with its width in bytes and the fraction bits of a Q format."""
 
     kind: Literal["u", "i", "f"]
     width: int
@@ -37,7 +37,7 @@ class Number:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Lowest and highest number."""
+        """Lowest and highest representable number."""
         if self.kind == "f":
             largest = float(np.finfo(np.float32 if self.width == 4 else np.float64).max)
             return -largest, largest
@@ -108,7 +108,7 @@ class Number:
         big_endian = wire[:, self._positions(byte_order, word_order)]
         if self.kind == "f":
             real = np.ascontiguousarray(big_endian).view(">f4" if self.width == 4 else ">f8")
-            with np.errstate(invalid="ignore"):  # a signalling NaN is treated like any NaN
+            with np.errstate(invalid="ignore"):  # a signalling NaN is treated like any other NaN
                 return np.asarray(real[:, 0].astype(np.float64))
         padded = np.zeros((len(big_endian), 8), dtype=np.uint8)
         padded[:, 8 - self.width :] = big_endian
@@ -135,7 +135,7 @@ class Number:
 
 @cache
 def number(name: str) -> Number:
-    """Return the number type with this name; raises EntryError for an unknown name."""
+    """Return the number type with a name. Raises EntryError for an unknown name."""
     if match := _INTEGER.fullmatch(name):
         return Number("u" if match[1] == "u" else "i", int(match[2]) // 8)
     if match := _FLOAT.fullmatch(name):
@@ -148,7 +148,7 @@ def number(name: str) -> Number:
 
 
 def order_error(name: str, word_order: WordOrder | None) -> EntryError | None:
-    """Return the error of a number type that cannot have this word order; None if it can."""
+    """Return the error if a number type cannot have this word order, or None."""
     kind = number(name)
     if word_order == "fraction_first" and (kind.fraction == 0 or kind.fraction % 8):
         return EntryError("profile.fraction_first", "word_order", type=name)

@@ -14,7 +14,7 @@ class PacketKind(Protocol):
     sync: bytes
 
     def size(self, buffer: bytes, start: int) -> int | None:
-        """Return the size in bytes of the packet at `start`, None if more bytes are needed, or 0 for no packet."""
+        """Return the size in bytes of the packet at `start`; None if more bytes are needed, 0 if there is no packet."""
 
     def is_valid(self, packet: bytes) -> bool:
         """Return whether a complete packet has a correct checksum."""
@@ -22,7 +22,7 @@ class PacketKind(Protocol):
 
 @dataclass(frozen=True)
 class Reply:
-    """Op code and payload of a reply; a line of text has op code 0 and is the payload."""
+    """Op code and payload of a reply; for a line of text, the op code is 0 and the payload is the line."""
 
     op: int
     payload: bytes
@@ -47,7 +47,7 @@ def quote(data: bytes, length: int = QUOTE_LENGTH) -> str:
 
 
 def quote_text(text: str) -> str:
-    """Quote the first characters of text in which each character is one byte, like `quote`."""
+    """Quote the first characters of a text like `quote`; each character represents one byte."""
     return quote(text.encode("latin-1", "replace"))
 
 

@@ -1,4 +1,4 @@
-"""Size, validity and numbers of binary frames in a byte stream."""
+"""Binary frames in a byte stream: their size, validity and numbers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ Column = FloatArray | IntArray
 
 @dataclass(frozen=True)
 class Columns:
-    """Raw numbers by field, 0 or NaN if absent, and masks of the packets with this field; each of shape (n,)."""
+    """Raw numbers by field (0 or NaN if absent) and masks of the packets with the field, each of shape (n,)."""
 
     values: dict[str, Column]
     present: dict[str, BoolArray]
@@ -40,7 +40,7 @@ class BinaryFrame:
         self._layouts: dict[tuple[int, bytes], Layout] = {}
 
     def size(self, buffer: bytes, start: int) -> int | None:
-        """Return the size of the frame at `start`, see `PacketKind`."""
+        """Return the size of the frame at `start`; see `PacketKind`."""
         length = self._frame.length
         if length is None:
             return self.min_frame_size
@@ -58,7 +58,7 @@ class BinaryFrame:
         return size if self.min_frame_size <= size <= self._frame.max_size else 0
 
     def is_valid(self, packet: bytes) -> bool:
-        """Return whether tail, checksum and items of a frame are correct."""
+        """Return whether the tail, checksum and items of a frame are correct."""
         end = len(packet) - len(self._tail) - self._check_size
         if not packet.endswith(self._tail):
             return False
@@ -87,7 +87,7 @@ class BinaryFrame:
         return Columns(values, present)
 
     def _layout_key(self, packet: bytes) -> tuple[int, bytes]:
-        """Return the key of a packet's layout; packets with equal keys have their numbers at the same bytes."""
+        """Return the key of a packet's layout; in packets with equal keys, the numbers are at the same bytes."""
         width = 0 if self._frame.items is None else self._frame.items.header
         return len(packet), b"".join(packet[at - width : at] for _, at, _ in self._items(packet) or ())
 
@@ -115,7 +115,7 @@ class BinaryFrame:
         return positions
 
     def _extra(self, packet: bytes) -> int:
-        """Return the number of bytes by which an extended length shifts the data after it."""
+        """Return the number of bytes by which an extended length shifts the following data."""
         length = self._frame.length
         if length is None or not length.extended:
             return 0
@@ -124,7 +124,7 @@ class BinaryFrame:
         return number(length.extended).width if long else 0
 
     def _items(self, packet: bytes) -> list[tuple[bytes, int, int]] | None:
-        """Return id, start and size of the data of every item, or None if the items do not fill the packet exactly."""
+        """Return the id and the start and size of the data of each item; None if the items do not fill the packet."""
         items = self._frame.items
         if items is None:
             return []
@@ -147,7 +147,7 @@ class BinaryFrame:
 
 
 class Layout:
-    """Positions of the numbers in packets of one size."""
+    """Positions of the numbers in packets with the same layout."""
 
     def __init__(self, size: int, positions: list[tuple[FrameField, int]], byte_order: ByteOrder) -> None:
         self._size = size
@@ -167,7 +167,7 @@ class Layout:
     def read(self, packets: bytes) -> dict[str, Column]:
         """Return the numbers of consecutive packets by field."""
         rows = np.frombuffer(packets, self._native_dtype)
-        with np.errstate(invalid="ignore"):  # a signalling NaN is treated like any NaN
+        with np.errstate(invalid="ignore"):  # a signalling NaN is treated like any other NaN
             columns: dict[str, Column] = {
                 name: rows[name].astype(np.int64) if self._is_integer[name] else rows[name].astype(np.float64)
                 for name in self._native_dtype.names or ()

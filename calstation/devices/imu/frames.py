@@ -1,4 +1,4 @@
-"""Decoding of a byte stream into samples and replies to commands, independently of how the stream is divided."""
+"""Decoding of a byte stream into samples and replies to commands, regardless of how the stream is divided."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from calstation.physics import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Frames:
-    """Valid frames with sample fields in order, as bytes and as raw numbers of their fields."""
+    """Valid frames with sample fields, in order, as bytes and as raw numbers of the fields."""
 
     raw: tuple[bytes, ...]
     columns: Columns
@@ -35,7 +35,7 @@ class Frames:
 
 
 class Samples(NamedTuple):
-    """Raw counter, shape (n,), counts (n, 6), temperature, °C, (n,), and status word (n,)."""
+    """Raw counter, shape (n,), counts, shape (n, 6), temperature, °C, shape (n,), and status word, shape (n,)."""
 
     counter: IntArray
     counts: FloatArray
@@ -66,7 +66,7 @@ class FrameDecoder:
         self._frame: BinaryFrame | TextFrame = TextFrame(frame) if frame.format == "text" else BinaryFrame(frame)
         self._replies = replies
         kinds: list[PacketKind] = [self._frame, *([replies] if replies else [])]
-        # If one sync begins with another, the longer one is compared first.
+        # If one sync begins with another one, the longer sync is compared first.
         self._kinds = sorted(kinds, key=lambda kind: -len(kind.sync))
         self._fields = {f.name: f for f in frame.fields}
         self._no_frames = Frames((), self._frame.columns(()))
@@ -81,7 +81,7 @@ class FrameDecoder:
         buffer = self._buffer + data
         replies: list[Reply] = []
         packets: list[bytes] = []
-        search = _Search(buffer, [kind.sync for kind in self._kinds])
+        search = _SyncSearch(buffer, [kind.sync for kind in self._kinds])
         start = 0
         while (begin := search.next(start)) < len(buffer):
             self._skip(begin - start)
@@ -112,7 +112,7 @@ class FrameDecoder:
         return DecodedPackets(frames, tuple(replies))
 
     def samples(self, frames: Frames) -> Samples:
-        """Return the samples in complete frames, where counts = raw × scale + offset of the profile's field."""
+        """Return the samples in complete frames; counts are raw × scale + offset with the values in the profile."""
         complete = frames.complete
         rows = slice(None) if complete.all() else complete
         values = frames.columns.values
@@ -135,7 +135,7 @@ class FrameDecoder:
 
     @property
     def size(self) -> int:
-        """Size of a sample frame in bytes; of the shortest one if sizes differ."""
+        """Size of the shortest sample frame in bytes."""
         return self._frame.min_frame_size
 
     def _skip(self, count: int) -> None:
@@ -143,7 +143,7 @@ class FrameDecoder:
         self.since_frame += count
 
     def _packet(self, buffer: bytes, start: int) -> tuple[int | None, PacketKind | None]:
-        """Return size and kind of the packet at `start`; the size is None if more bytes are needed."""
+        """Return the size and kind of the packet at `start`; the size is None if more bytes are needed."""
         is_incomplete = False
         for kind in self._kinds:
             if not buffer.startswith(kind.sync, start):
@@ -158,8 +158,8 @@ class FrameDecoder:
         return (None if is_incomplete else 0), None
 
 
-class _Search:
-    """Finds the next index in a buffer at which a sync begins, or may begin once more bytes arrive."""
+class _SyncSearch:
+    """Finds the indices in a buffer at which a sync begins, or may begin once more bytes arrive."""
 
     def __init__(self, buffer: bytes, syncs: Iterable[bytes]) -> None:
         self._buffer = buffer
@@ -167,7 +167,7 @@ class _Search:
         self._next_index = dict.fromkeys(self._syncs, -1)
 
     def next(self, start: int) -> int:
-        """Return the first such index from `start` on, or the buffer's length if there is none."""
+        """Return the first index of a sync from `start` on, or the buffer's length if there is none."""
         nearest = len(self._buffer)
         for sync in self._syncs:
             # The next index of each sync is cached, because a search from every packet would take quadratic time.

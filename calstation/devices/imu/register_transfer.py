@@ -1,9 +1,9 @@
-"""Writing of a unit's registers so that, after a power cut at any time, they can be identified as old or new.
+"""Transfer of registers to a unit, after which they can be identified as old or new even if the power was cut.
 
 A transfer checks the serial number, restarts the unit so that its registers have the values of its flash, reads these
 values, and records the intended change. Then it writes the new values, compares them bit by bit, commits them, restarts
 the unit and compares them again. The journal entry, which contains the old and the new values, remains open until the
-corrected output is verified with new data; from an open entry, the next start can determine which values are in flash.
+corrected output is verified with new data; an open entry allows the next start to determine which values are in flash.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,9 +20,9 @@ from calstation.errors import CalstationError, DeviceFaultError
 class Step(StrEnum):
     """Steps of a transfer as recorded in its journal; each step is on disk before the next one begins.
 
-    The output was verified with rotations after `TURNED`, and at rest only after `AT_REST`. After `READ_BACK`, the
-    registers were only read back, because they are not applied to any output. `COMMITTING` adds a flash cycle of the
-    unit, whether the reply arrives or not.
+    `TURNED` means that the output was verified with rotations, `AT_REST` that it was verified at rest only, and
+    `READ_BACK` that the registers were only read back, because they are not applied to any output. `COMMITTING` counts
+    as a flash cycle even if no reply arrives.
     """
 
     WRITTEN = "written"
@@ -37,7 +37,7 @@ class Step(StrEnum):
 
 
 class Closing(StrEnum):
-    """Outcome of a transfer: new values verified, old values kept, or old values restored."""
+    """Outcome of a transfer: the new values were verified, the old values were kept, or they were restored."""
 
     DONE = "done"
     KEPT = "kept"
@@ -45,7 +45,7 @@ class Closing(StrEnum):
 
 
 class FlashContent(StrEnum):
-    """Values in the flash of a restarted unit."""
+    """The values that the flash of a restarted unit contains."""
 
     OLD = "old"
     NEW = "new"
@@ -105,25 +105,25 @@ def transfer(
     imu, registers, serial : the unit, its register map and its serial number
     values : new values by parameter name, SI; names without a register are ignored
     begin : function that records the intended change before anything is written
-    old : `flash_registers` of the unit if they were just read
+    old : the unit's `flash_registers` if they have just been read
     """
     check_serial(imu, serial)
     old = flash_registers(imu) if old is None else dict(old)
     new = registers.rounded({**old, **{name: value for name, value in values.items() if name in old}})
     entry = begin(old, new)
-    return _put(imu, registers, entry, entry.new)
+    return _write_and_compare(imu, registers, entry, entry.new)
 
 
 def finish(imu: Imu, registers: RegisterMap, entry: Entry) -> TransferResult:
-    """Complete an open entry, without writing if the new values are already in flash. Raises like `transfer`."""
+    """Complete an open entry; write only if the flash lacks the new values. Raises the errors of `transfer`."""
     if read_flash_content(imu, entry, registers) is FlashContent.NEW:
         entry.note(Step.RESTARTED)
         return TransferResult(entry, dict(entry.new))
-    return _put(imu, registers, entry, entry.new)
+    return _write_and_compare(imu, registers, entry, entry.new)
 
 
 def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, float]:
-    """Restore the old values of an open entry, close it, and return the unit's values. Raises like `transfer`."""
+    """Restore the old values, close the entry and return the unit's values. Raises the errors of `transfer`."""
     if read_flash_content(imu, entry, registers) is FlashContent.OLD:
         entry.close(Closing.KEPT)
         return dict(entry.old)
@@ -133,9 +133,9 @@ def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, floa
 
 
 def rewrite_old(imu: Imu, registers: RegisterMap, entry: Entry) -> TransferResult:
-    """Write the old values of an entry that remains open. Raises like `transfer`."""
+    """Write the old values of an entry, which remains open. Raises the errors of `transfer`."""
     entry.note(Step.RESTORING)
-    return _put(imu, registers, entry, entry.old)
+    return _write_and_compare(imu, registers, entry, entry.old)
 
 
 def read_flash_content(imu: Imu, entry: Entry, registers: RegisterMap) -> FlashContent:
@@ -157,7 +157,7 @@ def check_serial(imu: Imu, serial: str) -> None:
         raise DeviceFaultError("imu.other_unit", found=reported, serial=serial)
 
 
-def _put(imu: Imu, registers: RegisterMap, entry: Entry, required: Mapping[str, float]) -> TransferResult:
+def _write_and_compare(imu: Imu, registers: RegisterMap, entry: Entry, required: Mapping[str, float]) -> TransferResult:
     try:
         imu.write_registers(required)
         _compare(registers, required, imu.read_registers(), restarted=False)
@@ -175,14 +175,14 @@ def _put(imu: Imu, registers: RegisterMap, entry: Entry, required: Mapping[str, 
 
 
 def _explained(imu: Imu, registers: RegisterMap, entry: Entry, error: CalstationError) -> CalstationError:
-    """Return an error that also states the current values of the unit; close the entry if they are the old values."""
+    """Add the current values of the unit to an error and return it; close the entry if they are the old values."""
     kind, values = type(error), {**error.values, "serial": entry.serial, "cause": error.as_text}
     try:
         holds = read_flash_content(imu, entry, registers)
     except CalstationError:
         return kind("imu.holds_unknown", **values)
     if holds is FlashContent.OLD:
-        with suppress(CalstationError):  # the original error reports a disk failure
+        with suppress(CalstationError):  # `error` itself reports a failure of the disk
             entry.close(Closing.KEPT)
         return kind("imu.holds_old", **values)
     return kind("imu.holds_new" if holds is FlashContent.NEW else "imu.holds_neither", **values)

@@ -1,8 +1,8 @@
-"""Base of IMU drivers with calibration registers, which commits them and verifies restarts of the unit.
+"""Base class of IMU drivers with calibration registers, which commits registers and verifies restarts of the unit.
 
 After a commit, the registers have the same values before and after a restart. If the unit replied to the reset without
-restarting, or restarted later, its memory would be mistaken for its flash. Therefore a marker is written to the memory
-but not to the flash; only a restart removes it.
+restarting, or restarted later, its memory would be mistaken for its flash. Therefore a marker, which only a restart
+removes, is written to the memory but not to the flash.
 """
 
 import time
@@ -12,20 +12,20 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
-from calstation.devices.codecs import SENSORS, matrix_slots, number
+from calstation.devices.codecs import SENSORS, matrix_elements, number
 from calstation.devices.imu.registers import RegisterMap, bitwise_equal
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
-from calstation.devices.links import Question, SerialLink
+from calstation.devices.links import SerialLink, Transaction
 from calstation.devices.profiles import ImuProfile, ImuProtocol, RegisterEntry
 from calstation.errors import DeviceFaultError
 
 T = TypeVar("T")
 
-#: Interval between two checks whether a unit has executed a command, host time in s.
-POLL = 0.02
+#: Interval at which the driver checks whether a unit has executed a command, host time in s.
+POLL_INTERVAL = 0.02
 
-#: Maximum number of times that a request is sent until a reply arrives.
+#: Maximum number of times that a request without a reply is sent.
 ATTEMPTS = 3
 
 
@@ -42,7 +42,7 @@ class RegisteredImu(StreamedImu):
         self._commit_deadline = 0.0
 
     def start(self, *, corrected: bool = False) -> None:
-        """Start the stream, see `Imu.start`."""
+        """Start the stream; see `Imu.start`."""
         self._start_stream(corrected=corrected)
         self._streaming = True
         section = self._profile.corrected
@@ -50,7 +50,7 @@ class RegisteredImu(StreamedImu):
         self._decode_from(frame or self._profile.frame)
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity:
-        """Identify the unit, see `Imu.wake`.
+        """Identify the unit; see `Imu.wake`.
 
         Raises OtherModelError immediately, and any other DeviceFaultError only after `reset_timeout_s`.
         """
@@ -68,7 +68,7 @@ class RegisteredImu(StreamedImu):
             except DeviceFaultError:
                 if self.lost or time.monotonic() > deadline:
                     raise
-            time.sleep(POLL)
+            time.sleep(POLL_INTERVAL)
 
     def identify(self) -> ImuIdentity:
         """Return the model, serial number and firmware. Raises OtherModelError if another model replies."""
@@ -83,7 +83,7 @@ class RegisteredImu(StreamedImu):
             return self._registers.decode({e.key: self._read_entry(e) for e in self._registers.entries})
 
     def write_registers(self, values: Mapping[str, float]) -> None:
-        """Write values by parameter name, SI; other parameters are kept. Raises DeviceFaultError if out of range."""
+        """Write values by parameter name, SI, and keep all others. Raises DeviceFaultError for a value out of range."""
         missing = [name for name in self._registers.parameters if name not in values]
         present = self.read_registers() if missing else {}
         numbers = self._registers.encode({**present, **values})
@@ -92,7 +92,7 @@ class RegisteredImu(StreamedImu):
                 self._write_entry(entry, numbers[entry.key])
 
     def commit(self) -> None:
-        """Write the registers to flash within `commit_timeout_s`, exactly once; a lost reply is a fault."""
+        """Write the registers to flash exactly once, within `commit_timeout_s`; a lost reply is a fault."""
         self._commit_deadline = time.monotonic() + self._commit_timeout
         with self._quiet():
             self._write_flash()
@@ -101,7 +101,7 @@ class RegisteredImu(StreamedImu):
     def reset(self) -> None:
         """Restart the unit after any pending commit and resume the stream, within `reset_timeout_s`."""
         self._wait_for_commit()
-        mark = self._mark()
+        mark = self._write_marker()
         deadline = time.monotonic() + self._reset_timeout
         try:
             self._restart()
@@ -111,7 +111,7 @@ class RegisteredImu(StreamedImu):
             if self.lost:
                 raise
         while not self._restarted(mark, is_last=time.monotonic() > deadline):
-            time.sleep(POLL)
+            time.sleep(POLL_INTERVAL)
         if self._streaming:
             self.start()
 
@@ -124,7 +124,7 @@ class RegisteredImu(StreamedImu):
             raise ImuBusyError("imu.flash_busy", seconds=self._commit_timeout)
         self._commit_deadline = 0.0
 
-    def _mark(self) -> "RestartMarker | None":
+    def _write_marker(self) -> "RestartMarker | None":
         """Write the marker once the flash is idle, and return it; None if the unit has no registers."""
         entry = marker_entry(self._registers.entries)
         if entry is None:
@@ -147,10 +147,10 @@ class RegisteredImu(StreamedImu):
             except ImuBusyError:
                 if time.monotonic() > deadline:
                     raise
-            time.sleep(POLL)
+            time.sleep(POLL_INTERVAL)
 
     def _restarted(self, mark: "RestartMarker | None", *, is_last: bool) -> bool:
-        """Return whether the unit replies without the marker. Raises DeviceFaultError otherwise if `is_last`."""
+        """Return whether the unit replies without the marker; if not, and `is_last`, raise DeviceFaultError."""
         try:
             self._ask_identity(attempts=1)
             if mark is None:
@@ -169,9 +169,9 @@ class RegisteredImu(StreamedImu):
             raise DeviceFaultError("imu.not_restarted", seconds=self._reset_timeout)
         return False
 
-    def _send(self, question: Question[T], attempts: int = ATTEMPTS, timeout: float | None = None) -> T:
-        """Send a command and return the content of its reply; `timeout` is by default the protocol's."""
-        return self.exchange(question, timeout=timeout or self._timeout, attempts=attempts)
+    def _send(self, transaction: Transaction[T], attempts: int = ATTEMPTS, timeout: float | None = None) -> T:
+        """Send a command and return the content of its reply; the default of `timeout` is that of the protocol."""
+        return self.exchange(transaction, timeout=timeout or self._timeout, attempts=attempts)
 
     def _quiet(self) -> AbstractContextManager[None]:
         """Return a context for register access, in which the stream is off if the unit requires it."""
@@ -208,15 +208,15 @@ class RegisteredImu(StreamedImu):
         """Send a single restart command to the unit."""
 
 
-#: Candidate fractions of a register's range for the marker, at least one of which differs from the current value.
+#: Candidates for the marker as fractions of a register's range; at least one differs from the current value.
 _FRACTIONS = (0.381966, 0.618034)
 
-_MATRIX = frozenset(slot for sensor in SENSORS for slot in matrix_slots(sensor))
+_MATRIX = frozenset(element for sensor in SENSORS for element in matrix_elements(sensor))
 
 
 @dataclass(frozen=True)
 class RestartMarker:
-    """An entry written without a commit, with its previous values and the values read back until a restart."""
+    """An entry that was written without a commit, its previous numbers, and the numbers read back until a restart."""
 
     entry: RegisterEntry
     before: tuple[float, ...]
@@ -224,12 +224,12 @@ class RestartMarker:
 
 
 def marker_entry(entries: Sequence[RegisterEntry]) -> RegisterEntry | None:
-    """Return the entry for the marker, preferably without matrix elements, because a unit might invert a matrix."""
+    """Return the entry for the marker, preferably one without matrix elements, because a unit might invert a matrix."""
     return min(entries, key=lambda entry: not _other_indices(entry), default=None)
 
 
 def marker_numbers(entry: RegisterEntry, before: Sequence[float]) -> list[float]:
-    """Return numbers in the range of an entry that differ from the current ones, in a matrix only at the end."""
+    """Return numbers in the range of an entry that differ from the current ones; in a matrix, only the last differs."""
     free = _other_indices(entry) or [len(entry.names) - 1]
     kind = number(entry.type)
     numbers = list(before)

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from calstation.devices.codecs import (
+    ELEMENTS,
     SENSORS,
-    SLOTS,
     Convention,
     from_registers,
-    matrix_slots,
+    matrix_elements,
     number,
-    offset_slots,
+    offset_elements,
     parameter_of,
     to_registers,
 )
@@ -28,7 +28,7 @@ _CONVERSION_ERROR = {"f64": 1e-12}
 
 @dataclass(frozen=True)
 class RegisterMap:
-    """Register entries of a profile, in order of address and without overlap."""
+    """Register entries of a profile in order of address, which do not overlap."""
 
     entries: tuple[RegisterEntry, ...]
 
@@ -47,22 +47,22 @@ class RegisterMap:
         }
 
     def decode(self, registers: Mapping[int, list[float]]) -> dict[str, float]:
-        """Convert numbers by entry key to SI parameters. Raises DeviceFaultError if they contradict the error model."""
+        """Convert numbers by entry key to parameters, SI. Raises DeviceFaultError for a contradiction to the model."""
         contents = {
             name: registers[entry.key][i] * entry.scale
             for entry in self.entries
             for i, name in enumerate(entry.names)
             if name
         }
-        values = {name: value for name, value in contents.items() if name not in SLOTS}
+        values = {name: value for name, value in contents.items() if name not in ELEMENTS}
         for sensor in SENSORS:
-            slots = {slot: contents[slot] for slot in self._slots(sensor)}
-            if slots:
-                values |= from_registers(sensor, slots, *self._conventions(sensor))
+            elements = {element: contents[element] for element in self._elements(sensor)}
+            if elements:
+                values |= from_registers(sensor, elements, *self._conventions(sensor))
         return {name: values[name] for name in self.parameters}
 
     def rounded(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the values as rounded by the registers, SI. Raises DeviceFaultError like `encode`."""
+        """Return the values as rounded by the registers, SI. Raises DeviceFaultError as `encode` does."""
         now = self.decode(self.encode(values))
         for _ in range(_MAX_PASSES):
             before, now = now, self.decode(self.encode(now))
@@ -71,11 +71,13 @@ class RegisterMap:
         return now
 
     def differing(self, required: Mapping[str, float], values: Mapping[str, float]) -> list[str]:
-        """Return the parameters whose values read back, SI, differ from the required values, SI.
+        """Return the parameters whose values that were read back differ from the required values, both in SI.
 
         In entries without a tolerance, every bit must agree: −0 differs from 0, but all NaN (erased) are equal.
         """
-        suspects = [name for name, value in required.items() if name not in values or not _same(values[name], value)]
+        suspects = [
+            name for name, value in required.items() if name not in values or not _bits_equal(values[name], value)
+        ]
         if not suspects:
             return []
         unknown = dict.fromkeys(self.parameters, math.nan)
@@ -84,7 +86,7 @@ class RegisterMap:
         for entry in self.entries:
             for name in filter(None, entry.names):
                 parameter = parameter_of(name)
-                if parameter in suspects and not _is_equal(entry, written[name], read[name], name in SLOTS):
+                if parameter in suspects and not _is_equal(entry, written[name], read[name], name in ELEMENTS):
                     wrong.append(parameter)
         return [name for name in suspects if name in wrong or name not in unknown]
 
@@ -97,7 +99,7 @@ class RegisterMap:
         raise KeyError(name)
 
     def stored(self, values: Mapping[str, float]) -> list[tuple[int, str, str]]:
-        """Return address, parameter and hexadecimal content (high byte first) of each register of `values`."""
+        """Return the address, parameter and hexadecimal content (high byte first) of each register in `values`."""
         numbers = self.encode({**dict.fromkeys(self.parameters, 0.0), **values})
         return [
             (entry.address_of(i), parameter, number(entry.type).pack(content, "big").hex().upper())
@@ -107,22 +109,22 @@ class RegisterMap:
         ]
 
     def _contents(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the SI value of each name in the registers, of parameters or slots."""
+        """Return the SI value of each parameter and each matrix or offset element in the registers."""
         names = (name for entry in self.entries for name in entry.names)
-        contents = {name: values[name] for name in names if name and name not in SLOTS}
+        contents = {name: values[name] for name in names if name and name not in ELEMENTS}
         for sensor in SENSORS:
-            if slots := self._slots(sensor):
-                contents |= to_registers(sensor, values, slots, *self._conventions(sensor))
+            if elements := self._elements(sensor):
+                contents |= to_registers(sensor, values, elements, *self._conventions(sensor))
         return contents
 
-    def _slots(self, sensor: str) -> list[str]:
+    def _elements(self, sensor: str) -> list[str]:
         known = {name for entry in self.entries for name in entry.names}
-        return [slot for slot in (*matrix_slots(sensor), *offset_slots(sensor)) if slot in known]
+        return [element for element in (*matrix_elements(sensor), *offset_elements(sensor)) if element in known]
 
     def _conventions(self, sensor: str) -> tuple[Convention, Convention]:
         matrix, offset = (
-            next((e.effective_convention for e in self.entries if set(slots) & set(e.names)), Convention())
-            for slots in (matrix_slots(sensor), offset_slots(sensor))
+            next((e.effective_convention for e in self.entries if set(elements) & set(e.names)), Convention())
+            for elements in (matrix_elements(sensor), offset_elements(sensor))
         )
         return matrix, offset
 
@@ -135,7 +137,7 @@ def _register_number(entry: RegisterEntry, index: int, value: float) -> float:
     low, high = entry.range
     try:
         stored = kind.nearest(value / entry.scale)
-        # Stored numbers are compared, so that a value at the edge of the range is also valid after it is read back.
+        # Stored numbers are compared, so that a value at the edge of the range is still valid after it is read back.
         edges = sorted(kind.nearest(edge / entry.scale) for edge in (low, high))
         if not edges[0] <= stored <= edges[1]:
             raise ValueError
@@ -154,14 +156,14 @@ def _is_equal(entry: RegisterEntry, written: float, read: float, converted: bool
     if tolerance := max(entry.tolerance, rounding):
         return abs(written - read) <= tolerance
     kind = number(entry.type)
-    return _same(kind.nearest(written / entry.scale), kind.nearest(read / entry.scale))
+    return _bits_equal(kind.nearest(written / entry.scale), kind.nearest(read / entry.scale))
 
 
 def bitwise_equal(numbers: Sequence[float], others: Sequence[float]) -> bool:
     """Return whether all numbers agree in every bit."""
-    return all(_same(a, b) for a, b in zip(numbers, others, strict=True))
+    return all(_bits_equal(a, b) for a, b in zip(numbers, others, strict=True))
 
 
-def _same(a: float, b: float) -> bool:
+def _bits_equal(a: float, b: float) -> bool:
     """Return whether two numbers agree in every bit; any NaN equals any other."""
     return (a == b and math.copysign(1.0, a) == math.copysign(1.0, b)) or (math.isnan(a) and math.isnan(b))

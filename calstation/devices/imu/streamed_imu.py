@@ -1,4 +1,4 @@
-"""Base of the IMU drivers, in which one thread owns the port, reads samples and sends commands."""
+"""Base class of the IMU drivers, in which one thread owns the port, reads samples and sends commands."""
 
 import queue
 import threading
@@ -12,15 +12,15 @@ from calstation.devices.codecs import Reply, ReplyKind
 from calstation.devices.imu.frames import FrameDecoder, Samples
 from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.interfaces import Imu, LinkStats, NoFramesError, SampleBatch
-from calstation.devices.links import Dialogue, Question, Refusal, SerialLink
+from calstation.devices.links import Dialogue, Refusal, SerialLink, Transaction
 from calstation.devices.profiles import FrameSection, ImuProfile
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text
 
 #: Host time for which the reader waits for bytes before it checks for commands to send, s.
-_WAIT = 0.02
-#: Minimum amount of data without a valid frame after which the link settings are considered wrong, in frames and, once
-#: frames have arrived, in seconds of the stream, so that a burst of noise does not suffice.
+_POLL_TIMEOUT = 0.02
+#: Minimum amount of data without a valid frame after which the link settings are considered wrong, in frames. Once
+#: frames have arrived, it is in seconds of the stream, so that a burst of noise does not suffice.
 _NOISE_FRAMES, _NOISE_SECONDS = 40, 2.0
 
 T = TypeVar("T")
@@ -36,13 +36,13 @@ class ImuRefusalError(DeviceFaultError, Refusal):
 
 
 class ImuBusyError(ImuRefusalError):
-    """The unit cannot execute a command yet: its flash is busy, or it is still starting."""
+    """The unit cannot execute a command yet, because its flash is busy or it is still starting."""
 
 
 class StreamedImu(Imu):
-    """An IMU on a port: `read` returns samples, `exchange` sends commands.
+    """An IMU on a port, from which `read` returns samples and to which `exchange` sends commands.
 
-    `serial` is the serial number given by the operator, for a unit that does not report its own.
+    `serial` is the serial number entered by the operator, for a unit that does not report its own.
     """
 
     def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
@@ -56,7 +56,7 @@ class StreamedImu(Imu):
         self._replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
         self._requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._dialogue = Dialogue(
-            self._requests.put, self._receive, self._other_questions, lambda reply, signature, refusal: refusal
+            self._requests.put, self._receive, self._other_transactions, lambda reply, signature, refusal: refusal
         )
         self._exchange_lock = threading.Lock()
         self._closing = threading.Event()
@@ -103,7 +103,7 @@ class StreamedImu(Imu):
         self._thread.join(5.0)
         self._link.close()
 
-    def exchange(self, question: Question[T], *, timeout: float, attempts: int, urgent: bool = False) -> T:
+    def exchange(self, transaction: Transaction[T], *, timeout: float, attempts: int, urgent: bool = False) -> T:
         """Send a command up to `attempts` times and wait for its reply, each time for `timeout` s of host time.
 
         Raises DeviceFaultError if no acceptable reply arrives or the link is lost.
@@ -111,13 +111,13 @@ class StreamedImu(Imu):
         with self._exchange_lock:
             for attempt in range(attempts):
                 self._check_link()
-                content = self._dialogue.ask(question, timeout, urgent=urgent, again=urgent and attempt > 0)
+                content = self._dialogue.ask(transaction, timeout, urgent=urgent, again=urgent and attempt > 0)
                 if content is not None:
                     return content
         raise self._no_answer(timeout)
 
-    def _other_questions(self) -> Iterator[Question[object]]:
-        """Yield questions with different signatures to which every unit of this kind replies."""
+    def _other_transactions(self) -> Iterator[Transaction[object]]:
+        """Yield transactions with different signatures that every unit of this kind completes."""
         return iter(())
 
     def _receive(self, wait: float) -> list[Reply] | None:
@@ -133,7 +133,7 @@ class StreamedImu(Imu):
         return self._failure is not None
 
     def _decode_from(self, frame: FrameSection) -> None:
-        """Decode samples from these frames from now on, and discard earlier samples."""
+        """Discard earlier samples and decode all later samples from frames of this kind."""
         if frame is not self._decoder_frame:
             before, decoder = self._decoder, FrameDecoder(frame, self.reply_kind(self._profile))
             decoder.crc_errors, decoder.skipped = before.crc_errors, before.skipped
@@ -167,7 +167,7 @@ class StreamedImu(Imu):
             while not self._closing.is_set():
                 while not self._requests.empty():
                     self._link.write(self._requests.get())
-                data = self._link.read(_WAIT)
+                data = self._link.read(_POLL_TIMEOUT)
                 if data:
                     self._decode(data, time.monotonic())
         except DeviceFaultError as exc:
@@ -178,7 +178,7 @@ class StreamedImu(Imu):
             self._failure.__cause__ = exc
 
     def _decode(self, data: bytes, now: float) -> None:
-        decoder = self._decoder  # may be replaced by the thread that sends commands
+        decoder = self._decoder  # the thread that sends commands may replace the attribute
         decoded = decoder.feed(data)
         if len(decoded.frames):
             samples = decoder.samples(decoded.frames)

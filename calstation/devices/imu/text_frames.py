@@ -8,8 +8,8 @@ from calstation.devices.codecs import number
 from calstation.devices.imu.binary_frames import Columns
 from calstation.devices.profiles import FrameField, FrameSection
 
-#: Bound below which integers are exact as floats.
-_EXACT = 2.0**53
+#: Bound below which floats represent integers exactly.
+_MAX_EXACT_INTEGER = 2.0**53
 
 
 class TextLine:
@@ -22,7 +22,7 @@ class TextLine:
         self._max_size = frame.max_size
 
     def size(self, buffer: bytes, start: int) -> int | None:
-        """Return the size of the line at `start`, see `PacketKind`."""
+        """Return the size of the line at `start`; see `PacketKind`."""
         end = buffer.find(self._tail, start, start + self._max_size)
         if end >= 0:
             return end - start + len(self._tail)
@@ -58,11 +58,11 @@ class TextFrame(TextLine):
         self.min_frame_size = len(self.sync) + 2 * frame.crc.size + 1 + len(frame.tail_bytes)
 
     def is_sample(self, packet: bytes) -> bool:
-        """Return whether a line has exactly the header of samples."""
+        """Return whether the header of a line is that of samples."""
         return self.body(packet)[len(self.sync) :].startswith(self._separator.encode())
 
     def columns(self, packets: Sequence[bytes]) -> Columns:
-        """Return the numbers in valid lines; any other text is absent, with the value 0 or NaN."""
+        """Return the numbers in valid lines; any other text counts as absent and has the value 0 or NaN."""
         begin = len(self.sync) + 1
         rows = [self.body(p)[begin:].decode("ascii", "replace").split(self._separator) for p in packets]
         columns = Columns({}, {})
@@ -70,7 +70,7 @@ class TextFrame(TextLine):
             numbers = np.array([_parsed(row, self.column_of[f.name], f) for row in rows], np.float64)
             present = np.isfinite(numbers)
             if number(f.type).is_integer:
-                present &= np.abs(numbers) < _EXACT
+                present &= np.abs(numbers) < _MAX_EXACT_INTEGER
                 columns.values[f.name] = np.where(present, numbers, 0.0).astype(np.int64)
             else:
                 columns.values[f.name] = numbers

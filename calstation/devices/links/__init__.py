@@ -1,6 +1,6 @@
-"""Serial, Modbus and text links with a time limit for every exchange."""
+"""Serial, Modbus and text links, which have a time limit for every exchange with the device."""
 
-from calstation.devices.links.dialogue import Dialogue, Question, Refusal
+from calstation.devices.links.dialogue import Dialogue, Refusal, Transaction
 from calstation.devices.links.modbus_link import (
     ACKNOWLEDGED,
     BUSY_EXCEPTIONS,
@@ -14,10 +14,10 @@ from calstation.devices.links.serial_link import (
     PortLostError,
     SerialLink,
     SerialPortInfo,
+    diagnose_port,
     host_and_port,
     list_serial_ports,
     port_device,
-    why_not,
     with_connection_reason,
 )
 from calstation.devices.links.text_link import TextLink, TextRefusalError, UnexpectedReplyError

@@ -1,4 +1,4 @@
-"""Access to the holding registers of a Modbus unit over TCP (with pymodbus) or RTU."""
+"""Access to the holding registers of a Modbus unit over TCP (by pymodbus) or RTU."""
 
 import logging
 import time
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # pymodbus errors are raised as DeviceFaultError
 
-#: Modbus exception of a device that executes the request but needs time.
+#: Modbus exception of a device that is still executing the request.
 ACKNOWLEDGED = 5
 
 #: Modbus exceptions of a device that is only busy.
 BUSY_EXCEPTIONS = (ACKNOWLEDGED, 6)
 
-#: Delay before a request to a busy device is repeated, host time in s.
+#: Delay before a request to a busy device is sent again, host time in s.
 _RETRY_DELAY = 0.05
 
 _ATTEMPTS = 3
@@ -59,16 +59,16 @@ class ModbusRefusalError(ModbusUnitError):
 
 
 class ModbusLink:
-    """Holding registers of a Modbus unit over TCP or RTU; not thread-safe.
+    """Holding registers of a Modbus unit over TCP or RTU. The class is not thread-safe.
 
-    `on_reopen` is called when the link was opened again, before any other transfer, and raises DeviceFaultError if
+    `on_reopen` is called before any other transfer after the link was opened again; it raises DeviceFaultError if
     another device replies. Raises DeviceFaultError or ConfigurationError.
 
     Parameters
     ----------
     port : `tcp://host:port`, or a serial port for RTU, possibly `usb:SERIALNUMBER`
     unit : Modbus unit number
-    timeout : host time for a reply in each of up to 3 attempts, s
+    timeout : host time for a reply in each of at most 3 attempts, s
     serial : settings of a serial port
     """
 
@@ -84,11 +84,11 @@ class ModbusLink:
 
     @property
     def received(self) -> bytes:
-        """The bytes received last, valid or not."""
+        """Bytes received last, whether valid or not."""
         return self._transport.received
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
-        """Read unsigned 16-bit words from a 0-based address of a unit, by default the link's; repeat a lost transfer.
+        """Read unsigned 16-bit words from a unit, by default the link's; repeat a lost transfer.
 
         Raises ModbusRefusalError if the device refuses the request, NoAnswerError if it does not reply.
         """
@@ -97,7 +97,7 @@ class ModbusLink:
             return self._transfer(lambda again: self._transport.read(at["unit"], address, count), _ATTEMPTS)
 
     def write(self, address: int, values: list[int], repeat: bool = True, unit: int | None = None) -> None:
-        """Write registers of a unit; repeat a lost transfer only if `repeat`. Raises like `read`."""
+        """Write registers of a unit; repeat a lost transfer only if `repeat`. Raises the errors of `read`."""
         at = {"unit": self._unit if unit is None else unit, "address": address}
         attempts = _ATTEMPTS if repeat else 1
         with self._explained("write", at):
@@ -106,12 +106,12 @@ class ModbusLink:
             )
 
     def close(self) -> None:
-        """Close the link; never raises."""
+        """Close the link; this never raises an exception."""
         self._transport.close()
 
     @contextmanager
     def _explained(self, action: Literal["read", "write"], at: Mapping[str, int]) -> Iterator[None]:
-        """Convert the errors of a transfer to ModbusRefusalError or NoAnswerError."""
+        """Convert the errors of a transfer to ModbusRefusalError and NoAnswerError."""
         try:
             yield
         except RefusedError as exc:
@@ -129,7 +129,7 @@ class ModbusLink:
             try:
                 self._prepare()
                 return transfer(attempt > 0)
-            except NoAnswerError as exc:  # raised by `on_reopen`
+            except NoAnswerError as exc:  # `on_reopen` raises this
                 reason = exc.values["reason"]
             except PortLostError as exc:
                 reason = Text.of("modbus.port_lost", reason=exc.values["reason"])
@@ -161,13 +161,13 @@ class ModbusLink:
 
 
 class TcpConnection:
-    """A connection to a Modbus server, `tcp://host:port`. Any error closes it; the next request opens a new one.
+    """A connection to a Modbus server, `tcp://host:port`; an error closes it, and the next request opens a new one.
 
     `timeout` is the host time for a reply, s; pymodbus matches replies to requests by transaction number.
     """
 
     def __init__(self, port: str, timeout: float) -> None:
-        from pymodbus.client import ModbusTcpClient  # also loads asyncio
+        from pymodbus.client import ModbusTcpClient  # slow to import, because it loads asyncio
 
         address = host_and_port(port)
         if address is None:
@@ -180,7 +180,7 @@ class TcpConnection:
         )
 
     def connect(self) -> None:
-        """Connect. Raises DeviceFaultError."""
+        """Open the connection. Raises DeviceFaultError."""
         try:
             self.open = bool(self._client.connect())  # type: ignore[no-untyped-call]
         except LINK_ERRORS:
@@ -189,7 +189,7 @@ class TcpConnection:
             raise DeviceFaultError("link.not_connected", device="table", port=self._port)
 
     def close(self) -> None:
-        """Close the connection; never raises."""
+        """Close the connection; this never raises an exception."""
         self.open = False
         with suppress(*LINK_ERRORS):
             self._client.close()  # type: ignore[no-untyped-call]
@@ -203,7 +203,7 @@ class TcpConnection:
         return list(answer.registers)
 
     def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
-        """Write holding registers; `repeat` and `again` have no effect over TCP. Raises like `read`."""
+        """Write holding registers; `repeat` and `again` have no effect over TCP. Raises the errors of `read`."""
         if len(values) == 1:
             self._request(lambda: self._client.write_register(address, values[0], device_id=unit))
         else:

@@ -1,7 +1,7 @@
 """Requests and replies of Modbus RTU on a serial line.
 
 An RTU reply does not identify its request ("Modbus over Serial Line" V1.02, 2.5), so that a late reply could be
-mistaken for the reply to the next request. Replies to reads of different lengths can be distinguished, see `dialogue`.
+mistaken for the reply to the next request. Replies to reads of different lengths can be distinguished (see `dialogue`).
 """
 
 import struct
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from calstation.devices.codecs import Reply, check_bytes
-from calstation.devices.links.dialogue import Dialogue, Question, Refusal
+from calstation.devices.links.dialogue import Dialogue, Refusal, Transaction
 from calstation.devices.links.serial_link import PortLostError, SerialLink
 from calstation.devices.profiles import SerialSettings
 from calstation.messages import Text
@@ -21,12 +21,12 @@ READ, WRITE, WRITE_MANY, REFUSED = 0x03, 0x06, 0x10, 0x80
 #: Largest size of a reply frame, bytes.
 MAX_FRAME_SIZE = 260
 
-#: Silence between two frames, character times.
+#: Silence between two frames, in character times.
 _FRAME_GAP = 3.5
 
 
 class UnansweredError(Exception):
-    """No valid reply arrived in time, for a `reason`."""
+    """No valid reply arrived in time; `reason` describes why."""
 
     def __init__(self, reason: Text) -> None:
         super().__init__(reason.code)
@@ -48,7 +48,7 @@ class RtuReply:
         self.sync = bytes([unit])
 
     def size(self, buffer: bytes, start: int) -> int | None:
-        """Return the size of the frame at `start`, see `PacketKind`."""
+        """Return the size of the frame at `start`; see `PacketKind`."""
         if len(buffer) < start + 3:
             return None
         function = buffer[start + 1]
@@ -63,13 +63,13 @@ class RtuReply:
         return check_bytes("crc16_modbus", packet[:-2], "little") == packet[-2:]
 
     def reply(self, packet: bytes) -> Reply:
-        """Return function code and data of a frame."""
+        """Return the function code and data of a frame."""
         return Reply(packet[1], packet[2:-2])
 
 
 @dataclass(frozen=True)
 class RtuRequest:
-    """A request to a unit; the data in its reply begin with `begins`."""
+    """A request to a unit; `begins` are the first bytes of the data in its reply."""
 
     unit: int
     function: int
@@ -93,7 +93,7 @@ class RtuRequest:
 
     @property
     def frame(self) -> bytes:
-        """The bytes to send, with the checksum."""
+        """Bytes to send, including the checksum."""
         body = bytes([self.unit, self.function]) + self.payload
         return body + check_bytes("crc16_modbus", body, "little")
 
@@ -102,21 +102,21 @@ class RtuRequest:
         """Address of the first register."""
         return int.from_bytes(self.payload[:2], "big")
 
-    def question(self, refusal: Callable[[int], Refusal]) -> Question[bytes]:
-        """Return a question for the data in the reply; `refusal` returns the error for a Modbus exception."""
+    def transaction(self, refusal: Callable[[int], Refusal]) -> Transaction[bytes]:
+        """Return a transaction that returns the data in the reply; `refusal` creates the error for an exception."""
 
-        def take(reply: Reply) -> bytes | None:
+        def parse(reply: Reply) -> bytes | None:
             if reply.op == self.function | REFUSED:
                 raise refusal(reply.payload[0])
             return reply.payload if reply.op == self.function and reply.payload.startswith(self.begins) else None
 
-        return Question(self.frame, (self.function, self.begins), take)
+        return Transaction(self.frame, (self.function, self.begins), parse)
 
 
 class RtuLine:
-    """A serial line with Modbus units; not thread-safe.
+    """A serial line with Modbus units. The class is not thread-safe.
 
-    `timeout` is the host time for a reply, s; `received` are the bytes received last, valid or not.
+    `timeout` is the host time for a reply, s; `received` contains the bytes received last, whether valid or not.
     """
 
     def __init__(self, port: str, timeout: float, settings: SerialSettings) -> None:
@@ -133,11 +133,11 @@ class RtuLine:
         return self._link is not None
 
     def connect(self) -> None:
-        """Open the port. Raises ConfigurationError, DeviceFaultError."""
+        """Open the port. Raises ConfigurationError or DeviceFaultError."""
         self._link = SerialLink(self._port, self._settings, "table")
 
     def close(self) -> None:
-        """Close the port; never raises."""
+        """Close the port; this never raises an exception."""
         if self._link is not None:
             self._link.close()
         self._link = None
@@ -149,11 +149,11 @@ class RtuLine:
         return list(struct.unpack(f">{count}H", data[1 : 1 + 2 * count]))
 
     def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
-        """Write holding registers; `repeat` and `again` are `urgent` and `again` of `Dialogue`. Raises like `read`."""
+        """Write holding registers; `repeat` and `again` are passed to `Dialogue.ask`. Raises the errors of `read`."""
         self._ask(RtuRequest.write(unit, address, values), urgent=repeat, again=again)
 
     def receive(self, wait: float) -> bytes:
-        """Return the bytes received within `wait` s of host time. Raises PortLostError like `read`."""
+        """Return the bytes received within `wait` s of host time. Raises PortLostError as `read` does."""
         try:
             data = self._opened().read(wait)
         except PortLostError:
@@ -164,7 +164,7 @@ class RtuLine:
         return data
 
     def send(self, data: bytes) -> None:
-        """Send a frame after the silence that ends the previous one. Raises PortLostError like `read`."""
+        """Send a frame after the silence that ends the previous frame. Raises PortLostError as `read` does."""
         time.sleep(max(0.0, self._last + self._gap - time.monotonic()))
         try:
             self._opened().write(data)
@@ -183,7 +183,7 @@ class RtuLine:
 
     def _ask(self, request: RtuRequest, *, urgent: bool = False, again: bool = False) -> bytes:
         unit = self._unit(request.unit)
-        data = unit.dialogue.ask(request.question(RefusedError), self._timeout, urgent=urgent, again=again)
+        data = unit.dialogue.ask(request.transaction(RefusedError), self._timeout, urgent=urgent, again=again)
         if data is None:
             raise UnansweredError(Text("modbus.other_answer" if unit.has_replied else "modbus.no_answer"))
         return data
@@ -192,7 +192,7 @@ class RtuLine:
 class RtuUnit:
     """The dialogue with one unit on a line.
 
-    lengths : address of the first read with each number of registers, by this number
+    lengths : address of the first read of each length, by the number of registers
     has_replied : whether a valid reply has arrived since the last request
     """
 
@@ -201,7 +201,7 @@ class RtuUnit:
         self._received = b""
         self.lengths: dict[int, int] = {}
         self.has_replied = False
-        self.dialogue = Dialogue(self._send, self._receive, self._other_questions, self._may_belong)
+        self.dialogue = Dialogue(self._send, self._receive, self._other_transactions, self._may_belong)
 
     def _send(self, data: bytes) -> None:
         self._received, self.has_replied = b"", False
@@ -218,15 +218,12 @@ class RtuUnit:
         self.has_replied |= bool(parsed)
         return [reply for reply, _ in parsed]
 
-    def _other_questions(self) -> Iterator[Question[bytes]]:
-        """Yield reads of different lengths.
-
-        Lengths of previous reads come before parts of the longest one, which a device might refuse.
-        """
+    def _other_transactions(self) -> Iterator[Transaction[bytes]]:
+        """Yield reads of different lengths: first those of previous reads, then shorter ones, which may be refused."""
         lengths = self.lengths or {1: 0}
         longest = max(lengths)
         for count in (*lengths, *range(1, max(longest, 2) + 1)):
-            yield RtuRequest.read(self._number, lengths.get(count, lengths[longest]), count).question(RefusedError)
+            yield RtuRequest.read(self._number, lengths.get(count, lengths[longest]), count).transaction(RefusedError)
 
     @staticmethod
     def _may_belong(reply: Reply, signature: Hashable, refusal: bool) -> bool:
@@ -235,7 +232,7 @@ class RtuUnit:
 
 
 def replies(unit: int, received: bytes) -> Iterator[tuple[Reply, int]]:
-    """Yield a unit's valid replies in received bytes, each with the index after it."""
+    """Yield a unit's valid replies in received bytes, each with the index of the byte after it."""
     kind, start = RtuReply(unit), 0
     while 0 <= (start := received.find(kind.sync, start)) < len(received):
         size = kind.size(received, start)

@@ -1,4 +1,4 @@
-"""The serial ports of this computer, links on ports supported by pyserial, and reasons why a port cannot be opened."""
+"""Serial ports of this computer, links on ports supported by pyserial, and reasons why a port cannot be opened."""
 
 import errno
 import re
@@ -19,10 +19,10 @@ from calstation.messages import Text, os_reason
 
 try:
     from termios import error as termios_error
-except ImportError:  # no termios on Windows
+except ImportError:  # Windows has no termios
     termios_error = OSError  # type: ignore[assignment, misc]
 
-#: Exceptions raised by pyserial, e.g. OSError for a closed pty and termios.error for a refused parity.
+#: Exceptions that pyserial raises, e.g. OSError for a closed pty and termios.error for a refused parity.
 LINK_ERRORS = (serial.SerialException, OSError, termios_error)
 
 #: Device on a port, as a code of the message family `source`.
@@ -32,14 +32,14 @@ _READ_SIZE = 65536
 
 
 class PortLostError(DeviceFaultError):
-    """An open port was lost: it was unplugged, or the device closed the connection."""
+    """An open port was lost, because it was unplugged or the device closed the connection."""
 
 
 class SerialLink:
     """An open port: `/dev/...`, `COM3`, `usb:SERIALNUMBER`, `socket://host:port` or `rfc2217://host:port`.
 
     Raises ConfigurationError if the port name is invalid or the settings do not suit the port, DeviceFaultError if the
-    port cannot be opened. Not thread-safe.
+    port cannot be opened. The class is not thread-safe.
     """
 
     def __init__(self, port: str, settings: SerialSettings, device: Device) -> None:
@@ -78,7 +78,7 @@ class SerialLink:
             raise self._lost(exc) from exc
 
     def close(self) -> None:
-        """Close the port; never raises."""
+        """Close the port; this never raises an exception."""
         # pyserial does not close a socket that the remote end has closed.
         connection = getattr(self._serial, "_socket", None)
         with suppress(*LINK_ERRORS):
@@ -101,7 +101,7 @@ class SerialLink:
 
 
 def link_reason(exc: BaseException) -> Text:
-    """Return the reason for an error of the operating system or pyserial, as part of a sentence."""
+    """Return the reason for an error of the operating system or pyserial as part of a sentence."""
     if isinstance(exc, OSError) and exc.errno is not None:
         return os_reason(exc)
     words = str(exc).rsplit("] ", 1)[-1].split(": '")[0].rstrip(".")
@@ -109,7 +109,7 @@ def link_reason(exc: BaseException) -> Text:
 
 
 def open_serial(device: str, settings: SerialSettings) -> serial.Serial:
-    """Open a port exclusively for this process. Raises the exceptions of pyserial: ValueError, LINK_ERRORS."""
+    """Open a port exclusively for this process. Raises the exceptions of pyserial, ValueError and LINK_ERRORS."""
     port = serial.serial_for_url(
         device,
         baudrate=settings.baud,
@@ -118,7 +118,7 @@ def open_serial(device: str, settings: SerialSettings) -> serial.Serial:
         stopbits=settings.stop_bits,
         timeout=0,
         write_timeout=settings.write_timeout_s,
-        exclusive=True,  # two readers of a port would receive only part of the bytes each
+        exclusive=True,  # each of two readers of a port would receive only part of the bytes
     )
     try:
         port.parity = settings.parity  # a port without parity may accept the setting first and ignore it later
@@ -147,7 +147,7 @@ SOCKETS = ("tcp://", "socket://")
 
 
 def host_and_port(url: str) -> tuple[str, int] | None:
-    """Return host and port of ``tcp://host:port`` or ``socket://host:port``; None for any other URL."""
+    """Return the host and port of ``tcp://host:port`` or ``socket://host:port``; None for any other URL."""
     for scheme in SOCKETS:
         if url.startswith(scheme):
             host, _, number = url.removeprefix(scheme).partition("/")[0].rpartition(":")
@@ -156,13 +156,13 @@ def host_and_port(url: str) -> tuple[str, int] | None:
     return None
 
 
-def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason, Text | None]:
-    """Try to open a port and return the reason why it cannot be opened, with the system's message if it adds detail.
+def diagnose_port(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason, Text | None]:
+    """Try to open a port; return the reason why it cannot be opened, with the system's message if that adds detail.
 
     If the port can be opened now, the reason is "other". `timeout` is the host time for a network connection, s.
     """
     if port.startswith(SOCKETS):
-        return _why_no_connection(port, timeout)
+        return _diagnose_connection(port, timeout)
     try:
         device = port_device(port, "imu")
     except DeviceFaultError as exc:
@@ -178,17 +178,17 @@ def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason
 
 @contextmanager
 def with_connection_reason(device: Device, port: str, timeout: float) -> Iterator[None]:
-    """Add the reason to a fault if a ``tcp://`` port cannot be opened in this context; `timeout` is host time, s."""
+    """Add the reason to the fault if a ``tcp://`` port cannot be opened in this context; `timeout` is host time, s."""
     try:
         yield
     except DeviceFaultError as fault:
-        reason = _why_no_connection(port, timeout)[0] if port.startswith("tcp://") else "other"
+        reason = _diagnose_connection(port, timeout)[0] if port.startswith("tcp://") else "other"
         if reason in ("unknown_host", "refused", "unreachable"):
             raise DeviceFaultError(f"link.{reason}", device=device, port=port, seconds=timeout) from fault
         raise
 
 
-def _why_no_connection(port: str, timeout: float) -> tuple[Reason, Text | None]:
+def _diagnose_connection(port: str, timeout: float) -> tuple[Reason, Text | None]:
     address = host_and_port(port)
     if address is None:
         return "bad_address", None
@@ -240,7 +240,7 @@ class SerialPortInfo:
 
 def list_serial_ports() -> tuple[SerialPortInfo, ...]:
     """Return all serial ports of this computer, USB adapters first."""
-    listed = _listed()
+    listed = _list_ports()
     ports = []
     for p in listed:
         description = "" if p.description in (None, "n/a", p.name) else p.description
@@ -248,17 +248,17 @@ def list_serial_ports() -> tuple[SerialPortInfo, ...]:
         ports.append(
             SerialPortInfo(p.device, description, p.manufacturer or "", p.serial_number or None, p.location or "", usb)
         )
-    return tuple(sorted(ports, key=lambda port: (port.usb is None, _natural(port.device))))
+    return tuple(sorted(ports, key=lambda port: (port.usb is None, _natural_key(port.device))))
 
 
 def port_device(port: str, device: str) -> str:
-    """Return the current device of the adapter for a port `usb:...`, and any other port itself.
+    """Return the current device of the adapter for a port `usb:...`, or any other port itself.
 
     Raises DeviceFaultError, with `device` as its source, unless exactly one such adapter is plugged in.
     """
     if not port.startswith(USB):
         return port
-    listed = _listed()
+    listed = _list_ports()
     for p in listed:
         if port in _names(p, listed):
             return str(p.device)
@@ -274,19 +274,19 @@ def port_device(port: str, device: str) -> str:
     raise DeviceFaultError("link.no_adapter", device=device, port=port, found=adapters)
 
 
-def _listed() -> list[ListPortInfo]:
-    return sorted(list_ports.comports(), key=lambda p: (_natural(p.location or ""), _natural(p.device)))
+def _list_ports() -> list[ListPortInfo]:
+    return sorted(list_ports.comports(), key=lambda p: (_natural_key(p.location or ""), _natural_key(p.device)))
 
 
 def _names(port: ListPortInfo, listed: Sequence[ListPortInfo]) -> tuple[str, ...]:
-    """Return the names of a port by its adapter, starting with the preferred name.
+    """Return the names of a port that are derived from its adapter, starting with the preferred name.
 
-    A serial number of several adapters is no name, because its meaning would change when one of them is unplugged.
+    A serial number shared by several adapters is not a name, because its meaning would change if one were unplugged.
     """
     alike = [p for p in listed if p.serial_number and p.serial_number == port.serial_number]
     location = _location(port)
     ports = [p for p in alike if _location(p) == location]
-    # All ports of an adapter appear and disappear together, so that their order identifies them.
+    # All ports of an adapter appear and disappear together, so their order identifies them.
     which = f"/{ports.index(port) + 1}" if len(ports) > 1 else ""
     names = []
     if ports and len(ports) == len(alike) and (location or len(ports) == 1):
@@ -297,10 +297,10 @@ def _names(port: ListPortInfo, listed: Sequence[ListPortInfo]) -> tuple[str, ...
 
 
 def _location(port: ListPortInfo) -> str:
-    """Return the location of an adapter on the bus without its interface, or "" if it is unknown."""
+    """Return the location of an adapter on the bus without its interface; "" if it is unknown."""
     return (port.location or "").partition(":")[0]
 
 
-def _natural(text: str) -> list[tuple[int, str]]:
+def _natural_key(text: str) -> list[tuple[int, str]]:
     """Return a sort key that places ttyUSB10 after ttyUSB9."""
     return [(int(p), "") if p.isdecimal() else (-1, p) for p in re.split(r"(\d+)", text)]

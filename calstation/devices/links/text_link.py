@@ -1,4 +1,4 @@
-"""Exchange of lines of text with a table: plain, with a prompt, or with a checksum."""
+"""Exchange of lines of text with a table, which are plain, end with a prompt or have a checksum."""
 
 import re
 import time
@@ -33,7 +33,7 @@ class PlainFraming:
         return (line + self._end).encode("latin-1")
 
     def reply(self, line: str, received: bytes) -> tuple[str, bytes] | None:
-        """Return the reply to `line` in the received bytes and the remaining bytes; None if it is not complete."""
+        """Return the reply to `line` in the received bytes and the remaining bytes; None if the reply is incomplete."""
         while b"\n" in received:
             first, _, received = received.partition(b"\n")
             words = self._words(line, first.decode("latin-1").strip())
@@ -63,7 +63,7 @@ class PromptedFraming(PlainFraming):
 
 
 class ChecksummedFraming(PlainFraming):
-    """Framing with a head and a checksum, in which the reply repeats the letters of the command ($MN...*SS)."""
+    """Framing with a header and a checksum, in which the reply repeats the letters of the command ($MN...*SS)."""
 
     def __init__(self, section: TextSection, lines: CheckedLines) -> None:
         super().__init__(section)
@@ -88,11 +88,11 @@ class ChecksummedFraming(PlainFraming):
 
 
 class TextLink:
-    """The link to a table with text commands; not thread-safe.
+    """The link to a table with text commands. The class is not thread-safe.
 
     Because a reply rarely identifies its line, a late reply could be mistaken for the reply to the next line. After an
     unanswered line, a query with a distinct reply is therefore sent, and any other reply is discarded. After the link
-    was opened again, the table is identified before any command is sent. `received` contains the last bytes received.
+    was opened again, the table is identified before any command is sent. `received` contains the bytes received last.
     """
 
     def __init__(self, port: str, section: TextSection, serial: SerialSettings) -> None:
@@ -116,7 +116,7 @@ class TextLink:
         self._needs_identification = False
 
     def ask(self, line: str, answer: re.Pattern[str]) -> str:
-        """Send a query up to 3 times and return its reply. Raises DeviceFaultError, e.g. TextRefusalError."""
+        """Send a query at most 3 times and return its reply. Raises DeviceFaultError, e.g. TextRefusalError."""
         for _ in range(_ATTEMPTS):
             if self._synchronise() and (reply := self._exchange(line, answer)) is not None:
                 if line == self._identity:
@@ -125,10 +125,10 @@ class TextLink:
         raise self._not_answered(line)
 
     def command(self, line: str, repeat: bool = True) -> None:
-        """Send a command, followed by the flush query if it has no reply. Raises like `ask`.
+        """Send a command, followed by the flush query if it has no reply. Raises the errors of `ask`.
 
-        If `repeat`, the command, e.g. a stop, is sent immediately even if late replies may arrive, and again if its
-        reply is lost.
+        If `repeat`, the command, e.g. a stop, is sent immediately even if late replies may arrive, and again after a
+        lost reply.
         """
         if self._silent is not None and self._silent.search(line):
             if self._is_identified() or self._synchronise():
@@ -141,19 +141,19 @@ class TextLink:
         if repeat and self._unanswered and self._is_identified():
             self._send(line)
         for attempt in range(_ATTEMPTS if repeat else 1):
-            # The reply may belong to either of two equal lines, and the reply to the other line may still arrive.
+            # The reply may belong to either of two equal lines, and the other reply may still arrive.
             again = attempt > 0 and self._is_identified()
             if (again or self._synchronise()) and self._exchange(line, None) is not None:
                 return
         raise self._not_answered(line)
 
     def close(self) -> None:
-        """Close the link; never raises."""
+        """Close the link; this never raises an exception."""
         if self._link is not None:
             self._link.close()
 
     def _open(self) -> SerialLink:
-        # The URL scheme for sockets differs between pyserial and the station files.
+        # pyserial and the station files use different URL schemes for sockets.
         url = self._port.replace("tcp://", "socket://", 1) if self._port.startswith("tcp://") else self._port
         self._needs_identification = True
         return SerialLink(url, self._serial, "table")
@@ -199,7 +199,7 @@ class TextLink:
     def _exchange(self, line: str, answer: re.Pattern[str] | None, strict: bool = False) -> str | None:
         """Send a line and return its reply, or None if none arrives in time.
 
-        If `strict`, only a reply that matches `answer` is accepted, otherwise any reply if no matching reply arrives.
+        If `strict`, only a reply that matches `answer` is accepted; otherwise any reply is, if no matching one arrives.
         """
         link = self._send(line)
         deadline = time.monotonic() + self._section.timeout_s
@@ -226,14 +226,14 @@ class TextLink:
                     return text
         if answer is not None or other is None:
             self._unanswered.append(line)
-            if "://" in self._port:  # the loss of a connection may not be reported
+            if "://" in self._port:  # the system may not report a lost connection
                 self._close_link()
             else:
                 self._wait_until_quiet()
         return other
 
     def _wait_until_quiet(self) -> None:
-        """Wait until the line is quiet, at most for the reply timeout."""
+        """Wait until the line is quiet, but at most for the reply timeout."""
         deadline = time.monotonic() + self._section.timeout_s
         while self._link is not None and time.monotonic() < deadline:
             try:

@@ -1,11 +1,19 @@
 """Data models of profile files; `docs/reference/profiles.md` explains every entry.
 
 The models of Modbus maps are in `table_registers` for `[registers]` of a table (`data/tables`), and in `registers` for
-`[[registers]]` of an IMU (`data/imus`). A new IMU protocol is a module in `imu_protocols`.
+`[[registers]]` of an IMU (`data/imus`). A new IMU protocol needs a module in `imu_protocols`.
 """
 
 from calstation.devices.profiles.entries import SerialSettings, hex_bytes
-from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, CrcSection, FrameField, FrameSection, Span, span
+from calstation.devices.profiles.frame import (
+    CHANNELS,
+    STATUS_WORDS,
+    ChannelRange,
+    CrcSection,
+    FrameField,
+    FrameSection,
+    channel_range,
+)
 from calstation.devices.profiles.imu import ImuProfile, StatusSection, check_baud, load_imu_profile
 from calstation.devices.profiles.imu_protocols import (
     OPS,

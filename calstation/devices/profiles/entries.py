@@ -1,4 +1,4 @@
-"""Types of entries, and rules, for all profiles."""
+"""Types of entries, and rules for sections, that all profiles use."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
@@ -12,7 +12,7 @@ LAST_ADDRESS = 0xFFFF
 T = TypeVar("T")
 M = TypeVar("M", bound=StrictModel)
 
-#: Result of a rule: one or several errors, or nothing if the section obeys the rule.
+#: Result of a rule, which is one or several errors, or nothing if the section obeys the rule.
 Errors = EntryError | Iterable[EntryError] | Literal[False] | None
 Rule = Callable[[M], Errors]
 Rules = tuple[Rule[M], ...]
@@ -24,19 +24,19 @@ def as_errors(errors: Errors) -> Iterable[EntryError]:
 
 
 def violations(section: M, rules: Rules[M]) -> Iterator[EntryError]:
-    """Yield the errors of a section, of which only the first is certain, because a rule may rely on earlier ones."""
+    """Yield the errors of a section; only the first is certain, because a rule may rely on the preceding ones."""
     return (error for rule in rules for error in as_errors(rule(section)))
 
 
 def check(section: M, rules: Rules[M]) -> M:
-    """Return a section that obeys some rules. Raises the first EntryError."""
+    """Return a section if it obeys the rules. Raises EntryError for the first rule that it violates."""
     for error in violations(section, rules):
         raise error
     return section
 
 
 class ProfileSection(StrictModel):
-    """A section of a profile; its entries must obey `rules`."""
+    """A section of a profile, whose entries must obey `rules`."""
 
     rules: ClassVar[Rules[Any]] = ()
 
@@ -51,12 +51,12 @@ def only_if(applies: Callable[[Any], bool], *rules: Rule[Any]) -> Rules[Any]:
 
 
 def each(name: str, *rules: Rule[Any]) -> Rule[Any]:
-    """Return a rule by which every element of an entry must obey some rules."""
+    """Return a rule by which every element of an entry must obey the given rules."""
     return each_item(name, lambda section, key, element: violations(element, rules))
 
 
 def each_item(name: str, rule: Callable[[Any, Any, Any], Errors]) -> Rule[Any]:
-    """Return a rule that checks every element of an entry by its section, number or key, and value."""
+    """Return a rule that checks every element of an entry, given the section, the number or key, and the value."""
 
     def of_elements(section: StrictModel) -> Iterator[EntryError]:
         elements = getattr(section, name)
@@ -76,7 +76,7 @@ def needs(owner: str, *names: str) -> Rule[Any]:
 
 
 def excludes(other: str, *names: str) -> Rule[Any]:
-    """Return a rule by which these entries must not occur beside `other`, which is formatted with the section."""
+    """Return a rule by which these entries must not occur beside `other`, into which the section is formatted."""
     return lambda section: (
         EntryError("profile.not_with", name, other=other.format(section)) for name in names if is_set(section, name)
     )
@@ -96,19 +96,19 @@ def is_set(section: StrictModel, name: str) -> bool:
 
 
 def with_prefix(error: EntryError, *prefix: str | int) -> EntryError:
-    """Return the error of a section at the key path `prefix`."""
+    """Return the error of a section with the key path `prefix` of the section added."""
     return EntryError(error.code, *prefix, *error.key_path, **error.values)
 
 
 def require(value: T, is_valid: object, code: str, **values: Any) -> T:
-    """Return a valid value; otherwise raise EntryError with a code and other values."""
+    """Return `value` if it is valid; otherwise raise EntryError with the code and the other values."""
     if not is_valid:
         raise EntryError(code, value=value, **values)
     return value
 
 
 def one_of(kinds: Iterable[str]) -> AfterValidator:
-    """Return a validator of the name of a checksum."""
+    """Return a validator of the name of a checksum, which must be one of `kinds`."""
     names = list(kinds)
     return AfterValidator(lambda kind: require(kind, kind in names, "profile.unknown_check", names=names))
 
@@ -129,7 +129,7 @@ def _check_hexadecimal(text: str) -> str:
 #: Address of a 16-bit register or a register entry, 0-based.
 Address = Annotated[int, Field(ge=0, le=LAST_ADDRESS)]
 
-#: Content of a 16-bit register.
+#: The content of a 16-bit register.
 Word = Annotated[int, Field(ge=0, le=0xFFFF)]
 
 #: Bytes in hexadecimal.
@@ -152,7 +152,7 @@ def _check_command_line(line: str) -> str:
     return require(line, is_plain, "profile.not_a_command_line")
 
 
-#: Command line of a VectorNav, without $ and checksum.
+#: A command line of a VectorNav without $ and checksum.
 CommandLine = Annotated[str, AfterValidator(_check_command_line)]
 
 
@@ -169,10 +169,10 @@ class SerialSettings(StrictModel):
 
     @property
     def line(self) -> str:
-        """The usual notation, e.g. ``921600 8N1``."""
+        """The settings in the usual notation, e.g. ``921600 8N1``."""
         return f"{self.baud} {self.data_bits}{self.parity}{self.stop_bits:g}"
 
     @property
     def bits_per_byte(self) -> float:
-        """Bits on the line for each byte, including start, parity and stop bits."""
+        """Number of bits on the line per byte, including start, parity and stop bits."""
         return 1 + self.data_bits + (self.parity != "N") + self.stop_bits

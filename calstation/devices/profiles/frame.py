@@ -1,4 +1,4 @@
-"""The section `[frame]` of a profile, with the checksum and fields of frames, and the range of the channels."""
+"""The section `[frame]` of a profile with the fields and checksum of frames, and the range of the channels."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -43,9 +43,9 @@ from calstation.schema import EntryError, StrictModel, near_miss
 MAX_FRAME_SIZE = 65_536
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
-#: Status words, which are combined into a word of 48 bits whose lowest 16 bits are `status`.
+#: Status words, which are combined into one word of 48 bits whose lowest 16 bits are `status`.
 STATUS_WORDS = ("status", "status2", "status3")
-#: Names of fields with a meaning; all others are "spare...".
+#: Names of fields with a meaning; the names of all others begin with "spare".
 FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
 
 
@@ -68,7 +68,7 @@ class FrameField(ProfileSection):
 
     @property
     def width(self) -> int:
-        """Size in bytes."""
+        """Size of the number in bytes."""
         return number(self.type).width
 
     @property
@@ -78,7 +78,7 @@ class FrameField(ProfileSection):
 
     @property
     def counts_samples(self) -> bool:
-        """Whether the type is suitable for a counter: unsigned, or floating-point seconds with `per_sample`."""
+        """Whether the type suits a counter, which is unsigned or in floating-point seconds with `per_sample`."""
         return is_set(self, "per_sample") if self.is_float else number(self.type) == Number("u", self.width)
 
     def fits_word(self, width: int) -> bool:
@@ -137,7 +137,7 @@ class CrcSection(ProfileSection):
 
 
 class LengthSection(StrictModel):
-    """`length`: the number in the header from which the size of the frame follows."""
+    """`length`: the number in the header that determines the size of the frame."""
 
     at: int = Field(ge=0, lt=64)
     type: Literal["u8", "u16"]
@@ -156,7 +156,7 @@ class ItemSection(StrictModel):
 
     @property
     def header(self) -> int:
-        """Size of id and length in bytes."""
+        """Size of the id and the length in bytes."""
         return number(self.id).width + number(self.length).width
 
 
@@ -207,25 +207,25 @@ class FrameSection(ProfileSection):
 
     @property
     def body(self) -> int:
-        """Index of the first byte after sync, length and id, where the fields begin."""
+        """Index of the first byte after sync, length and id, at which the fields begin."""
         return max(end for _, end in self._header().values())
 
     @property
     def counter_period(self) -> float:
-        """Number of samples after which the counter, or the unit's clock, wraps."""
-        counter = self.named("counter")
+        """Number of samples after which the counter or the unit's clock wraps around."""
+        counter = self.required_field("counter")
         return np.inf if counter.is_float else 2.0 ** (8 * counter.width) / counter.per_sample
 
     def field(self, name: str) -> FrameField | None:
         """Return the field with a name; None if there is none."""
         return next((f for f in self.fields if f.name == name), None)
 
-    def named(self, name: str) -> FrameField:
+    def required_field(self, name: str) -> FrameField:
         """Return the field with a name, which every validated sample frame contains."""
         return next(f for f in self.fields if f.name == name)
 
     def positions(self) -> list[tuple[FrameField, int, int]]:
-        """Return each field with its byte range [first, last + 1), in the frame or in its item."""
+        """Return each field with its byte range [first, last + 1) in the frame or in its item."""
         ends: dict[str, int] = {}
         positions = []
         for f in self.fields:
@@ -239,7 +239,7 @@ class FrameSection(ProfileSection):
         """Return the smallest size in bytes of a frame with these fields, by default with all fields."""
         counted = {f.name for f in self.fields if f.name in names or not names}
         trailer = self.crc.size + len(self.tail_bytes)
-        if self.format == "text":  # digit and separator per field, mark, two digits per checksum byte
+        if self.format == "text":  # a digit and a separator per field, the mark, two digits per checksum byte
             return len(self.sync_bytes) + 2 * len(self.fields) + 1 + self.crc.size + trailer
         if self.items is None:
             ends = [end for f, _, end in self.positions() if f.name in counted or self.length is None]
@@ -347,7 +347,7 @@ def _unknown_name(f: FrameField) -> EntryError:
     return EntryError("entry.unknown_name", "name", name=f.name, remedy=remedy)
 
 
-#: Rules of a frame with the fields of a sample.
+#: Rules for a frame with the fields of a sample.
 SAMPLE_RULES: Rules[FrameSection] = (
     each("fields", lambda f: f.name not in FIELDS and not f.is_spare and _unknown_name(f)),
     lambda s: (
@@ -386,7 +386,7 @@ SAMPLE_RULES: Rules[FrameSection] = (
 
 
 def check_samples(frame: FrameSection) -> FrameSection:
-    """Return a frame with the fields of a sample. Raises EntryError."""
+    """Return `frame` if it has the fields of a sample. Raises EntryError."""
     return check(frame, SAMPLE_RULES)
 
 
@@ -395,7 +395,7 @@ SampleFrame = Annotated[FrameSection, AfterValidator(check_samples)]
 
 
 @dataclass(frozen=True)
-class Span:
+class ChannelRange:
     """Resolution and range of the six channels of a stream, in counts, each of shape (6,).
 
     step : smallest difference between two values, 0 for floats, infinite if unknown
@@ -407,11 +407,11 @@ class Span:
     high: FloatArray = field(default_factory=lambda: np.full(len(CHANNELS), np.inf))
 
 
-def span(frame: FrameSection) -> Span:
-    """Return the resolution and range of a frame's channels; an integer at a bound of its type is saturated."""
+def channel_range(frame: FrameSection) -> ChannelRange:
+    """Return the resolution and range of a frame's channels; integers are saturated at the bounds of their type."""
     steps, ends = [], []
     for name in CHANNELS:
-        f = frame.named(name)
+        f = frame.required_field(name)
         kind = number(f.type)
         if kind.kind == "f":
             steps.append(np.inf if frame.format == "text" else 0.0)  # the digits of a text line are unknown
@@ -421,4 +421,4 @@ def span(frame: FrameSection) -> Span:
             low, high = (end + f.offset for end in kind.scaled_bounds(f.scale))
         reach = np.inf if f.reach is None else f.reach
         ends.append((max(low, -reach), min(high, reach)))
-    return Span(np.array(steps), *np.array(ends, np.float64).T)
+    return ChannelRange(np.array(steps), *np.array(ends, np.float64).T)

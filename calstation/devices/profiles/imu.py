@@ -1,4 +1,4 @@
-"""IMU profiles (`data/imus`) with frames, commands, register map, noise and priors."""
+"""IMU profiles (`data/imus`), which define frames, commands, register map, noise and priors."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -22,7 +22,14 @@ from calstation.devices.profiles.entries import (
     violations,
     with_prefix,
 )
-from calstation.devices.profiles.frame import CHANNELS, SAMPLE_RULES, STATUS_WORDS, FrameSection, SampleFrame, span
+from calstation.devices.profiles.frame import (
+    CHANNELS,
+    SAMPLE_RULES,
+    STATUS_WORDS,
+    FrameSection,
+    SampleFrame,
+    channel_range,
+)
 from calstation.devices.profiles.imu_protocols import PROTOCOLS, ImuProtocol
 from calstation.devices.profiles.registers import REGISTER_RULES, RegisterEntry
 from calstation.physics import GROUPS, NAMES, PARAMETERS, EffectName, FloatArray, entry_of
@@ -30,11 +37,11 @@ from calstation.schema import EntryError, KeyPath, StrictModel, load_once, near_
 
 P = TypeVar("P", bound=ImuProtocol)
 
-#: Shortest period of the counter, s. The loss of a full period is detected with the host's clock, relative to which the
-#: arrival of samples varies by a few hundredths of a second.
+#: Shortest period of the counter, s. The loss of a full period is detected by the host's clock, relative to which the
+#: arrival times of samples vary by a few hundredths of a second.
 MIN_WRAP_TIME = 0.1
 
-#: Default changes of a parameter over a power-up and over a year, in prior sigmas.
+#: Default changes of a parameter at a power-up and over a year, in prior sigmas.
 _POWER_UP, _YEAR = 0.01, 0.1
 
 #: The entry that selects the protocol, as written in messages.
@@ -42,7 +49,7 @@ _PROTOCOL = 'protocol = "{0.protocol}"'
 
 
 class StreamSection(StrictModel):
-    """`[stream]`: meaning of a count; units as in the `[imu]` section of a log."""
+    """`[stream]`: meaning of a count, in the units of the section `[imu]` of a log."""
 
     sample_rate_hz: float = Field(gt=0, le=100_000)
     output: Literal["increment", "rate"]
@@ -63,7 +70,7 @@ class NoiseSection(StrictModel):
 
 
 class StatusSection(StrictModel):
-    """`[status]`: masks of the status word, 0 for a state that the unit does not report."""
+    """`[status]`: masks of the status word; 0 for a state that the unit does not report."""
 
     ready: int = Field(default=0, ge=0)
     saturated: int = Field(default=0, ge=0)
@@ -71,7 +78,7 @@ class StatusSection(StrictModel):
 
 
 class CorrectedSection(StrictModel):
-    """`[corrected]`: the command that starts the stream with the registers applied, and its frame."""
+    """`[corrected]`: command that starts the stream with the registers applied, and frame of this stream."""
 
     stream: Word | None = None
     start: list[CommandLine] = Field(default_factory=list)
@@ -87,8 +94,8 @@ class PriorSigma(StrictModel):
 class Stability(StrictModel):
     """`[stability.NAME]`: standard deviation of the change of a parameter, or of each parameter of a group, SI.
 
-    power_up : change from one power-up to the next, by default a hundredth of the prior sigma
-    year : change within a year, by default a tenth of the prior sigma; the variance is proportional to the time
+    power_up : change from one power-up to the next; the default is a hundredth of the prior sigma
+    year : change over a year; the default is a tenth of the prior sigma. The variance is proportional to the time
     """
 
     power_up: float | None = Field(default=None, ge=0)
@@ -100,7 +107,7 @@ if TYPE_CHECKING:
     class _ProtocolSections(ProfileSection):
         protocol: str
 
-else:  # the sections are fields so that errors name them as in the file
+else:  # the sections are fields, so that errors name them as in the file
     _ProtocolSections = create_model(
         "_ProtocolSections",
         __base__=ProfileSection,
@@ -139,7 +146,7 @@ class ImuProfile(_ProtocolSections):
     @model_validator(mode="before")
     @classmethod
     def _addresses(cls, data: Any) -> Any:
-        """Set the protocol's default span (addresses per number) in register entries without a span."""
+        """Set the default span (addresses per number) of the protocol in register entries without a span."""
         if not isinstance(data, dict) or not isinstance(data.get("registers"), list):
             return data
         name = data.get("protocol")
@@ -148,7 +155,7 @@ class ImuProfile(_ProtocolSections):
         for entry_data in data["registers"]:
             entry = entry_data
             if isinstance(entry_data, dict) and "span" not in entry_data:
-                with suppress(ValueError, TypeError):  # the entry itself reports an unknown type
+                with suppress(ValueError, TypeError):  # the validation of the entry reports an unknown type
                     entry = {**entry_data, "span": protocol.address_span(number(entry_data.get("type", "f32")).width)}
             entries.append(entry)
         return {**data, "registers": entries}
@@ -184,8 +191,8 @@ class ImuProfile(_ProtocolSections):
 
     @property
     def quantised_stream(self) -> StreamSection:
-        """The stream with its quantisation, which is one count unless profile or frame specify it."""
-        steps, changes = span(self.frame).step, {}
+        """The stream with its quantisation, which is one count unless the profile or the frame specifies it."""
+        steps, changes = channel_range(self.frame).step, {}
         for sensor, step in (("gyro", steps[:3].max()), ("accel", steps[3:].max())):
             if getattr(self.stream, f"{sensor}_quantisation") is None and step != 1.0:
                 known = float(step) if np.isfinite(step) else 0.0
@@ -200,7 +207,7 @@ class ImuProfile(_ProtocolSections):
 
     @property
     def has_commands(self) -> bool:
-        """Whether the unit accepts commands; otherwise it only streams."""
+        """Whether the unit accepts commands, instead of only streaming."""
         return self.protocol_section is not None
 
     def section_of(self, kind: type[P]) -> P:
@@ -212,11 +219,11 @@ class ImuProfile(_ProtocolSections):
 
     @property
     def timeout_s(self) -> float:
-        """Reply timeout, host time in s."""
+        """Timeout for a reply, host time in s."""
         return 1.0 if self.protocol_section is None else self.protocol_section.timeout_s
 
     def with_commands(self, **entries: Any) -> "ImuProfile":
-        """Return the profile with other entries in the section of its protocol, if there is one."""
+        """Return the profile with changed entries in the section of its protocol, if it has one."""
         section = self.protocol_section
         return (
             self if section is None else self.model_copy(update={section.section: section.model_copy(update=entries)})
@@ -228,7 +235,7 @@ class ImuProfile(_ProtocolSections):
         return {name: prior.sigma for name, prior in priors.items() if prior is not None}
 
     def change_sigmas(self, years: float) -> FloatArray:
-        """Return the standard deviation, SI, shape (30,), of each parameter's change over a power-up and some years."""
+        """Return the sigma, SI, shape (30,), of each parameter's change over a power-up and a number of years."""
         priors = self.prior_sigmas()
         changes = []
         for parameter in PARAMETERS:
@@ -241,7 +248,7 @@ class ImuProfile(_ProtocolSections):
 
 
 def _corrected_errors(profile: ImuProfile, section: CorrectedSection, commands: ImuProtocol) -> Iterator[EntryError]:
-    """Yield the errors of the section of the corrected stream."""
+    """Yield the errors in the section of the corrected stream."""
     for name in sorted(("stream", "start"), key=lambda name: name != commands.corrected_entry):
         rule = needs if name == commands.corrected_entry else excludes
         owner = _PROTOCOL.format(profile)
@@ -257,7 +264,7 @@ def _corrected_errors(profile: ImuProfile, section: CorrectedSection, commands: 
 
 
 def _frame_errors(profile: ImuProfile, frame: FrameSection, key_path: KeyPath) -> Iterator[EntryError]:
-    """Yield the errors of status masks, baud rate and counter for a frame."""
+    """Yield the errors in the status masks, the baud rate and the counter of a frame."""
     name, status, rate = ".".join(map(str, key_path)), profile.status, profile.stream.sample_rate_hz
     words = [(i, frame.field(word)) for i, word in enumerate(STATUS_WORDS)]
     present = sum(((1 << 8 * f.width) - 1) << 16 * i for i, f in words if f is not None)
@@ -269,14 +276,22 @@ def _frame_errors(profile: ImuProfile, frame: FrameSection, key_path: KeyPath) -
             yield EntryError("profile.mask_of_ready", "status", key)
     if "baud" in profile.link.model_fields_set:
         check_baud(profile.link, frame, rate, name)
-    counter, seconds = frame.named("counter"), frame.counter_period / rate
+    counter, seconds = frame.required_field("counter"), frame.counter_period / rate
     if seconds < MIN_WRAP_TIME:
         at = (*key_path, "fields", frame.fields.index(counter), "type")
         yield EntryError("profile.counter_too_short", *at, type=counter.type, seconds=seconds, rate=rate)
 
 
 def check_baud(settings: SerialSettings, frame: FrameSection, rate: float, name: str = "frame") -> None:
-    """Check that the serial line can transmit `rate` samples per second; `name` is the name of the frame."""
+    """Check that a serial line can transmit the sample stream. Raises EntryError.
+
+    Parameters
+    ----------
+    settings : settings of the serial port
+    frame : frame of a sample
+    rate : sample rate, Hz
+    name : entry of the frame in the profile, for the error
+    """
     size = frame.min_size(("counter", *CHANNELS))
     needed = settings.bits_per_byte * size * rate
     if needed > settings.baud:
@@ -285,5 +300,5 @@ def check_baud(settings: SerialSettings, frame: FrameSection, rate: float, name:
 
 
 def load_imu_profile(path: Path) -> ImuProfile:
-    """Read and check an IMU profile. Raises ConfigurationError with file, entry and remedy."""
+    """Read and check an IMU profile. Raises ConfigurationError with the file, entry and remedy."""
     return load_once(ImuProfile, path)

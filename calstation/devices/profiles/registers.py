@@ -1,4 +1,4 @@
-"""The register map of a profile (`[[registers]]`), checked for names, overlaps, ranges and completeness."""
+"""The register map of a profile (`[[registers]]`), and checks of its names, overlaps, ranges and completeness."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from pydantic import Field, PrivateAttr
 
 from calstation.devices.codecs import (
+    ELEMENTS,
     SENSORS,
-    SLOTS,
     ByteOrder,
     Convention,
     NumberName,
     WordOrder,
-    legal_range,
-    matrix_slots,
+    matrix_elements,
     number,
-    offset_slots,
+    offset_elements,
     order_error,
     parameter_of,
+    permitted_range,
 )
 from calstation.devices.profiles.entries import LAST_ADDRESS, Address, ProfileSection, Rules, Scale, with_prefix
 from calstation.messages import Text
@@ -32,19 +32,19 @@ if TYPE_CHECKING:
 #: Number of prior standard deviations of a parameter that its register must be able to represent.
 _MAX_SIGMAS = 3.0
 
-#: Largest tolerance of a value that is read back, as a fraction of its range.
+#: Largest tolerance of a value that is read back, as a fraction of the register's range.
 _MAX_TOLERANCE = 0.01
 
 _EFFECTS = tuple(p.name for p in EFFECT_PARAMETERS)
 _KNOWN = (
     *NAMES,
-    *SLOTS,
+    *ELEMENTS,
     *GROUPS,
     *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")),
     *_EFFECTS,
     *EFFECT_STATES,
 )
-_NEVER_IN_REGISTERS = "outer_lever"
+_UNREGISTERED_GROUP = "outer_lever"
 
 #: Sets of matrix elements that may have registers: all nine, lower triangular, or diagonal.
 _ALL = {a + b for a in AXES for b in AXES}
@@ -56,16 +56,16 @@ class RegisterEntry(ProfileSection):
 
     address : address of the first register
     page : page selected before access, if the unit has pages
-    parameters : contents in order: parameters by name, also of effects; slots of the matrix and offset in the
-        formula of the unit, e.g. `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that remains 0. The name of a
-        group, e.g. `gyro_bias` or `gyro_matrix`, stands for all names of the group
+    parameters : names of the contents in order: parameters, including those of effects; elements of the matrix and
+        offset in the formula of the unit, e.g. `gyro_matrix_xy`, `gyro_offset_x`; or "" for a number that remains 0.
+        The name of a group, e.g. `gyro_bias` or `gyro_matrix`, stands for all names of the group
     major : whether the group of a matrix is in row or column order
-    type, byte_order, word_order : type and orders of each number, by default the orders of the link
-    span : number of addresses of each number, by default of the protocol; 0 if all have the same address
+    type, byte_order, word_order : type and orders of each number; the default orders are those of the link
+    span : number of addresses of each number; 0 if all have the same address. The default depends on the protocol
     scale : SI value of 1 in the register, negative if the unit has the opposite sign
     range : lowest and highest SI value that the register accepts
     tolerance : largest difference of a value read back, SI, if the unit does not return its registers exactly
-    convention : convention of matrix and offset
+    convention : convention of the matrix and offset
     """
 
     address: Address
@@ -84,22 +84,22 @@ class RegisterEntry(ProfileSection):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Name of each number, in which groups are replaced by the names of their members."""
+        """Name of each number; the names of groups are replaced by those of their members."""
         return tuple(name for listed in self.parameters for name in self._members(listed))
 
     def _members(self, listed: str) -> Sequence[str]:
         for sensor in SENSORS:
             if listed == f"{sensor}_matrix":
-                rows = matrix_slots(sensor)
+                rows = matrix_elements(sensor)
                 return rows if self.major == "row" else [rows[3 * (i % 3) + i // 3] for i in range(9)]
             if listed == f"{sensor}_offset":
-                return offset_slots(sensor)
+                return offset_elements(sensor)
         members = [p.name for p in PARAMETERS if p.group == listed]
         return members or [p.name for p in EFFECT_PARAMETERS if p.group == listed] or [listed]
 
     @property
     def key(self) -> int:
-        """Page << 16 | address."""
+        """Key of the entry, which is page << 16 | address."""
         return self.page << 16 | self.address
 
     @property
@@ -118,12 +118,12 @@ class RegisterEntry(ProfileSection):
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Lowest and highest SI value that type and scale can represent."""
+        """Lowest and highest SI value that the type and the scale can represent."""
         return number(self.type).scaled_bounds(self.scale)
 
     @property
     def effective_convention(self) -> Convention:
-        """The convention of matrix and offset, by default that of `Convention`."""
+        """The convention of the matrix and offset, by default `Convention()`."""
         return self.convention or Convention()
 
     @property
@@ -138,7 +138,7 @@ class RegisterEntry(ProfileSection):
 
     @property
     def label(self) -> str | Text:
-        """Addresses, with the page if there is one, for messages."""
+        """Addresses for messages, with the page if there is one."""
         last = self.end - 1
         addresses = f"{self.address}" if last == self.address else f"{self.address}-{last}"
         return Text.of("profile.at_page", addresses=addresses, page=self.page) if self.page else addresses
@@ -165,7 +165,7 @@ class RegisterEntry(ProfileSection):
         ),
         lambda register: (
             register.convention is not None
-            and not set(register.names) & set(SLOTS)
+            and not set(register.names) & set(ELEMENTS)
             and EntryError("profile.convention_without_matrix", "convention")
         ),
         lambda register: (
@@ -179,7 +179,7 @@ class RegisterEntry(ProfileSection):
     )
 
     def contents(self) -> Iterator[tuple[str, int, str]]:
-        """Yield name, address and parameter of each number that contains a parameter."""
+        """Yield the name, address and parameter of each number that contains a parameter."""
         for i, name in enumerate(self.names):
             if parameter := parameter_of(name):
                 yield name, self.address_of(i), parameter
@@ -196,8 +196,8 @@ def _prior_errors(register: RegisterEntry, sigmas: Mapping[str, float]) -> Itera
         if parameter not in _EFFECTS and register.step > sigmas[parameter]:
             values = {"step": register.step, "parameter": parameter, "sigma": sigmas[parameter]}
             yield EntryError("profile.register_too_coarse", "scale", **values)
-        if name in SLOTS:
-            needed = legal_range(name, legal, register.effective_convention)
+        if name in ELEMENTS:
+            needed = permitted_range(name, legal, register.effective_convention)
         else:
             needed = (-legal[name], legal[name]) if name in legal else None
         if needed is not None and (needed[0] < low or needed[1] > high):
@@ -208,24 +208,25 @@ def _prior_errors(register: RegisterEntry, sigmas: Mapping[str, float]) -> Itera
 def _sensor_errors(seen: Mapping[str, RegisterEntry], sensor: str) -> Iterator[EntryError]:
     """Yield the errors of a matrix that cannot be inverted, and of registers with different conventions."""
     matrix, offset = (
-        [slot for slot in slots if slot in seen] for slots in (matrix_slots(sensor), offset_slots(sensor))
+        [element for element in elements if element in seen]
+        for elements in (matrix_elements(sensor), offset_elements(sensor))
     )
-    slots = matrix or offset
-    if not slots:
+    elements = matrix or offset
+    if not elements:
         return
-    key_path = ("registers", seen[slots[0]].row)
-    parameters = {parameter_of(slot) for slot in matrix_slots(sensor) + offset_slots(sensor)}
+    key_path = ("registers", seen[elements[0]].row)
+    parameters = {parameter_of(element) for element in matrix_elements(sensor) + offset_elements(sensor)}
     for name in NAMES:
         if name in seen and name in parameters:
-            yield EntryError("profile.parameter_and_matrix", *key_path, name=name, slot=slots[0])
+            yield EntryError("profile.parameter_and_matrix", *key_path, name=name, slot=elements[0])
     for alike in (matrix, offset):
-        for slot in alike[1:]:
-            if seen[slot].effective_convention != seen[alike[0]].effective_convention:
-                yield EntryError("profile.two_conventions", *key_path, "convention", other=seen[slot].label)
+        for element in alike[1:]:
+            if seen[element].effective_convention != seen[alike[0]].effective_convention:
+                yield EntryError("profile.two_conventions", *key_path, "convention", other=seen[element].label)
     if matrix and offset:
         yield from _contradictions(seen[offset[0]], seen[matrix[0]], ("matrix", "identity", "negated"))
         yield from _contradictions(seen[matrix[0]], seen[offset[0]], ("offset", "added"))
-    pairs = {slot.rsplit("_", 1)[1] for slot in matrix}
+    pairs = {element.rsplit("_", 1)[1] for element in matrix}
     if pairs and pairs not in _MATRICES:
         yield EntryError("profile.matrix_incomplete", *key_path, sensor=sensor, present=sorted(pairs))
     if offset and len(offset) < 3:
@@ -246,7 +247,7 @@ def _by_name(profile: "ImuProfile") -> dict[str, RegisterEntry]:
     return {name: register for register in profile.registers for name in register.names if name}
 
 
-#: Rules of the register map of a profile.
+#: Rules for the register map of a profile.
 REGISTER_RULES: Rules["ImuProfile"] = (
     lambda profile: (
         EntryError("profile.no_pages", "registers", register.row, "page")
@@ -285,6 +286,6 @@ REGISTER_RULES: Rules["ImuProfile"] = (
         EntryError("profile.parameter_without_register", "registers", name=p.name, group=p.group)
         for present in [set(map(parameter_of, _by_name(profile)))]
         for p in PARAMETERS
-        if present and not {p.name, p.group} & {*present, *profile.without_register, _NEVER_IN_REGISTERS}
+        if present and not {p.name, p.group} & {*present, *profile.without_register, _UNREGISTERED_GROUP}
     ),
 )

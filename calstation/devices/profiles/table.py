@@ -1,4 +1,4 @@
-"""Table profiles (`data/tables`) with axes, limits, accuracy, and registers or lines of text."""
+"""Table profiles (`data/tables`), which define axes, limits, accuracy, and registers or lines of text."""
 
 import math
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ from calstation.errors import ConfigurationError
 from calstation.physics import AXES, AXIS_OFFSET_SIGMA, GimbalJoints, JointLimits, TableGeometry
 from calstation.schema import EntryError, StrictModel, load_once
 
-#: Section of each protocol; a new protocol is added here, and its section in `table.drivers`.
+#: Section of each protocol; a new protocol is added here, and the driver for its section in `table.drivers`.
 PROTOCOLS = {
     "modbus": "modbus",
     "imu_link": "imu_link",
@@ -52,14 +52,14 @@ else:
 #: The entry that selects the protocol, as written in messages.
 _PROTOCOL = 'protocol = "{0.protocol}"'
 
-#: Entry of `[text]` with the framing of the lines of a protocol.
+#: Entry of `[text]` that defines the framing of lines, by protocol.
 _FRAMING = {"atl": "prompt", "mn": "checked"}
 
 #: Largest rounding of an angle in a text line, in standard deviations of the encoder.
 _MAX_ROUNDING = 3.0
 
 #: Relative tolerance of a rate or acceleration at its limit.
-_ROUNDING = 1e-9
+_RELATIVE_TOLERANCE = 1e-9
 
 S = TypeVar("S", bound=StrictModel)
 
@@ -81,7 +81,7 @@ class ImuLinkSection(ProfileSection):
 
 
 class ModbusSection(ImuLinkSection):
-    """`[modbus]`: unit numbers, timeout, serial settings and extent of a transfer."""
+    """`[modbus]`: unit numbers, timeout, serial settings and size of transfers."""
 
     unit: int = Field(ge=0, le=255)
     inner_unit: int | None = Field(default=None, ge=1, le=247)
@@ -114,8 +114,8 @@ class AccuracySection(StrictModel):
 class TableProfile(ProfileSection):
     """A type of table, with all data for its driver, the plans and the solvers.
 
-    link_loss_stop_s : time after the last received line within which a table without a watchdog stops its axes
-        automatically, s; without it, continuous rotation is not allowed
+    link_loss_stop_s : time after the last received line within which a table without a watchdog stops its axes, s; if
+        it is None, continuous rotation is not allowed
     """
 
     name: str
@@ -176,7 +176,7 @@ class TableProfile(ProfileSection):
         return PROTOCOLS[self.protocol] or ""
 
     def section_of(self, kind: type[S]) -> S:
-        """Return the section of the protocol. Raises TypeError if it is not of this type."""
+        """Return the section of the protocol. Raises TypeError if it is of another type than `kind`."""
         section = getattr(self, self.section, None)
         if not isinstance(section, kind):
             raise TypeError(f"{self.name} has protocol {self.protocol!r}")
@@ -209,19 +209,19 @@ class TableProfile(ProfileSection):
 
     @property
     def serial(self) -> SerialSettings:
-        """Serial port settings, unless the station specifies others."""
+        """Settings of the serial port, unless the station specifies others."""
         section = self.lines or self.modbus
         return section.serial if section is not None else SerialSettings()
 
     @property
     def timeout_s(self) -> float:
-        """Reply timeout, host time in s."""
+        """Timeout for a reply, host time in s."""
         section = self.lines or self.modbus
         return section.timeout_s if section is not None else 1.0
 
     @property
     def unit(self) -> int | None:
-        """Modbus unit number; None if it has none."""
+        """Modbus unit number; None if the table has none."""
         return self.modbus.unit if self.modbus is not None else None
 
     def at_station(self, timeout_s: float | None, unit: int | None) -> "TableProfile":
@@ -253,16 +253,16 @@ class TableProfile(ProfileSection):
             raise ConfigurationError("table.would_not_stop", profile=self.name)
         limits = self.geometry().limits
         for axis, rate, limit in zip(JOINTS, rates, limits.rate, strict=True):
-            if not abs(rate) <= limit * (1.0 + _ROUNDING):
+            if not abs(rate) <= limit * (1.0 + _RELATIVE_TOLERANCE):
                 values = {"rate_dps": math.degrees(rate), "limit_dps": math.degrees(limit)}
                 raise ConfigurationError("table.rate_above_limit", axis=axis, **values)
         limit = min(limits.acceleration)
-        if not 0.0 < acceleration <= limit * (1.0 + _ROUNDING):
+        if not 0.0 < acceleration <= limit * (1.0 + _RELATIVE_TOLERANCE):
             values = {"acceleration_dps2": math.degrees(acceleration), "limit_dps2": math.degrees(limit)}
             raise ConfigurationError("table.acceleration_outside_limits", **values)
 
     def geometry(self) -> TableGeometry:
-        """Return the axes as unit vectors, and the limits of the joints, rad, rad/s, rad/s²."""
+        """Return the axes as unit vectors, and the limits of the joints in rad, rad/s and rad/s²."""
         outer, inner, middle = self.outer, self.inner, self.middle
         gimbal = None
         if middle is not None:
@@ -302,5 +302,5 @@ def _normalised(axis: list[float]) -> tuple[float, float, float]:
 
 
 def load_table_profile(path: Path) -> TableProfile:
-    """Read and check a table profile. Raises ConfigurationError with file, entry and remedy."""
+    """Read and check a table profile. Raises ConfigurationError with the file, entry and remedy."""
     return load_once(TableProfile, path)

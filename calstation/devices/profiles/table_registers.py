@@ -1,7 +1,7 @@
 """Axes and registers in the profile of a table.
 
-A table has one controller, or a drive for each axis. Registers of a drive (`controlword`, `statusword`, ...) are
-defined once, or for each axis (`outer_controlword`, `inner_controlword`).
+A table has one controller or a drive for each axis. The registers of a drive (`controlword`, `statusword`, ...) are
+defined once or for each axis (`outer_controlword`, `inner_controlword`).
 """
 
 from collections.abc import Iterator, Mapping
@@ -35,7 +35,7 @@ JOINTS = ("outer", "inner")
 DRIVE_REGISTERS = ("model", "controlword", "statusword", "fault")
 OPTIONAL_DRIVE_REGISTERS = ("serial", "interlock", "watchdog", "heartbeat", "command", "mode", "status2")
 #: Registers of a joint, and the limit of the joint that each register must be able to represent. `low` and `high` are
-#: the travel as set in the table, `turn_rate` is the rate of continuous rotation if it is not `target_rate`.
+#: the travel as configured in the table; `turn_rate` sets the rate of continuous rotation if `target_rate` does not.
 JOINT_REGISTERS = {
     "position": "travel",
     "rate": "rate",
@@ -48,12 +48,12 @@ JOINT_REGISTERS = {
 }
 OPTIONAL_JOINT_REGISTERS = ("low", "high", "turn_rate")
 #: Registers of joints whose values are not negative; all others have the sign of the position.
-MAGNITUDES = ("target_rate", "acceleration")
-TEXTS = ("model", "serial")
-#: Registers without a unit: integers without a scale.
-WORDS = ("controlword", "statusword", "fault", "interlock", "heartbeat", "command", "mode", "status2")
+UNSIGNED_REGISTERS = ("target_rate", "acceleration")
+TEXT_REGISTERS = ("model", "serial")
+#: Registers that contain integers without a unit and without a scale.
+WORD_REGISTERS = ("controlword", "statusword", "fault", "interlock", "heartbeat", "command", "mode", "status2")
 #: Registers that a command may write.
-WRITTEN = ("command", "controlword", "mode", "turn_rate", "target_rate")
+COMMAND_REGISTERS = ("command", "controlword", "mode", "turn_rate", "target_rate")
 
 #: Coarsest allowed resolution of an angle register, in standard deviations of the encoder.
 _MAX_STEP = 3.0
@@ -66,7 +66,7 @@ def _table_type(name: str) -> str:
 
 
 class ModbusRegister(ProfileSection):
-    """A holding register with a 0-based address; value = raw × scale in degrees, °/s, °/s² or s, or a text."""
+    """A holding register with a 0-based address, which contains raw × scale in degrees, °/s, °/s² or s, or a text."""
 
     address: Address
     type: Annotated[str, AfterValidator(_table_type)]
@@ -116,7 +116,7 @@ class ModbusRegister(ProfileSection):
 
 
 class StatusBit(ProfileSection):
-    """A status flag, which is a bit of a register or a constant (`homed` with absolute encoders)."""
+    """A status flag, which is a bit of a register or a constant (such as `homed` with absolute encoders)."""
 
     word: Literal["statusword", "status2"] = "statusword"
     bit: int | None = Field(default=None, ge=0, le=63)
@@ -139,15 +139,15 @@ def _as_writes(value: Any) -> Any:
     return value
 
 
-#: The number of a bit in the statusword, or another source of the flag.
+#: A bit number in the statusword, or another source of the flag.
 Bit = Annotated[StatusBit, BeforeValidator(lambda value: {"bit": value} if _is_whole(value) else value)]
 
-#: Values that a command writes, in order: the value of the `command` register, or the values of several registers.
+#: Values that a command writes in order, either to the `command` register or to several registers.
 Writes = Annotated[list[dict[str, int]], BeforeValidator(_as_writes), Field(min_length=1)]
 
 
 class StatusBits(StrictModel):
-    """`[status_bits]`: sources of the flags."""
+    """`[status_bits]`: sources of the status flags."""
 
     enabled: Bit
     fault: Bit
@@ -161,7 +161,7 @@ class StatusBits(StrictModel):
 
 
 class TableCommands(StrictModel):
-    """`[commands]`: register values that each command writes; `rate` rotates continuously at the target rates."""
+    """`[commands]`: register values that each command writes; `rate` starts continuous rotation at the target rates."""
 
     move: Writes
     stop: Writes
@@ -170,7 +170,7 @@ class TableCommands(StrictModel):
 
 
 class JointSection(ProfileSection):
-    """`[outer]`, `[inner]`: travel in degrees, largest rate and acceleration in °/s and °/s²."""
+    """`[outer]` and `[inner]`: travel in degrees, and largest rate and acceleration in °/s and °/s²."""
 
     low_deg: float
     high_deg: float
@@ -193,7 +193,7 @@ class JointSection(ProfileSection):
 class TableMap:
     """Registers, bits and commands of a table as defined in its profile.
 
-    has_inner_drive : whether the registers of the inner axis (`inner_...`) are in a separate drive
+    has_inner_drive : whether a separate drive contains the registers of the inner axis (`inner_...`)
     """
 
     registers: Mapping[str, ModbusRegister]
@@ -202,29 +202,29 @@ class TableMap:
     has_inner_drive: bool
 
     def names(self, name: str) -> tuple[str, ...]:
-        """Return the names of a register, of which there is one, one for each axis, or none."""
+        """Return the names of a register, which may exist once, for each axis, or not at all."""
         if name in self.registers:
             return (name,)
-        return tuple(joint_name for joint_name in _of_joints(name) if joint_name in self.registers)
+        return tuple(joint_name for joint_name in _joint_names(name) if joint_name in self.registers)
 
     def rate_registers(self) -> tuple[str, ...]:
-        """Return the registers that set the rates of continuous rotation, outer and inner."""
+        """Return the registers that set the rates of continuous rotation, first outer, then inner."""
         return self.names("turn_rate") or self.names("target_rate")
 
 
-def _of_joints(name: str) -> tuple[str, str]:
+def _joint_names(name: str) -> tuple[str, str]:
     return f"outer_{name}", f"inner_{name}"
 
 
-_OF_DRIVES = DRIVE_REGISTERS + OPTIONAL_DRIVE_REGISTERS
-_KNOWN = (*_OF_DRIVES, *(name for base_name in (*_OF_DRIVES, *JOINT_REGISTERS) for name in _of_joints(base_name)))
+_DRIVE_NAMES = DRIVE_REGISTERS + OPTIONAL_DRIVE_REGISTERS
+_KNOWN = (*_DRIVE_NAMES, *(name for base_name in (*_DRIVE_NAMES, *JOINT_REGISTERS) for name in _joint_names(base_name)))
 
 
 def _missing_register_errors(profile: "TableProfile") -> Iterator[EntryError]:
     table = profile.map
-    for base_name in (*JOINT_REGISTERS, *_OF_DRIVES):
-        present = [name for name in _of_joints(base_name) if name in table.registers]
-        missing = [name for name in _of_joints(base_name) if name not in present]
+    for base_name in (*JOINT_REGISTERS, *_DRIVE_NAMES):
+        present = [name for name in _joint_names(base_name) if name in table.registers]
+        missing = [name for name in _joint_names(base_name) if name not in present]
         if missing and base_name in JOINT_REGISTERS and base_name not in OPTIONAL_JOINT_REGISTERS:
             yield EntryError("entry.missing", "registers", missing[0])
         if present and base_name in table.registers:
@@ -253,11 +253,11 @@ def _overlap_errors(profile: "TableProfile") -> Iterator[EntryError]:
 
 def _type_errors(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
     base_name = name.removeprefix("outer_").removeprefix("inner_")
-    if base_name in TEXTS and register.type != "text":
+    if base_name in TEXT_REGISTERS and register.type != "text":
         yield EntryError("profile.register_is_text", "type", type=register.type)
-    if base_name not in TEXTS and register.type == "text":
+    if base_name not in TEXT_REGISTERS and register.type == "text":
         yield EntryError("profile.register_is_number", "type", type=register.type)
-    if base_name in WORDS and (not register.number.is_integer or register.scale != 1.0):
+    if base_name in WORD_REGISTERS and (not register.number.is_integer or register.scale != 1.0):
         yield EntryError("profile.register_is_word")
 
 
@@ -287,8 +287,8 @@ def _bit_errors(profile: "TableProfile") -> Iterator[EntryError]:
 def _command_errors(profile: "TableProfile") -> Iterator[EntryError]:
     commands = [(name, writes) for name, writes in profile.map.commands if writes is not None]
     for command, register, value in ((name, *item) for name, writes in commands for w in writes for item in w.items()):
-        if register not in WRITTEN:
-            remedy = near_miss(register, WRITTEN, Text.of("entry.choose_from", names=WRITTEN))
+        if register not in COMMAND_REGISTERS:
+            remedy = near_miss(register, COMMAND_REGISTERS, Text.of("entry.choose_from", names=COMMAND_REGISTERS))
             yield EntryError("profile.register_not_written", "commands", command, name=register, remedy=remedy)
         if not profile.map.names(register):
             yield EntryError("profile.needs_register", "commands", command, register=register)
@@ -306,16 +306,16 @@ def _command_errors(profile: "TableProfile") -> Iterator[EntryError]:
 
 
 def _sign_errors(profile: "TableProfile", name: str, register: ModbusRegister) -> Iterator[EntryError]:
-    """Yield the errors of angles that are sent and read in different senses, and of negative magnitudes."""
+    """Yield errors for angles that are sent and read with different signs, and for negative magnitudes."""
     joint, _, base_name = name.partition("_")
     if base_name not in JOINT_REGISTERS:
         return
-    if base_name in MAGNITUDES and register.scale < 0.0:
+    if base_name in UNSIGNED_REGISTERS and register.scale < 0.0:
         yield EntryError("profile.negative_magnitude", "scale", scale=register.scale)
     turns = profile.map.commands.rate is not None and name in profile.map.rate_registers()
     other = f"{joint}_position"
-    if register.scale * profile.registers[other].scale <= 0.0 and (base_name not in MAGNITUDES or turns):
-        code = "profile.turn_rate_needed" if base_name in MAGNITUDES else "profile.opposite_sense"
+    if register.scale * profile.registers[other].scale <= 0.0 and (base_name not in UNSIGNED_REGISTERS or turns):
+        code = "profile.turn_rate_needed" if base_name in UNSIGNED_REGISTERS else "profile.opposite_sense"
         values = {"other": f"registers.{other}", "its": profile.registers[other].scale}
         yield EntryError(code, "scale", joint=joint, scale=register.scale, **values)
 
@@ -337,7 +337,7 @@ def _range_errors(profile: "TableProfile", name: str, register: ModbusRegister) 
     rate, acceleration = section.max_rate_dps, section.max_acceleration_dps2
     limits = {"travel": (section.low_deg, section.high_deg), "rate": (-rate, rate)}
     low, high = limits.get(limit, (-acceleration, acceleration))
-    low = 0.0 if base_name in MAGNITUDES else low
+    low = 0.0 if base_name in UNSIGNED_REGISTERS else low
     min_value, max_value = register.bounds
     if low < min_value or high > max_value:
         values = {"type": register.type, "scale": register.scale, "least": min_value, "most": max_value}
@@ -356,7 +356,7 @@ def _code_errors(profile: "TableProfile", code: str, meaning: str) -> Iterator[E
             yield EntryError("profile.value_beyond_register", value=int(code), name=name, low=low, high=high)
 
 
-#: Rules of the registers, bits and commands of a profile.
+#: Rules for the registers, bits and commands of a profile.
 MAP_RULES: Rules["TableProfile"] = (
     each_item(
         "registers",

@@ -12,16 +12,16 @@ from calstation.devices.profiles.entries import ProfileSection, Rules, SerialSet
 from calstation.messages import Text
 from calstation.schema import EntryError, Pattern, StrictModel, entry, near_miss
 
-#: Values that the lines of each command may contain in braces besides `axis`, in degrees, °/s and °/s², also with the
-#: name of the joint, e.g. `outer_angle`. The first value is required.
+#: Values that the lines of each command may contain in braces besides `axis`, in degrees, °/s and °/s². They may begin
+#: with the name of the joint, e.g. `outer_angle`. The first value is required.
 _VALUES = {"move": ("angle", "rate", "acceleration"), "rate": ("rate", "acceleration"), "turn": ("angle", "rate")}
 #: Pairs of commands whose lines may be equal.
-_EQUAL_ALLOWED = ({"disable", "stop"}, {"disable", "reset"}, {"stop", "reset"})
-_NEVER_CONSTANT = ("fault", "moving", "settled")
+_MAY_BE_EQUAL = ({"disable", "stop"}, {"disable", "reset"}, {"stop", "reset"})
+_VARIABLE_FLAGS = ("fault", "moving", "settled")
 
 
 class CommandLines(ProfileSection):
-    """`[text.commands]`: the lines of each command in order; lines with {axis} are sent for outer, then inner."""
+    """`[text.commands]`: the lines of each command in order; a line with {axis} is sent for outer, then for inner."""
 
     enable: list[str] = Field(min_length=1)
     disable: list[str] = Field(min_length=1)
@@ -37,18 +37,18 @@ class CommandLines(ProfileSection):
         lambda s: (
             EntryError("profile.same_lines", b, other=a)
             for a, b in combinations(s.by_command, 2)
-            if s.by_command[a] == s.by_command[b] and {a, b} not in _EQUAL_ALLOWED
+            if s.by_command[a] == s.by_command[b] and {a, b} not in _MAY_BE_EQUAL
         ),
     )
 
     @property
     def by_command(self) -> dict[str, list[str]]:
-        """Lines of each command that has lines."""
+        """The lines of each command that has lines."""
         return {name: lines for name, lines in self if lines}
 
 
 def _line_errors(lines: Sequence[str], command: str) -> Iterator[EntryError]:
-    """Yield the errors of the lines of a command, whose first value must be sent for both axes."""
+    """Yield the errors in the lines of a command; its first value must be sent for both axes."""
     values, named = _VALUES.get(command, ()), set[str]()
     for i, line in enumerate(lines):
         with entry(command, i):
@@ -60,7 +60,7 @@ def _line_errors(lines: Sequence[str], command: str) -> Iterator[EntryError]:
 
 
 def _check_line(line: str, values: Sequence[str]) -> set[str]:
-    """Return the names in braces in a line of a command with these values. Raises EntryError if it is invalid."""
+    """Return the names in braces in a command line, which must be among `values`. Raises EntryError."""
     if not line.isascii() or not line.isprintable():
         raise EntryError("profile.line_not_ascii", value=line)
     known = ("axis", *values, *(f"{joint}_{name}" for joint in ("outer", "inner") for name in values))
@@ -90,7 +90,7 @@ def _check_query_line(line: str) -> str:
 
 
 class Query(StrictModel):
-    """A query, which is sent for each axis if it contains {axis}, and the pattern of its reply."""
+    """A query, which is sent once for each axis if it contains {axis}, and the pattern of its reply."""
 
     send: Annotated[str, Field(min_length=1), AfterValidator(_check_query_line)]
     answer: Annotated[
@@ -104,7 +104,7 @@ class Query(StrictModel):
 
 
 class Flag(ProfileSection):
-    """The source of a status flag: a bit or the text of a group in the reply to a query, or a constant."""
+    """The source of a status flag, which is a bit or the text of a group in the reply to a query, or a constant."""
 
     query: str | None = None
     group: str = "value"
@@ -132,7 +132,7 @@ class Flags(StrictModel):
 
 
 class CheckedLines(StrictModel):
-    """`checked`: commands and replies consist of head, body, mark and the 8-bit sum of the bytes before the mark."""
+    """`checked`: framing with a header, the body, a mark and the 8-bit sum of the bytes before the mark."""
 
     head: str = Field(min_length=1)
     reply_head: str = Field(min_length=1)
@@ -207,7 +207,7 @@ class TextSection(ProfileSection):
             if flag is None:
                 continue
             if flag.query is None:
-                if name in _NEVER_CONSTANT:
+                if name in _VARIABLE_FLAGS:
                     yield EntryError("profile.flag_cannot_be_constant", *key_path)
                 continue
             if flag.query not in self.queries:
@@ -233,7 +233,7 @@ class GimbalCommands(CommandLines):
 
 
 class GimbalSection(TextSection):
-    """`[gimbal]`: like `[text]`, where `axes` are the names of the joints x, y and z in the lines."""
+    """`[gimbal]`: the entries of `[text]`; `axes` contains the names of the joints x, y and z in the lines."""
 
     joint_names: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     commands: GimbalCommands

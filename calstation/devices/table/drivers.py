@@ -15,9 +15,15 @@ DRIVERS: dict[str, type[ModbusTable | TextTable]] = {"modbus": ModbusTable, "tex
 
 
 def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) -> ModbusTable | TextTable:
-    """Open a table on its port and return its driver; `serial` replaces the profile's settings.
+    """Open a table on its port and return its driver.
 
     Raises DeviceFaultError or ConfigurationError if the port cannot be opened.
+
+    Parameters
+    ----------
+    port : port or address of the table
+    profile : profile of the table
+    serial : settings of the serial port; None for the profile's
     """
     if profile.protocol == "imu_link":
         raise ConfigurationError("table.behind_imu", profile=profile.name)
@@ -27,7 +33,7 @@ def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) 
 
 
 class ManualTable(Table):
-    """Driver of a manual rig, which the operator turns; its status is rest at unknown angles."""
+    """Driver of a manual rig, which the operator turns; it always reports rest at unknown angles."""
 
     def __init__(self, profile: TableProfile) -> None:
         self._profile = profile
@@ -45,7 +51,7 @@ class ManualTable(Table):
         )
 
     def identify(self) -> TableIdentity:
-        """Return the model of the profile; a manual rig has no serial number."""
+        """Return the model in the profile; a manual rig has no serial number."""
         return TableIdentity(self._profile.model, "by hand")
 
     def status(self) -> TableStatus:
@@ -62,5 +68,5 @@ class ManualTable(Table):
         raise ConfigurationError("table.rig_cannot_move", profile=self._profile.name)
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Raise ConfigurationError like `move`."""
+        """Raise ConfigurationError, because only the operator moves the rig."""
         self.move(outer, inner, 0.0, acceleration)

@@ -1,6 +1,6 @@
-"""Drivers of two-axis tables with 16-bit registers, which are defined in their profiles (CiA 402 words).
+"""Drivers of two-axis tables with 16-bit registers, which their profiles define (CiA 402 words).
 
-The registers are accessed over a Modbus link or, for an inertial system with an indexing unit, with two commands of the
+The registers are accessed over a Modbus link or, for an inertial system with an indexing unit, by two commands of the
 IMU's driver, which owns the port.
 """
 
@@ -39,7 +39,7 @@ _MAX_READ = 120  # largest number of registers in one transfer
 
 
 class ImuWords:
-    """Registers of axes, accessed with commands of their IMU. Raises DeviceFaultError if a command fails."""
+    """Registers of axes that are accessed by commands of their IMU. Raises DeviceFaultError if a command fails."""
 
     received = b""
 
@@ -47,7 +47,7 @@ class ImuWords:
         self._imu, self._owned = imu, owned
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
-        """Read registers; repeat a lost transfer. `unit` is ignored, because there is only one."""
+        """Read registers and repeat a lost transfer; `unit` is ignored, because there is only one unit."""
         try:
             return self._imu.read_words(address, count)
         except ImuRefusalError as exc:
@@ -63,7 +63,7 @@ class ImuWords:
             raise DeviceFaultError(code, address=address, reason=exc.reason) from exc
 
     def close(self) -> None:
-        """Close the IMU if it was opened for the table only."""
+        """Close the IMU if it was opened only for the table."""
         if self._owned:
             self._imu.close()
 
@@ -104,7 +104,7 @@ class RegisterTable(Table):
         self._limits = profile.geometry().limits
 
     def identify(self) -> TableIdentity:
-        """Return model and serial number of the table, or of both drives. Raises OtherModelError."""
+        """Return the model and serial number of the table, or of both drives. Raises OtherModelError."""
         models = [self._text(name) for name in self._map.names("model")]
         serials = [self._text(name) for name in self._map.names("serial")]
         for model in models:
@@ -113,7 +113,7 @@ class RegisterTable(Table):
         return TableIdentity(" + ".join(dict.fromkeys(models)), " + ".join(serials))
 
     def status(self) -> TableStatus:
-        """Poll the table, with one transfer for each drive if the layout of the registers allows it."""
+        """Poll the table, using a single transfer for each drive if the layout of the registers allows it."""
         words = [(unit, start, self._link.read(start, end - start, unit)) for unit, start, end in self._spans]
         value = {name: self._value(words, name) for name in self._polled}
         position, rate = (np.array([value[f"{joint}_{name}"] for joint in JOINTS]) for name in ("position", "rate"))
@@ -153,7 +153,7 @@ class RegisterTable(Table):
         self._command("home", repeat=False)
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
-        """Start moving both joints to absolute angles; rad, rad/s, rad/s²."""
+        """Start moving both joints to absolute angles; see `interfaces.Table`."""
         values = [
             {f"{joint}_target": angle, f"{joint}_target_rate": rate, f"{joint}_acceleration": acceleration}
             for joint, angle in zip(JOINTS, (outer, inner), strict=True)
@@ -161,7 +161,7 @@ class RegisterTable(Table):
         self._command("move", values)
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Rotate both joints at these rates until they are stopped; rad/s, rad/s². See `interfaces.Table`."""
+        """Rotate both joints at these rates until they are stopped; see `interfaces.Table`."""
         if self._map.commands.rate is None:
             raise ConfigurationError("table.no_rate_command")
         self._profile.check_continuous_rotation(self.status().watchdog, (outer, inner), acceleration)
@@ -191,11 +191,11 @@ class RegisterTable(Table):
 
     @property
     def received(self) -> bytes:
-        """The bytes received last."""
+        """Bytes received last."""
         return self._link.received
 
     def _unit(self, name: str) -> int | None:
-        """Return the unit number of a register in a separate drive of the inner axis; None for the link's unit."""
+        """Return the unit number for a register in the separate drive of the inner axis; None for the link's unit."""
         modbus = self._profile.modbus
         return modbus.inner_unit if modbus is not None and name.startswith("inner_") else None
 
@@ -209,7 +209,7 @@ class RegisterTable(Table):
         return [bool(int(value[word]) >> bit.bit & 1) for word in self._map.names(bit.word)]
 
     def _fault(self, value: Mapping[str, float]) -> str | None:
-        """Return the latched fault, or another reason why the table rejects commands, or None."""
+        """Return the latched fault, or another reason why the table does not accept commands, or None."""
         codes = [int(value[name]) for name in self._map.names("fault")]
         if any(self._flags("fault", value)) or any(codes):
             code = next((code for code in codes if code), 0)
@@ -254,7 +254,7 @@ class RegisterTable(Table):
             self._write_registers(name, raw, repeat)
 
     def _travel(self, end: str, value: Mapping[str, float], otherwise: tuple[float, float]) -> tuple[float, float]:
-        """Return one travel limit of both joints, rad, as set in the table or else in the profile."""
+        """Return the lower or upper travel limit of both joints, rad, from the table or else from the profile."""
         reported = [value.get(f"{joint}_{end}") for joint in JOINTS]
         outer, inner = (
             known if degrees is None else float(np.deg2rad(degrees))
@@ -263,13 +263,13 @@ class RegisterTable(Table):
         return outer, inner
 
     def _encoded(self, values: Mapping[str, float]) -> dict[str, list[int]]:
-        """Encode values (rad, rad/s, rad/s²) for registers of one axis, in order of address. Raises like `encode`."""
+        """Encode values in rad, rad/s and rad/s² for the registers of one axis, in order of address."""
         registers = self._map.registers
         ordered = sorted(values, key=lambda name: registers[name].address)
         return {name: encode(registers[name], float(np.rad2deg(values[name])), name) for name in ordered}
 
     def _write_together(self, encoded: Mapping[str, list[int]]) -> None:
-        """Write adjacent registers of one axis in one transfer, and other registers separately."""
+        """Write adjacent registers of one axis in one transfer, and all others separately."""
         together: list[tuple[int, list[int]]] = []
         for name, words in encoded.items():
             address = self._map.registers[name].address
@@ -297,7 +297,7 @@ class RegisterTable(Table):
 
 
 class ModbusTable(RegisterTable):
-    """Driver of a table on a port, `tcp://host:port` or a serial port for RTU."""
+    """Driver of a table on its own port, which is `tcp://host:port` or a serial port for RTU."""
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
         modbus = profile.section_of(ModbusSection)
@@ -330,7 +330,7 @@ class SharedTable(RegisterTable):
 
 
 def _spans(registers: list[ModbusRegister], gap: int) -> list[tuple[int, int]]:
-    """Return address ranges [start, end) that cover the registers and at most `gap` unused addresses between two."""
+    """Return address ranges [start, end) of registers that are at most `gap` addresses apart."""
     spans: list[tuple[int, int]] = []
     for register in sorted(registers, key=lambda r: r.address):
         end = register.address + register.count

@@ -1,4 +1,4 @@
-"""Drivers of a two-axis table (ATL, ACL, $MN...*SS) and a gimbal with text commands defined in their profiles."""
+"""Drivers of two-axis tables (ATL, ACL, $MN...*SS) and gimbals whose text commands are defined in their profiles."""
 
 import re
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import snap_angles
 from calstation.physics import FloatArray, JointLimits
 
-#: Pattern groups of the replies to each query, with one reply for both axes or one for each axis.
+#: Pattern groups in the replies to each query; there is one reply for both axes or one for each axis.
 Answers = dict[str, list[dict[str, str]]]
 
 
@@ -81,12 +81,12 @@ class TextTable(Table):
         self._send("home", repeat=False)
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
-        """Start moving both joints to absolute angles; rad, rad/s, rad/s²."""
+        """Start moving both joints to absolute angles; see `interfaces.Table`."""
         self._resting_polls = 0
         self._send("move", angle=(outer, inner), rate=(rate, rate), acceleration=(acceleration, acceleration))
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Rotate both joints at these rates until they are stopped; rad/s, rad/s². See `interfaces.Table`."""
+        """Rotate both joints at these rates until they are stopped; see `interfaces.Table`."""
         if not self._text.commands.rate:
             raise ConfigurationError("table.no_rate_command")
         self._profile.check_continuous_rotation(self.status().watchdog, (outer, inner), acceleration)
@@ -111,11 +111,11 @@ class TextTable(Table):
 
     @property
     def received(self) -> bytes:
-        """The bytes received last."""
+        """Bytes received last."""
         return self._link.received
 
     def _send(self, command: str, repeat: bool = True, **values: tuple[float, float]) -> None:
-        """Send the lines of a command, those with {axis} once for each axis; values in rad, rad/s and rad/s²."""
+        """Send the lines of a command, lines with {axis} once for each axis; values are in rad, rad/s and rad/s²."""
         lines: list[str] = getattr(self._text.commands, command)
         numbers = {name: [self._number(float(np.rad2deg(v))) for v in both] for name, both in values.items()}
         named = {f"{j}_{name}": both[i] for name, both in numbers.items() for i, j in enumerate(JOINTS)}
@@ -129,7 +129,7 @@ class TextTable(Table):
         return text.removeprefix("-") if float(text) == 0.0 else text
 
     def _poll(self) -> Answers:
-        """Send all queries except the identity, equal lines only once, with the angles in the middle of the poll."""
+        """Send all queries except the identity; equal lines are sent once, and the angles in the middle of the poll."""
         queries = self._text.queries
         sends = list(dict.fromkeys(query.send for name, query in queries.items() if name != "identity"))
         angles = queries["position"].send
@@ -146,7 +146,7 @@ class TextTable(Table):
         return answers
 
     def _ask(self, name: str) -> list[str]:
-        """Return the replies to a query, one for each axis if its line has {axis}, which match the profile."""
+        """Return the replies to a query, one for each axis if its line has {axis}; they match the profile."""
         query = self._text.queries[name]
         replies = []
         for axis in self._text.axes if "{axis}" in query.send else [""]:
@@ -211,14 +211,14 @@ class TextTable(Table):
 
 
 class GimbalTable(TextTable, Gimbal):
-    """Driver of a gimbal on a serial port or `tcp://host:port`, which is commanded in turns instead of moves."""
+    """Driver of a gimbal on a serial port or `tcp://host:port`, which executes turns instead of moves."""
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
         super().__init__(port, profile, serial)
         self._section = profile.section_of(GimbalSection)
 
     def status(self) -> TableStatus:
-        """Poll the state, in which the angles of a two-axis table are NaN."""
+        """Poll the state of the gimbal; the angles of a two-axis table in it are NaN."""
         status = super().status()
         unknown = np.full(2, np.nan)
         return replace(status, angles=unknown, rates=unknown, joints=status.angles, joint_rates=status.rates)
@@ -228,7 +228,7 @@ class GimbalTable(TextTable, Gimbal):
         self._send("home")
 
     def lock(self) -> None:
-        """Lock the joints and average the gyro output as the gyro bias."""
+        """Lock the joints and start to average the gyro output, which gives the gyro bias."""
         self._send("lock")
 
     def stabilise(self) -> None:
@@ -243,11 +243,11 @@ class GimbalTable(TextTable, Gimbal):
             self._link.command(line.format(axis=self._section.axes[axis], **values), repeat=False)
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
-        """Raise ConfigurationError, because a gimbal is commanded in turns."""
+        """Raise ConfigurationError, because a gimbal only executes turns."""
         raise ConfigurationError("table.gimbal_cannot_move", profile=self._profile.name)
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Raise ConfigurationError like `move`."""
+        """Raise ConfigurationError, because a gimbal only executes turns."""
         self.move(outer, inner, 0.0, acceleration)
 
 
@@ -262,7 +262,7 @@ def _is_set(flag: Flag, groups: Mapping[str, str]) -> bool:
 
 
 def _joints_of(answers: list[dict[str, str]], joints: tuple[str, ...]) -> FloatArray:
-    """Return a value of each joint, degrees, from one reply for all joints or from one for each joint."""
+    """Return the value of each joint, degrees, from one reply for all joints or from one reply for each joint."""
     if len(answers) == 1:
         return np.array([_number(answers[0][joint]) for joint in joints])
     return np.array([_number(groups["value"]) for groups in answers])

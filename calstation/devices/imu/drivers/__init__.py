@@ -1,6 +1,6 @@
-"""IMU drivers: the module of a protocol has the protocol's name in profiles and a class `DRIVER`.
+"""IMU drivers; each module has the name of its protocol in profiles and assigns its driver class to `DRIVER`.
 
-The package `imu` contains their common parts; `docs/how-to/extend.md` explains how to add a driver.
+The package `imu` contains the code common to all drivers; `docs/how-to/extend.md` explains how to add a driver.
 """
 
 from functools import cache
@@ -21,7 +21,7 @@ def driver(protocol: str) -> type[StreamedImu]:
 
 
 def open_imu(link: SerialLink, profile: ImuProfile, serial: str) -> StreamedImu:
-    """Open the driver of an IMU without starting its stream; a unit without a reported serial number has `serial`."""
+    """Open the driver of an IMU without starting its stream; `serial` is for a unit that reports no serial number."""
     return driver(profile.protocol)(link, profile, serial)
 
 

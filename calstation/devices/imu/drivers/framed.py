@@ -7,18 +7,18 @@ from calstation.devices.codecs import CRC_WIDTHS, Reply, ReplyKind, check_bytes,
 from calstation.devices.imu.registered_imu import ATTEMPTS, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
-from calstation.devices.links import Question, SerialLink
+from calstation.devices.links import SerialLink, Transaction
 from calstation.devices.profiles import OPS, FramedProtocol, FrameSection, ImuProfile, RegisterEntry, hex_bytes
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
 
 _REPLY_HEADER = 2  # op, payload length
 _VALUES_PER_TRANSFER = 32
-_PAYLOAD = 255
+_MAX_PAYLOAD = 255
 
 
 class CommandReply:
-    """Replies of the framed link: sync | op u8 | n u8 | n bytes | checksum over op to payload."""
+    """Replies of the framed link, of the form sync | op u8 | n u8 | n bytes | checksum over op to payload."""
 
     def __init__(self, commands: FramedProtocol, frame: FrameSection) -> None:
         self.sync = hex_bytes(commands.reply_sync)
@@ -26,7 +26,7 @@ class CommandReply:
         self._order = frame.byte_order
 
     def size(self, buffer: bytes, start: int) -> int | None:
-        """Return the size of the reply at `start`, see `PacketKind`."""
+        """Return the size of the reply at `start`; see `PacketKind`."""
         header = len(self.sync)
         if len(buffer) - start < header + _REPLY_HEADER:
             return None
@@ -38,13 +38,13 @@ class CommandReply:
         return check_bytes(self._crc, body, self._order) == packet[-self._width :]
 
     def reply(self, packet: bytes) -> Reply:
-        """Return op and payload of a reply."""
+        """Return the op code and payload of a reply."""
         body = packet[len(self.sync) : -self._width]
         return Reply(body[0], body[_REPLY_HEADER:])
 
 
 def command_frame(commands: FramedProtocol, frame: FrameSection, op: int, payload: bytes) -> bytes:
-    """Return the bytes of a request: sync, op, length, payload, checksum."""
+    """Return the bytes of a request, which are sync, op, length, payload and checksum."""
     body = bytes([op, len(payload)]) + payload
     return hex_bytes(commands.request_sync) + body + check_bytes(commands.crc, body, frame.byte_order)
 
@@ -73,12 +73,12 @@ class FramedImu(RegisteredImu):
         return list(struct.unpack(self._format(f"{count}H"), answer[len(head) :]))
 
     def write_words(self, address: int, values: list[int], repeat: bool) -> None:
-        """Write 16-bit registers of the axes of an inertial system, again after a lost reply if `repeat`."""
+        """Write 16-bit registers of the axes of an inertial system; after a lost reply, write again if `repeat`."""
         head = struct.pack(self._format("HB"), address, len(values))
         body = struct.pack(self._format(f"{len(values)}H"), *values)
-        question = self._question("write_words", head + body, head)
+        transaction = self._transaction("write_words", head + body, head)
         attempts = ATTEMPTS if repeat else 1
-        self.exchange(question, timeout=self._timeout, attempts=attempts, urgent=repeat)
+        self.exchange(transaction, timeout=self._timeout, attempts=attempts, urgent=repeat)
 
     def _start_stream(self, *, corrected: bool) -> None:
         section = self._profile.corrected if corrected else None
@@ -124,8 +124,8 @@ class FramedImu(RegisteredImu):
                 raise DeviceFaultError("imu.not_taken", address=address)
 
     def _transfers(self, entry: RegisterEntry) -> list[tuple[int, int, int]]:
-        """Return the address, index of the first number, and count of each transfer of an entry."""
-        max_count = min(_VALUES_PER_TRANSFER, (_PAYLOAD - 3) // number(entry.type).width)
+        """Return the address, the index of the first number and the count for each transfer of an entry."""
+        max_count = min(_VALUES_PER_TRANSFER, (_MAX_PAYLOAD - 3) // number(entry.type).width)
         total = len(entry.names)
         return [(entry.address_of(begin), begin, min(max_count, total - begin)) for begin in range(0, total, max_count)]
 
@@ -135,23 +135,23 @@ class FramedImu(RegisteredImu):
     def _ask(
         self, name: str, payload: bytes, begins: bytes = b"", attempts: int = ATTEMPTS, timeout: float | None = None
     ) -> bytes:
-        return self._send(self._question(name, payload, begins), attempts, timeout)
+        return self._send(self._transaction(name, payload, begins), attempts, timeout)
 
-    def _other_questions(self) -> Iterator[Question[bytes]]:
-        """Yield the identity query, then register reads of decreasing length."""
-        yield self._question("identify", b"", b"")
+    def _other_transactions(self) -> Iterator[Transaction[bytes]]:
+        """Yield the identity query, followed by register reads of decreasing length."""
+        yield self._transaction("identify", b"", b"")
         transfers = [part for entry in self._registers.entries for part in self._transfers(entry)]
         for shorter in range(max((count for _, _, count in transfers), default=0)):
             for address, _, count in transfers:
                 if count > shorter:
                     head = struct.pack(self._format("HB"), address, count - shorter)
-                    yield self._question("read", head, head)
+                    yield self._transaction("read", head, head)
 
-    def _question(self, name: str, payload: bytes, begins: bytes) -> Question[bytes]:
+    def _transaction(self, name: str, payload: bytes, begins: bytes) -> Transaction[bytes]:
         ops = {**OPS, **self._commands.ops}
         op = ops[name]
 
-        def take(reply: Reply) -> bytes | None:
+        def parse(reply: Reply) -> bytes | None:
             if reply.op == ops["error"]:
                 code = reply.payload[0] if reply.payload else 0
                 error = ImuBusyError if code in self._commands.busy_codes else ImuRefusalError
@@ -159,7 +159,7 @@ class FramedImu(RegisteredImu):
             return reply.payload if reply.op == op and reply.payload.startswith(begins) else None
 
         request = command_frame(self._commands, self._profile.frame, op, payload)
-        return Question(request, (op, begins), take)
+        return Transaction(request, (op, begins), parse)
 
     def _meaning(self, code: int) -> Text:
         meaning = self._commands.errors.get(str(code))

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from calstation.devices.codecs import ByteOrder, ReplyKind, WordOrder, number, register_text
-from calstation.devices.imu.registered_imu import ATTEMPTS, POLL, RegisteredImu
+from calstation.devices.imu.registered_imu import ATTEMPTS, POLL_INTERVAL, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.devices.interfaces import ImuIdentity
-from calstation.devices.links import ACKNOWLEDGED, BUSY_EXCEPTIONS, Question, RtuReply, RtuRequest, SerialLink
+from calstation.devices.links import ACKNOWLEDGED, BUSY_EXCEPTIONS, RtuReply, RtuRequest, SerialLink, Transaction
 from calstation.devices.profiles import ImuProfile, ModbusProtocol, RegisterEntry, TextRegisters, WordCommand
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
@@ -47,7 +47,7 @@ class ModbusImu(RegisteredImu):
         )
 
     def _write_flash(self) -> None:
-        self._order(self._section.commit, self._commit_timeout)
+        self._execute(self._section.commit, self._commit_timeout)
 
     def _is_busy(self) -> bool:
         return not self._done(self._section.commit)
@@ -57,7 +57,7 @@ class ModbusImu(RegisteredImu):
             self._read(self._section.commit.address, 1)
 
     def _restart(self) -> None:
-        self._order(self._section.reset, self._timeout)
+        self._execute(self._section.reset, self._timeout)
 
     def _read_entry(self, entry: RegisterEntry) -> list[float]:
         self._select_page(entry.page)
@@ -87,7 +87,7 @@ class ModbusImu(RegisteredImu):
     def _text(self, registers: TextRegisters, attempts: int) -> str:
         return register_text(self._read(registers.address, registers.words, attempts))
 
-    def _order(self, command: WordCommand, timeout: float) -> None:
+    def _execute(self, command: WordCommand, timeout: float) -> None:
         deadline = time.monotonic() + self._commit_timeout
         try:
             self._write(command.address, [command.value], attempts=1, timeout=timeout)
@@ -101,7 +101,7 @@ class ModbusImu(RegisteredImu):
             if time.monotonic() > deadline:
                 code = "imu.reset_not_done" if command == self._section.reset else "imu.commit_not_done"
                 raise DeviceFaultError(code, seconds=self._commit_timeout)
-            time.sleep(POLL)
+            time.sleep(POLL_INTERVAL)
 
     def _done(self, command: WordCommand) -> bool:
         """Return whether the unit has executed a command; False while it is busy or silent."""
@@ -131,25 +131,25 @@ class ModbusImu(RegisteredImu):
                 self._write(stream.address, [self._word])
 
     def _read(self, address: int, count: int, attempts: int = ATTEMPTS) -> list[int]:
-        data = self._send(_question(RtuRequest.read(self._section.unit, address, count)), attempts)
+        data = self._send(_transaction(RtuRequest.read(self._section.unit, address, count)), attempts)
         return list(struct.unpack(f">{count}H", data[1 : 1 + 2 * count]))
 
     def _write(self, address: int, values: list[int], attempts: int = ATTEMPTS, timeout: float | None = None) -> None:
-        self._send(_question(RtuRequest.write(self._section.unit, address, values)), attempts, timeout)
+        self._send(_transaction(RtuRequest.write(self._section.unit, address, values)), attempts, timeout)
 
-    def _other_questions(self) -> Iterator[Question[bytes]]:
-        """Yield reads of complete and partial text registers, which do not depend on the page."""
+    def _other_transactions(self) -> Iterator[Transaction[bytes]]:
+        """Yield reads of whole and partial text registers, which do not depend on the page."""
         longest = max(self._texts, key=lambda text: text.words)
         for words in (*(text.words for text in self._texts), *range(1, longest.words)):
             address = next((text.address for text in self._texts if text.words == words), longest.address)
-            yield _question(RtuRequest.read(self._section.unit, address, words))
+            yield _transaction(RtuRequest.read(self._section.unit, address, words))
 
 
 class ModbusBusyError(ImuBusyError):
-    """Modbus exception 5 or 6."""
+    """The unit replied with Modbus exception 5 or 6."""
 
 
-def _question(request: RtuRequest) -> Question[bytes]:
+def _transaction(request: RtuRequest) -> Transaction[bytes]:
 
     def refusal(number: int) -> ImuRefusalError:
         kind = number if known(f"imu.modbus_{number}") else "other"
@@ -157,7 +157,7 @@ def _question(request: RtuRequest) -> Question[bytes]:
         error = ModbusBusyError if number in BUSY_EXCEPTIONS else ImuRefusalError
         return error("imu.register_refused", address=request.address, number=number, reason=reason)
 
-    return request.question(refusal)
+    return request.transaction(refusal)
 
 
 DRIVER = ModbusImu

@@ -7,14 +7,14 @@ from calstation.devices.imu.registered_imu import ATTEMPTS, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuRefusalError
 from calstation.devices.imu.text_frames import TextLine
 from calstation.devices.interfaces import ImuIdentity
-from calstation.devices.links import Question, SerialLink
+from calstation.devices.links import SerialLink, Transaction
 from calstation.devices.profiles import CrcSection, FrameSection, ImuProfile, RegisterEntry, VectorNavProtocol
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
 
 #: Largest size of a reply in bytes.
 _MAX_REPLY_SIZE = 512
-#: Registers of model, serial number and firmware.
+#: Registers of the model, the serial number and the firmware.
 _IDENTITY = (1, 3, 4)
 
 
@@ -80,18 +80,18 @@ class VectorNavImu(RegisteredImu):
         self._ask(f"VNWRG,{entry.address},{written}")
 
     def _ask(self, words: str, *, timeout: float | None = None, attempts: int = ATTEMPTS) -> list[str]:
-        """Send a line and return the other fields of the reply, which repeats its command and register."""
-        return self._send(self._question(words), attempts, timeout)
+        """Send a line; return the fields of the reply after the repeated command and register."""
+        return self._send(self._transaction(words), attempts, timeout)
 
-    def _other_questions(self) -> Iterator[Question[list[str]]]:
+    def _other_transactions(self) -> Iterator[Transaction[list[str]]]:
         for register in (*_IDENTITY, *(entry.address for entry in self._registers.entries)):
-            yield self._question(f"VNRRG,{register}")
+            yield self._transaction(f"VNRRG,{register}")
 
-    def _question(self, words: str) -> Question[list[str]]:
+    def _transaction(self, words: str) -> Transaction[list[str]]:
         command, *rest = words.split(",")
         begins = [command, *(rest[:1] if command in ("VNRRG", "VNWRG") else [])]
 
-        def take(reply: Reply) -> list[str] | None:
+        def parse(reply: Reply) -> list[str] | None:
             fields = reply.payload.decode("ascii", "replace").split(",")
             if fields[0] == "VNERR":
                 raise ImuRefusalError("imu.line_refused", line=words, reason=_meaning(fields[1:]))
@@ -99,7 +99,7 @@ class VectorNavImu(RegisteredImu):
             return fields[len(begins) :] if is_reply else None
 
         signature = (command, *(register.lstrip("0") for register in begins[1:]))
-        return Question(line(words, self._section.check), signature, take)
+        return Transaction(line(words, self._section.check), signature, parse)
 
 
 def _meaning(fields: list[str]) -> Text:

@@ -1,4 +1,4 @@
-"""Command protocols of IMUs: the module of a protocol has the protocol's name in profiles and a class `PROTOCOL`.
+"""Command protocols of IMUs; each module has the name of its protocol in profiles and assigns a class to `PROTOCOL`.
 
 The class contains the entries and rules of the protocol's section; the driver is in `imu.drivers`.
 `docs/how-to/extend.md` explains how to add a protocol.

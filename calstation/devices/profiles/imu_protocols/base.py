@@ -1,4 +1,4 @@
-"""Base of the sections of command protocols."""
+"""Base class of the sections of command protocols."""
 
 from typing import Any, ClassVar, Literal
 
@@ -25,12 +25,12 @@ class ImuProtocol(ProfileSection):
 
     @staticmethod
     def address_span(width: int) -> int:
-        """Return the default number of addresses of a number of `width` bytes; 0 if all have the same address."""
+        """Return the default number of addresses of a `width`-byte number; 0 if all numbers have the same address."""
         return 1
 
     @property
     def has_pages(self) -> bool:
-        """Whether registers are on pages that are selected before access."""
+        """Whether registers are on pages, which must be selected before access."""
         return False
 
     @property

@@ -1,4 +1,4 @@
-"""Protocol "framed": request and reply frames on the serial line of the sample stream."""
+"""The protocol "framed", which uses request and reply frames on the serial line of the sample stream."""
 
 from typing import Annotated, Any, ClassVar
 
@@ -68,12 +68,12 @@ class FramedProtocol(ImuProtocol):
 
     @property
     def busy_codes(self) -> tuple[int, ...]:
-        """Error codes of a unit that is busy."""
+        """Error codes with which the unit reports that it is busy."""
         return tuple(self.busy) if self.busy is not None else () if self.errors else (FLASH_BUSY,)
 
     @property
     def raw_stream(self) -> tuple[int, ...]:
-        """Bytes that switch the raw stream off and on."""
+        """Values of the byte that switch the raw stream off and on."""
         return 0, 1
 
 

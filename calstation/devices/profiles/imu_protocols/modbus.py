@@ -1,4 +1,4 @@
-"""Protocol "modbus": registers over Modbus RTU on the line of the stream."""
+"""The protocol "modbus", which accesses registers by Modbus RTU on the line of the stream."""
 
 from collections.abc import Iterator, Mapping
 from itertools import combinations
@@ -23,7 +23,7 @@ class TextRegisters(StrictModel):
 class WordCommand(ProfileSection):
     """A command that consists of writing a value to a holding register.
 
-    done : value of the register after the execution; without it, the reply to the write confirms the execution
+    done : value of the register after the execution; if it is None, the reply to the write confirms the execution
     """
 
     address: Address
@@ -44,12 +44,12 @@ class StreamSwitch(StrictModel):
 
     @property
     def values(self) -> tuple[int, ...]:
-        """Values that it writes."""
+        """Values that are written to the register."""
         return (self.on,) if self.off is None else (self.on, self.off)
 
 
 class ModbusProtocol(ImuProtocol):
-    """`[modbus]`: the unit's registers over Modbus RTU, with 0-based addresses, on the line of its stream."""
+    """`[modbus]`: registers of the unit on the line of its stream, accessed by Modbus RTU with 0-based addresses."""
 
     section: ClassVar[str] = "modbus"
 
@@ -66,12 +66,12 @@ class ModbusProtocol(ImuProtocol):
 
     @staticmethod
     def address_span(width: int) -> int:
-        """Return the number of 16-bit registers of a number of `width` bytes."""
+        """Return the number of 16-bit registers that a number of `width` bytes occupies."""
         return max(1, width // 2)
 
     @property
     def has_pages(self) -> bool:
-        """Whether there is a register that selects the page."""
+        """Whether a register selects the page."""
         return self.page is not None
 
     @property
@@ -117,7 +117,7 @@ class ModbusProtocol(ImuProtocol):
             if s.ranges[a] == s.ranges[b] and set(values) & set(others)
         ),
     )
-    # Calibration registers of any page must not overlap the commands and the page register, which are on every page.
+    # Calibration registers of any page must not overlap the commands or the page register, which are on every page.
     profile_rules: ClassVar[Rules[Any]] = (
         lambda p: (
             with_prefix(error, "registers", register.row)

@@ -1,4 +1,4 @@
-"""Protocol "vectornav": lines $VN...*checksum on the line of a VectorNav's stream."""
+"""The protocol "vectornav", which uses lines of text $VN...*checksum on the serial line of a VectorNav's stream."""
 
 from typing import Any, ClassVar, Literal
 
@@ -10,7 +10,7 @@ from calstation.schema import EntryError
 
 
 class VectorNavProtocol(ImuProtocol):
-    """`[vectornav]`: commands as lines $VN...*checksum."""
+    """`[vectornav]`: commands in the form of lines $VN...*checksum."""
 
     section: ClassVar[str] = "vectornav"
     corrected_entry: ClassVar[Literal["stream", "start"]] = "start"
@@ -22,7 +22,7 @@ class VectorNavProtocol(ImuProtocol):
 
     @staticmethod
     def address_span(width: int) -> int:
-        """Return 0: a register has all its numbers at one address."""
+        """Return 0, because all numbers of a register have the same address."""
         return 0
 
     # The clock in nanoseconds must agree with the sample rate.
@@ -31,7 +31,7 @@ class VectorNavProtocol(ImuProtocol):
             EntryError("profile.clock_rate", *at, value=counter.per_sample, rate=rate, expected=1e9 / rate)
             for rate in [profile.stream.sample_rate_hz]
             for key_path, frame in profile.frames.items()
-            for counter in [frame.named("counter")]
+            for counter in [frame.required_field("counter")]
             for at in [(*key_path, "fields", frame.fields.index(counter), "per_sample")]
             if counter.per_sample != 1.0 and abs(counter.per_sample * rate - 1e9) > 1e6
         ),
