@@ -122,9 +122,9 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     iteration, turns = _replayed(motions, schedule, context.table.encoder_sigma)
     fit = fit_gimbal(data, motions, schedule.order, context, prior, context.table.encoder_sigma)
     solved = []
-    for course in iteration.courses:
-        solved.append(_axis_solution(course, turns[course.axis], context, prior, schedule, fit))
-        _require_corrected(course, solved[-1])
+    for axis_turns in iteration.courses:
+        solved.append(_axis_solution(axis_turns, turns[axis_turns.axis], context, prior, schedule, fit))
+        _require_corrected(axis_turns, solved[-1])
         _require_agreement(solved[-1], fit)
     mask = np.array([name in ESTIMATED for name in NAMES])
     return Solution(
@@ -134,7 +134,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
         consistency=nis_consistency(fit.chi2, max(round(fit.freedom), 1), 1),
         gaps=data.gaps,
         details={
-            "axes": [_axis(course, schedule) for course in iteration.courses],
+            "axes": [_axis(axis_turns, schedule) for axis_turns in iteration.courses],
             "least_squares": {
                 name: {"value": float(fit.posterior.mean[i]), "sigma": float(fit.posterior.sigma[i])}
                 for name, i in ((name, INDEX[name]) for name in ESTIMATED)
@@ -223,7 +223,7 @@ class _AxisSolution:
 
 
 def _axis_solution(
-    course: AxisTurns,
+    axis_turns: AxisTurns,
     motions: list[Motion],
     context: SolveContext,
     prior: Posterior,
@@ -236,7 +236,7 @@ def _axis_solution(
     K = M / (1 + scale). The part of the initial error (from least squares) that remains after the last turn is added to
     the uncertainty.
     """
-    noise, name = filter_noise(context), AXES[course.axis]
+    noise, name = filter_noise(context), AXES[axis_turns.axis]
     encoder = context.table.encoder_sigma**2
     # covariance of the error of K and of the joint errors at the last rest, which two successive turns share
     P, shared, remaining, drift = np.zeros((2, 2)), np.zeros((2, 2)), np.eye(2), np.zeros((2, 2))
@@ -245,8 +245,8 @@ def _axis_solution(
         if before != m.between[0]:
             shared = np.zeros((2, 2))
         before = m.between[1]
-        J = drift_matrix(schedule.order, course.axis, m.angle)
-        convert = J @ np.linalg.inv(drift_matrix(schedule.order, course.axis, m.angle, m.before))
+        J = drift_matrix(schedule.order, axis_turns.axis, m.angle)
+        convert = J @ np.linalg.inv(drift_matrix(schedule.order, axis_turns.axis, m.angle, m.before))
         random = noise.rate * (m.duration + 1.2 * m.duration**2 / m.rest) * np.eye(2)
         random += 2.0 * encoder * convert @ convert.T
         drift = J @ P @ J.T + random
@@ -258,11 +258,11 @@ def _axis_solution(
         remaining = step @ remaining
     mount = np.deg2rad(schedule.mount_sigma_deg)
     scale = float(prior.mean[INDEX[f"gyro_scale_{name}"]])
-    names = [f"gyro_misalign_{AXES[row]}{name}" for row in other_axes(course.axis)]
+    names = [f"gyro_misalign_{AXES[row]}{name}" for row in other_axes(axis_turns.axis)]
     initial = fit.posterior.mean[[INDEX[name] for name in names]]
     covariance = P + np.diag((remaining @ initial) ** 2)
     return _AxisSolution(
-        {name: float(k) * (1.0 + scale) for name, k in zip(names, course.corrections[-1], strict=True)},
+        {name: float(k) * (1.0 + scale) for name, k in zip(names, axis_turns.corrections[-1], strict=True)},
         covariance + mount**2 * np.eye(2),
         np.sqrt(np.diag(covariance)),
         float(np.linalg.norm(remaining, 2)),
@@ -270,16 +270,16 @@ def _axis_solution(
     )
 
 
-def _require_corrected(course: AxisTurns, solved: _AxisSolution) -> None:
+def _require_corrected(axis_turns: AxisTurns, solved: _AxisSolution) -> None:
     """Check that the drifts decreased as the gain predicts; otherwise the rates were not corrected with K."""
-    first, last = (float(np.linalg.norm(course.drifts[k])) for k in (0, -1))
+    first, last = (float(np.linalg.norm(axis_turns.drifts[k])) for k in (0, -1))
     if solved.remaining < 0.5 * MAX_DRIFT_RATIO and last > MAX_DRIFT_RATIO * first and last > 6.0 * solved.drift_sigma:
         raise InputError(
             "recording.rates_not_corrected",
-            axis=AXES[course.axis],
+            axis=AXES[axis_turns.axis],
             first_arcsec=float(np.rad2deg(first) * 3600),
             last_arcsec=float(np.rad2deg(last) * 3600),
-            turns=len(course.drifts),
+            turns=len(axis_turns.drifts),
         )
 
 
@@ -306,29 +306,29 @@ def _with_observations(prior: Posterior, solved: list[_AxisSolution]) -> Posteri
     return posterior
 
 
-def _axis(course: AxisTurns, schedule: Schedule) -> dict[str, Any]:
+def _axis(axis_turns: AxisTurns, schedule: Schedule) -> dict[str, Any]:
     """Return the convergence of an axis as JSON data."""
-    angle = float(np.mean(np.abs(course.angles)))
+    angle = float(np.mean(np.abs(axis_turns.angles)))
     return {
-        "axis": AXES[course.axis],
-        "rows": [AXES[k] for k in other_axes(course.axis)],
-        "angles": course.angles,
-        "drifts": [d.tolist() for d in course.drifts],
-        "corrections": [k.tolist() for k in course.corrections],
+        "axis": AXES[axis_turns.axis],
+        "rows": [AXES[k] for k in other_axes(axis_turns.axis)],
+        "angles": axis_turns.angles,
+        "drifts": [d.tolist() for d in axis_turns.drifts],
+        "corrections": [k.tolist() for k in axis_turns.corrections],
         "gain": schedule.gain,
-        "largest_gain": largest_gain(schedule.order, course.axis, angle),
-        "contraction": contraction(schedule.order, course.axis, angle, schedule.gain),
-        "turns": len(course.angles),
+        "largest_gain": largest_gain(schedule.order, axis_turns.axis, angle),
+        "contraction": contraction(schedule.order, axis_turns.axis, angle, schedule.gain),
+        "turns": len(axis_turns.angles),
     }
 
 
 def _messages(iteration: GimbalIteration, schedule: Schedule) -> tuple[tuple[str, dict[str, Any]], ...]:
     messages: list[tuple[str, dict[str, Any]]] = []
-    for course in iteration.courses:
-        angle = float(np.mean(np.abs(course.angles)))
-        limit = largest_gain(schedule.order, course.axis, angle)
+    for axis_turns in iteration.courses:
+        angle = float(np.mean(np.abs(axis_turns.angles)))
+        limit = largest_gain(schedule.order, axis_turns.axis, angle)
         if schedule.gain >= limit:
-            values = {"stage": "gimbal", "axis": AXES[course.axis], "gain": schedule.gain, "limit": limit}
+            values = {"stage": "gimbal", "axis": AXES[axis_turns.axis], "gain": schedule.gain, "limit": limit}
             messages.append(("gimbal_unstable", values))
     missing = [a for k, a in enumerate(AXES) if k not in {c.axis for c in iteration.courses}]
     if missing:

@@ -134,9 +134,9 @@ class BenchClock:
 
     def sleep(self, seconds: float) -> None:
         """Advance virtual time by `seconds` and wait until the samples of this interval are read."""
-        answer = self._request({"advance": seconds})
-        self._now = float(answer["now"])
-        self._wait_for_bytes(answer["bytes"])
+        reply = self._request({"advance": seconds})
+        self._now = float(reply["now"])
+        self._wait_for_bytes(reply["bytes"])
 
     def idle(self, seconds: float) -> None:
         """Wait for `seconds` of host time, in which virtual time advances only if it follows host time."""
@@ -147,7 +147,13 @@ class BenchClock:
         self._request(dict(command))
 
     def carry(self, outer: float, inner: float, rest: float) -> None:
-        """Make the simulated operator turn the manual rig to these angles, rad, and rest there for `rest` s."""
+        """Make the simulated operator turn the manual rig to the given angles and rest there.
+
+        Parameters
+        ----------
+        outer, inner : angles of the rails, rad
+        rest : duration of the rest, s
+        """
         self._request({"carry": [outer, inner], "rest": rest})
 
     def close(self) -> None:
@@ -184,10 +190,10 @@ class BenchClock:
             raise DeviceFaultError("connection.bench_lost", cause=os_reason(exc)) from exc
         if not line:
             raise DeviceFaultError("connection.bench_ended")
-        answer: dict[str, Any] = json.loads(line)
-        if "error" in answer:
-            raise DeviceFaultError("connection.bench_refused", detail=answer["error"])
-        return answer
+        reply: dict[str, Any] = json.loads(line)
+        if "error" in reply:
+            raise DeviceFaultError("connection.bench_refused", detail=reply["error"])
+        return reply
 
 
 def _wait_for_line(lines: "SimpleQueue[bytes]", check_cancelled: Callable[[], None]) -> bytes:

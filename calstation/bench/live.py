@@ -130,8 +130,8 @@ class LiveBench:
 
     def new_parser(self) -> Callable[[bytes], list[bytes]]:
         """Return a parser for one connection, which converts received bytes to the unit's replies."""
-        answer = self.unit.new_parser()
-        return lambda data: answer(data, self.device_time)
+        parse = self.unit.new_parser()
+        return lambda data: parse(data, self.device_time)
 
     def advance(self, now: float) -> bytes:
         """Advance to `now`, s; return the frames that the unit sends in this interval."""
@@ -184,7 +184,13 @@ class LiveBench:
             self.on_link(command)
 
     def carry(self, outer: float, inner: float, rest: float) -> None:
-        """Request rail angles, rad, and a rest, s, from the operator of a manual rig; do nothing on a driven table."""
+        """Request rail angles and a rest from the simulated operator of a manual rig; do nothing on a driven table.
+
+        Parameters
+        ----------
+        outer, inner : angles of the rails, rad
+        rest : duration of the rest, s
+        """
         if isinstance(self._stream, ManualRigStream):
             self._stream.carry((outer, inner), rest, self.device_time)
 

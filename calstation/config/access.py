@@ -60,7 +60,11 @@ def has_pin(badge: str = "") -> bool:
 def set_pin(old: str, new: str, badge: str = "") -> None:
     """Set a new PIN after writing the audit trail to disk. Raises ConfigurationError.
 
-    `old` is the current PIN, or the site's PIN if the badge has none yet. It is ignored for the site's first PIN.
+    Parameters
+    ----------
+    old : current PIN, or the site's PIN if the badge has no PIN yet; ignored for the site's first PIN
+    new : new PIN
+    badge : badge of the engineer; "" for the site's PIN
     """
     if len(new) < MIN_PIN_LENGTH:
         raise ConfigurationError("access.pin_too_short", shortest=MIN_PIN_LENGTH)

@@ -76,7 +76,15 @@ def add_value(text: str, path: KeyPath, key: str, value: Any) -> str:
 
 
 def replace_header(text: str, path: KeyPath, header: str, first: Mapping[str, Any]) -> str:
-    """Replace the header of a table and of its subtables, and insert the values `first` at the top of the table."""
+    """Replace the header of a table and of its subtables, and insert values at the top of the table.
+
+    Parameters
+    ----------
+    text : TOML text
+    path : key path of the table
+    header : new header, with brackets
+    first : values to insert at the top of the table
+    """
     lines: list[str] = []
     for block in _blocks(text):
         if block.path is None or not block.inside(path):
@@ -94,9 +102,14 @@ def replace_header(text: str, path: KeyPath, header: str, first: Mapping[str, An
 def arrange_entries(text: str, key: str, order: Sequence[int | Mapping[str, Any]]) -> str:
     """Arrange the entries of a list of tables in the given order.
 
-    `order` contains the number of each existing entry and the values of each new one. An existing entry keeps its lines
-    and the comments directly above it. A list in brackets is converted to tables with headers; the comments inside the
-    brackets are removed.
+    An existing entry keeps its lines and the comments directly above it. A list in brackets is converted to tables with
+    headers; the comments inside the brackets are removed.
+
+    Parameters
+    ----------
+    text : TOML text
+    key : key of the list
+    order : number of each existing entry and values of each new entry, in the new order
     """
     blocks = _blocks(text)
     entries = [block for block in blocks if block.inside((key,))]

@@ -82,6 +82,12 @@ def excess_gravity_sigma(meta: LogMeta, parameter: str, limit: float) -> dict[st
 
     Otherwise the result is None. The relative gravity error is also an error of the accelerometer scale factors,
     regardless of the duration of the run.
+
+    Parameters
+    ----------
+    meta : configuration of the log
+    parameter : name of an accelerometer parameter
+    limit : sigma limit of the parameter, SI
     """
     sigma = context_from_meta(meta).site.relative_gravity_sigma
     if not parameter.startswith("accel_scale") or sigma < limit:
@@ -122,6 +128,12 @@ def site_advice(
 
     ``gravity_off`` contains the resulting error of the accelerometer scale factors, ppm, and normal gravity, m/s².
     ``null_island`` means zero latitude and longitude, and ``azimuth_hopeless`` an unknown azimuth near a pole.
+
+    Parameters
+    ----------
+    latitude_deg, longitude_deg, azimuth_deg : latitude, longitude and azimuth, degrees
+    height_m : height, m
+    gravity_mps2 : gravity, m/s²
     """
     warnings: list[Finding] = []
     expected = normal_gravity_at(latitude_deg, height_m)

@@ -72,6 +72,12 @@ def save(kind: str, name: str, content: str, author: str) -> Version:
 
     Every new version is recorded in the audit trail on disk before the file is written. Raises ConfigurationError with
     the first problem of the text, or if the site's folder cannot be written.
+
+    Parameters
+    ----------
+    kind, name : kind and name of the file, as in `library.find`
+    content : new text
+    author : author of the version
     """
     if kind not in editing.MODELS or not editing.is_name(name):
         raise ConfigurationError("configuration.bad_name", name=name)

@@ -42,10 +42,14 @@ _CONNECTION: dict[str, int | str] = {
 def connect(url: str, *, create: bool = True, pooled: bool = True) -> Engine:
     """Return an engine for a database with tables of this version; the tables of a new SQLite file are created.
 
-    Without `create`, a missing SQLite file is an error. Without `pooled`, a connection is closed after each use.
-
     The password comes from ``PGPASSWORD``, from PostgreSQL's password file or from the system's keyring (service
     ``calstation database``, user ``user@host``). Raises ConfigurationError, also if the database is unreachable.
+
+    Parameters
+    ----------
+    url : URL of the database
+    create : whether a missing SQLite file is created; otherwise it is an error
+    pooled : whether connections are kept open after use
     """
     parsed = _parse(url)
     is_sqlite = parsed.get_backend_name() == "sqlite"

@@ -266,7 +266,14 @@ def _indexed_run(row: sa.Row[Any]) -> IndexedRun | None:
 
 
 def claim_units(engine: sa.Engine, outbox: str, station: str, operators: Mapping[str, str | None]) -> None:
-    """Claim units for the station of an outbox, or renew its claims; `operators` are given by serial number."""
+    """Claim units for the station of an outbox, or renew its claims.
+
+    Parameters
+    ----------
+    engine : engine of the database
+    outbox, station : name of the outbox, and name of its station
+    operators : operator of each unit by serial number
+    """
     if not operators:
         return
     with engine.begin() as connection:

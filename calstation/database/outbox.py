@@ -139,7 +139,14 @@ class Outbox:
         return self.index.acknowledged_revision()
 
     def acknowledge(self, revision: int, stamps: Iterable[tuple[str, str, str]], *, replace: bool = False) -> None:
-        """Record kind, name and stamp of messages that the database has received; `replace` removes all others."""
+        """Record the stamps of messages that the database has received.
+
+        Parameters
+        ----------
+        revision : revision of the last message that the database has received
+        stamps : kind, name and stamp of the received messages
+        replace : whether all other stamps are removed
+        """
         self.index.acknowledge(revision, stamps, replace=replace)
 
     def _stamps(self) -> dict[tuple[str, str], str]:

@@ -138,7 +138,15 @@ def remaining_log_ratio(ratios: FloatArray) -> FloatArray:
 
 
 class Beam:
-    """Beam search from a first rest, or from the end of another schedule."""
+    """Beam search from a first rest, or from the end of another schedule.
+
+    Parameters
+    ----------
+    problem : permitted moves and target sigmas
+    width : largest number of schedules that are continued at each time
+    longest : longest duration, s
+    front : Pareto front to which results are added
+    """
 
     def __init__(self, problem: Problem, width: int, longest: float, front: Front | None = None) -> None:
         self._problem, self._width, self._longest, self._front = problem, width, longest, front

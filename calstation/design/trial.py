@@ -54,7 +54,14 @@ class Trial:
     def after_moves(
         self, moves: Moves, context: SolveContext | None = None, mount: FloatArray | None = None
     ) -> Iterator[tuple[float, FloatArray]]:
-        """Yield time, s, and sigmas, SI, shape (30,), after every move and its rest."""
+        """Yield time, s, and sigmas, SI, shape (30,), after every move and its rest.
+
+        Parameters
+        ----------
+        moves : moves of the schedule, as angles, degrees, and rests, s
+        context : context of the solver; None for the planned one
+        mount : mounting rotation, rad, shape (3,); None for the planned one
+        """
         context = context or self._context
         schedule = self._schedule(moves)
         solver = method(STAGE).solver(context, self._prior, schedule)
@@ -124,7 +131,14 @@ class Trial:
         yield Condition("noise", NOISE_FACTOR, replace(self._context, imu=noisy, table=vibrating), self.mount)
 
     def under(self, condition: Condition, moves: Moves, goal: FloatArray) -> Variation:
-        """Return the time at which the sigmas reach `goal`, SI, shape (30,), under a condition."""
+        """Return the time at which the sigmas reach a goal under a condition.
+
+        Parameters
+        ----------
+        condition : condition other than the planned one
+        moves : moves of the schedule, as angles, degrees, and rests, s
+        goal : sigmas to be reached, SI, shape (30,)
+        """
         worst = np.inf
         for time, sigma in self.after_moves(moves, condition.context, condition.mount):
             worst = float(np.max(sigma / goal))

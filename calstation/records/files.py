@@ -58,9 +58,15 @@ def locked(path: Path, timeout: float) -> Iterator[None]:
 
 
 def acquire_lock(handle: int, timeout: float, *, shared: bool = False) -> bool:
-    """Lock an open file until it is closed; return False if another process keeps it locked for `timeout` s.
+    """Lock an open file until it is closed; return False if another process keeps it locked.
 
-    `shared` requests a shared lock if the system supports it. Raises OSError if the file system supports no locks.
+    Raises OSError if the file system supports no locks.
+
+    Parameters
+    ----------
+    handle : descriptor of the open file
+    timeout : longest time to wait, s
+    shared : whether to request a shared lock, if the system supports it
     """
     deadline = time.monotonic() + timeout
     while True:

@@ -72,7 +72,14 @@ _SEED = np.uint64(0x9E3779B97F4A7C15)
 
 
 def row_dtype(further_imus: int, joints: bool, station: bool = False) -> np.dtype:
-    """Return the dtype of a row with a number of secondary IMUs, the joints of a gimbal, and the station's time."""
+    """Return the dtype of a row.
+
+    Parameters
+    ----------
+    further_imus : number of secondary IMUs
+    joints : whether the rows contain the joint angles of a gimbal
+    station : whether the rows contain the station's time
+    """
     others = [("others", "<f8", (further_imus, 6))] if further_imus else []
     gimbal = [("joints", "<f8", (3,))] if joints else []
     clock = [("station", "<f8", (1,))] if station else []
@@ -346,9 +353,15 @@ def _plain(value: Any) -> Any:
 
 
 def write_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> LogFacts:
-    """Write one or more blocks to the raw log `target`; an error leaves no log.
+    """Write samples to a raw log; an error leaves no log.
 
     Raises InputError if the target does not have the name of a log, ConfigurationError if it cannot be written.
+
+    Parameters
+    ----------
+    target : file to write
+    meta : configuration of the log
+    blocks : one or more blocks of samples
     """
     if target.suffix != SUFFIX:
         raise InputError("csv.import_name", file=target, suffix=SUFFIX)

@@ -53,6 +53,12 @@ def issued_reports(folder: Path, trail: AuditTrail, number: str) -> list[IssuedR
 
     They are sorted by revision. Two reports with the same revision differ if one was issued for a copy of the log.
     Raises InputError if the record next to the logs cannot be read.
+
+    Parameters
+    ----------
+    folder : folder of the logs
+    trail : audit trail of the site
+    number : number of the reports
     """
     events = (_from_event(event) for event in trail.entries if event.event == _EVENT)
     reports = dict.fromkeys(each for each in (*read_reports(folder), *events) if each is not None)

@@ -86,6 +86,12 @@ def target_registers(progress: ProgressCallback, request: RunRequest, result: Re
 
     Raises InputError if a required log is missing, if IMU profile or product differ from those of the result, or if the
     result was not tested or contains states added for a trial.
+
+    Parameters
+    ----------
+    progress : callback for the progress
+    request : request with the unit, station and product
+    result : result whose parameters the registers must contain
     """
     if not result.tested:
         raise InputError("transfer.result_untested")
@@ -128,7 +134,15 @@ def target_registers(progress: ProgressCallback, request: RunRequest, result: Re
 def unit_registers(
     setup: RunConfiguration, identity: ImuIdentity, values: Mapping[str, float], runs: Path
 ) -> UnitRegisters:
-    """Combine the `values` of a unit's registers, SI by parameter, with the flash cycles in its journal."""
+    """Combine the registers read from a unit with the flash cycles in its journal.
+
+    Parameters
+    ----------
+    setup : configuration of the unit
+    identity : identity that the unit reported
+    values : registers by parameter, SI
+    runs : folder of the runs
+    """
     return UnitRegisters(
         identity.serial,
         identity.model,

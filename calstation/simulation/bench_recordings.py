@@ -54,6 +54,13 @@ def make_recording(kind: Kind, path: Path, grade: GradeName = "mems", seed: int 
     """Write a recording as a raw log; return the summary of the log and the true values by parameter, SI.
 
     Raises ConfigurationError if the log cannot be created.
+
+    Parameters
+    ----------
+    kind : kind of recording
+    path : file to write
+    grade : grade of the units
+    seed : seed of the units and their motion
     """
     makers = {"hand": _manual_rig, "pair": _pair, "gimbal": _gimbal}
     return makers[kind](path, grade, seed)
@@ -162,8 +169,14 @@ def run_gimbal(
 ) -> GimbalIteration:
     """Run the gimbal method in closed loop on the simulated gimbal; return the iteration.
 
-    `store` is called with the samples of each motion and rest. Raises InputError if a turn is not detected in the joint
-    angles.
+    Raises InputError if a turn is not detected in the joint angles.
+
+    Parameters
+    ----------
+    bench : simulated gimbal
+    schedule : schedule of the method `gimbal`
+    imu : profile of the unit
+    store : function that is called with the samples of each motion and rest
     """
     iteration: GimbalIteration = schedule.iteration()
     dwell = schedule.dwell_s

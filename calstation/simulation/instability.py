@@ -60,7 +60,11 @@ class MismatchedCovariance:
 def instability_ratio(block: SampleBlock, context: SolveContext, prior: Posterior) -> FloatArray:
     """Return the error covariance under the bench's noise, normalised by the filter's sigmas, shape (30, 30).
 
-    The mean of `prior` must be the true parameters.
+    Parameters
+    ----------
+    block : samples of the stage
+    context : context of the solver
+    prior : prior of the stage, whose mean must be the true parameters
     """
     data: StageData = stage_data([block], context.imu)
     solution = solve_navigation(data, context, prior, np.zeros(len(NAMES), dtype=np.bool_))

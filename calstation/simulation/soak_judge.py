@@ -76,10 +76,15 @@ class RunEvaluation:
 def judge_run(
     planned: PlannedRun, request: RunRequest, hung: bool, engine_mb: float, seconds: float, report: Path
 ) -> RunEvaluation:
-    """Evaluate a run from its files; `report` is the bench's report, missing if the bench died with the engine.
+    """Evaluate a run from its files; wait for the report of the bench for at most `_REPORT_TIMEOUT`.
 
-    `hung` is True if the run did not end in time; `engine_mb` and `seconds` are as in `RunEvaluation`. The function
-    waits for the report for at most `_REPORT_TIMEOUT`.
+    Parameters
+    ----------
+    planned : plan of the run
+    request : request for the run
+    hung : whether the run did not end in time
+    engine_mb, seconds : peak memory of the engine, MB, and duration, host time in s
+    report : file of the bench's report, which is missing if the bench died with the engine
     """
     kinds = [kind for kind, _ in planned.faults]
     bench = _bench_report(report)

@@ -71,7 +71,7 @@ class Soak:
         }
 
     @property
-    def sound(self) -> bool:
+    def passed(self) -> bool:
         """Whether no run had a wrong verdict, was unsafe or hung, no record was lost, and memory did not grow."""
         counts = self.counts()
         memory = counts["parent_memory_mb"]

@@ -195,7 +195,17 @@ def draw_unit(
     effects: Effects | None = None,
     axis_offset: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[BenchTruth, SolveContext]:
-    """Draw a bench of the study, with axes of the table `axis_offset` apart, mm; return it and its solvers' context."""
+    """Draw a bench of the study; return it with the context of its solvers.
+
+    Parameters
+    ----------
+    grade : grade of the unit
+    seed : seed of the unit and table
+    outer_lever : whether the unit has an outer lever arm
+    instability : whether the unit has bias instability
+    effects : effects outside the 30 parameters
+    axis_offset : offset of the inner from the outer axis, mm
+    """
     truth = BenchConfig(
         grade=grade,
         seed=seed,

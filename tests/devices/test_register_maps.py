@@ -75,14 +75,14 @@ def test_first_order_inverse_is_not_accurate_enough() -> None:
     assert abs(contents["gyro_matrix_xx"] - (1.0 - 0.05)) > 2e-3
 
 
-@pytest.mark.parametrize("places", [["xx", "yy", "zz"], ["xx", "yx", "yy", "zx", "zy", "zz"]])
-def test_partial_matrix_is_inverted_for_its_elements(places: list[str]) -> None:
-    slots = [f"accel_matrix_{p}" for p in places]
+@pytest.mark.parametrize("pairs", [["xx", "yy", "zz"], ["xx", "yx", "yy", "zx", "zy", "zz"]])
+def test_partial_matrix_is_inverted_for_its_elements(pairs: list[str]) -> None:
+    elements = [f"accel_matrix_{p}" for p in pairs]
     values = {n: 0.01 * (i + 1) for i, n in enumerate(NAMES) if n.startswith("accel")}
-    contents = to_registers("accel", values, slots, Convention(), Convention())
+    contents = to_registers("accel", values, elements, Convention(), Convention())
     back = from_registers("accel", contents, Convention(), Convention())
     assert back == {name: pytest.approx(values[name], abs=1e-15) for name in back}
-    assert len(back) == len(places)
+    assert len(back) == len(pairs)
 
 
 def test_register_values_without_a_valid_calibration_are_refused() -> None:

@@ -52,7 +52,7 @@ def test_plans_are_reproducible_and_use_every_fault_before_any_repeats() -> None
 
 
 def test_wrong_lost_unsafe_or_hung_run_fails_the_soak_test() -> None:
-    assert Soak([judged()]).sound
+    assert Soak([judged()]).passed
     for bad in (
         judged(verdict_errors=("passed with gyro_bias_x off by 7.0 sigma",)),
         judged(record_defects=("no log",)),
@@ -60,9 +60,9 @@ def test_wrong_lost_unsafe_or_hung_run_fails_the_soak_test() -> None:
         judged(outcome="hung"),
     ):
         soak = Soak([judged(), bad])
-        assert not soak.sound
+        assert not soak.passed
         assert json.loads(json.dumps(soak.counts()))["runs"] == 2
-    assert not Soak([judged()], undelivered=1).sound
+    assert not Soak([judged()], undelivered=1).passed
     counts = Soak([judged(), judged(injected=("jam",), outcome="fault")]).counts()
     assert counts["faults"] == {"jam": {"injected": 1, "recovered": 0, "stopped_safely": 1}}
     assert (counts["recovered"], counts["stopped_safely"]) == (0, 1)

@@ -91,6 +91,12 @@ class Flash:
     If there are two banks, the inactive one is written, and the valid image with the higher number is active at
     power-up; after a power cut, this is the old or the new image. With a single bank, no image is valid after a power
     cut, and the unit starts with its defaults. `cycles` is the number of writes.
+
+    Parameters
+    ----------
+    size : size of the content, bytes
+    banks : number of banks, 1 or 2
+    file : file that preserves the images; None to keep them in memory
     """
 
     def __init__(self, size: int, banks: int = 2, file: Path | None = None) -> None:
@@ -180,7 +186,14 @@ class Requantiser:
         self._remainder = np.zeros(6)
 
     def counts(self, values: FloatArray, scale: FloatArray, *, carry: bool) -> FloatArray:
-        """Convert `values`, shape (n, 6), to whole counts; `scale`, shape (6,), is the size of a count."""
+        """Convert corrected output to whole counts, shape (n, 6).
+
+        Parameters
+        ----------
+        values : corrected output, shape (n, 6)
+        scale : size of a count in the units of `values`, shape (6,)
+        carry : whether the rounding remainder is added to the next value, as for increments
+        """
         exact = values / scale
         if not carry or not len(exact):
             return np.asarray(np.floor(exact + 0.5))

@@ -102,10 +102,10 @@ class SocketLine(_Line):
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         writer.transport.set_write_buffer_limits(high=0)
         self._writer, self.sent = writer, 0
-        answer = self._new_parser()
+        parse = self._new_parser()
         try:
             while data := await reader.read(4096):
-                await self._reply(answer(data))
+                await self._reply(parse(data))
         except (ConnectionError, asyncio.CancelledError):
             pass
         finally:
@@ -176,15 +176,15 @@ class TerminalLine(_Line):
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
 
     async def _read(self) -> None:
-        answer, plugged = self._new_parser(), self._master
+        parse, plugged = self._new_parser(), self._master
         while True:
             if plugged != self._master:
-                answer, plugged = self._new_parser(), self._master
+                parse, plugged = self._new_parser(), self._master
             try:
                 data = os.read(self._master, 4096)
             except OSError:
                 data = b""
-            await self._reply(answer(data))
+            await self._reply(parse(data))
             await asyncio.sleep(POLL_INTERVAL)
 
 

@@ -53,7 +53,7 @@ class ModbusServer:
         framer: FramerBase = (FramerSocket if self._tcp else FramerRTU)(DecodePDU(is_server=True))
         pending = b""
 
-        def answer(data: bytes) -> list[bytes]:
+        def parse(data: bytes) -> list[bytes]:
             nonlocal pending
             pending += data
             replies: list[bytes] = []
@@ -71,7 +71,7 @@ class ModbusServer:
                 pending = b""
                 return replies
 
-        return answer
+        return parse
 
     def _reply(self, request: ModbusPDU) -> ModbusPDU | None:
         """Return the reply to a request; None for no reply, for example if another unit on an RTU line is addressed."""

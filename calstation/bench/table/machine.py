@@ -153,7 +153,13 @@ class TableMachine:
         return not self.jammed and time >= max(self.drive.settled + SETTLING_TIME, self.unsettled_until)
 
     def control(self, word: int, time: float, host_time: float) -> None:
-        """Process a controlword (0x06 ready, 0x07 on, 0x0F enable; b2 = 0 quick stop, b7 reset, b8 halt)."""
+        """Process a controlword (0x06 ready, 0x07 on, 0x0F enable; b2 = 0 quick stop, b7 reset, b8 halt).
+
+        Parameters
+        ----------
+        word : controlword
+        time, host_time : device time and host time, s
+        """
         reset = bool(word & 0x80) and not self._controlword & 0x80
         self._controlword = word
         self.jammed &= not reset
@@ -189,7 +195,14 @@ class TableMachine:
     def move(
         self, time: float, targets: tuple[float, float], rates: tuple[float, float], accelerations: tuple[float, float]
     ) -> None:
-        """Start moving both joints, unless the same move is in progress. Raises a `Refusal`."""
+        """Start moving both joints, unless the same move is in progress. Raises a `Refusal`.
+
+        Parameters
+        ----------
+        time : device time, s
+        targets : target angles of outer and inner joint, rad
+        rates, accelerations : limits of the motion of each joint, rad/s and rad/s²
+        """
         for joint in (0, 1):
             self._check_limits(joint, targets[joint], rates[joint], accelerations[joint])
         if not self.homed:
@@ -203,7 +216,15 @@ class TableMachine:
             self.drive.move(time, (targets[0] + beyond, targets[1] + beyond), rates, accelerations)
 
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
-        """Start moving one joint alone, unless the same move is in progress. Raises a `Refusal`."""
+        """Start moving one joint alone, unless the same move is in progress. Raises a `Refusal`.
+
+        Parameters
+        ----------
+        time : device time, s
+        joint : 0 for the outer joint, 1 for the inner one
+        target : target angle, rad
+        rate, acceleration : limits of the motion, rad/s and rad/s²
+        """
         if self._may_start(time, joint, target, rate, acceleration):
             beyond, self.overshoot = self.overshoot, 0.0
             if not self.jammed:
@@ -221,7 +242,13 @@ class TableMachine:
         return True
 
     def turn(self, time: float, rates: tuple[float, float], accelerations: tuple[float, float]) -> None:
-        """Turn both joints at these rates until they are stopped or reach the end of travel. Raises a `Refusal`."""
+        """Turn both joints at these rates until they are stopped or reach the end of travel. Raises a `Refusal`.
+
+        Parameters
+        ----------
+        time : device time, s
+        rates, accelerations : rate and acceleration of each joint, rad/s and rad/s²
+        """
         turns = [(joint, rates[joint], accelerations[joint]) for joint in (0, 1)]
         for turn in turns:  # both are checked before either starts
             self._end_of_turn(time, *turn)
@@ -229,7 +256,14 @@ class TableMachine:
             self.turn_joint(time, *turn)
 
     def turn_joint(self, time: float, joint: int, rate: float, acceleration: float) -> None:
-        """Turn one joint independently of the other. Raises a `Refusal`."""
+        """Turn one joint independently of the other. Raises a `Refusal`.
+
+        Parameters
+        ----------
+        time : device time, s
+        joint : 0 for the outer joint, 1 for the inner one
+        rate, acceleration : rate and acceleration, rad/s and rad/s²
+        """
         end = self._end_of_turn(time, joint, rate, acceleration)
         if end is not None and not self.jammed:
             self.drive.move_joint(time, joint, end, abs(rate), acceleration)

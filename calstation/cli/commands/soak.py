@@ -51,7 +51,7 @@ def soak(
     _show_soak(Console(stderr=json == "-"), counts)
     if len(done.runs) < runs:
         return StoppedError.exit_code
-    return 0 if done.sound else 1
+    return 0 if done.passed else 1
 
 
 def _soak(runs: int, seed: int, folder: Path, full: bool, interrupted: list[bool]) -> Soak:

@@ -147,6 +147,12 @@ def permitted_range(element: str, sigmas: Mapping[str, float], convention: Conve
     """Return the range of an element for parameters within `sigmas`, to first order and widened by half.
 
     The result is None if the parameter has no sigma.
+
+    Parameters
+    ----------
+    element : name of a matrix or offset element, or of a parameter
+    sigmas : standard deviations of the parameters by name, SI
+    convention : convention of the register
     """
     sigma = sigmas.get(parameter_of(element) or "")
     if sigma is None:

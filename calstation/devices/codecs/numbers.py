@@ -104,6 +104,11 @@ class Number:
         """Decode numbers from bytes, shape (n, width), to an array of shape (n,).
 
         Integers become int64 (u64 wraps around to negative values), and all other numbers float64.
+
+        Parameters
+        ----------
+        wire : bytes on the wire, shape (n, width)
+        byte_order, word_order : order of the bytes in a word, and of the words; None for the byte order
         """
         big_endian = wire[:, self._positions(byte_order, word_order)]
         if self.kind == "f":

@@ -104,9 +104,16 @@ class StreamedImu(Imu):
         self._link.close()
 
     def exchange(self, transaction: Transaction[T], *, timeout: float, attempts: int, urgent: bool = False) -> T:
-        """Send a command up to `attempts` times and wait for its reply, each time for `timeout` s of host time.
+        """Send a command repeatedly until its reply arrives, and return the content of the reply.
 
         Raises DeviceFaultError if no acceptable reply arrives or the link is lost.
+
+        Parameters
+        ----------
+        transaction : request and its expected reply
+        timeout : host time for a reply, s
+        attempts : maximum number of times that the request is sent
+        urgent : whether the request is sent even if late replies may arrive
         """
         with self._exchange_lock:
             for attempt in range(attempts):

@@ -88,16 +88,28 @@ class ModbusLink:
         return self._transport.received
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
-        """Read unsigned 16-bit words from a unit, by default the link's; repeat a lost transfer.
+        """Read unsigned 16-bit words; repeat a lost transfer.
 
         Raises ModbusRefusalError if the device refuses the request, NoAnswerError if it does not reply.
+
+        Parameters
+        ----------
+        address, count : 0-based address of the first register, and number of registers
+        unit : Modbus unit number; None for the link's
         """
         at = {"unit": self._unit if unit is None else unit, "address": address, "last": address + count - 1}
         with self._explained("read", at):
             return self._transfer(lambda again: self._transport.read(at["unit"], address, count), _ATTEMPTS)
 
     def write(self, address: int, values: list[int], repeat: bool = True, unit: int | None = None) -> None:
-        """Write registers of a unit; repeat a lost transfer only if `repeat`. Raises the errors of `read`."""
+        """Write registers. Raises the errors of `read`.
+
+        Parameters
+        ----------
+        address, values : 0-based address of the first register, and unsigned 16-bit values
+        repeat : whether a lost transfer is repeated
+        unit : Modbus unit number; None for the link's
+        """
         at = {"unit": self._unit if unit is None else unit, "address": address}
         attempts = _ATTEMPTS if repeat else 1
         with self._explained("write", at):
@@ -196,11 +208,11 @@ class TcpConnection:
 
     def read(self, unit: int, address: int, count: int) -> list[int]:
         """Read holding registers. Raises UnansweredError, RefusedError."""
-        answer = self._request(lambda: self._client.read_holding_registers(address, count=count, device_id=unit))
-        if len(answer.registers) != count:
+        response = self._request(lambda: self._client.read_holding_registers(address, count=count, device_id=unit))
+        if len(response.registers) != count:
             self.close()
             raise UnansweredError(Text("modbus.wrong_length"))
-        return list(answer.registers)
+        return list(response.registers)
 
     def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
         """Write holding registers; `repeat` and `again` have no effect over TCP. Raises the errors of `read`."""
@@ -213,14 +225,14 @@ class TcpConnection:
         from pymodbus.exceptions import ModbusException, ModbusIOException
 
         try:
-            answer = request()
+            response = request()
         except (ModbusException, *LINK_ERRORS) as exc:
             self.close()
             timed_out = isinstance(exc, ModbusIOException)
             raise UnansweredError(Text("modbus.no_answer") if timed_out else link_reason(exc)) from exc
-        if answer.isError():
-            raise RefusedError(answer.exception_code)
-        return answer
+        if response.isError():
+            raise RefusedError(response.exception_code)
+        return response
 
     def _receive(self, sending: bool, data: bytes) -> bytes:
         if not sending and data:

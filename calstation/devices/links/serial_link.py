@@ -159,7 +159,13 @@ def host_and_port(url: str) -> tuple[str, int] | None:
 def diagnose_port(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason, Text | None]:
     """Try to open a port; return the reason why it cannot be opened, with the system's message if that adds detail.
 
-    If the port can be opened now, the reason is "other". `timeout` is the host time for a network connection, s.
+    If the port can be opened now, the reason is "other".
+
+    Parameters
+    ----------
+    port : name or address of the port
+    settings : settings of a serial port
+    timeout : host time for a network connection, s
     """
     if port.startswith(SOCKETS):
         return _diagnose_connection(port, timeout)
@@ -264,11 +270,11 @@ def port_device(port: str, device: str) -> str:
             return str(p.device)
     number = port.removeprefix(USB).partition("@")[0]
     ports = list_serial_ports()
-    alike = [p for p in ports if p.serial_number in (number, number.rpartition("/")[0])]
-    if alike:
-        choice = [f"{p.usb} ({p.device})" if p.usb else p.device for p in alike]
-        if len(alike) > 1 and "@" not in port:
-            raise DeviceFaultError("link.ambiguous", device=device, port=port, count=len(alike), choice=choice)
+    same_serial = [p for p in ports if p.serial_number in (number, number.rpartition("/")[0])]
+    if same_serial:
+        choice = [f"{p.usb} ({p.device})" if p.usb else p.device for p in same_serial]
+        if len(same_serial) > 1 and "@" not in port:
+            raise DeviceFaultError("link.ambiguous", device=device, port=port, count=len(same_serial), choice=choice)
         raise DeviceFaultError("link.not_plugged_in", device=device, port=port, choice=choice)
     adapters = [f"{f.usb} ({f.device})" for f in ports if f.usb]
     raise DeviceFaultError("link.no_adapter", device=device, port=port, found=adapters)
@@ -283,13 +289,13 @@ def _names(port: ListPortInfo, listed: Sequence[ListPortInfo]) -> tuple[str, ...
 
     A serial number shared by several adapters is not a name, because its meaning would change if one were unplugged.
     """
-    alike = [p for p in listed if p.serial_number and p.serial_number == port.serial_number]
+    same_serial = [p for p in listed if p.serial_number and p.serial_number == port.serial_number]
     location = _location(port)
-    ports = [p for p in alike if _location(p) == location]
+    ports = [p for p in same_serial if _location(p) == location]
     # All ports of an adapter appear and disappear together, so their order identifies them.
     which = f"/{ports.index(port) + 1}" if len(ports) > 1 else ""
     names = []
-    if ports and len(ports) == len(alike) and (location or len(ports) == 1):
+    if ports and len(ports) == len(same_serial) and (location or len(ports) == 1):
         names.append(f"{USB}{port.serial_number}{which}")
     if ports and location:
         names.append(f"{USB}{port.serial_number}@{location}{which}")

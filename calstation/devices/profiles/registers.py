@@ -219,9 +219,9 @@ def _sensor_errors(seen: Mapping[str, RegisterEntry], sensor: str) -> Iterator[E
     for name in NAMES:
         if name in seen and name in parameters:
             yield EntryError("profile.parameter_and_matrix", *key_path, name=name, slot=elements[0])
-    for alike in (matrix, offset):
-        for element in alike[1:]:
-            if seen[element].effective_convention != seen[alike[0]].effective_convention:
+    for part in (matrix, offset):
+        for element in part[1:]:
+            if seen[element].effective_convention != seen[part[0]].effective_convention:
                 yield EntryError("profile.two_conventions", *key_path, "convention", other=seen[element].label)
     if matrix and offset:
         yield from _contradictions(seen[offset[0]], seen[matrix[0]], ("matrix", "identity", "negated"))

@@ -69,7 +69,14 @@ class ImuWords:
 
 
 def encode(register: ModbusRegister, value: float, name: str) -> list[int]:
-    """Encode a value in the profile's unit as register words. Raises ConfigurationError if it is out of range."""
+    """Encode a value in the profile's unit as register words. Raises ConfigurationError if it is out of range.
+
+    Parameters
+    ----------
+    register : register of the profile
+    value : value in the profile's unit
+    name : name of the register, for the error
+    """
     try:
         return _words(register, value / register.scale)
     except ValueError:

@@ -81,7 +81,13 @@ class FramedUnit(ImuUnit):
         return lambda data, time: [self.answer(op, payload, time) for op, payload in parser.feed(data)]
 
     def answer(self, op: int, payload: bytes, time: float) -> bytes:
-        """Return the reply frame to one command at `time`, s; empty if the power fails."""
+        """Return the reply frame to one command; empty if the power fails.
+
+        Parameters
+        ----------
+        op, payload : op code and payload of the command
+        time : device time, s
+        """
         handlers = {READ: self._read, WRITE: self._write, COMMIT: self._commit, STREAM: self._stream}
         if self.axes is not None:
             axes = self.axes

@@ -59,11 +59,11 @@ class DspUnit(ImuUnit):
 
     def new_parser(self) -> Callable[[bytes, float], list[bytes]]:
         """Return a parser for one connection; see `ImuUnit.new_parser`."""
-        answer = ModbusServer({UNIT_NUMBER: self}).new_parser()
+        parse = ModbusServer({UNIT_NUMBER: self}).new_parser()
 
         def answer_at(data: bytes, time: float) -> list[bytes]:
             self._time = time
-            return answer(data)
+            return parse(data)
 
         return answer_at
 

@@ -100,11 +100,11 @@ class VectorNavUnit(ImuUnit):
         if "$" not in line or not words.startswith("VN"):
             return b""
         try:
-            sound = check == "XX" or int(check, 16) == check_line(words)
+            valid = check == "XX" or int(check, 16) == check_line(words)
         except ValueError:
-            sound = False
+            valid = False
         try:
-            reply: str | int = self._execute(words.split(","), time) if sound else BAD_CHECK
+            reply: str | int = self._execute(words.split(","), time) if valid else BAD_CHECK
         except PowerCut:
             self.restart(time)
             return b""

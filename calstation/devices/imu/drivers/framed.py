@@ -44,7 +44,13 @@ class CommandReply:
 
 
 def command_frame(commands: FramedProtocol, frame: FrameSection, op: int, payload: bytes) -> bytes:
-    """Return the bytes of a request, which are sync, op, length, payload and checksum."""
+    """Return the bytes of a request, which are sync, op, length, payload and checksum.
+
+    Parameters
+    ----------
+    commands, frame : section of the protocol, and frame section with the byte order
+    op, payload : op code and payload of the command
+    """
     body = bytes([op, len(payload)]) + payload
     return hex_bytes(commands.request_sync) + body + check_bytes(commands.crc, body, frame.byte_order)
 
