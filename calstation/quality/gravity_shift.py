@@ -42,7 +42,7 @@ def gravity_shift(station: StationConfig, runs: RunColumns) -> GravityShift | No
     Check standards and repeated units reveal a small step, new units one that exceeds their scatter.
     """
     rows = judged_runs(runs)
-    rows = rows[runs.stations.among((station.name,))[rows]]
+    rows = rows[runs.stations.isin((station.name,))[rows]]
     scales = [runs.values.get(f"accel_scale_{axis}") for axis in "xyz"]
     if any(values is None for values in scales):
         return None

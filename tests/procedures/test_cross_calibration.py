@@ -153,7 +153,9 @@ def test_sound_pair_that_turns_in_one_direction_passes(monkeypatch):
     monkeypatch.setattr("calstation.bench.truth.manual_rig.tremor", lambda random, size: np.empty((0, 3)))
     monkeypatch.setattr("pair_recordings.push", without_corrections(push))
     primary, secondary = pair(1)
-    solution = solved(recording(primary, [secondary], 1, rig), context_of(primary, [secondary]), known(primary))
+    solution = solved(
+        recording(primary, [secondary], 1, rig), context_of(primary, [secondary]), primary_errors(primary)
+    )
     assert all(test.value < test.limit for test in solution.tests)
     assert np.abs((vector(solution) - truth_of(primary, secondary)) / vector(solution, "sigma")).max() < 4.5
 
