@@ -45,6 +45,8 @@ _KEPT = 0.7
 #: Smallest number of rests, and smallest variation of the earth rate in sigmas of the rests, for the test of a gyro's
 #: response to it; largest response that is none.
 _MIN_RESTS, _EARTH_SIGMAS, _EARTH_SHARE = 4, 8.0, 0.3
+#: Smallest rotation, rad, that a gyro with a lock-in zone measures.
+_TURNED = 0.5
 #: Smallest step of a channel that sticks, in steps of its values, and smallest fraction of repetitions.
 _STICKS, _STICKS_REPEATED = 5.0, 0.5
 
@@ -297,7 +299,7 @@ def _lock_in(data: StageData, motion: TableMotion, context: SolveContext) -> Ite
     earths = np.array([[earth[1] * np.sin(h), earth[1] * np.cos(h), earth[2]] for h in headings])
     expected = np.einsum("kji,hj->hki", homes, earths).std(axis=1).min(axis=0)
     measured = motion.rate.std(axis=0)
-    for channel in range(3):
+    for channel in np.flatnonzero(np.abs(motion.rotation).max(axis=0, initial=0.0) > _TURNED).tolist():
         if expected[channel] > _EARTH_SIGMAS * noise.max() and measured[channel] < _EARTH_SHARE * expected[channel]:
             per_hour = 3600.0 * float(np.rad2deg(expected[channel]))
             yield SampleFault("lock_in", np.array([a for a, _ in motion.rests]), channel, per_hour)

@@ -10,6 +10,8 @@ from calstation.physics import FloatArray, IntArray, rotation_vector
 
 #: Time over which an encoder must not move, s, and its largest change in this time, rad.
 _STILL_TIME, _STILL_ANGLE = 0.25, np.deg2rad(0.02)
+#: Smallest number of angles between two rests, and smallest change of one, rad, that show that the motion was cut out.
+_CUT_ANGLES, _CUT_STEP = 20, np.deg2rad(5.0)
 
 
 @dataclass(frozen=True)
@@ -38,12 +40,25 @@ def table_motion(data: StageData) -> TableMotion | None:
     links, rotations = [], []
     for k, ((a0, a1), (b0, b1)) in enumerate(itertools.pairwise(rests)):
         start, stop = (a0 + a1) // 2, (b0 + b1) // 2
-        if data.seq[stop] - data.seq[start] != stop - start:
+        if data.seq[stop] - data.seq[start] != stop - start or _is_cut(data.angles[start:stop], data.dt):
             continue
         at_rest = 0.5 * (rate[k] + rate[k + 1])
         links.append((k, k + 1))
         rotations.append((data.gyro[start:stop] - at_rest).sum(axis=0) * data.dt)
     return TableMotion(tuple(rests), angles, force, rate, tuple(links), np.array(rotations).reshape(-1, 3))
+
+
+def _is_cut(angles: FloatArray, dt: float) -> bool:
+    """Return whether a motion was cut out, so that angles, shape (n, 2), polled soon after each other differ by it."""
+    polled = np.flatnonzero(np.isfinite(angles).all(axis=1))
+    if len(polled) < _CUT_ANGLES:
+        return False
+    joint = int(np.argmax(np.ptp(angles[polled], axis=0)))
+    steps = np.abs(np.diff(angles[polled, joint]))
+    steps[np.abs(steps - 2.0 * np.pi) < 0.1] = 0.0  # the end of a turn, if the angles are recorded modulo a turn
+    k = int(np.argmax(steps))
+    is_jump = steps[k] > max(0.5 * np.ptp(angles[polled, joint]), _CUT_STEP)
+    return bool(is_jump and (polled[k + 1] - polled[k]) * dt < _STILL_TIME)
 
 
 def _rests(data: StageData, polled: IntArray) -> list[tuple[int, int]]:

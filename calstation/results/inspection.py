@@ -83,11 +83,14 @@ def recording_faults(log: Log) -> tuple[Text, ...]:
     by_stage: dict[str, list[SampleBlock]] = {}
     for block in log.blocks():
         by_stage.setdefault(block.stage, []).append(block)
-    return tuple(
-        Text.of("solution.in_stage", stage=stage, what=fault.text(stage))
-        for stage, blocks in by_stage.items()
-        for fault in (data_faults(join_blocks(blocks), context, prior) if stage else ())
-    )
+    faults: list[Text] = []
+    for stage, blocks in by_stage.items():
+        if stage:
+            found = data_faults(join_blocks(blocks), context, prior)
+            faults += [Text.of("solution.in_stage", stage=stage, what=fault.text(stage)) for fault in found]
+        elif len(by_stage) == 1:  # a recording without stages
+            faults += [fault.text(stage) for fault in data_faults(join_blocks(blocks), context, prior)]
+    return tuple(faults)
 
 
 def _recorded(log: Log, stages: dict[str, int]) -> dict[str, Text | None]:

@@ -52,3 +52,30 @@ def test_unit_clock_error_of_800_ppm_against_the_station_clock_fails(calstation,
     sound = calstation("run", *options)
     assert not failed(sound, "sample clock")
     assert sound.json["details"]["rate"]["sample_clock"]["station"]["offset"] == pytest.approx(2e-5, abs=2e-5)
+
+
+def test_reversed_axis_is_named_by_check_import_and_resolve(calstation, tmp_path):
+    rows = [row.split(",") for row in six_position_rows()]
+    for row in rows:
+        row[7] = str(-int(row[7]))
+    log = write_log(tmp_path, [",".join(row) for row in rows], meta=META)
+    words = "They do if accel_z is −accel_z."
+    checked = calstation("check", log)
+    assert "fault      Stage Six positions: The angles of the table do not agree" in checked.out
+    assert words in checked.out
+    imported = calstation("import", log, "-o", tmp_path / "imported.h5")
+    assert imported.code == 0
+    assert words in imported.err.replace("\n", " ")
+    resolved = calstation("resolve", log)
+    assert resolved.code == 2
+    assert words in resolved.err.replace("\n", " ")
+
+
+def test_spike_is_the_first_cause_of_a_failure(calstation, tmp_path):
+    rows = [row.split(",") for row in six_position_rows()]
+    rows[500][2] = str(int(rows[500][2]) + 50000)
+    log = write_log(tmp_path, [",".join(row) for row in rows], meta=META + LIMITS)
+    done = calstation("resolve", log, "--json", "-")
+    assert done.code == 1
+    first = next(check for check in done.json["checks"] if not check["passed"] and "cause" in check)
+    assert (first["name"], first["cause"], first["values"]["channel"]) == ("six_position samples", "spikes", "gyro_x")
