@@ -37,6 +37,8 @@ from calstation.physics import INNER, JOINTS, NAMES, OUTER, PARAMETERS, Dwell, M
 
 GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign", "accel_bias", "accel_scale", "accel_misalign")
 ESTIMATED = tuple(p.name for p in PARAMETERS if p.group in GROUPS)
+#: Beginning of the names of the parameters that rest on a kind of scatter.
+_RESTS_ON = {"force": ("accel",), "turn": ("gyro_scale", "gyro_misalign")}
 #: Outer and inner joint angle, rad.
 Pose = tuple[float, float]
 #: Time in which an operator reads an instruction and releases a rail, s.
@@ -54,6 +56,10 @@ class Schedule(BaseModel):
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
     manual: bool = False  #: Whether an operator turns the rails at about `rate_dps`, guided by the program.
     shortest_rest_s: float = Field(1.0, ge=0.5, le=60.0)  #: Shortest rest at a position; a shorter one is a pause.
+    #: Scatter of the force at a rest, m/s², and of the angle of a turn, which a recording without redundancy does not
+    #: reveal. The defaults are those of a unit that is turned by hand.
+    force_scatter: float = Field(0.01, ge=0.0, le=1.0)
+    turn_scatter_deg: float = Field(0.3, ge=0.0, le=10.0)
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
@@ -117,7 +123,8 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     rests = positions(data, still, context)
     estimated = ESTIMATED if data.has_gyros else tuple(n for n in ESTIMATED if n.startswith("accel"))
     mask = np.array([name in estimated for name in NAMES])
-    fit = fit_positions(data, rests, links, context, prior, mask)
+    assumed = Scatter(schedule.force_scatter, 0.0, float(np.deg2rad(schedule.turn_scatter_deg)))
+    fit = fit_positions(data, rests, links, context, prior, mask, assumed)
     return Solution(
         stage="multi_position",
         posterior=consider_update(prior, fit.posterior, mask),
@@ -126,6 +133,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
         gaps=data.gaps,
         details=_details(data, still, rests, links, fit),
         sensitivity=fit.sensitivity,
+        assumed=tuple(name for name in estimated for kind in fit.assumed if name.startswith(_RESTS_ON[kind])),
         messages=_messages(data, still, links, fit, shortest),
     )
 
@@ -176,7 +184,11 @@ def _messages(
         messages.append(("accelerometers_alone", stage))
     elif not links:
         messages.append(("no_motion_between_rests", stage))
-    if fit.scatter != Scatter():
+    if fit.assumed:
+        s = fit.scatter
+        values = {"force": s.force, "turn": float(np.rad2deg(s.turn))}
+        messages.append(("scatter_assumed", {**stage, **values}))
+    elif fit.scatter != Scatter():
         s = fit.scatter
         messages.append(("noisier_than_profile", {**stage, "force": s.force, "rate": s.rate, "turn": s.turn}))
     return tuple(messages)

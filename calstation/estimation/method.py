@@ -83,6 +83,8 @@ class Solution:
     sensitivity: Sensitivity | None = None  #: Sensitivity to effects outside the model; None if it is not known.
     tests: tuple[ModelTest, ...] = ()  #: Tests of the model; each becomes a check of the result.
     explanation: ModelTest | None = None  #: A failed but harmless test that may explain the failure of other checks.
+    #: Parameters whose sigma rests on an assumed scatter, because nothing in the data is redundant.
+    assumed: tuple[str, ...] = ()
     diagnosis: Diagnosis | None = None  #: Location of the excess if the innovations fail their test.
     local_scores: ScoreFunction | None = None  #: Score tests for errors during parts of the stage, for diagnostics.
 

@@ -45,7 +45,7 @@ def unobservable(prior: Posterior, solutions: Sequence[Solution]) -> list[str]:
     """Return the estimated parameters that the data do not determine.
 
     Their sigma is above 0.9 of the prior sigma, or they are in the unobservable subspace of every stage that estimated
-    them, so that only a prior correlation has reduced their sigma.
+    them, so that only a prior correlation has reduced their sigma, or their sigma rests on an assumption.
     """
     if not solutions:
         return []
@@ -54,7 +54,11 @@ def unobservable(prior: Posterior, solutions: Sequence[Solution]) -> list[str]:
         name
         for name in estimated_stage(solutions)
         if before[INDEX[name]] > 0
-        and (after[INDEX[name]] > OBSERVABLE * before[INDEX[name]] or _not_observed(name, solutions))
+        and (
+            after[INDEX[name]] > OBSERVABLE * before[INDEX[name]]
+            or _not_observed(name, solutions)
+            or all(name in s.assumed for s in solutions if name in s.estimated)
+        )
     ]
     return names + [name for s in solutions for name, e in s.estimates.items() if not e.determined]
 

@@ -7,7 +7,7 @@ to prior errors and to effects outside the model is computed from the same rows.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -43,6 +43,8 @@ MAX_ITERATIONS = 30
 MAX_REWEIGHTINGS = 12
 #: Largest change of an attitude in a Gauss-Newton step, rad.
 LARGEST_STEP = 0.3
+#: Smallest number of degrees of freedom from which the scatter of rests or motions is measured.
+MIN_REDUNDANCY = 3.0
 #: Smallest number of degrees of freedom after fitting drifts.
 MIN_FREEDOM = 10
 #: Number of parts into which a motion is divided; the error of a gyro is constant within each part.
@@ -58,6 +60,7 @@ class PositionFit:
     chi2: float  #: Sum of the squared residuals in units of sigma.
     freedom: float  #: Degrees of freedom of the residuals.
     scatter: Scatter  #: Noise of the recording in excess of the profile.
+    assumed: tuple[str, ...]  #: Kinds of scatter, ``force`` and ``turn``, that the recording cannot measure.
     force_residual: FloatArray  #: Force residuals of the rests, m/s², shape (n, 3).
     turn_residual: FloatArray  #: Rotation residuals of the motions, rad, shape (m, 3).
     converged: bool  #: Whether the last iteration made no significant change.
@@ -71,18 +74,22 @@ def fit_positions(
     context: SolveContext,
     prior: Posterior,
     estimated: BoolArray,
+    assumed: Scatter,
 ) -> PositionFit:
     """Compute the joint MAP estimate, and repeat it with more noise until the noise explains the residuals.
 
-    Parameters that are not `estimated` are consider parameters.
+    Parameters that are not `estimated` are consider parameters. Scatter that the recording cannot measure, because
+    nothing is redundant, has its `assumed` value.
     """
     scatter = Scatter()
     problem = profile_rows = PositionRows(data, rests, links, context, prior, scatter)
     parameters = _first_point(problem, estimated)
     start = PositionPoint(parameters, _first_attitudes(problem, parameters), np.zeros((len(problem.chains), 2)))
     point, (posterior, best), converged = gauss_newton(partial(_step, problem, estimated), start, MAX_ITERATIONS)
+    kinds = _not_redundant(problem, best, point.attitudes)
     for _ in range(MAX_REWEIGHTINGS):
         before, scatter = scatter, _scatter(problem, best, point.attitudes)
+        scatter = replace(scatter, **{kind: max(getattr(scatter, kind), getattr(assumed, kind)) for kind in kinds})
         if scatter.agrees_with(before):
             break
         problem = PositionRows(data, rests, links, context, prior, scatter)
@@ -96,6 +103,7 @@ def fit_positions(
         chi2=float(best.residual[observed] @ best.residual[observed]),
         freedom=best.redundancy(best.H[observed]),
         scatter=scatter,
+        assumed=kinds,
         force_residual=force * np.sqrt(problem.force_variance)[:, None],
         turn_residual=turn.reshape(-1, 3) * np.sqrt(problem.turn_variance)[:, None],
         converged=converged,
@@ -152,7 +160,30 @@ def _step(
 
 
 def _scatter(problem: PositionRows, at: LinearSolution, attitudes: FloatArray) -> Scatter:
-    """Return the noise of rests and motions in excess of the profile, from their weighted residuals.
+    """Return the noise of rests and motions in excess of the profile, from their weighted residuals."""
+    gyros = 3 if problem.per_rest == 6 else 0
+    variances = {
+        "force": (problem.force_variance, problem.force_noise),
+        "rate": (np.repeat(problem.rate_variance, gyros), np.repeat(problem.rate_noise, gyros)),
+        "turn": (np.repeat(problem.turn_variance, 3), np.repeat(problem.turn_noise, 3)),
+    }
+    residual = at.residual[: problem.observations]
+    scatter = {}
+    for kind, selection in _selections(problem, attitudes).items():
+        weighted, noise = variances[kind]
+        redundancy = at.redundancy(selection @ at.H[: problem.observations])
+        scatter[kind] = excess(selection @ residual * np.sqrt(weighted), noise, redundancy)
+    return Scatter(**scatter)
+
+
+def _not_redundant(problem: PositionRows, at: LinearSolution, attitudes: FloatArray) -> tuple[str, ...]:
+    """Return the kinds of scatter, ``force`` and ``turn``, that the recording does not measure."""
+    rows = {kind: s @ at.H[: problem.observations] for kind, s in _selections(problem, attitudes).items()}
+    return tuple(kind for kind in ("force", "turn") if len(rows[kind]) and at.redundancy(rows[kind]) < MIN_REDUNDANCY)
+
+
+def _selections(problem: PositionRows, attitudes: FloatArray) -> dict[str, FloatArray]:
+    """Return the combinations of rows, shape (k, observations), that measure each kind of scatter.
 
     Only the force along gravity is used, because the perpendicular force also depends on the errors of the motions.
     """
@@ -164,15 +195,7 @@ def _scatter(problem: PositionRows, at: LinearSolution, attitudes: FloatArray) -
     identity = np.eye(rows)
     gyros = 3 if per_rest == 6 else 0
     rate = identity[np.add.outer(per_rest * np.arange(n), np.arange(3, 3 + gyros)).ravel()]
-    scatter = []
-    for selection, weighted, profile in (
-        (force, problem.force_variance, problem.force_noise),
-        (rate, np.repeat(problem.rate_variance, gyros), np.repeat(problem.rate_noise, gyros)),
-        (identity[per_rest * n :], np.repeat(problem.turn_variance, 3), np.repeat(problem.turn_noise, 3)),
-    ):
-        H = selection @ at.H[:rows]
-        scatter.append(excess(selection @ at.residual[:rows] * np.sqrt(weighted), profile, at.redundancy(H)))
-    return Scatter(*scatter)
+    return {"force": force, "rate": rate, "turn": identity[per_rest * n :]}
 
 
 def position_sensitivity(
