@@ -9,7 +9,7 @@ from pydantic import BaseModel
 from calstation.design.design import STAGE, Variation
 from calstation.estimation import Solution
 from calstation.estimation.common import PlannedSamples, SampleBlock, SolveContext, stage_data
-from calstation.estimation.effects import MAX_EXCESS, EffectLimit, EffectTests, plausible_changes, table_priors
+from calstation.estimation.effects import MAX_EXCESS, EffectLimit, EffectTests, known_effects, plausible_changes
 from calstation.estimation.navigation import result_sensitivity, solve_navigation
 from calstation.physics import NAMES, Dwell, FloatArray, Move, RoundEnd, TableGeometry
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
@@ -108,7 +108,7 @@ class Trial:
         mask = np.array([name in names for name in NAMES])
         data = stage_data(list(blocks), self._context.imu)
         solution = solve_navigation(data, self._context, self._prior, mask)
-        priors = table_priors(self._prior.sigma, (), self._context.table)
+        priors = known_effects(self._prior.sigma, (), self._context)
         tests = EffectTests(plausible_changes(self._context.imu, self._meta.turn_on_sigmas), (), priors)
         tests.add(STAGE, result_sensitivity(solution, data, self._context, mask), names)
         largest: dict[tuple[str, str], EffectLimit] = {}

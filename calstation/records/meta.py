@@ -80,6 +80,8 @@ class ImuSection(StrictModel):
     accel_bias_instability: float = Field(default=0.0, ge=0)
     gyro_quantisation: float | None = Field(default=None, ge=0)  #: None for one count.
     accel_quantisation: float | None = Field(default=None, ge=0)  #: None for one count.
+    bandwidth_hz: float | None = Field(default=None, gt=0, exclude_if=lambda bandwidth: bandwidth is None)
+    coning_compensated: bool = Field(default=False, exclude_if=lambda compensated: not compensated)
 
 
 class StoredPairSection(StrictModel):

@@ -19,7 +19,7 @@ from calstation.estimation.common import (
     resolves_earth_rate,
     with_gravity,
 )
-from calstation.estimation.effects import plausible_changes, table_priors
+from calstation.estimation.effects import known_effects, plausible_changes
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import TableQuantity, TableRests, gather, table_axes, table_rests
 from calstation.judgement import DataTests, ModelTests
@@ -73,7 +73,7 @@ class StageChain:
         #: Parameters that compensate the effect of the registers, which yields the uncalibrated output.
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
         imu = self._context.imu
-        priors = table_priors(self.prior.sigma, states, self._context.table)
+        priors = known_effects(self.prior.sigma, states, self._context)
         self.model_tests = ModelTests(plausible_changes(imu, meta.turn_on_sigmas), states, priors)
         self._resting = RestOutput(imu) if diagnostics and resolves_earth_rate(imu) else None
         self._table_rests: list[TableRests] = []

@@ -25,7 +25,7 @@ from calstation.estimation.common import (
     consider_update,
     stage_data,
 )
-from calstation.estimation.effects import plausible_changes, table_priors
+from calstation.estimation.effects import known_effects, plausible_changes
 from calstation.estimation.navigation import solve_navigation
 from calstation.judgement import ModelTests
 from calstation.physics import (
@@ -271,7 +271,7 @@ def _solve(
     bound = Posterior(truth.parameters, posterior.covariance)
     estimated = np.zeros(len(NAMES), dtype=np.bool_)
     nis, seconds = {}, 0.0
-    priors = table_priors(posterior.sigma, case.states, context.table)
+    priors = known_effects(posterior.sigma, case.states, context)
     model, joint = ModelTests(plausible_changes(context.imu, {}), case.states, priors), posterior
     effects_covariance: FloatArray = np.zeros_like(posterior.covariance)
     for stage in case.stages:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from calstation.estimation.effects import EffectLimit, EffectTests, table_priors
+from calstation.estimation.effects import EffectLimit, EffectTests, known_effects
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G
 from calstation.results import one_blas_thread
 from calstation.simulation.study import GRADES, draw_unit, simulate_stages, study_prior
@@ -41,7 +41,7 @@ def limits_of(grade: str) -> list[EffectLimit]:
     truth, context = draw_unit(grade, 1, "estimated", instability=False)
     data = simulate_stages(truth, 1, list(DEFAULT_STAGES), {})
     posterior = study_prior(grade, "estimated")
-    tests = EffectTests(posterior.sigma, (), table_priors(posterior.sigma, (), context.table))
+    tests = EffectTests(posterior.sigma, (), known_effects(posterior.sigma, (), context))
     for stage in DEFAULT_STAGES:
         solver = method(stage).solver(context, posterior, method(stage).schedule())
         solver.feed(data[stage])

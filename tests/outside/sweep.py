@@ -55,6 +55,7 @@ class Case:
     settings: dict[str, Any] = field(default_factory=dict)
     product: str = ""  #: Default: the product of the grade with four stages.
     table_entries: dict[str, Any] = field(default_factory=dict)  #: Entries of [table] in the log.
+    imu_entries: dict[str, Any] = field(default_factory=dict)  #: Entries of [imu] in the log.
     states: tuple[str, ...] = ()  #: Effects in the model.
 
 
@@ -94,7 +95,7 @@ def run(case: Case) -> Outcome:
     settings = bench_config(resolved)
     assert settings is not None
     config = BenchConfig.model_validate(bench_settings(case, settings))
-    imu = meta.imu.model_copy(update={"sample_rate_hz": config.sample_rate_hz})
+    imu = meta.imu.model_copy(update={"sample_rate_hz": config.sample_rate_hz, **case.imu_entries})
     table = meta.table.model_copy(update=case.table_entries)
     model = ModelSection(states=list(case.states)) if case.states else meta.model
     meta = meta.model_copy(update={"imu": imu, "table": table, "model": model})

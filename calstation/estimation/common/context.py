@@ -59,12 +59,19 @@ class ImuModel:
     accel_bias_instability: float = 0.0  #: m/s²
     gyro_quantisation: float | None = None  #: Step to which the gyro output is rounded; None if it is one count.
     accel_quantisation: float | None = None  #: The same for the accelerometers.
+    bandwidth_hz: float | None = None  #: -3 dB bandwidth of a low-pass of all channels, Hz; None without one.
+    coning_compensated: bool = False  #: Whether a gyro increment is a rotation vector, which includes coning.
 
     @property
     def quantisation(self) -> tuple[float, float]:
         """Steps to which the output of gyros and accelerometers is rounded, unit as for `output`; 0 for no rounding."""
         gyro, accel = self.gyro_quantisation, self.accel_quantisation
         return self.gyro_lsb if gyro is None else gyro, self.accel_lsb if accel is None else accel
+
+    @property
+    def half_variance(self) -> float:
+        """Half the variance of the impulse response of a first-order low-pass, s²; 0 without a bandwidth."""
+        return 0.0 if self.bandwidth_hz is None else 0.5 / (2.0 * np.pi * self.bandwidth_hz) ** 2
 
     @property
     def rate_factor(self) -> float:

@@ -71,12 +71,18 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
     seq, time, counts = block.seq[valid], block.time[valid], np.asarray(block.counts[valid], np.float64)
     broken = (np.diff(seq) != 1) | _time_jumps(seq, time, dt)
     cuts = np.concatenate([[0], np.flatnonzero(broken) + 1, [len(seq)]])
+    gyro = _scaled(counts[:, :3], imu.gyro_lsb * imu.rate_factor)
+    accel = _scaled(counts[:, 3:], imu.accel_lsb * imu.rate_factor)
+    if imu.coning_compensated:
+        gyro = _without_coning(gyro, dt)
+    if imu.half_variance:
+        gyro, accel = (_without_low_pass(x, imu.half_variance / dt**2) for x in (gyro, accel))
     return StageData(
         dt=dt,
         seq=seq,
         time=time,
-        gyro=_scaled(counts[:, :3], imu.gyro_lsb * imu.rate_factor),
-        accel=_scaled(counts[:, 3:], imu.accel_lsb * imu.rate_factor),
+        gyro=gyro,
+        accel=accel,
         angles=block.angles[valid],
         step=block.step[valid],
         segments=tuple((int(a), int(b)) for a, b in itertools.pairwise(cuts) if b > a),
@@ -84,6 +90,26 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
         others=block.others[valid],
         joints=block.joints[valid],
     )
+
+
+def _without_coning(rate: FloatArray, dt: float) -> FloatArray:
+    """Return the mean rates of increments that are rotation vectors, rad/s, shape (n, 3).
+
+    To third order, a rotation vector exceeds the integral of the rate by (Δθ_(k−1) × Δθ_k)/12 (Savage 1998).
+    """
+    return np.asarray(rate - dt / 12.0 * np.cross(np.concatenate([rate[:1], rate[:-1]]), rate))
+
+
+def _without_low_pass(values: FloatArray, half_variance: float) -> FloatArray:
+    """Remove a low-pass from samples, shape (n, 3), except its mean delay, which is common to all channels.
+
+    The output is x + c d²x/dt² to second order, with half the variance c of the impulse response, here in samples². The
+    second derivative is taken over so many samples that the noise grows little.
+    """
+    step = max(1, int(np.ceil(2.0 * np.sqrt(half_variance))))
+    padded = np.pad(values, ((step, step), (0, 0)), mode="edge")
+    curvature = padded[2 * step :] - 2.0 * values + padded[: -2 * step]
+    return np.asarray(values - half_variance / step**2 * curvature)
 
 
 class StageBuffer:

@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from typing import NamedTuple
 
-from calstation.estimation.common import TableModel
+from calstation.estimation.common import SolveContext
 from calstation.physics import EFFECTS, OUTER_LEVER, Effect, FloatArray
 
 
@@ -23,17 +23,23 @@ def plausible(effect: Effect) -> EffectPrior:
     return EffectPrior(count * (0.0,), count * (effect.plausible or float("nan"),))
 
 
-def table_priors(before: FloatArray, states: Collection[str], table: TableModel) -> dict[str, EffectPrior]:
-    """Return the priors of the effects of a table, by cause.
+def known_effects(before: FloatArray, states: Collection[str], context: SolveContext) -> dict[str, EffectPrior]:
+    """Return the priors of the effects of which the profiles of table and IMU state something, by cause.
 
     Without a state `axis_offset`, the profile of the table bounds the offset. If the outer lever arm is estimated, it
-    is measured from the point of the inner axis that the profile states, and the offset along that axis is fixed.
+    is measured from the point of the inner axis that the profile states, and the offset along that axis is fixed. A
+    low-pass in the profile of the IMU has been removed from the samples as one of first order; the variance of the
+    impulse response of other filters with the same bandwidth is between 0 and twice that.
 
     Parameters
     ----------
     before : sigmas of the parameters before calibration, shape (30,)
     states : effects that are estimated without a bound
-    table : table with its offset
+    context : models of table and IMU
     """
+    table, half_variance = context.table, context.imu.half_variance
     sigma = plausible(_OFFSET).sigma[0] if _OFFSET.cause in states else table.axis_offset_sigma
-    return {_OFFSET.cause: EffectPrior(table.axis_offset, (sigma, 0.0 if before[OUTER_LEVER].any() else sigma))}
+    priors = {_OFFSET.cause: EffectPrior(table.axis_offset, (sigma, 0.0 if before[OUTER_LEVER].any() else sigma))}
+    if half_variance:
+        priors["low_pass"] = EffectPrior((0.0,), (half_variance,))
+    return priors
