@@ -13,7 +13,6 @@ from calstation.judgement import ModelTests, check_limits, judge
 from calstation.physics import COUNT, NAMES
 from calstation.records import MODEL_KINDS
 
-CONTEXT = SolveContext(Site(0.6, 1.9, 0.0), ImuModel("", 100.0, "rate", 1e-6, 1e-6, 1e-5, 1e-4), TableModel())
 PRIOR = Posterior(np.zeros(COUNT), np.eye(COUNT))
 SOLVED = Solution("rate", Posterior(np.zeros(COUNT), 0.01 * np.eye(COUNT)), NAMES, Consistency(1.0, 0.9, 1.1, 100))
 FOUND = ModelTest("effects", 50.0, 30.0, "1", Diagnosis("gyro_cubic"))
