@@ -88,9 +88,9 @@ def _program(
         from calstation.gui.shell import main
 
         return main()
-    from calstation.cli.errors import complain
+    from calstation.cli.errors import print_error
 
-    complain(say("cli.no_screen"))
+    print_error(say("cli.no_screen"))
     return _run(["run"], debug=bool(context.obj))
 
 
@@ -126,10 +126,10 @@ def run_app(arguments: list[str]) -> int:
 
 def _report(error: BaseException, arguments: list[str], debug: bool) -> int:
     """Show the error that ended a command and return the exit code."""
-    from calstation.cli.errors import complain, usage_error
+    from calstation.cli.errors import print_error, usage_error
 
     if isinstance(error, typer.Abort | KeyboardInterrupt):
-        complain(say("cli.aborted"))
+        print_error(say("cli.aborted"))
         return 4
     if debug:
         traceback.print_exception(error)
@@ -137,10 +137,10 @@ def _report(error: BaseException, arguments: list[str], debug: bool) -> int:
         error = usage_error(error, arguments)
     if isinstance(error, CalstationError):
         logger.error("%s: %s", type(error).__name__, error)
-        complain(sentence(error.as_text))
+        print_error(sentence(error.as_text))
         return error.exit_code
     logger.error("the command ended with a programming error", exc_info=error)
-    complain(say("cli.internal", words=f"{type(error).__name__}: {error}"))
+    print_error(say("cli.internal", words=f"{type(error).__name__}: {error}"))
     return 2 if isinstance(error, OSError) else 3
 
 

@@ -19,9 +19,15 @@ def ask_person(badge: str, *, pin: bool = True) -> Person:
 def ask_people(
     by: str | None, confirmed_by: str | None, default: str, *, pin: bool = False
 ) -> tuple[Person, Person | None]:
-    """Return the acting person, by default `default`, and the confirming person or None.
+    """Return the acting person, and the confirming person or None.
 
-    Named persons must enter their PIN; `default` must do so only if `pin` is set or a second person confirms.
+    Named persons must enter their PIN; the default person must do so only if `pin` is set or a second person confirms.
+
+    Parameters
+    ----------
+    by, confirmed_by : badges of the acting and the confirming person, if named
+    default : badge or name of the acting person by default
+    pin : whether `default` must always enter a PIN
     """
     first = ask_person(by or default, pin=pin or bool(by) or confirmed_by is not None)
     return first, None if confirmed_by is None else ask_person(confirmed_by)

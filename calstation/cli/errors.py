@@ -20,7 +20,7 @@ _USAGE_CODES = {
 }
 
 
-def complain(text: str) -> None:
+def print_error(text: str) -> None:
     """Write an error as one line to standard error."""
     sys.stderr.write(f"calstation: {text}\n")
 

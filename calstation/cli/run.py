@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 from rich.table import Table
 
 from calstation.cli.confirmation import confirm_override
-from calstation.cli.errors import command_options, complain, complete_commands, station_options
+from calstation.cli.errors import command_options, complete_commands, print_error, station_options
 from calstation.cli.show import emit_json, on_interrupt, on_line, result_table, show_line
 from calstation.cli.text import say, sentence, term
 from calstation.config import RegisterOperation, RunRequest, load_station
@@ -60,8 +60,16 @@ def run_command(
 ) -> int:
     """Run a calibration and return the exit code.
 
-    `answers` contains, by the subject of the question, the answer given by an option, or None without the option; for
-    a check standard, the answer is the reason for the override. Raises ConfigurationError if the request is invalid.
+    Raises ConfigurationError if the request is invalid.
+
+    Parameters
+    ----------
+    request : run to start
+    json : file for the result JSON, ``-`` for standard output, or None
+    answers : answers given by options, by the subject of the question; None without the option. For a check standard,
+        the answer is the reason for the override
+    confirmed_by : badge of the second person who confirms an override
+    debug : whether to show the traceback of a programming error
     """
     request = _ask_questions(request, answers, confirmed_by)
     finalized: list[Finalized] = []
@@ -78,7 +86,7 @@ def run_command(
         elif finalized:
             _show_run(finalized[0], json, request)
         if fault is not None:
-            return complain_fault(fault, request, debug=debug)
+            return print_fault(fault, request, debug=debug)
     return max((_EXIT_CODES.get(run.verdict, 3) for run in finalized), default=3)
 
 
@@ -143,8 +151,11 @@ def engine_events(
 ) -> Iterator[Event]:
     """Run the engine, show its events and yield them; Ctrl-C requests a safe stop.
 
-    `work` is the job for the engine, by default the request itself. After every event, the claims of other stations
-    to the unit, which `new_claims` returns, are shown.
+    Parameters
+    ----------
+    request : run that is shown
+    work : job for the engine, by default the request itself
+    new_claims : returns the claims of other stations to the unit; shown after every event
     """
     options = command_options(request.station, request.product, request.out, request.slot)
     console = Console(stderr=True)
@@ -169,15 +180,15 @@ def engine_events(
             yield event
 
 
-def complain_fault(fault: Fault, request: RunRequest, *, debug: bool) -> int:
+def print_fault(fault: Fault, request: RunRequest, *, debug: bool) -> int:
     """Show the fault that ended the engine's job, with its remedy, and return the exit code."""
     if fault.code:
         options = command_options(request.station, request.product, request.out, request.slot)
-        complain(sentence(Text(fault.code, {**fault.values, **options})))
+        print_error(sentence(Text(fault.code, {**fault.values, **options})))
     elif fault.kind == INTERNAL and not debug:
-        complain(say("cli.internal", words=fault.text.strip().splitlines()[-1]))
+        print_error(say("cli.internal", words=fault.text.strip().splitlines()[-1]))
     else:
-        complain(fault.text)
+        print_error(fault.text)
     return fault.exit_code
 
 

@@ -186,7 +186,13 @@ def _is_shared(setup: RunConfiguration) -> bool:
 
 
 def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
-    """Return a message if table and IMU share a port, or do not share one, contrary to the profile; otherwise None."""
+    """Return a message if table and IMU share a port, or do not share one, contrary to the profile, or None.
+
+    Parameters
+    ----------
+    profile : table profile, which determines whether the axes use the link of the IMU
+    table, imu : ports
+    """
     same, shared = _device_of(table, "table") == _device_of(imu, "imu"), profile.protocol == "imu_link"
     if same and not shared:
         return Text.of("connection.same_port", port=imu)

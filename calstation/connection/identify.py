@@ -70,6 +70,12 @@ def identify(
     """Query both devices for their identity; if a device does not reply, close both and search for the cause.
 
     Raises DeviceFaultError if a device does not reply or is not the expected device.
+
+    Parameters
+    ----------
+    table, imu : open devices; None for the IMU if several units are identified one by one
+    link : ports, profiles and serial settings of both
+    check_cancelled : called during the search; may raise
     """
     try:
         identity = table.identify()

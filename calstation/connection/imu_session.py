@@ -148,6 +148,14 @@ def apply_to_unit(
     """Job: apply the solution of a recording to the current output of its unit.
 
     Raises InputError if the recording cannot be read, and the errors of `read_unit` and `ImuOutput.applied`.
+
+    Parameters
+    ----------
+    progress : called with the progress
+    path : recording that was solved
+    station, product : files; None for the defaults
+    before, after : parameters before and after the calibration, shape (30,), SI
+    seconds : duration of the captured output, s
     """
     progress(0.0)
     output = read_unit(progress, open_log(path).meta.imu.serial, path, station, product, seconds)
@@ -162,10 +170,17 @@ def read_unit(
     product: Path | None,
     seconds: float = SECONDS,
 ) -> ImuOutput | OtherUnit:
-    """Read `seconds` of output of the unit `serial` in the fixture; nothing moves, and nothing is written to the unit.
+    """Read the output of the unit in the fixture; nothing moves, and nothing is written to the unit.
 
-    If there is a recording, the fixture of a virtual bench contains the unit of the recording. Raises DeviceFaultError
-    or ConfigurationError.
+    Raises DeviceFaultError or ConfigurationError.
+
+    Parameters
+    ----------
+    progress : called with the progress
+    serial : serial number of the unit
+    recording : recording of the unit, which a virtual bench then contains; None for none
+    station, product : files; None for the defaults
+    seconds : duration of the captured output, s
     """
     setup = load_configuration(RunRequest(serial, station, product))
     if setup.station.bench is not None and recording is not None:

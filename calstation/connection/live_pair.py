@@ -160,12 +160,12 @@ class LivePair:
                 continue
             end = self._end = float(block.time[-1])
             yield block  # has been aligned with the previous offsets
-            self._note_alignment(end, aligned)
+            self._report_alignment(end, aligned)
             begin = float(block.time[0]) if begin is None else begin
             if seconds is not None and end - begin >= seconds:
                 return
 
-    def _note_alignment(self, time: float, aligned: list[int]) -> None:
+    def _report_alignment(self, time: float, aligned: list[int]) -> None:
         """Report to the session which secondaries have been aligned again, and which are no longer aligned."""
         watch = self.session.watch
         for index, secondary in enumerate(self.session.context.secondaries):
@@ -193,7 +193,13 @@ def open_pair(
 ) -> Iterator[LivePair]:
     """Open and identify all IMUs of a station, read the registers of the primary, and close all ports on exit.
 
-    `folder` contains the stored calibrations of pairs. Raises DeviceFaultError or ConfigurationError.
+    Raises DeviceFaultError or ConfigurationError.
+
+    Parameters
+    ----------
+    setup : configuration of the IMUs
+    folder : stored calibrations of pairs
+    check_cancelled : called while a bench starts; may raise
     """
     with ExitStack() as stack:
         at = stack.enter_context(endpoints(setup, check_cancelled))

@@ -29,7 +29,7 @@ MAX_QUEUED = 1000
 #: Number of replacements per local worker and time without a result, s, after which the workers are abandoned.
 _MAX_REPLACEMENTS, _MAX_SILENCE = 3, 120.0
 #: Number of workers that may terminate while solving a log before it is abandoned, since other reasons are possible.
-_MAX_DEATHS = 6
+_MAX_TERMINATIONS = 6
 #: Time without a process after which a local worker is replaced, s; its nanny usually restarts it immediately.
 _RESTART_TIMEOUT = 10.0
 #: Interval at which `stop` is checked, s.
@@ -55,7 +55,7 @@ def worker_count(scheduler: str) -> int | None:
 def started_cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
     """Connect to a scheduler, or start local workers, and prepare the workers."""
     settings = {
-        "distributed.scheduler.allowed-failures": _MAX_DEATHS,
+        "distributed.scheduler.allowed-failures": _MAX_TERMINATIONS,
         "distributed.scheduler.worker-saturation": 1.0,
         "distributed.comm.timeouts.connect": _CONNECT_TIMEOUT,
     }
@@ -137,7 +137,16 @@ def _replace_workers(
 def solve_logs(
     client: Client, assignment: Assignment, logs: Sequence[StoredLog], stop: threading.Event, scheduler: str
 ) -> Iterator[Status]:
-    """Yield the status of each log in the order of completion until `stop` is set."""
+    """Yield the status of each log in the order of completion until `stop` is set.
+
+    Parameters
+    ----------
+    client : connection to the scheduler
+    assignment : settings common to all tasks
+    logs : logs to solve
+    stop : no further log is assigned once it is set
+    scheduler : address of the scheduler, for error messages
+    """
     completed: SimpleQueue[Future[Status]] = SimpleQueue()
     remaining = iter(logs)
     running: dict[Hashable, tuple[Future[Status], StoredLog]] = {}

@@ -14,14 +14,14 @@ from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, FloatArray
 
 #: Fraction of the progress that belongs to the update of the columns.
-_UPDATE = 0.9
+_UPDATE_FRACTION = 0.9
 
 
 def update_progress(report: ProgressCallback, begin: float) -> ProgressCallback:
     """Return a progress callback for the update of one of two versions, which begins at the fraction `begin`."""
 
     def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-        report(_UPDATE * (begin + 0.5 * fraction))
+        report(_UPDATE_FRACTION * (begin + 0.5 * fraction))
 
     return show
 

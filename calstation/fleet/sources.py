@@ -18,7 +18,7 @@ from calstation.records import LogMeta, log_format
 #: Name of the source that consists of all logs in the archive of the database.
 ARCHIVE = "archive"
 #: Properties of a file that change with its content, in various file systems.
-_STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "modify")
+_STAMP_PROPERTIES = ("ETag", "etag", "mtime", "LastModified", "last_modified", "modify")
 
 
 class Origin(NamedTuple):
@@ -166,7 +166,7 @@ def _location(system: Any, source: str, root: str, name: str) -> str:
 
 def _fingerprint(files: Sequence[Mapping[str, Any]]) -> str | None:
     """Return a stamp that changes with the files, or None if the file system does not provide one."""
-    stamps = [next((info[name] for name in _STAMPS if info.get(name) is not None), None) for info in files]
+    stamps = [next((info[name] for name in _STAMP_PROPERTIES if info.get(name) is not None), None) for info in files]
     if None in stamps:
         return None
     return " ".join(f"{info.get('size')} {stamp}" for info, stamp in zip(files, stamps, strict=True))

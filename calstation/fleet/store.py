@@ -151,13 +151,29 @@ def require_version(connection: Connection, version: str) -> None:
 def find_solution(
     engine: Engine, settings: SolveSettings, log_sha256: str, configuration_sha256: str
 ) -> StoredSolution | None:
-    """Return the last solution of a log, or None if there is none."""
+    """Return the last solution of a log, or None if there is none.
+
+    Parameters
+    ----------
+    engine : database
+    settings : version, range, stages and diagnostics of the solution
+    log_sha256 : digest of the log
+    configuration_sha256 : digest of the log's configuration
+    """
     with engine.connect() as connection:
         return _solution(connection, _key(settings, log_sha256, configuration_sha256))
 
 
 def add_location(engine: Engine, log: StoredLog, log_sha256: str | None, origin: Origin) -> None:
-    """Store the digest of the log in a file, or None if the file was not read to its end, to avoid reading it again."""
+    """Store the digest of the log in a file, so that the file need not be read again.
+
+    Parameters
+    ----------
+    engine : database
+    log : location and fingerprint of the file
+    log_sha256 : digest of the log; None if the file was not read to its end
+    origin : station, product and start of the log
+    """
     with engine.begin() as connection:
         _add_location(connection, log, log_sha256, origin)
 

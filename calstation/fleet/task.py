@@ -39,7 +39,7 @@ from calstation.records import Log, LogMeta, locked, open_log
 from calstation.results import SCHEMA, Result, resolve_log, warm_up
 
 #: Delays before another attempt to reach a file or the database, s.
-PAUSES = (1.0, 3.0, 10.0)
+RETRY_DELAYS = (1.0, 3.0, 10.0)
 #: Timeout for another process of this host that compiles the kernels, s.
 _COMPILE_TIMEOUT = 600.0
 
@@ -220,7 +220,16 @@ def _digest(meta: LogMeta) -> str:
 
 
 def failed_result(error: CalstationError, meta: LogMeta | None, file: str, sha256: str, configuration: str) -> Result:
-    """Return the result for a log that cannot be solved."""
+    """Return the result for a log that cannot be solved.
+
+    Parameters
+    ----------
+    error : why the log cannot be solved
+    meta : configuration of the log; None if it cannot be read
+    file : location of the log
+    sha256 : digest of the log
+    configuration : digest of the configuration
+    """
     run = meta.run if meta is not None else None
     return Result.model_validate(
         {
@@ -291,7 +300,7 @@ def _engine(database: str) -> Engine:
 
 def _with_retries(action: Callable[[], T]) -> T:
     """Return the result of an action, which is repeated while it raises UnreachableError."""
-    for pause in PAUSES:
+    for pause in RETRY_DELAYS:
         try:
             return action()
         except UnreachableError:

@@ -114,13 +114,13 @@ def _check(result: Result, log: Log, chain: StageChain) -> None:
     solved = solved_parameters(solutions)
     for name, row in result.parameters.items():
         parameter = solved.get(name)
-        if parameter is None or not _agree(row, parameter):
+        if parameter is None or not _is_consistent(row, parameter):
             raise InputError("report.other_values", file=log.path, parameter=name)
     if result.passed and judge(log.meta, chain.prior, solutions).passed is False:
         raise InputError("report.other_verdict", file=log.path)
 
 
-def _agree(row: Parameter, parameter: Parameter) -> bool:
+def _is_consistent(row: Parameter, parameter: Parameter) -> bool:
     """Return whether the value and the sigma agree within a thousandth of the sigma."""
     tolerance = ROUNDING * parameter.sigma
     pairs = ((row.value, parameter.value), (row.sigma, parameter.sigma))

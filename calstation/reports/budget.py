@@ -23,7 +23,7 @@ from calstation.results import Result, StageChain, solve, solved_parameters
 BudgetProgress = Callable[[float, str], None]
 
 #: Number of blocks into which the samples of a monitored chain are divided.
-_PIECES = 160
+_BLOCK_COUNT = 160
 #: Relative change of the variance of a source from which the derivative is computed.
 _STEP = 1e-3
 #: Latitude error for which the effect is stated, °.
@@ -57,8 +57,15 @@ class Budget:
 def uncertainty_budget(log: Log, result: Result, meta: LogMeta, base: StageChain, progress: BudgetProgress) -> Budget:
     """Return the uncertainty budget of a result. Raises InputError.
 
-    The chain `base` has solved the log with the configuration `meta`. The log is solved once more for every source and
+    The log is solved once more for every source and
     for a different latitude.
+
+    Parameters
+    ----------
+    log, result : log and its result
+    meta : configuration with which the log was solved
+    base : chain that has solved the log
+    progress : called with the completed fraction and the stage
     """
     changes = [source for source in SOURCES if source not in ("gravity", "other")]
     before = _variances(base)
@@ -96,8 +103,13 @@ def solve_again(
 ) -> StageChain:
     """Solve the stages of a result again with the configuration `meta`.
 
-    `chain` is a new chain that the caller monitors; without it, data and model are not tested. If `on_block` is given,
-    the samples are divided into `_PIECES` blocks, and it is called after every block.
+    Parameters
+    ----------
+    log, result : log, and the result whose stages are solved
+    meta : configuration
+    progress : called with the completed fraction and the stage
+    chain : new chain that the caller monitors; without it, data and model are not tested
+    on_block : called after every block; the samples are then divided into `_BLOCK_COUNT` blocks
     """
     first, last = result.log.first_seq, result.log.last_seq
 
@@ -108,7 +120,7 @@ def solve_again(
         if on_block is None:
             yield from log.blocks(first, last)
             return
-        size = -(-(last - first + 1) // _PIECES)
+        size = -(-(last - first + 1) // _BLOCK_COUNT)
         for block in log.blocks(first, last):
             on_block(block)
             for begin in range(0, len(block), size):

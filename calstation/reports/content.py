@@ -88,10 +88,17 @@ def build_certificate(
     issued: date | None = None,
     budget: Budget | None = None,
 ) -> Certificate:
-    """Build the first issue of the certificate for a result; `meta` is the configuration in its log.
+    """Build the first issue of the certificate for a result.
 
-    The default date of issue is `earliest_issue`. Raises InputError if this date is unknown, or if the result has no
+    Raises InputError if the date of issue is unknown, or if the result has no
     parameters.
+
+    Parameters
+    ----------
+    result : result of a run or of a log solved again
+    meta : configuration in its log
+    issued : date of issue; by default `earliest_issue`
+    budget : uncertainty budget; None if it was not computed
     """
     if not result.parameters:
         raise InputError("report.no_parameters", log=result.log.file)

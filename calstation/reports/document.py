@@ -142,7 +142,7 @@ class _Document:
 
     def _group(self, group: str, rows: Sequence[Quantity]) -> dict[str, Any]:
         return {
-            "name": _capital(term("group", group, self._language)),
+            "name": _capitalised(term("group", group, self._language)),
             "unit": unit_of_parameter(rows[0].name)[0],
             "rows": [self._row(group, quantity) for quantity in rows],
         }
@@ -176,7 +176,7 @@ class _Document:
             "words": stage.replace("_", " "),
         }
         return (
-            _capital(self._in_certificate_terms(render(code, values, self._language, window=True).text))
+            _capitalised(self._in_certificate_terms(render(code, values, self._language, window=True).text))
             if known(code)
             else check.name
         )
@@ -222,7 +222,7 @@ class _Document:
             u = max(display(q.name, q.sigma)[0] for q in known_rows)
             rows.append(
                 {
-                    "name": _capital(term("group", group, self._language)),
+                    "name": _capitalised(term("group", group, self._language)),
                     "unit": unit_of_parameter(known_rows[0].name)[0],
                     "shares": [max(0.0, shares[source]) for source in SOURCES],
                     "standard": rounded(u, u),
@@ -250,7 +250,7 @@ class _Document:
             change, turn_on = ([display(names[0], value)[0] for value in values] for values in reversed(changes))
             rows.append(
                 {
-                    "name": _capital(term("group", group, self._language)),
+                    "name": _capitalised(term("group", group, self._language)),
                     "unit": unit_of_parameter(names[0])[0],
                     "power_up": short(float(f"{max(turn_on):.2g}")) if turn_on else NONE,
                     "latitude": short(float(f"{max(change):.2g}")) if change else NONE,
@@ -266,7 +266,7 @@ class _Document:
             *(name for name in registers if name not in INDEX),
         ]:
             before, after = (exact(display(name, value)[0]) for value in registers[name])
-            text, unit = _capital(parameter_name(name, self._language)), unit_of_parameter(name)[0]
+            text, unit = _capitalised(parameter_name(name, self._language)), unit_of_parameter(name)[0]
             rows.append({"name": text, "unit": unit, "before": before, "after": after})
         return rows
 
@@ -337,7 +337,7 @@ class _Document:
             unit, size = check_unit(row.unit)
             rows.append(
                 {
-                    "text": _capital(term("verification_check", row.name, self._language)),
+                    "text": _capitalised(term("verification_check", row.name, self._language)),
                     "value": short(row.value / size),
                     "expected": short(row.expected / size),
                     "tolerance": short(row.tolerance / size),
@@ -383,7 +383,7 @@ class _Document:
             "convergence": [self._convergence(*group) for group in self._groups if self._converges(group[1])],
             "observability": [
                 {
-                    "name": _capital(term("group", group, self._language)),
+                    "name": _capitalised(term("group", group, self._language)),
                     "rows": [
                         {"axis": _axis(group, q.name), "ratio": analysis.before[i] / analysis.after[i]}
                         for q in rows
@@ -410,7 +410,7 @@ class _Document:
                     "decision": q.decision,
                 }
             )
-        return {"name": _capital(term("group", group, self._language)), "points": points} if points else None
+        return {"name": _capitalised(term("group", group, self._language)), "points": points} if points else None
 
     def _converges(self, rows: Sequence[Quantity]) -> bool:
         """Return whether a solver reported sigmas before the end of the stage."""
@@ -421,7 +421,7 @@ class _Document:
         unit, size = unit_of_parameter(rows[0].name)
         limits = [q.sigma_limit for q in rows if q.sigma_limit is not None]
         return {
-            "name": _capital(term("group", group, self._language)),
+            "name": _capitalised(term("group", group, self._language)),
             "unit": unit,
             "limit": min(limits) / size if limits else None,
             "lines": [
@@ -462,7 +462,7 @@ def _axis(group: str, name: str) -> str:
     return f"{axis} ({number})" if number else axis
 
 
-def _capital(text: str) -> str:
+def _capitalised(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 

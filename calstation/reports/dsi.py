@@ -41,7 +41,14 @@ def dsi_unit(*units: str) -> str:
 
 
 def real(value: float, unit: str, sigma: float | None = None) -> etree._Element:
-    """Return a quantity with its D-SI unit and, if `sigma` is given, its expanded uncertainty."""
+    """Return a quantity with its D-SI unit and, if `sigma` is given, its expanded uncertainty.
+
+    Parameters
+    ----------
+    value : value, SI
+    unit : product of SI units, such as ``rad/s``
+    sigma : standard uncertainty, SI
+    """
     element = _SI("real", _SI("value", _number(value)), _SI("unit", unit))
     if sigma is not None:
         expanded = _SI(

@@ -18,7 +18,7 @@ from calstation.results import History, Result, load_result
 _TIMEOUT_S = 5.0
 
 #: Translation that removes the characters that begin a ZPL command, which a value must not contain.
-_NO_COMMANDS = str.maketrans("^~", "  ")
+_COMMAND_REMOVAL = str.maketrans("^~", "  ")
 
 
 def label_template(result: Result) -> Path | None:
@@ -81,7 +81,7 @@ def label_fields(result: Result) -> dict[str, str]:
 
 
 def _fill_template(template: Path, result: Result) -> str:
-    fields = {name: text.translate(_NO_COMMANDS) for name, text in label_fields(result).items()}
+    fields = {name: text.translate(_COMMAND_REMOVAL) for name, text in label_fields(result).items()}
     try:
         return string.Template(template.read_text(encoding="utf-8")).substitute(fields)
     except OSError as exc:

@@ -40,7 +40,15 @@ def typeset(
 ) -> bytes:
     """Return the PDF of a certificate, which is identical for identical input.
 
-    Templates in `folder` take precedence over those of the site and the shipped ones. Raises InputError.
+    Raises InputError.
+
+    Parameters
+    ----------
+    certificate : content of the certificate
+    analysis : analysis of the samples of its log
+    language : language of the texts
+    attachments : embedded files
+    folder : templates that take precedence over those of the site and the shipped ones
     """
     from typst import TypstError
 

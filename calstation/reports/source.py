@@ -132,6 +132,12 @@ def difference(one: Any, other: Any, rounding: float, scale: float = 0.0) -> str
 
     Numbers agree within `rounding` times the `sigma` next to them or, without one, times the largest number of their
     row; whole numbers must be equal.
+
+    Parameters
+    ----------
+    one, other : JSON values
+    rounding : tolerance of numbers, relative to their scale
+    scale : scale of numbers without a `sigma`
     """
     if isinstance(one, dict) and isinstance(other, dict):
         pairs = {key: (one.get(key, ...), other.get(key, ...)) for key in (*other, *one)}

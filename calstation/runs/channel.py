@@ -10,13 +10,13 @@ from typing import Any
 from calstation.sequencer import LOSSY, Command, Event, to_json
 
 #: Heartbeat message, to which the listener replies with the same message.
-BEAT = "beat"
+HEARTBEAT = "beat"
 
 #: Host time between two heartbeats, s.
-BEAT_EVERY = 0.25
+HEARTBEAT_INTERVAL = 0.25
 
 #: Host time without a reply to a heartbeat after which the listener is considered frozen, s.
-LISTENER_SILENT_AFTER = 10.0
+LISTENER_TIMEOUT = 10.0
 
 _MAX_QUEUED = 10_000
 _FLUSH_TIMEOUT = 5.0
@@ -38,7 +38,7 @@ class Channel:
         on_lost: Callable[[], None],
         on_silent: Callable[[], None],
         alive: Callable[[], bool],
-        silent_after: float = LISTENER_SILENT_AFTER,
+        silent_after: float = LISTENER_TIMEOUT,
     ) -> None:
         self._connection = connection
         self._on_command, self._on_lost, self._on_silent = on_command, on_lost, on_silent
@@ -59,7 +59,7 @@ class Channel:
         try:
             self._queue.put_nowait(to_json(event))
         except Full:
-            self._lose()
+            self._report_loss()
 
     def close(self) -> None:
         """Send all queued events, then close the connection."""
@@ -75,9 +75,9 @@ class Channel:
             while not self._lost.is_set():
                 now = time.monotonic()
                 if now >= due:
-                    due = now + BEAT_EVERY
+                    due = now + HEARTBEAT_INTERVAL
                     if self._alive():
-                        self._connection.send(BEAT)
+                        self._connection.send(HEARTBEAT)
                         if self._unanswered_since is None:
                             self._unanswered_since = now
                 try:
@@ -88,12 +88,12 @@ class Channel:
                     return
                 self._connection.send(message)
         except Exception:  # noqa: BLE001 - after any error, the listener is lost
-            self._lose()
+            self._report_loss()
 
     def _receive(self) -> None:
         while True:
             try:
-                if not self._connection.poll(BEAT_EVERY):
+                if not self._connection.poll(HEARTBEAT_INTERVAL):
                     # Only if there is nothing to read, because after a delay of the engine the reply may be in the
                     # pipe.
                     since = self._unanswered_since
@@ -102,14 +102,14 @@ class Channel:
                         self._on_silent()
                     continue
                 text = self._connection.recv()
-                if text != BEAT:
+                if text != HEARTBEAT:
                     self._on_command(Command(text))
             except Exception:  # noqa: BLE001 - end of the pipe, or invalid data
-                self._lose()
+                self._report_loss()
                 return
             self._unanswered_since = None
 
-    def _lose(self) -> None:
+    def _report_loss(self) -> None:
         if not self._lost.is_set() and not self._closing:
             self._lost.set()
             self._on_lost()

@@ -29,7 +29,7 @@ _ENDS = {State.DONE: End.COMPLETED, State.STOPPED: End.STOPPED, State.FAULT: End
 _RUN_IN_SEQUENCE = "import json, subprocess, sys\nfor command in json.loads(sys.argv[1]):\n    subprocess.run(command)"
 
 #: Longest time for which an unresponsive network share may delay the verdict, s.
-_SEARCH_S = 2.0
+_SEARCH_TIMEOUT = 2.0
 
 #: Processes that may outlive the engine; without a reference, Python would issue a warning about them.
 _started: list[subprocess.Popen[bytes]] = []
@@ -104,7 +104,7 @@ def report_command(setup: RunConfiguration, result_file: Path, emit: Emit) -> li
     missing: list[EntryError] = []
     search = Thread(target=lambda: missing.extend(missing_report_paths(section, source.path)), daemon=True)
     search.start()
-    search.join(_SEARCH_S)
+    search.join(_SEARCH_TIMEOUT)
     if missing:
         logger.warning("no automatic report of %s: %s", result_file, missing[0])
         emit(Message("certificate_not_made", {"path": str(missing[0].values["path"])}))

@@ -14,11 +14,11 @@ from calstation import __version__, applog
 from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.jobs import ChildProcess
-from calstation.runs.channel import BEAT, Channel
+from calstation.runs.channel import HEARTBEAT, Channel
 from calstation.sequencer import Command, Control, Event, Fault, Finalized, Settled, StopReason, from_json
 
 #: Maximum duration of an uninterruptible wait for a message, s.
-_SLICE = 0.2
+_MAX_WAIT = 0.2
 
 #: Host time without a message, while the listener polls, after which the engine is considered frozen, s.
 FROZEN_AFTER = 2.0
@@ -65,7 +65,7 @@ class Engine:
         return cls(ChildProcess("engine", _engine, request), units)
 
     @property
-    def _has_ending(self) -> bool:
+    def _has_ended(self) -> bool:
         """Whether every unit has a verdict, or the run has a fault."""
         return self._pending_units <= 0
 
@@ -89,8 +89,8 @@ class Engine:
         """
         last = time.monotonic()
         while not self.ended:
-            for event in self._read(_EVENTS_FROZEN_AFTER, _SLICE):
-                if isinstance(event, Fault) and not event.slot and not self._has_ending:
+            for event in self._read(_EVENTS_FROZEN_AFTER, _MAX_WAIT):
+                if isinstance(event, Fault) and not event.slot and not self._has_ended:
                     raise DeviceFaultError(event.code, **event.values)
                 yield event
                 last = time.monotonic()
@@ -134,13 +134,13 @@ class Engine:
                 break
             except EOFError:
                 self.ended = True
-                if not self._has_ending:
+                if not self._has_ended:
                     self.process.join(0.02)  # wait for its exit code
                     events.append(self._fault("run.engine_ended", exit_code=self.process.exitcode))
                 break
             received = True
-            if message == BEAT:
-                self._send(BEAT)
+            if message == HEARTBEAT:
+                self._send(HEARTBEAT)
             else:
                 event = from_json(message)
                 self._has_event = True
@@ -149,7 +149,7 @@ class Engine:
                 elif isinstance(event, Fault) and not event.slot:
                     self._pending_units = 0
                 events.append(event)
-        if not self.ended and self._becomes_frozen(received, frozen_after):
+        if not self.ended and self._has_become_frozen(received, frozen_after):
             events.append(self._fault("run.engine_silent"))
         return events
 
@@ -157,13 +157,13 @@ class Engine:
         if not self.ended:
             self._child.send(text)
 
-    def _becomes_frozen(self, received: bool, frozen_after: float) -> bool:
+    def _has_become_frozen(self, received: bool, frozen_after: float) -> bool:
         """Return whether the engine has just become frozen; time in which the listener did not poll does not count."""
         now = time.monotonic()
         if received:
             self._silence, self._frozen = 0.0, False
         else:
-            self._silence += min(now - self._polled, _SLICE)
+            self._silence += min(now - self._polled, _MAX_WAIT)
         self._polled = now
         if self._frozen or self._silence <= (frozen_after if self._has_event else _FIRST_EVENT_TIMEOUT):
             return False

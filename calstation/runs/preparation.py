@@ -158,8 +158,15 @@ def prepare(
 ) -> tuple[PreparedRun, ...]:
     """Perform all checks that need no open device, and return the run of each unit.
 
-    `hooks` replaces the hooks of the station. Raises ConfigurationError or InputError if the run is not possible as
+    Raises ConfigurationError or InputError if the run is not possible as
     requested.
+
+    Parameters
+    ----------
+    request : run of a unit or of a batch
+    emit : called with every event
+    control : commands to the run
+    hooks : replaces the hooks of the station
     """
     cycle, continuation = Cycle(), None
     if request.resume is not None:

@@ -204,8 +204,14 @@ class Continuation:
     ) -> LastSample:
         """Copy the finished stages into the new log and solve them again; return the last sample copied.
 
-        `on_block` is called before every block and may raise an exception; `on_solved` is called with each solution.
         Raises InputError if the solution of a stage differs from that of the original run.
+
+        Parameters
+        ----------
+        log : new log, which is open and empty
+        chain : solver chain of the new run
+        on_block : called before every block; may raise
+        on_solved : called with the solution of each stage
         """
         last: SampleBlock | None = None
         for stage, block in self._blocks():

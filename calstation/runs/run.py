@@ -42,8 +42,15 @@ logger = logging.getLogger(__name__)
 def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHooks] | None = None) -> None:
     """Execute a run, write a result JSON next to each log, and emit the verdict on every unit.
 
-    `hooks` replaces the hooks of the station, see `station_hooks`. Raises ConfigurationError or InputError, before any
+    Raises ConfigurationError or InputError, before any
     device is opened, if the run is not possible as requested.
+
+    Parameters
+    ----------
+    request : run to execute
+    emit : called with every event
+    control : commands to the run
+    hooks : replaces the hooks of the station, see `station_hooks`
     """
     units = prepare(request, emit, control, hooks)
     first = units[0]

@@ -132,7 +132,13 @@ class Acquisition:
         self.last_arrival = clock.now()
 
     def poll(self, status: TableStatus, requested: float, replied: float) -> None:
-        """Add a poll of the table with the station times of request and reply, s; a slow poll is ignored."""
+        """Add a poll of the table, unless it was so slow that the time of its angles is unknown.
+
+        Parameters
+        ----------
+        status : state of the table
+        requested, replied : station times of the request and the reply, s
+        """
         if replied - requested > MAX_POLL_DURATION:
             return
         middle = 0.5 * (requested + replied) - self._latency

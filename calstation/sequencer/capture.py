@@ -57,6 +57,13 @@ def verification_data(
     the next capture begins. The result has no entry for a unit that leaves the run during the capture.
 
     Raises DeviceFaultError, or UnitRestarted if a stream was interrupted.
+
+    Parameters
+    ----------
+    runner : executes the moves
+    path : path to follow
+    units : units whose output is captured
+    is_reference : whether the data are a reference for a later capture
     """
     units = tuple(units)
     rests, opposites = [_rest(runner, units)], []

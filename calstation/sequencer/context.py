@@ -16,7 +16,7 @@ from calstation.judgement import Judgement
 from calstation.physics import FloatArray, GimbalTurn, TableGeometry
 from calstation.sequencer.control import Control, State
 from calstation.sequencer.events import LOSSY, Event, to_json
-from calstation.sequencer.plan import SETTLE, StagePlan
+from calstation.sequencer.plan import SETTLE_TIME, StagePlan
 from calstation.sequencer.verification_path import VerificationData
 
 if TYPE_CHECKING:  # the window uses tasks but not logs
@@ -100,7 +100,7 @@ class Task:
     geometry: TableGeometry
     by_hand: bool = False
     latency: float = 0.0
-    settle: float = SETTLE
+    settle: float = SETTLE_TIME
     load_angle: tuple[float, float] = (0.0, 0.0)
     travel_rate: float = np.deg2rad(90.0)
     travel_acceleration: float = np.deg2rad(90.0)

@@ -15,7 +15,7 @@ from calstation.sequencer.guard import check_joints, latched_fault_error
 from calstation.sequencer.units import StepInvalid, Unit, Units
 
 #: Minimum host time between two events that only refresh a display, s.
-_SHOW_TABLE, _SHOW_PROGRESS = 0.1, 0.5
+_TABLE_INTERVAL, _PROGRESS_INTERVAL = 0.1, 0.5
 
 #: Host time of a tick above which a warning is logged, s.
 _SLOW_TICK = 1.0
@@ -102,7 +102,14 @@ class ControlLoop:
     def wait(
         self, condition: Callable[[], bool], timeout: float, failure: CalstationError | Callable[[], CalstationError]
     ) -> None:
-        """Tick until `condition` is true; after `timeout` s (station time), raise `failure` or the error it returns."""
+        """Tick until `condition` is true or the timeout has expired.
+
+        Parameters
+        ----------
+        condition : evaluated after every tick
+        timeout : station time, s
+        failure : error to raise after the timeout, or a function that returns it
+        """
         clock = self.context.clock
         deadline = clock.now() + timeout
         while not condition():
@@ -161,7 +168,7 @@ class ControlLoop:
 
     def _show(self) -> None:
         now, emit = time.monotonic(), self.context.emit
-        if now - self._table_shown_at >= _SHOW_TABLE:
+        if now - self._table_shown_at >= _TABLE_INTERVAL:
             self._table_shown_at = now
             (outer, inner), (outer_rate, inner_rate) = self.status.angles, self.status.rates
             if np.isfinite(self.status.angles).all():
@@ -172,7 +179,7 @@ class ControlLoop:
             for unit in self.units:
                 unit.trace()
         started = any(unit.acquisition.newest_time is not None for unit in self.units)
-        if now - self._progress_shown_at >= _SHOW_PROGRESS and started:
+        if now - self._progress_shown_at >= _PROGRESS_INTERVAL and started:
             self._progress_shown_at = now
             self._on_show()
 

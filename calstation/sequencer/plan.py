@@ -24,7 +24,7 @@ from calstation.sequencer.events import StageProgress
 _MAX_STEPS = 10_000
 
 #: Default settling time after a move if the table's profile does not specify one, s.
-SETTLE = 1.5
+SETTLE_TIME = 1.5
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,11 @@ class StopRule:
     def reason(self, rounds: int, elapsed: float, sigma: FloatArray | None) -> str | None:
         """Return why to stop at the end of a round: ``rounds``, ``duration`` or ``targets``, or None to continue.
 
-        `elapsed` is IMU time, s; `sigma` has shape (30,), SI, or is None if unknown.
+        Parameters
+        ----------
+        rounds : number of completed rounds
+        elapsed : IMU time since the start of the stage, s
+        sigma : standard deviations of the parameters, shape (30,), SI; None if unknown
         """
         if self.rounds is not None and rounds >= self.rounds:
             return "rounds"
@@ -70,7 +74,7 @@ class StagePlan:
     rule: StopRule = field(default_factory=StopRule)
 
 
-class StageTrack:
+class StageTracker:
     """Progress of a stage, or of a round of an open-ended stage, whose planned `duration` is in s."""
 
     def __init__(self, stage: str, duration: float) -> None:
@@ -107,8 +111,15 @@ def move_time(start: tuple[float, float], move: Move) -> float:
     return distance / rate + rate / acceleration
 
 
-def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) -> float:
-    """Return the duration of a step from joint angles `start`, rad, including `settle` s after a move, s."""
+def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE_TIME) -> float:
+    """Return the duration of a step, s.
+
+    Parameters
+    ----------
+    step : step of a plan
+    start : joint angles before the step, rad
+    settle : settling time after a move, s
+    """
     if isinstance(step, Move):
         return move_time(start, step) + settle
     if isinstance(step, ManualMove):
@@ -121,12 +132,19 @@ def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) ->
 
 
 def planned(
-    steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE
+    steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE_TIME
 ) -> Iterator[tuple[Step, float]]:
-    """Yield the steps that a run will execute from joint angles `start`, rad, and the duration of each step, s.
+    """Yield the steps that a run will execute, and the duration of each step, s.
 
     A repeated plan ends after its rounds or its duration. If only the targets or the operator can end it, one round is
     returned.
+
+    Parameters
+    ----------
+    steps : steps of the plan
+    rule : stop rule of the plan
+    start : joint angles before the first step, rad
+    settle : settling time after a move, s
     """
     elapsed = 0.0
     for step in islice(steps, _MAX_STEPS):
@@ -139,7 +157,7 @@ def planned(
             return
 
 
-def plan_time(steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE) -> float:
+def plan_time(steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE_TIME) -> float:
     """Return the duration of the steps from `planned`, s, up to the usual number of rounds of the rule."""
     total = 0.0
     for step, seconds in planned(steps, rule, start, settle):

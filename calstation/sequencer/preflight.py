@@ -18,7 +18,7 @@ from calstation.sequencer.unit_stream import check_unit
 from calstation.sequencer.units import Unit
 
 #: Period over which the temperature slope is computed, s, and minimum time at rest before it is computed, s.
-_SLOPE_OVER, _SLOPE_AFTER = 60.0, 20.0
+_SLOPE_PERIOD, _MIN_SLOPE_TIME = 60.0, 20.0
 
 
 class Preflight:
@@ -174,7 +174,7 @@ class _WarmUp:
 
     def __init__(self, unit: Unit, begin: float, now: float) -> None:
         self._acquisition, self._limits, self._begin = unit.acquisition, unit.slot.unit.preflight, begin
-        slope_after = 0.0 if self._limits.warm_up_slope is None else _SLOPE_AFTER
+        slope_after = 0.0 if self._limits.warm_up_slope is None else _MIN_SLOPE_TIME
         self.end = max(begin + self._limits.warm_up, now + slope_after)
         self._track: deque[tuple[float, float]] = deque()
 
@@ -185,7 +185,7 @@ class _WarmUp:
         recent, track = self._acquisition.recent, self._track
         if recent is not None and recent[1] is not None:
             track.append((now, recent[1]))
-        while track and now - track[0][0] > _SLOPE_OVER:
+        while track and now - track[0][0] > _SLOPE_PERIOD:
             track.popleft()
         return now >= self.end and abs(_slope(track)) <= self._limits.warm_up_slope
 

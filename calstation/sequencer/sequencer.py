@@ -13,7 +13,7 @@ from calstation.sequencer.control import State, StopRequested
 from calstation.sequencer.driving import POLL, RunDriver
 from calstation.sequencer.events import Message, StageEnded, StageRanked, StageStarted, solution_events
 from calstation.sequencer.guard import check_limits, check_travel
-from calstation.sequencer.plan import StagePlan, StageTrack, plan_time, planned, step_time
+from calstation.sequencer.plan import StagePlan, StageTracker, plan_time, planned, step_time
 from calstation.sequencer.units import Unit
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class Sequencer:
             raise ValueError("a run needs a log, a solver chain and an evaluation for every unit")
         self._context = context
         self._solved_before = len(context.slot.solved)
-        self._track: StageTrack | None = None
+        self._track: StageTracker | None = None
         self._drive = RunDriver(context, self._show_progress)
         self._units = self._drive.units
 
@@ -187,7 +187,7 @@ class Sequencer:
         drive, clock, units = self._drive, self._context.clock, self._units
         begin = {unit: unit.acquisition.newest_time or 0.0 for unit in units}
         rounds = 0
-        track = self._track = StageTrack(stage.name, duration)
+        track = self._track = StageTracker(stage.name, duration)
         self._show_progress()
         for step in stage.steps():
             if isinstance(step, RoundEnd):
@@ -198,7 +198,7 @@ class Sequencer:
                 if reasons[0] and all(reasons):
                     return reasons[0], rounds
                 if stage.rule.open_ended:
-                    track = self._track = StageTrack(stage.name, duration)
+                    track = self._track = StageTracker(stage.name, duration)
             else:
                 track.begin(clock.now(), step_time(step, drive.runner.position(), self._context.task.settle))
                 drive.runner.run(step)

@@ -26,10 +26,10 @@ from calstation.sequencer.unit_stream import UnitStream
 from calstation.sequencer.units import StepInvalid, Unit
 
 #: Largest distance from its target at which a settled joint has arrived, rad.
-ARRIVED = np.deg2rad(0.5)
+ARRIVAL_TOLERANCE = np.deg2rad(0.5)
 
 #: Number of repetitions of a step due to invalid samples after which a unit is considered faulty.
-REPEATS = 3
+MAX_REPETITIONS = 3
 
 #: Duration of the rest before a repeated move, in which the solvers determine the attitude and the angles again, s.
 _REST_BEFORE_REPEAT = 5.0
@@ -37,7 +37,7 @@ _REST_BEFORE_REPEAT = 5.0
 _RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
 
 #: Minimum host time between two events that only refresh a display, s.
-_SHOW = 0.2
+_DISPLAY_INTERVAL = 0.2
 
 logger = logging.getLogger(__name__)
 
@@ -92,7 +92,7 @@ class OperatorGuide:
         """Emit changes immediately, and other updates a few times per second."""
         state, index, shown_at = self._last_shown
         moment = time.monotonic()
-        if (state, index) == (now.state, step.index) and moment - shown_at < _SHOW:
+        if (state, index) == (now.state, step.index) and moment - shown_at < _DISPLAY_INTERVAL:
             return
         self._last_shown = (now.state, step.index, moment)
         self._context.emit(
@@ -181,7 +181,7 @@ class StepRunner:
             except StepInvalid as invalid:
                 for unit, reason in invalid.reasons.items():
                     repeats[unit] += 1
-                    if repeats[unit] > REPEATS:
+                    if repeats[unit] > MAX_REPETITIONS:
                         self.units.leave(unit, DeviceFaultError(f"stream.repeated_{reason}"))
                         continue
                     logger.warning("step %d repeated: %s %s", self.tags.step, unit.slot.unit.serial, reason)
@@ -220,7 +220,7 @@ class StepRunner:
     def arrived(self, target: tuple[float, float]) -> bool:
         """Return whether the table is at rest and settled at `target` (rad)."""
         status = self.control_loop.status
-        return status.settled and not status.moving and self._distance(target) < ARRIVED
+        return status.settled and not status.moving and self._distance(target) < ARRIVAL_TOLERANCE
 
     def _distance(self, target: tuple[float, float]) -> float:
         """Return the larger distance of the two joints from `target`, rad."""
@@ -229,7 +229,7 @@ class StepRunner:
     def _arrival_error(self, target: tuple[float, float]) -> DeviceFaultError:
         status, distance = self.control_loop.status, self._distance(target)
         target_deg = {"outer_deg": float(np.rad2deg(target[0])), "inner_deg": float(np.rad2deg(target[1]))}
-        if distance < ARRIVED:
+        if distance < ARRIVAL_TOLERANCE:
             return DeviceFaultError("motion.not_settled", **target_deg)
         if status.settled and not status.moving:
             return DeviceFaultError("motion.off_target", away_deg=float(np.rad2deg(distance)), **target_deg)

@@ -17,16 +17,16 @@ _SPEED_FRACTION = 0.9
 
 _FULL_TURN, _HALF_TURN, _QUARTER_TURN = 2.0 * np.pi, np.pi, 0.5 * np.pi
 #: Candidates for the angle of a turn, rad, of which the first one within the travel is used.
-_AMOUNTS = tuple(np.deg2rad(v) for a in (180.0, 90.0, 30.0) for v in (a, -a))
+_TURN_ANGLES = tuple(np.deg2rad(v) for a in (180.0, 90.0, 30.0) for v in (a, -a))
 #: Candidates for a turn without a reference; full turns come first, because the encoder error cancels in them.
-_WHOLE_AMOUNTS = (_FULL_TURN, -_FULL_TURN, *_AMOUNTS)
+_FULL_TURN_ANGLES = (_FULL_TURN, -_FULL_TURN, *_TURN_ANGLES)
 
 #: Candidates for the move of the inner joint, rad, after which the outer joint turns about another body axis.
-_QUARTERS = tuple(np.deg2rad(v) for a in (90.0, 30.0) for v in (a, -a))
+_INNER_ANGLES = tuple(np.deg2rad(v) for a in (90.0, 30.0) for v in (a, -a))
 
 _LEG_STEP = np.deg2rad(90.0)
 #: Minimum angle between gravity in the body frame and its direction at all previous rests for a further rest, rad.
-_NEW_UP = np.deg2rad(20.0)
+_MIN_NEW_ANGLE = np.deg2rad(20.0)
 
 
 @dataclass(frozen=True)
@@ -92,9 +92,9 @@ def verification_path(
     max_rate : largest rate, rad/s
     compared : whether the turns are compared with a reference along the same path, so that half turns suffice
     """
-    path = _PathBuilder(start, geometry, table_limits, max_rate, _AMOUNTS if compared else _WHOLE_AMOUNTS)
+    path = _PathBuilder(start, geometry, table_limits, max_rate, _TURN_ANGLES if compared else _FULL_TURN_ANGLES)
     amount_out = path.amount(OUTER)
-    quarter = path.first(INNER, _QUARTERS)
+    quarter = path.first(INNER, _INNER_ANGLES)
     path.turn(OUTER, amount_out)
     path.go(path.extra_quarter(amount_out), quarter)
     path.turn(OUTER, -amount_out)
@@ -133,7 +133,7 @@ class _PathBuilder:
         for amount in amounts:
             if self._reaches(joint, amount):
                 return float(amount)
-        angle_deg = float(np.rad2deg(_AMOUNTS[-2]))
+        angle_deg = float(np.rad2deg(_TURN_ANGLES[-2]))
         raise ConfigurationError("motion.no_turn", axis=JOINTS[joint], angle_deg=angle_deg)
 
     def extra_quarter(self, angle: float) -> float:
@@ -209,11 +209,11 @@ class _PathBuilder:
 
     def _is_new(self, pose: tuple[float, float]) -> bool:
         """Return whether gravity has a new axis in the body frame."""
-        return bool(np.abs(self._cosines(pose)).max() < np.cos(_NEW_UP))
+        return bool(np.abs(self._cosines(pose)).max() < np.cos(_MIN_NEW_ANGLE))
 
     def _is_opposite(self, pose: tuple[float, float]) -> bool:
         """Return whether gravity is, for the first time, opposite to its direction at a rest."""
-        return not self._has_opposite and bool(self._cosines(pose).min() <= -np.cos(_NEW_UP))
+        return not self._has_opposite and bool(self._cosines(pose).min() <= -np.cos(_MIN_NEW_ANGLE))
 
     def _cosines(self, pose: tuple[float, float]) -> FloatArray:
         return np.array([up for _, up in self._rest_poses]) @ self._up(pose)

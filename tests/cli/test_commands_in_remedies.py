@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from calstation.cli.errors import command_options, complete_commands
-from calstation.cli.run import _Display, complain_fault
+from calstation.cli.run import _Display, print_fault
 from calstation.config import RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.messages import Text
@@ -21,7 +21,7 @@ STATION = "--station 'line 3.toml' --product unit.toml"
 
 def printed(error: CalstationError, request: RunRequest, capsys: pytest.CaptureFixture[str]) -> str:
     """Return the error line printed for a fault."""
-    assert complain_fault(Fault.of(error), request, debug=False) == error.exit_code
+    assert print_fault(Fault.of(error), request, debug=False) == error.exit_code
     return capsys.readouterr().err
 
 

@@ -109,7 +109,7 @@ def test_methods_that_require_gyros_report_their_absence(calstation: Run, tmp_pa
     path = write_log(tmp_path, *without_gyros('stage = { value = "excitation" }\n'))
     done = calstation("resolve", path)
     assert done.code == 2
-    assert "The method needs gyros, and the recording has accelerometers alone." in done.err
+    assert "The method needs gyros, but the recording contains only accelerometers." in done.err
     assert "needs gyros" in calstation("check", path).out
 
 

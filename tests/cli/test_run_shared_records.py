@@ -47,7 +47,7 @@ def test_run_is_shared_and_warns_if_another_station_claims_its_unit(
         where = ("--station", site.station, "--product", site.product, "--out", out)
         done = calstation("run", *where, "--serial", "SN-000042", "--json", "-")
         assert done.code == 0, done.err
-        assert "SN-000042 is also being calibrated by li at line 2 since" in done.err
+        assert "SN-000042 has also been claimed for calibration by li at line 2 since" in done.err
     run = (Path(done.json["log"]["file"]).stem, "test bench")
     eventually(lambda: in_database(shared_database) == [run])
     eventually(lambda: read_state(out).pending == 0)

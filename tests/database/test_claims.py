@@ -72,7 +72,9 @@ def test_two_stations_that_scan_the_same_unit_are_both_warned(shared_database: s
     utc = there[0].since
     assert abs(datetime.now(UTC) - utc) < timedelta(minutes=5)
     text = event_text(there[0].message.id, there[0].message.values)
-    assert sentence(text) == f"SN-0 is also being calibrated by li at line 1 since {utc.astimezone():%H:%M}."
+    assert (
+        sentence(text) == f"SN-0 has also been claimed for calibration by li at line 1 since {utc.astimezone():%H:%M}."
+    )
     assert sentence(text, "zh_CN") == f"SN-0 自 {utc.astimezone():%H:%M} 起也在 line 1 由 li 标定。"
 
 

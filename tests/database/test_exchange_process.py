@@ -305,7 +305,7 @@ def test_commands_exchange_runs_and_show_the_state(
     common = ["--station", str(station), "--out", str(folder)]
     assert run_app(["database", "upgrade", "--station", str(station)]) == 0
     assert run_app(["database", "upgrade", shared_database]) == 0
-    line = f"The tables of the database {shared_database} have this version already; nothing was changed.\n"
+    line = f"The tables of the database {shared_database} already have this version; nothing was changed.\n"
     assert capsys.readouterr().err == 2 * line
     assert run_app(["database", "exchange", *common]) == 0
     assert "All runs of the folder are in the shared database." in capsys.readouterr().err
@@ -327,7 +327,7 @@ def test_missing_folder_is_refused_and_not_created(
     options = ["--station", str(station)] if "exchange" in command else []
     assert run_app(["database", *command, "--out", str(missing), *options]) == 2
     out, err = capsys.readouterr()
-    assert (out, f"{missing}: No such folder of runs. Give an existing one with --out." in err) == ("", True)
+    assert (out, f"{missing}: No such folder of runs. Give an existing folder with --out." in err) == ("", True)
     assert not missing.exists()
     assert not (tmp_path / "shared.sqlite").exists()
 

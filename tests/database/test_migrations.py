@@ -37,7 +37,7 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 def test_migrations_create_the_declared_tables(url: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_app(["database", "upgrade", url]) == 0
-    line = f"The tables of the database {url} were created or brought to this version.\n"
+    line = f"The tables of the database {url} were created or upgraded to this version.\n"
     assert capsys.readouterr().err == line
     assert not upgrade(url)  # tables of this version are not changed
     engine = create_engine(url)

@@ -155,7 +155,7 @@ def test_logs_in_s3_are_solved_and_an_outage_affects_only_its_log(
     assert (second.solved_now, second.already_there, second.processed) == (1, 1, 1)
     alone = resolve_fleet(replace(request, sources=(f"{bucket}/2026/{logs[0].name}",)))
     assert (alone.already_there, alone.processed) == (1, 0)  # the same stamp as in the list of the folder
-    monkeypatch.setattr(task, "PAUSES", (0.0,))
+    monkeypatch.setattr(task, "RETRY_DELAYS", (0.0,))
     monkeypatch.setattr(task, "get_worker", lambda: type("Worker", (), {"local_directory": str(tmp_path)}))
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")  # nothing answers there
     s3fs.S3FileSystem.clear_instance_cache()

@@ -103,7 +103,7 @@ def test_solution_rejected_by_postgresql_fails_only_its_log(
 def on_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., task.Status]:
     """The task of a worker, run in this process without pauses between attempts."""
     monkeypatch.setattr(task, "get_worker", lambda: type("Worker", (), {"local_directory": str(tmp_path)}))
-    monkeypatch.setattr(task, "PAUSES", (0.0, 0.0, 0.0))
+    monkeypatch.setattr(task, "RETRY_DELAYS", (0.0, 0.0, 0.0))
     task._engine.cache_clear()
 
     def solve_log(url: str, log: StoredLog, **more: Any) -> task.Status:
@@ -275,13 +275,13 @@ def test_log_that_cannot_be_downloaded_is_retried_and_not_stored_as_failed(
     broken.damage = None if damage is None else staticmethod(damage)
     digest = hashlib.sha256(logs[0].read_bytes()).hexdigest()
     log = replace(stored(logs[0], file_sha256=digest), location=f"broken://{logs[0]}")
-    broken.left = len(task.PAUSES) + 1
+    broken.left = len(task.RETRY_DELAYS) + 1
     status = on_worker(url, log)
     assert (status.outcome, status.error["error_code"], broken.left) == ("unreachable", code, 0)
     assert "\n" not in status.error["error"]
     connect(url).dispose()
     assert column(url, "outcome") == []
-    broken.left = len(task.PAUSES)
+    broken.left = len(task.RETRY_DELAYS)
     assert on_worker(url, log).outcome == "solved"
 
 

@@ -230,7 +230,7 @@ def test_design_is_saved_as_a_product_and_selected(designer: Designer) -> None:
     designer.press("save_as_button")
     name = designer.widget("design_name_edit", QLineEdit)
     assert name.text() == "short_fast"
-    for wrong, problem in (("short fast", "Only letters"), ("short", "keeps its own stages"), ("", "Type a name")):
+    for wrong, problem in (("short fast", "Only letters"), ("short", "keeps its own stages"), ("", "Enter a name")):
         designer.type("design_name_edit", wrong)
         assert problem in designer.why_not("save_design_button")
     designer.type("design_name_edit", "short_fast")

@@ -316,7 +316,7 @@ def test_schedule_is_validated_previewed_and_saved_to_the_product(
     assert np.ptp(engineer.page.preview.preview.outer) == pytest.approx(4.0 * np.pi)
 
     engineer.press("reset_schedule_button")
-    assert "are the product's" in engineer.why_not("save_product_button")
+    assert "are those of the product" in engineer.why_not("save_product_button")
     engineer.type("schedule_rate_dwell_s", "6.5")
     engineer.type("engineer_name_edit", "")
     assert "name" in engineer.why_not("save_product_button")
@@ -329,7 +329,7 @@ def test_schedule_is_validated_previewed_and_saved_to_the_product(
     assert stored["schedule"]["rate"] == {**PRODUCT["schedule"]["rate"], "dwell_s": 6.5}
     assert versions.list_versions("products", "short")[0].author == "wang"
     assert engineer.widget("schedule_rate_dwell_s", QLineEdit).text() == "6.5"
-    assert "are the product's" in engineer.why_not("save_product_button")
+    assert "are those of the product" in engineer.why_not("save_product_button")
 
 
 def test_confirmation_prompt_disappears_when_its_subject_changes(engineer: Engineer) -> None:
@@ -366,9 +366,9 @@ def test_selection_changed_during_the_preview_makes_it_outdated(engineer: Engine
     engineer.press("preview_button")
     engineer.tick("stage_check_six_position")
     engineer.until(lambda: not engineer.page.preview.watch.busy)
-    assert "the choice has changed since" in engineer.widget("preview_summary", QLabel).text()
+    assert "the selection has changed" in engineer.widget("preview_summary", QLabel).text()
     engineer.preview()
-    assert "the choice has changed since" not in engineer.widget("preview_summary", QLabel).text()
+    assert "the selection has changed" not in engineer.widget("preview_summary", QLabel).text()
 
 
 @pytest.mark.long
@@ -584,7 +584,7 @@ def test_write_to_another_unit_is_refused_with_a_reason_at_the_button(engineer: 
     ask_to_write(engineer)
     engineer.type("engineer_serial_edit", "SN-000007")
     assert "Write 1 registers" not in engineer.says(), "the question was about the unit in the fixture"
-    reason = f"Unit SN-000007 is in the fixture, the result is of {SERIAL}."
+    reason = f"Unit SN-000007 is in the fixture, but the result is for {SERIAL}."
     assert engineer.why_not("write_registers_button") == reason
     assert engineer.widget("write_reason_label", QLabel).isVisible()
     assert engineer.widget("write_reason_label", QLabel).text() == reason
@@ -677,7 +677,7 @@ def test_partial_run_shows_its_stages_and_when_registers_were_written(engineer: 
     assert (rows["gyro_scale_x"]["In the unit"], rows["gyro_scale_x"]["New"]) == ("500.0000", "500.0000")
     assert (rows["gyro_scale_y"]["In the unit"], rows["gyro_scale_y"]["Change"]) == ("100.0000", "0")
     engineer.show_view(5)
-    assert "as the run wrote it and read it back, 2026-11-21" in engineer.says()
+    assert "as written and read back by the run, 2026-11-21" in engineer.says()
 
 
 def test_guard_band_shows_acceptance_limits_and_risk_of_wrong_decisions(engineer: Engineer) -> None:
@@ -707,7 +707,7 @@ def test_guard_band_shows_acceptance_limits_and_risk_of_wrong_decisions(engineer
     index = table.model().index(0, table.model().columnCount() - 1)
     hint = table.model().data(index, Qt.ItemDataRole.ToolTipRole)
     assert "the true value is within the limits with a probability of 84 %" in hint
-    assert "0.2 % are accepted though outside, 5 % refused though within" in hint
+    assert "0.2 % are accepted although outside the limits, 5 % refused although within" in hint
 
 
 def test_schedule_beyond_the_travel_is_explained_in_both_languages(qapp: QApplication) -> None:

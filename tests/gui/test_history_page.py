@@ -225,7 +225,7 @@ def test_period_filter_excludes_older_runs(page: HistoryPage, runs: dict[str, Pa
 def test_details_give_the_reason(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     listed_runs(page, qtbot)
     select_row(page, 1, qtbot)
-    assert page.details.reason_label.text() == "Every value is inside its limits."
+    assert page.details.reason_label.text() == "Every value is within its limits."
     assert len(page.details.trend._plot.listDataItems()[0].xData) == 3
     select_row(page, 2, qtbot)
     assert page.details.reason_label.text() == "No more data arrive.\nCheck cable, power and port."
@@ -243,7 +243,7 @@ def test_details_give_the_reason(page: HistoryPage, runs: dict[str, Path], qtbot
 def test_details_show_an_overridden_check_standard(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
     write_run(folder, "SN-000005", "passed", timedelta(minutes=3), standard_override="golden unit is away")
     listed_runs(page, qtbot)
-    qtbot.waitUntil(lambda: "in order: golden unit is away" in page.details.reason_label.text(), timeout=WAIT)
+    qtbot.waitUntil(lambda: "certificate: golden unit is away" in page.details.reason_label.text(), timeout=WAIT)
 
 
 def test_search_by_batch_finds_its_units_and_details_show_the_batch(

@@ -84,7 +84,7 @@ def test_steps_are_named_by_their_moves(qtbot: QtBot) -> None:
     assert scale.labelText == "prior σ / σ after the step, ×"
     cell = view.map.getViewBox().mapViewToScene(QPointF(1.5, 1.5))
     moved = "Step 2: Turning about y by −90°"
-    assert tooltip(view, cell) == f"gyro bias x after step 2: 2 times better known than before the stage\n{moved}"
+    assert tooltip(view, cell) == f"gyro bias x after step 2: sigma 2 times smaller than before the stage\n{moved}"
     assert tooltip(view, QPointF(cell.x(), axis.sceneBoundingRect().center().y())) == moved
     language.use("zh_CN")
     try:

@@ -467,7 +467,7 @@ def test_live_imu_pair_is_monitored_and_checked_on_a_button_press(
     qtbot.mouseClick(live.start_button, Qt.MouseButton.LeftButton)
     assert live.watching
     qtbot.waitUntil(lambda: live.status is not None, timeout=WAIT)
-    assert {bar.verdict for bar in live.bars.bars} == {"no rest to check at"}
+    assert {bar.verdict for bar in live.bars.bars} == {"no rest for a check"}
     qtbot.mouseClick(live.check_button, Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: bool(live.status and live.status.static), timeout=WAIT)
     qtbot.waitUntil(lambda: live.bars.bars[0].verdict.startswith("calibrated"), timeout=WAIT)

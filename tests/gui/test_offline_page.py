@@ -205,7 +205,7 @@ def test_same_log_gives_a_bit_identical_result(page: OfflinePage, run_log: Path,
     assert "–" in set(cells(page, "offline").values())
     solve(page, qtbot)
     assert page.comparison.difference_badge.text() == "Identical bit for bit"
-    assert page.comparison.offline_badge.text().startswith("Partial: inside the limits")
+    assert page.comparison.offline_badge.text().startswith("Partial: within the limits")
     stored = json.loads(run_log.with_suffix(".json").read_text("utf-8"))["parameters"]
     assert page.solved is not None
     assert page.solved.result.to_json()["parameters"] == stored
@@ -258,7 +258,7 @@ def test_result_of_another_selection_is_outdated_and_not_exported(
     export, (first, last) = button(page, "export_result_button"), spins(page)
     stage = page.findChild(QCheckBox, "offline_stage_check_rate")
     inside = page.comparison.offline_badge.text()
-    assert "inside the limits" in inside
+    assert "within the limits" in inside
     start, end = first.value(), last.value()
     for change, undo in (
         (lambda: last.setValue(end - 10), lambda: last.setValue(end)),

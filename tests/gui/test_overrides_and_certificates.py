@@ -69,7 +69,9 @@ def test_engineer_overrides_an_overdue_certificate(operator: Operator) -> None:
     operator.until_ended()
     (result,) = operator.site_folder.runs.glob("*.json")
     assert load_result(result).standard_override == "table is at the laboratory"
-    note = "Calibrated although a check standard or an instrument was not in order: table is at the laboratory"
+    note = (
+        "Calibrated despite an overdue or failed check standard or an expired certificate: table is at the laboratory"
+    )
     for page in ("operator_page", "engineer_page", "history_page"):
         operator.window.show_page(page)
         operator.until(lambda: note in operator.says())

@@ -51,7 +51,7 @@ def test_unit_claimed_by_another_station_gives_a_warning_only(
     operator.scan(SERIAL)
     notice = operator.widget("claim_notice")
     operator.until(notice.isVisible)
-    assert f"{SERIAL} is also being calibrated by Li Na at line 2 since" in operator.says()
+    assert f"{SERIAL} has also been claimed for calibration by Li Na at line 2 since" in operator.says()
     assert operator.widget("start_button", QPushButton).isEnabled()
     operator.scan("SN-000043")
     assert not notice.isVisible()

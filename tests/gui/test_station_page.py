@@ -334,7 +334,7 @@ def test_closing_the_window_with_unsaved_changes_asks_for_confirmation(whole: Pa
 def test_a_new_station_is_a_copy_and_is_remembered(page_driver: PageDriver, site_folder: Any) -> None:
     page_driver.press("new_station_button")
     make = page_driver.find(QPushButton, "make_file_button")
-    for name, reason in (("", "Type a name first."), ("line 3", "Only letters"), ("test", "taken")):
+    for name, reason in (("", "Enter a name first."), ("line 3", "Only letters"), ("test", "taken")):
         page_driver.type("new_name_edit", name)
         assert not make.isEnabled()
         assert reason in make.toolTip()

@@ -263,7 +263,7 @@ def without_motion(counts):
         (freeze(0, 0, 10**6), "frozen", "gyro_x is frozen"),
         (swap(0, 1), "axes_differ", "gyro_x is gyro_y, gyro_y is gyro_x"),
         (scale(slice(2, 3), -1.0), "axes_differ", "gyro_z is −gyro_z"),
-        (swap(3, 5), "axes_differ", "The gyro's axes are not the accelerometer's"),
+        (swap(3, 5), "axes_differ", "The axes of gyro and accelerometer differ"),
         (scale(slice(3, 6), 1.0 / 9.80665), "accel_unit", "(g instead of m/s²)"),
         (scale(slice(3, 6), 2.0), "accel_unit", "units are wrong by a factor of 2"),
         (scale(slice(0, 3), 180.0 / np.pi), "gyro_unit_no_rest", "(°/s instead of rad/s)"),

@@ -335,7 +335,7 @@ OTHERS: dict[str, tuple[dict[str, Any], str]] = {
         {"outcome": "resolved", "passed": None, "lacking": {"rate": "No rest."}},
         "Data required for the comparison with the limits are missing",
     ),
-    "standard overridden": ({"standard_override": "golden unit is away"}, "not in order: golden unit is away"),
+    "standard overridden": ({"standard_override": "golden unit is away"}, "expired certificate: golden unit is away"),
     "gaps": (
         {
             "log": {"file": "x.h5", "gaps": 3, "damaged": [{"rows": 5, "seq": "1"}]},

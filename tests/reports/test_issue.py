@@ -406,7 +406,7 @@ def test_missing_report_is_explained_in_the_events(
 def test_unresponsive_network_share_delays_no_verdict(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     goes_on = threading.Event()
     monkeypatch.setattr(closing, "missing_report_paths", lambda *_: [goes_on.wait()])
-    monkeypatch.setattr(closing, "_SEARCH_S", 0.0)
+    monkeypatch.setattr(closing, "_SEARCH_TIMEOUT", 0.0)
     with_laboratory(site_folder, report={"folder": "reports"})
     events: list[Event] = []
     assert report_command(load_configuration(site_folder.request()), Path("SN_1.json"), events.append)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from calstation.runs.channel import BEAT, Channel
+from calstation.runs.channel import HEARTBEAT, Channel
 from calstation.sequencer import Command, Control, Message, StageProgress, from_json
 
 PATIENCE = 60.0
@@ -39,8 +39,8 @@ class Ends:
 
     def check_cancelled(self) -> Any:
         """Return the next message other than a heartbeat; reply to heartbeats."""
-        while (message := self.theirs.recv()) == BEAT:
-            self.theirs.send(BEAT)
+        while (message := self.theirs.recv()) == HEARTBEAT:
+            self.theirs.send(HEARTBEAT)
         return message
 
 
@@ -84,8 +84,8 @@ def test_listener_without_heartbeats_is_frozen_and_may_recover(ends: Ends) -> No
 @pytest.mark.long
 def test_responding_listener_is_not_frozen(ends: Ends) -> None:
     for _ in range(12):
-        assert ends.theirs.recv() == BEAT
-        ends.theirs.send(BEAT)
+        assert ends.theirs.recv() == HEARTBEAT
+        ends.theirs.send(HEARTBEAT)
     assert not ends.silent.is_set()
 
 
@@ -93,11 +93,11 @@ def test_responding_listener_is_not_frozen(ends: Ends) -> None:
 def test_blocked_engine_sends_no_heartbeat(ends: Ends) -> None:
     ends.alive = False
     while ends.theirs.poll(SILENT_AFTER):
-        assert ends.theirs.recv() == BEAT
+        assert ends.theirs.recv() == HEARTBEAT
     ends.ours.emit(Message("homing"))
-    assert ends.theirs.recv() != BEAT
+    assert ends.theirs.recv() != HEARTBEAT
     ends.alive = True
-    assert ends.theirs.recv() == BEAT
+    assert ends.theirs.recv() == HEARTBEAT
 
 
 def test_engine_thread_counts_as_blocked_only_within_its_ticking_section() -> None:

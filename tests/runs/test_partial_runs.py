@@ -85,10 +85,10 @@ def test_re_solving_some_stages_of_a_log_gives_a_partial_result(
 ) -> None:
     log = shared_runs.passed(tmp_path).log
     assert run_app(["resolve", log, "--stages", "rate,six_position", "--json", str(tmp_path / "some.json")]) == 0
-    assert "PARTIAL: rate, six_position inside the product's limits" in capsys.readouterr().out
+    assert "PARTIAL: rate, six_position within the product's limits" in capsys.readouterr().out
     assert json.loads((tmp_path / "some.json").read_text(encoding="utf-8"))["partial"] is True
     assert run_app(["resolve", log, "--json", str(tmp_path / "all.json")]) == 0
-    assert "Inside every limit of the product." in capsys.readouterr().out
+    assert "Within every limit of the product." in capsys.readouterr().out
     assert json.loads((tmp_path / "all.json").read_text(encoding="utf-8"))["partial"] is False
 
 

@@ -20,7 +20,7 @@ from calstation.cli.options import (
     YesOption,
     command_group,
 )
-from calstation.cli.run import complain_fault, engine_events
+from calstation.cli.run import engine_events, print_fault
 from calstation.cli.show import emit, ignore_progress, new_table, show_line
 from calstation.cli.text import say, term
 from calstation.config import (
@@ -175,7 +175,7 @@ def _run_operation(
         settled = event if isinstance(event, Settled) else settled
         fault = event if isinstance(event, Fault) else fault
     if fault is not None:
-        return complain_fault(fault, operation.request, debug=debug)
+        return print_fault(fault, operation.request, debug=debug)
     if settled is None or settled.closing == "stopped":
         raise StoppedError("cli.stopped")
     proof = settled.proof or None

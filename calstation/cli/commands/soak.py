@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from calstation.cli.errors import complain
+from calstation.cli.errors import print_error
 from calstation.cli.options import JsonOption, command_group
 from calstation.cli.show import emit_json, new_table, on_interrupt, show_line
 from calstation.cli.text import say
@@ -42,7 +42,7 @@ def soak(
 
     def stop() -> None:
         interrupted.append(True)
-        complain(say("cli.soak_ending"))
+        print_error(say("cli.soak_ending"))
 
     with tempfile.TemporaryDirectory(prefix="calstation-soak-") as temporary, on_interrupt(stop):
         done = _soak(runs, seed, Path(temporary) if keep is None else keep, full, interrupted)

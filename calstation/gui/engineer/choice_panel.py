@@ -176,12 +176,12 @@ class StageSelector(QWidget):
             theme.set_kind(stage_row, "current" if stage_row.stage == stage else "")
         self.current_changed.emit(stage)
 
-    def lock(self, why: str) -> None:
+    def lock(self, reason: str) -> None:
         """Disable the check boxes for the given reason; "" enables them."""
         for check in (*self._parts.values(), *(stage_row.check for stage_row in self._rows)):
-            enable(check, why)
+            enable(check, reason)
         for stage_row in self._rows:
-            stage_row.setEnabled(not why)
+            stage_row.setEnabled(not reason)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Make the row that receives the focus the current one."""

@@ -30,7 +30,7 @@ from calstation.results import EXCESSIVE, NOTABLE, Diagnostics, PositionResidual
 #: Maximum number of observations within ±3 σ drawn in a plot; more are decimated.
 _MAX_POINTS = 1500
 #: Normalised innovation above which an observation is drawn as an outlier.
-_BOUND = 3.0
+_OUTLIER_LIMIT = 3.0
 #: Number of observations below which a mean below its band is not significant.
 _MIN_COUNT = 100
 #: Minimum half range of a plot, in sigmas.
@@ -84,12 +84,12 @@ class InnovationsView(StackedPlots[Diagnostics]):
         size = 3 if len(innovations.seq) > 100 else 8
         for number, (plot, name) in enumerate(zip(self.plots, self._components(stage), strict=True)):
             values = innovations.normalised[:, number]
-            outliers = np.flatnonzero(np.abs(values) > _BOUND)
-            inside = np.flatnonzero(np.abs(values) <= _BOUND)[:: -(-len(values) // _MAX_POINTS)]
+            outliers = np.flatnonzero(np.abs(values) > _OUTLIER_LIMIT)
+            inside = np.flatnonzero(np.abs(values) <= _OUTLIER_LIMIT)[:: -(-len(values) // _MAX_POINTS)]
             for drawn, colour, enlarged in ((inside, c.accent, 0), (outliers, c.bad, 2)):
                 style = {"size": size + enlarged, "pen": None, "brush": pg.mkBrush(colour)}
                 self.add(plot, pg.ScatterPlotItem(minutes[drawn], values[drawn], **style))
-            for level in (-_BOUND, 0.0, _BOUND):
+            for level in (-_OUTLIER_LIMIT, 0.0, _OUTLIER_LIMIT):
                 pen = pg.mkPen(c.line) if level == 0.0 else dashed(c.muted)
                 self.add(plot, pg.InfiniteLine(level, 0, pen=pen))
             reach = max(_MIN_HALF_RANGE, float(np.nan_to_num(np.abs(values)).max(initial=0.0)) * 1.05)
@@ -101,7 +101,7 @@ class InnovationsView(StackedPlots[Diagnostics]):
         if not len(tested):
             self._outlier_label.setText(say("engineer.nis_untested"))
             return
-        share, count = 100.0 * float(np.mean(tested > _BOUND)), len(innovations.seq)
+        share, count = 100.0 * float(np.mean(tested > _OUTLIER_LIMIT)), len(innovations.seq)
         self._outlier_label.setText(say("engineer.observations", count=count, percent=share))
 
     def _components(self, stage: StageDiagnostics) -> tuple[str, str, str]:

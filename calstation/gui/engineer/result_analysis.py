@@ -14,7 +14,7 @@ from calstation.gui.engineer.diagnostics_views import InnovationsView, Residuals
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.operator import advice
 from calstation.gui.state import AppContext, ReleaseBar
-from calstation.gui.text import KINDS, Words, of_parameter, on_language_change, say, term
+from calstation.gui.text import KINDS, Words, is_parameter_check, on_language_change, say, term
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
     Cell,
@@ -23,7 +23,7 @@ from calstation.gui.widgets import (
     EmptyState,
     JobRow,
     JobWatch,
-    MissingState,
+    MissingEffect,
     StateBadge,
     button,
     column,
@@ -99,7 +99,7 @@ class ResultView(QWidget):
         super().__init__()
         self.release = release
         self.finished: FinishedRun | None = None
-        self.missing = MissingState(adding, "add_state_button")
+        self.missing = MissingEffect(adding, "add_state_button")
         self._badge = StateBadge(theme.SECTION)
         self._summary, self._note = label(wrap=True), label(wrap=True, name="override_note")
         self._table = CellTable("result_table", "engineer.run_parameters", _COLUMNS, grouped=True)
@@ -121,7 +121,7 @@ class ResultView(QWidget):
     def show_run(self, finished: FinishedRun) -> None:
         """Show a finished run."""
         self.finished = finished
-        general = [check for check in finished.result.checks if not of_parameter(check)]
+        general = [check for check in finished.result.checks if not is_parameter_check(check)]
         self._checks.show_checks(general)
         self._checks.setMaximumHeight(min(self._checks.height_of_rows(), _MAX_CHECKS_HEIGHT))
         self._checks.setVisible(bool(general))
@@ -165,7 +165,7 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
     result, previous = finished.result, finished.previous.get(name)
     parameter = result.parameters[name]
     checks: dict[str, Check] = {
-        check.kind: check for check in result.checks if of_parameter(check) and check.subject == name
+        check.kind: check for check in result.checks if is_parameter_check(check) and check.subject == name
     }
     verdict = "lost" if name in result.undetermined else _verdict(checks)
     value, unit = _display(name, parameter.value)
@@ -383,10 +383,10 @@ class ResultAnalysis(QObject):
         for lazy in self._computed:
             lazy.show_view()
 
-    def _diagnosis_failed(self, why: Words = "") -> None:
+    def _diagnosis_failed(self, reason: Words = "") -> None:
         self._diagnosed_log = None
         for lazy in self._computed:
-            lazy.show_empty(why)
+            lazy.show_empty(reason)
 
 
 def _why_no_result(run: FinishedRun) -> str:
@@ -431,8 +431,8 @@ class _LazyView(QStackedWidget, Generic[View]):
         """Show the progress of the job."""
         self.setCurrentWidget(self._work)
 
-    def show_empty(self, why: Words = "") -> None:
-        """Show why the view has no contents or, if `why` is "", how to obtain them."""
-        title = "engineer.nothing_to_show" if why else "engineer.no_run"
-        self._empty.say(title, why or "engineer.about_no_run")
+    def show_empty(self, reason: Words = "") -> None:
+        """Show why the view has no contents or, if `reason` is "", how to obtain them."""
+        title = "engineer.nothing_to_show" if reason else "engineer.no_run"
+        self._empty.say(title, reason or "engineer.about_no_run")
         self.setCurrentWidget(self._empty)

@@ -84,10 +84,10 @@ class ScheduleForm(QWidget):
         """Restore the values in the product."""
         self._source.reset()
 
-    def lock(self, why: str) -> None:
+    def lock(self, reason: str) -> None:
         """Disable the fields for the given reason; "" enables them."""
         for field in self._fields:
-            field.lock(why)
+            field.lock(reason)
 
 
 class _Field(FormField):

@@ -152,7 +152,7 @@ class RunDetails(QFrame):
         self._figures, self._facts = FiguresTable(wrap=True), QFormLayout()
         self._facts.setHorizontalSpacing(2 * theme.GRID)
         self._facts.setVerticalSpacing(theme.GRID // 2)
-        self.resolves = ResolvesTable()
+        self.resolves = OfflineSolutionsTable()
         self.trend = Trend()
         self.trend.setMinimumHeight(22 * theme.GRID)
         self.result_button = button("history_result_button", "history.open_result")
@@ -327,7 +327,7 @@ _COLUMNS = (
 )
 
 
-class ResolvesTable(QWidget):
+class OfflineSolutionsTable(QWidget):
     """A table of the offline solutions of a log, the latest first, which is hidden if there are none."""
 
     def __init__(self) -> None:

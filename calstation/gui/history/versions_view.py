@@ -81,7 +81,7 @@ class VersionsView(QWidget):
         self.changes = CellTable("versions_changes_table", "history.changed_verdicts", _CHANGES, named=False)
         self.moves = CellTable("versions_moves_table", "history.moves_of_parameters", _MOVES, single=True)
         self.moves.selectionModel().currentRowChanged.connect(lambda *_: self._draw())
-        self.plot = MovesPlot()
+        self.plot = ShiftPlot()
         self._group = combo_box("versions_group_combo", _GROUPS)
         bind(self._group.setAccessibleName, "history.plot_rows")
         self._group.currentIndexChanged.connect(lambda _: self._draw())
@@ -179,7 +179,7 @@ class VersionsView(QWidget):
         lines.append(say("history.verdict_changes", down=down, up=up))
         show_text(self._summary, "  ·  ".join(lines))
         self._fill_changes(comparison.changes)
-        self._fill_moves(comparison)
+        self._fill_shifts(comparison)
         self._draw()
 
     def _empty_words(self) -> tuple[Words, ...]:
@@ -219,7 +219,7 @@ class VersionsView(QWidget):
         code = f"history.verdict_{verdict}"
         return say(code) if known(code) else term("badge", verdict)
 
-    def _fill_moves(self, comparison: Comparison) -> None:
+    def _fill_shifts(self, comparison: Comparison) -> None:
         numbers = ("median", "percentile_95", "largest")
         self.moves.show_cells(
             {
@@ -256,7 +256,7 @@ _MIN_CHANGE, _MIN_END = 1e-3, 10.0
 _AXIS_HEIGHT = 7 * theme.GRID
 
 
-class MovesPlot(ThemedPlot, DataView[Mapping[str, ParameterShift]]):
+class ShiftPlot(ThemedPlot, DataView[Mapping[str, ParameterShift]]):
     """A plot of the median, 95th percentile and maximum of the changes, with a row per parameter or group of logs."""
 
     def __init__(self) -> None:

@@ -23,7 +23,7 @@ from calstation.gui.widgets import (
     EmptyState,
     JobRow,
     JobStack,
-    MissingState,
+    MissingEffect,
     box,
     button,
     column,
@@ -139,7 +139,7 @@ class OfflinePage(Page):
         self.allan_button = button("allan_button", "logs.allan_deviation", self._show_allan)
         self.allan = AllanView(self)
         left = box(self.head, (self.plot, 1), self._pointer, self.range, margins=(0, 0, theme.GRID, 0))
-        self.missing = MissingState(self.solver, "offline_add_state_button")
+        self.missing = MissingEffect(self.solver, "offline_add_state_button")
         exports = row(self.result_button, self.log_button, None, self.allan_button)
         right = box(self.stages, jobs, (self.comparison, 1), self.missing, exports, margins=(theme.GRID, 0, 0, 0))
         self._right = stack(right, self.allan)

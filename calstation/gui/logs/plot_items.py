@@ -260,7 +260,15 @@ class LogColumns:
         self._samples = (request, columns)
 
     def view(self, first: int, last: int, count: int) -> tuple[Columns, SampleRequest | None]:
-        """Return at most `count` columns for a range of sequence numbers, and a request if samples are needed."""
+        """Return the columns for a range of the log, and a request if samples are needed.
+
+        Parameters
+        ----------
+        first, last
+            Sequence numbers.
+        count
+            Maximum number of columns.
+        """
         columns = self._pyramid.columns(first, last, count)
         if columns.samples > BINS[0] or len(columns) >= count // 2:
             return columns, None

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from calstation.gui.text import (
     check_name,
     check_text,
-    of_parameter,
-    of_product,
+    is_parameter_check,
+    is_product_check,
     parameter_text,
     rendered,
     say,
@@ -131,7 +131,7 @@ def figures(result: Result) -> list[Figure]:
     parameters = [passing[group][1] for group in GROUPS if group in passing]
     rows = list(parameters)
     for check in result.checks:
-        if of_parameter(check) or not (of_product(check) if check.passed else judged):
+        if is_parameter_check(check) or not (is_product_check(check) if check.passed else judged):
             continue
         text = check_text(check)
         figure = Figure(check_name(check), text.value, "", text.limit, text.unit, check.passed, check.near_miss)
@@ -159,7 +159,7 @@ def failed_check_text(check: Check, result: Result) -> str:
     if check.kind == "change":
         return say("advice.changed", name=parameter_text(check.where.parameter), value=row.value, limit=row.limit)
     value, limit = (f"{number} {row.unit}".rstrip() for number in (row.value, row.limit))
-    if not of_parameter(check) or check.subject not in INDEX:
+    if not is_parameter_check(check) or check.subject not in INDEX:
         return say("advice.violated", name=row.sentence, value=value, limit=limit)
     code = "advice.outside" if check.kind == "within" else "advice.uncertain"
     return say(code, parameter=name, value=value, limit=limit)
@@ -171,7 +171,7 @@ def _near(checks: Sequence[Check]) -> str:
     if not near:
         return ""
     nearest = max(near, key=_ratio)
-    name = parameter_text(nearest.subject) if of_parameter(nearest) else check_name(nearest)
+    name = parameter_text(nearest.subject) if is_parameter_check(nearest) else check_name(nearest)
     return say("advice.near", names=name if len(near) == 1 else f"{name}, +{len(near) - 1}")
 
 

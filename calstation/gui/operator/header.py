@@ -116,11 +116,11 @@ class RunHeader(QWidget):
         self._symbol.setVisible(accepted is not None)
         self._show_caption()
 
-    def set_running(self, why: str) -> None:
+    def set_running(self, reason: str) -> None:
         """Lock the fields for the given reason; "" unlocks them."""
-        self.badge_field.lock(why)
+        self.badge_field.lock(reason)
         for widget in (self.serial_edit, self.product_combo):
-            enable(widget, why)
+            enable(widget, reason)
 
     def set_start(self, why_not: str) -> None:
         """Disable START for the given reason; "" enables it."""

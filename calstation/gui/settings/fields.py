@@ -16,7 +16,7 @@ from calstation.gui.widgets import (
     Editor,
     FormField,
     Item,
-    WordEdit,
+    TextEdit,
     box,
     button,
     choices_of,
@@ -32,7 +32,7 @@ from calstation.messages import Text, known
 from calstation.schema import KeyPath, Problem
 
 
-class AddressEdit(WordEdit):
+class AddressEdit(TextEdit):
     """An input for a host and a port number as ``host:port``; its value is ``scheme://host:port``."""
 
     def __init__(self, scheme: str, default_port: int) -> None:

@@ -17,7 +17,7 @@ from calstation.gui.widgets import (
     EditableBox,
     ParameterModel,
     ParameterTable,
-    WordEdit,
+    TextEdit,
     align_columns,
     button,
     column,
@@ -215,7 +215,7 @@ class _Delegate(QStyledItemDelegate):
             editable = EditableBox(cell.choices)
             editable.setParent(parent)
             return editable
-        line = WordEdit()
+        line = TextEdit()
         line.setParent(parent)
         line.setAlignment(model.data(index, Qt.ItemDataRole.TextAlignmentRole))
         return line
@@ -225,14 +225,14 @@ class _Delegate(QStyledItemDelegate):
         value = index.data(Qt.ItemDataRole.EditRole)
         if isinstance(editor, ChoiceBox):
             editor.show_value(value)
-        elif isinstance(editor, EditableBox | WordEdit):
+        elif isinstance(editor, EditableBox | TextEdit):
             editor.show_value(with_minus(value))
 
     def setModelData(self, editor: QWidget, model: QAbstractItemModel, index: Index) -> None:
         """Write the value of an input into the draft."""
         if isinstance(editor, ChoiceBox):
             model.setData(index, editor.value())
-        elif isinstance(editor, EditableBox | WordEdit):
+        elif isinstance(editor, EditableBox | TextEdit):
             model.setData(index, without_minus(editor.value() or ""))
 
     def sizeHint(self, option: QStyleOptionViewItem, index: Index) -> QSize:

@@ -7,7 +7,7 @@ from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import EDITOR, Field, Section, folder_row, panel
 from calstation.gui.state import AppContext, ExchangeLabel
 from calstation.gui.text import on_language_change, rendered, say, with_minus
-from calstation.gui.widgets import ChoiceBox, NumberEdit, StateBadge, WordEdit, column, label, row, show_text, theme
+from calstation.gui.widgets import ChoiceBox, NumberEdit, StateBadge, TextEdit, column, label, row, show_text, theme
 from calstation.messages import local_time
 
 _FOLDER = ("handover", "folder")
@@ -113,8 +113,8 @@ class RecordsSection(Section):
         self._status = label(name="exchange_status_label", wrap=True)
         left = column(
             label("settings.shared_records", "section"),
-            Field(draft, ("records", "database"), WordEdit(), width=_URL_WIDTH),
-            Field(draft, ("records", "archive"), WordEdit(), width=_URL_WIDTH),
+            Field(draft, ("records", "database"), TextEdit(), width=_URL_WIDTH),
+            Field(draft, ("records", "archive"), TextEdit(), width=_URL_WIDTH),
             folder_row("archive_browse_button", draft, ("records", "archive")),
             None,
         )

@@ -219,7 +219,7 @@ class MainWindow(QMainWindow):
 
     def _close_now(self) -> None:
         self._closing = True
-        self.app.engine_link.hang_up()
+        self.app.engine_link.stop_listening()
 
     def _running_changed(self, running: bool) -> None:
         self.create_engineer_page()

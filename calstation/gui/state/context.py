@@ -79,8 +79,18 @@ class AppContext(QObject):
     ) -> JobWatch:
         """Return a watch whose `start` calls `work` with its arguments in the background; see `JobQueue.submit`.
 
-        The slots are called in the thread of the window until `owner` is destroyed. If `work` is None, the first
-        argument of `start` is the function.
+        The slots are called in the thread of the window.
+
+        Parameters
+        ----------
+        owner
+            Object until whose destruction the slots are called.
+        work
+            Function at the top level of a module; None if it is the first argument of `start`.
+        done, failed, cancelled
+            Slots that are called with the result, with the error, and without arguments.
+        cancellable
+            Whether the job may be cancelled.
         """
         submit = partial(self.job_queue.submit, cancellable=cancellable)
         if work is not None:

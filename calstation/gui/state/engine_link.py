@@ -46,7 +46,7 @@ class EngineLink(QObject):
         if self._engine is not None:
             self._engine.send(command)
 
-    def hang_up(self) -> None:
+    def stop_listening(self) -> None:
         """Disconnect from the engine, which stops a run safely; kill it if it does not respond."""
         if self._engine is not None:
             self._engine.stop_listening()

@@ -69,9 +69,20 @@ class PeoplePanel(QFrame):
         by: str = "",
         reason: bool = True,
     ) -> None:
-        """Ask for badges, PINs and, if `reason` is True, the reason for the action `words`; then call `then`.
+        """Ask for the badges and PINs of the persons who confirm an action.
 
-        `by` is the badge proposed for the acting person.
+        Parameters
+        ----------
+        words
+            Title of the action.
+        required
+            Who must confirm the action.
+        then
+            Called with the reason and the persons.
+        by
+            Badge proposed for the acting person.
+        reason
+            Whether a reason is required.
         """
         self._words, self._confirmed, self._badges = words, then, required.badge
         visible_fields = (reason, True, required.pin, required.second, required.second)

@@ -228,7 +228,7 @@ class RunStatus(QObject):
         """
         state = "idle"
         if self.fault is not None:
-            self._link.hang_up()
+            self._link.stop_listening()
             self.fault = None
             if self.in_slots and not all(unit.unfinished for unit in self.units):
                 state = self._verdict

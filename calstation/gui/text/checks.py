@@ -55,7 +55,7 @@ def check_text(check: Check) -> CheckText:
         unit=unit,
         verdict=term("check_verdict", verdict),
         state={"failed": "bad", "near_miss": "caution", "passed": "good"}[verdict],
-        where=_where(check.where),
+        where=_location_text(check.where),
     )
 
 
@@ -64,12 +64,12 @@ def check_name(check: Check | CheckId) -> str:
     return say(f"check_short.{check.kind}", parameter=parameter_text(check.subject), stage=check.subject)
 
 
-def of_product(check: Check) -> bool:
+def is_product_check(check: Check) -> bool:
     """Return whether a check is requested by the ``[checks]`` section of a product."""
     return check.kind in _PRODUCT_KINDS
 
 
-def of_parameter(check: Check) -> bool:
+def is_parameter_check(check: Check) -> bool:
     """Return whether a check compares a parameter or its sigma with a limit, as shown in the parameter table."""
     return check.kind in ("within", "sigma_below")
 
@@ -118,7 +118,7 @@ def _limit(limit: float | tuple[float, float], size: float) -> str:
     return f"±{_number(high, size)}" if low == -high else f"{_number(low, size)} … {_number(high, size)}"
 
 
-def _where(where: Where) -> str:
+def _location_text(where: Where) -> str:
     """Return the rests or the parameter to which a check refers."""
     if where.rest is not None and where.to is not None:
         return say("check.rests", number=where.rest + 1, to=where.to + 1)

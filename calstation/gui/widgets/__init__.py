@@ -20,8 +20,8 @@ from calstation.gui.widgets.inputs import (
     FlagBox,
     NumberEdit,
     SpinEdit,
+    TextEdit,
     VectorEdit,
-    WordEdit,
     typed_number,
 )
 from calstation.gui.widgets.jobs import JobRow, JobStack, JobWatch, Slot
@@ -78,5 +78,5 @@ from calstation.gui.widgets.plot import (
     fit_below_note,
     spread,
 )
-from calstation.gui.widgets.result_views import ChecksTable, ComparisonTable, MissingState, ParameterSet
+from calstation.gui.widgets.result_views import ChecksTable, ComparisonTable, MissingEffect, ParameterSet
 from calstation.gui.widgets.stacked_plots import Band, StackedPlots, dashed, time_unit

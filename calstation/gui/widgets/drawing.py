@@ -88,7 +88,17 @@ class Drawing(QWidget):
         self._painter.setOpacity(opacity)
 
     def line(self, start: QPointF, end: QPointF, colour: str, width: float, *, dotted: bool = False) -> None:
-        """Draw a line with round ends."""
+        """Draw a line with round ends.
+
+        Parameters
+        ----------
+        start, end
+            Points on the screen, in units of the radius of the table.
+        colour, width
+            Colour as ``#rrggbb``, and width in the same units.
+        dotted
+            Whether the line is dotted.
+        """
         self._painter.setPen(_pen(colour, width, dotted=dotted))
         self._painter.drawLine(start, end)
 
@@ -105,7 +115,17 @@ class Drawing(QWidget):
         self._painter.drawEllipse(centre, radius, radius)
 
     def arc(self, radius: float, share: float, colour: str, width: float) -> None:
-        """Draw the fraction `share` of a circle on the screen, clockwise from the top."""
+        """Draw a part of a circle on the screen, clockwise from the top.
+
+        Parameters
+        ----------
+        radius, width
+            Radius and line width, in units of the radius of the table.
+        share
+            Fraction of the circle, from 0 to 1.
+        colour
+            Colour as ``#rrggbb``.
+        """
         line = _pen(colour, width)
         line.setCapStyle(Qt.PenCapStyle.FlatCap)
         self._painter.setPen(line)
@@ -127,10 +147,16 @@ class Drawing(QWidget):
             self.area([screen(p) for p in corners[list(face)]], fill, c.muted, 0.015)
 
     def axes(self, attitude: FloatArray, starts: Sequence[float], length: float, hidden: Sequence[bool]) -> None:
-        """Draw the axes of the unit, the columns of `attitude`, shape (3, 3), as labelled arrows.
+        """Draw the axes of the unit, the columns of `attitude`, as labelled arrows.
 
-        `starts` and `length` are the distances of the start and end points of the arrows from the centre. Hidden arrows
-        are dotted.
+        Parameters
+        ----------
+        attitude
+            Matrix from the body frame to the level frame, shape (3, 3).
+        starts, length
+            Distances of the start points and of the end points of the arrows from the centre.
+        hidden
+            Whether each arrow is dotted.
         """
         for i in sorted(range(3), key=lambda i: -depth(attitude[:, i])):
             name, direction = "xyz"[i], attitude[:, i]

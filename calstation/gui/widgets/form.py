@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QFrame, QLabel, QWidget
 from calstation.config import FieldSpec
 from calstation.gui.text import Words, bind, on_language_change, say
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.inputs import ChoiceBox, Editor, FlagBox, NumberEdit, VectorEdit, WordEdit
+from calstation.gui.widgets.inputs import ChoiceBox, Editor, FlagBox, NumberEdit, TextEdit, VectorEdit
 from calstation.gui.widgets.layout import Item, button, column, enable, grid, label, line_edit, row, show_text
 from calstation.messages import known
 from calstation.schema import KeyPath, Problem, value_at
@@ -176,9 +176,9 @@ class NameBar(QFrame):
         self.edit.setFocus()
         self.edit.selectAll()
 
-    def lock(self, why: str) -> None:
+    def lock(self, reason: str) -> None:
         """Disable the button for the given reason; "" enables it."""
-        self._locked = why
+        self._locked = reason
         self.check()
 
     def check(self) -> None:
@@ -227,5 +227,5 @@ def make_input(spec: FieldSpec, choices: Callable[[], list[tuple[Any, str]]]) ->
         case "vector":
             return VectorEdit()
         case "text":
-            return WordEdit()
+            return TextEdit()
     return NumberEdit()

@@ -13,7 +13,7 @@ from calstation.gui.widgets.layout import row
 from calstation.physics import from_unit, in_unit
 
 
-class WordEdit(QLineEdit):
+class TextEdit(QLineEdit):
     """A text input; an empty text means no value."""
 
     typed = Signal()
@@ -32,7 +32,7 @@ class WordEdit(QLineEdit):
             self.setText(_value_text(value))
 
 
-class NumberEdit(WordEdit):
+class NumberEdit(TextEdit):
     """A right-aligned number input in a display unit, whose size in SI is `size`; an empty text means no value.
 
     `read` converts the text to a number, None, or the text itself, which the validation rejects.
@@ -205,7 +205,7 @@ class EditableBox(_Box):
 
 
 #: Any of the inputs.
-Editor = WordEdit | VectorEdit | FlagBox | SpinEdit | ChoiceBox | EditableBox
+Editor = TextEdit | VectorEdit | FlagBox | SpinEdit | ChoiceBox | EditableBox
 
 
 def typed_number(text: str) -> int | float | str | None:

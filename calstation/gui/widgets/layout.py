@@ -176,8 +176,18 @@ def label(
 ) -> QLabel:
     """Create a label.
 
-    `words` is its text ("" if the caller sets it), `kind` selects its style, and `buddy` is the labelled input.
-    A `selectable` text can be copied with the mouse.
+    Parameters
+    ----------
+    words
+        Text; "" if the caller sets it.
+    kind
+        Style, see `theme.set_kind`.
+    name
+        Object name.
+    wrap, selectable
+        Whether the text is wrapped, and whether it can be copied with the mouse.
+    buddy
+        The labelled input.
     """
     text_label = QLabel()
     text_label.setObjectName(name)
@@ -218,7 +228,19 @@ def button(
 def line_edit(
     name: str, changed: Callable[..., Any] | None = None, *, width: int = 0, longest: int = 0, hint: Words = ""
 ) -> QLineEdit:
-    """Create a text input of at most `longest` characters; edits call `changed`, and an empty one shows `hint`."""
+    """Create a text input.
+
+    Parameters
+    ----------
+    name
+        Object name.
+    changed
+        Called on every edit by the user.
+    width, longest
+        Width, px, and maximum number of characters; 0 for the default.
+    hint
+        Text shown while the input is empty.
+    """
     edit = QLineEdit()
     edit.setObjectName(name)
     if changed is not None:

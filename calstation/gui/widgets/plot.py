@@ -301,7 +301,17 @@ class LineLabel:
 
 
 def spread(heights: Sequence[float], distance: float, top: float, bottom: float) -> list[float]:
-    """Space ascending heights between `top` and `bottom` at least `distance` apart, or evenly if there is no space."""
+    """Space heights at least a distance apart between two limits, or evenly if there is no space.
+
+    Parameters
+    ----------
+    heights
+        Ascending heights, px.
+    distance
+        Minimum distance, px.
+    top, bottom
+        Limits, px.
+    """
     if len(heights) > 1:
         distance = min(distance, (bottom - top) / (len(heights) - 1))
     positions = []

@@ -127,7 +127,7 @@ class ComparisonTable(CellTable):
         return cells
 
 
-class MissingState(QWidget):
+class MissingEffect(QWidget):
     """A row for an effect that is missing in the error model, whose button emits `requested(effect)`.
 
     It is hidden if no failed check reports such an effect. The job of `watch` replaces the button while it runs.

@@ -90,10 +90,10 @@ class DesignForm(QFrame):
         self._speeds["rate"].spin.setMaximum(options.rate)
         self._speeds["acceleration"].spin.setMaximum(options.acceleration)
 
-    def lock(self, why: str, *, visible: bool) -> None:
+    def lock(self, reason: str, *, visible: bool) -> None:
         """Disable the button for the given reason, and show the reason below the form if `visible`; "" enables it."""
-        enable(self.button, why, say("engineer.design_tip"))
-        show_text(self._reason, why if visible else "")
+        enable(self.button, reason, say("engineer.design_tip"))
+        show_text(self._reason, reason if visible else "")
 
     def request(self, station: Path | None, product: Path, stop: Path) -> "DesignRequest":
         """Return the request of a search; it ends when the file `stop` is created."""

@@ -94,7 +94,7 @@ class FrontPlot(ThemedPlot):
 
 
 @dataclass(frozen=True)
-class Path3D:
+class DesignPath:
     """The motion of a design in the form that the plots require."""
 
     design: Design
@@ -130,7 +130,7 @@ class PathPlot(MotionPlot):
         super().__init__()
         self._planned = 0.0
 
-    def show_path(self, path: Path3D) -> None:
+    def show_path(self, path: DesignPath) -> None:
         """Show the motion of a design."""
         self._planned = path.design.duration
         self.show_data(path.preview)
@@ -148,7 +148,7 @@ class Sphere(ThemedPlot):
 
     def __init__(self) -> None:
         super().__init__()
-        self._path: Path3D | None = None
+        self._path: DesignPath | None = None
         self._points: list[tuple[FloatArray, FloatArray]] = []
         self._angle = 0.0
         for side in ("left", "bottom"):
@@ -158,7 +158,7 @@ class Sphere(ThemedPlot):
         self._note = PlotNote(self.getViewBox())
         theme.on_appearance_change(self, self._draw)
 
-    def show_path(self, path: Path3D) -> None:
+    def show_path(self, path: DesignPath) -> None:
         """Show the motion of a design."""
         self._path = path
         time, down = path.path
@@ -204,7 +204,7 @@ class Sphere(ThemedPlot):
         self._note.say(note)
         self.setRange(xRange=(-1.2, 1.2), yRange=(-1.2, 1.2), padding=0.0)
 
-    def _draw_rests(self, path: Path3D) -> None:
+    def _draw_rests(self, path: DesignPath) -> None:
         """Draw a dot at each attitude of the planned rests, labelled with the numbers of the rests."""
         c = theme.colours()
         rests: dict[tuple[float, ...], list[int]] = {}
@@ -256,7 +256,7 @@ class Sphere(ThemedPlot):
         return np.array([screen(point).toTuple() for point in points @ self._view.T])
 
 
-class SphereBox(QWidget):
+class SphereView(QWidget):
     """The sphere and a slider that rotates it."""
 
     def __init__(self) -> None:

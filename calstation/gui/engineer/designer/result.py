@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
 from calstation.config import ScheduleOptions
 from calstation.design import STAGE, Design
-from calstation.gui.engineer.designer.plots import FrontPlot, Path3D, PathPlot, SphereBox
+from calstation.gui.engineer.designer.plots import DesignPath, FrontPlot, PathPlot, SphereView
 from calstation.gui.text import duration_text, on_language_change, parameter_text, product_text, say, term
 from calstation.gui.widgets import (
     ROW,
@@ -88,7 +88,7 @@ class DesignResult(QWidget):
         self._badge = StateBadge()
         self._headline = label(kind="section", name="design_headline", wrap=True)
         self._summary = label(kind="muted", name="design_about", wrap=True)
-        self._front, self._path, self._sphere = FrontPlot(), PathPlot(), SphereBox()
+        self._front, self._path, self._sphere = FrontPlot(), PathPlot(), SphereView()
         self._parameters = CellTable("design_parameters", "common.parameters", _PARAMETER_COLUMNS)
         self._parameters.setItemDelegateForColumn(len(_PARAMETER_COLUMNS) - 1, RatioBar(self._parameters))
         self._variations = CellTable("design_variations", "engineer.robustness", _VARIATION_COLUMNS, named=False)
@@ -134,14 +134,14 @@ class DesignResult(QWidget):
         """Show the motion of the design."""
         if self._design is None:
             return
-        path = Path3D(self._design[0], preview, self._design[1].geometry)
+        path = DesignPath(self._design[0], preview, self._design[1].geometry)
         self._path.show_path(path)
         self._sphere.sphere.show_path(path)
         self._drawn.setCurrentIndex(1)
 
-    def lock(self, why: str) -> None:
+    def lock(self, reason: str) -> None:
         """Disable saving for the given reason; "" enables it."""
-        enable(self._save_button, why, say("engineer.save_as_product_tip"))
+        enable(self._save_button, reason, say("engineer.save_as_product_tip"))
 
     def _copy(self) -> None:
         if self._design is not None:

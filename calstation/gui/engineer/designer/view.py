@@ -95,12 +95,12 @@ class DesignView(QWidget):
         if options is not None:
             self.form.offer(options)
 
-    def lock(self, why: str, why_not_save: str) -> None:
+    def lock(self, reason: str, why_not_save: str) -> None:
         """Disable the search and saving for the given reasons; an empty reason enables the action."""
         options = self._options
-        if not why and options is not None and (options.by_hand or options.geometry.gimbal is not None):
-            why = say("engineer.design_needs_table")
-        self._why_not, self._why_not_save = why, why_not_save
+        if not reason and options is not None and (options.by_hand or options.geometry.gimbal is not None):
+            reason = say("engineer.design_needs_table")
+        self._why_not, self._why_not_save = reason, why_not_save
         self._refresh()
 
     # ---- the search

@@ -49,7 +49,17 @@ class MethodPlot(ThemedPlot):
         self._fit()
 
     def line(self, x: FloatArray, y: FloatArray, colour: str, *, faint: bool = False, bold: bool = False) -> None:
-        """Draw a line, with a break at each NaN."""
+        """Draw a line, with a break at each NaN.
+
+        Parameters
+        ----------
+        x, y
+            Coordinates, shape (n,).
+        colour
+            Colour as ``#rrggbb``.
+        faint, bold
+            Whether the line is drawn faint, and whether it is drawn bold.
+        """
         shade = theme.faint(colour, 110 if faint else 255)
         self._add(x, y, pen=pg.mkPen(shade, width=2.5 if bold else 1), connect="finite")
 

@@ -108,11 +108,11 @@ class BadgeField(QWidget):
         self._show()
         self.signed_out.emit()
 
-    def lock(self, why: str) -> None:
+    def lock(self, reason: str) -> None:
         """Lock the field for the given reason; "" unlocks it. An idle operator is not signed out while it is locked."""
         for widget in (self.edit, self.sign_out_button):
-            enable(widget, why)
-        self._locked = bool(why)
+            enable(widget, reason)
+        self._locked = bool(reason)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Restart the idle timeout on a key press, click or touch."""

@@ -16,7 +16,7 @@ from calstation.gui.widgets import PANEL, ElidedLabel, StateBadge, column, grid,
 #: Minimum height of a banner, maximum heights in one row and in several rows, and font size of the summary, px.
 _MIN_BANNER, _MAX_ONE_ROW, _MAX_SEVERAL_ROWS, _SUMMARY = 4 * theme.GRID, 13 * theme.GRID, 10 * theme.GRID, 28
 #: Maximum number of rows in which the tiles have space for whole sentences.
-_MAX_ROOMY_ROWS = 2
+_MAX_SENTENCE_ROWS = 2
 
 
 class _VerdictTile(Tile):
@@ -26,7 +26,7 @@ class _VerdictTile(Tile):
         name = f"unit_{unit.slot}_verdict"
         super().__init__(name)
         self.unit = unit
-        self.roomy = rows <= _MAX_ROOMY_ROWS
+        self.roomy = rows <= _MAX_SENTENCE_ROWS
         self._banner, self._serial = Banner(name, _MIN_BANNER), ElidedLabel()
         self._banner.setMaximumHeight(_MAX_ONE_ROW if rows == 1 else _MAX_SEVERAL_ROWS)
         self._serial.setText(unit.serial)
