@@ -61,7 +61,7 @@ def _with_help(command: Any, path: Sequence[str]) -> None:
 
 def _show_version(chosen: bool) -> None:
     if chosen:
-        from calstation import __version__  # loads importlib.metadata
+        from calstation import __version__  # the import loads importlib.metadata
 
         sys.stdout.write(f"calstation {__version__}\n")
         raise typer.Exit

@@ -60,7 +60,7 @@ def incompatibilities(setup: RunConfiguration) -> Iterator[Finding]:
         return
     if not is_confirmed(site, needed=needs_survey):
         yield Finding("place_not_confirmed", "warning", {"computer": this_computer(), "entry": confirmation_key(site)})
-    shipped = library.shipped_folder() / "stations" / "example_hardware.toml"  # the template for new files
+    shipped = library.shipped_folder() / "stations" / "example_hardware.toml"  # this file is the template for new files
     example = load_station(shipped)[1].site
     values = {"latitude": site.latitude_deg, "longitude": site.longitude_deg, "height": site.height_m}
     if values == {"latitude": example.latitude_deg, "longitude": example.longitude_deg, "height": example.height_m}:

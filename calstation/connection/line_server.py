@@ -55,7 +55,7 @@ class LineServer:
 
     def close(self) -> None:
         """Stop listening, and disconnect the clients after sending their buffered lines."""
-        with suppress(OSError):  # ends a pending accept, but is not supported by every system
+        with suppress(OSError):  # the shutdown ends a pending accept on systems that support it
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
         self._thread.join(_TIMEOUT)
@@ -69,7 +69,7 @@ class LineServer:
         while True:
             try:
                 connection, peer = self._listener.accept()
-            except OSError:  # closed
+            except OSError:  # the server has been closed
                 return
             logger.info("client %s connected", peer)
             with self._lock:

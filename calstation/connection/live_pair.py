@@ -159,7 +159,7 @@ class LivePair:
             if not len(block):
                 continue
             end = self._end = float(block.time[-1])
-            yield block  # has been aligned with the previous offsets
+            yield block  # the block has been aligned with the previous offsets
             self._report_alignment(end, aligned)
             begin = float(block.time[0]) if begin is None else begin
             if seconds is not None and end - begin >= seconds:

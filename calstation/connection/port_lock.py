@@ -88,7 +88,7 @@ def _devices(port: str) -> Iterator[str]:
         return
     try:
         device = os.path.realpath(port_device(port, "imu"))
-    except DeviceFaultError:  # reported when the port is opened
+    except DeviceFaultError:  # the error is reported when the port is opened
         return
     usb = next((adapter.usb for adapter in list_serial_ports() if os.path.realpath(adapter.device) == device), None)
     if usb is not None:
@@ -117,4 +117,4 @@ def _addresses(url: str) -> Iterator[str]:
 def _folder() -> Path:
     if sys.platform == "win32":
         return Path(os.environ.get("PROGRAMDATA", "C:\\ProgramData")) / "calstation" / "locks"
-    return Path("/tmp/calstation-locks")  # sticky bit: users cannot remove each other's files
+    return Path("/tmp/calstation-locks")  # the sticky bit keeps users from removing others' files

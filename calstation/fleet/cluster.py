@@ -67,7 +67,7 @@ def started_cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
             except (OSError, ValueError) as exc:
                 raise ConfigurationError("fleet.no_scheduler", scheduler=scheduler, reason=str(exc)) from exc
             stack.callback(client.close)
-            with suppress(CommClosedError):  # raised for a worker that is terminating; all others have the plugin
+            with suppress(CommClosedError):  # a worker is terminating; all others have the plugin
                 client.register_plugin(WarmUp(local=False))
         else:
             cluster = LocalCluster(
@@ -163,7 +163,7 @@ def solve_logs(
         except Empty:
             replaced = _replace_workers(client.cluster, replaced, without_process, last_result)
             continue
-        if future.status == "cancelled":  # cancelled by the scheduler, not by this program
+        if future.status == "cancelled":  # the scheduler, not this program, has cancelled the task
             raise ConfigurationError("fleet.scheduler_lost", scheduler=scheduler)
         try:
             status = _status(running[future.key][1], future)

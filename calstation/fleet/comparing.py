@@ -178,7 +178,7 @@ def _shift(sizes: FloatArray, rows: NDArray[np.intp] | None) -> _Shift:
         sizes = sizes[present]
     if not len(sizes):
         return None
-    ordered = np.sort(sizes)  # faster than selecting the few values that are needed
+    ordered = np.sort(sizes)  # sorting is faster than selecting the few values
     count = len(sizes)
     median = 0.5 * float(ordered[(count - 1) // 2] + ordered[count // 2])
     position = 0.95 * (count - 1)

@@ -144,7 +144,7 @@ def files_of(location: str) -> tuple[Any, list[str]]:
 def _file_system(location: str, **options: bool) -> Any:
     """Return the file system of a path or URL, and the path in it."""
     try:
-        from fsspec.core import url_to_fs  # needs an optional dependency
+        from fsspec.core import url_to_fs  # fsspec is an optional dependency
     except ImportError as exc:
         raise ConfigurationError("database.not_installed") from exc
     return url_to_fs(location, **options)

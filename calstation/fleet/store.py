@@ -232,7 +232,7 @@ def add_solution(
             written = connection.execute(insert).scalar()
             if written is not None:
                 return int(written), True
-            existing = _solution(connection, key)  # written by another worker
+            existing = _solution(connection, key)  # another worker has written the solution
         if existing is None:
             raise LookupError("the solution was deleted while it was written")
         return existing.number, False

@@ -158,7 +158,7 @@ class _LogTask:
         self.seconds["solve"] = time.perf_counter() - begin
         try:
             return self._write(result, changed)
-        except (DataError, IntegrityError) as exc:  # for example a NUL character, which PostgreSQL does not support
+        except (DataError, IntegrityError) as exc:  # PostgreSQL does not support NUL characters, for example
             failure = CalstationError("fleet.not_stored", file=stored.location, reason=str(exc.orig))
             digests = result.log.sha256, result.configuration_sha256
             return self._write(failed_result(failure, None, str(self.local), *digests), changed)

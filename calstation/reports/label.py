@@ -88,7 +88,7 @@ def _fill_template(template: Path, result: Result) -> str:
         raise InputError("entry.unreadable", file=template, reason=os_reason(exc)) from exc
     except KeyError as exc:
         raise InputError("label.unknown_field", file=template, name=exc.args[0], known=list(fields)) from exc
-    except ValueError as exc:  # a single dollar sign, or a file that is not UTF-8
+    except ValueError as exc:  # the template has a single dollar sign or is not UTF-8
         raise InputError("label.not_a_template", file=template, detail=str(exc)) from exc
 
 

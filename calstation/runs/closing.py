@@ -64,7 +64,7 @@ def close_run(run: OpenRun, ended: RunEnd) -> None:
     log.add_result(result)
     log.close(verdict.outcome)
     result_file = log.path.with_suffix(".json")
-    suppressed = () if ended.error is None else (ConfigurationError,)  # the fault itself is reported
+    suppressed = () if ended.error is None else (ConfigurationError,)  # the fault is reported instead
     with suppress(*suppressed):
         write_json(result_file, result)
     with suppress(OSError):  # the next run restores the index

@@ -135,7 +135,7 @@ class Engine:
             except EOFError:
                 self.ended = True
                 if not self._has_ended:
-                    self.process.join(0.02)  # wait for its exit code
+                    self.process.join(0.02)  # its exit code is not known before
                     events.append(self._fault("run.engine_ended", exit_code=self.process.exitcode))
                 break
             received = True

@@ -195,7 +195,7 @@ def prepare(
         PreparedRun(setup, history, listener, control, run_hooks, continuation, started, cycle) for setup in permitted
     )
     for unit in units:
-        meta, _ = unit.meta(None)  # refuses a run that cannot be resumed unchanged
+        meta, _ = unit.meta(None)  # raises if a run cannot be resumed unchanged
         files = (meta.run.files if meta.run else None) or {}
         logger.info("run of %s, stages %s", unit.setup.request.serial, ", ".join(unit.setup.stages))
         for kind, section in files.items():

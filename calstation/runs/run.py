@@ -106,7 +106,7 @@ def _closing_on_error(runs: Sequence[OpenRun]) -> Iterator[None]:
         raise
     except Exception as mistake:
         open_runs = [run for run in runs if not run.closed]
-        if not open_runs:  # the result itself could not be written
+        if not open_runs:  # the result could not be written
             raise
         if isinstance(mistake, CalstationError):
             error = mistake
@@ -114,7 +114,7 @@ def _closing_on_error(runs: Sequence[OpenRun]) -> Iterator[None]:
             logger.exception("the run ended with a programming error")
             error = CalstationError("program.internal", detail=f"{type(mistake).__name__}: {mistake}")
         for run in open_runs:
-            with suppress(OSError, RuntimeError, CalstationError):  # the log itself may have failed
+            with suppress(OSError, RuntimeError, CalstationError):  # the log may be the cause of the error
                 close_run(run, RunEnd(State.FAULT, tuple(run.chain.solutions), error))
         raise
 
@@ -172,8 +172,8 @@ def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:
             last_sample = _resume(run)
             solved = tuple(run.chain.solutions)
             if solved:
-                imu.read()  # discards samples received while the stages were solved
-        except (StopRequested, CalstationError) as error:  # error of a single unit
+                imu.read()  # discard samples received while the stages were solved
+        except (StopRequested, CalstationError) as error:  # this is an error of a single unit
             evaluation.ended(_ended_by(run, error))
             return
         unit = unit_task(run.setup, run.meta)

@@ -71,7 +71,7 @@ class RunStart:
         resumed = None if request.resume is None else Continuation.of(request, request.resume).request
         adjust = station_hooks(load_station(request.station)[1]).adjust
         self.request, self._setups = request, prepare_batch(resumed or request, adjust)
-        if resumed is not None or request.unfinished is not None:  # asked before the interruption
+        if resumed is not None or request.unfinished is not None:  # the questions were asked before the interruption
             self._answered |= {"resume", "passed"}
 
     def next_question(self) -> Question | None:

@@ -267,7 +267,7 @@ class RunDriver:
         for unit in self.units:
             try:
                 unit.acquisition.drain()
-            except CalstationError as error:  # an error of the unit, or of the log, which this call flushes
+            except CalstationError as error:  # the error is one of the unit, or of the log, which is flushed
                 failures.append(reason_of(error))
         for failure in failures:
             self._context.emit(Message("safe_stop_incomplete", {"text": failure}))

@@ -247,7 +247,7 @@ class Units:
 
     def close(self, state: State, error: CalstationError | None) -> None:
         """Write the results of all remaining units at the end of the run. Raises the errors of `Evaluation.ended`."""
-        with ExitStack() as ends:  # calls all of them, in reverse order, even if one raises
+        with ExitStack() as ends:  # the stack calls all of them, even if one raises
             for unit in reversed(self._active):
                 failure = error or self._context.log_errors.get(unit.slot.name)
                 ended = unit.ended(state if failure is None else State.FAULT, failure)

@@ -20,7 +20,7 @@ SHOWS_TEXT = {
     **dict.fromkeys(("setAccessibleDescription", "setSpecialValueText", "setPlainText", "addAction", "addItem"), 0),
     **dict.fromkeys(("setHorizontalHeaderLabels", "setNameFilters"), 0),
     **dict.fromkeys(("setTabText", "setTabToolTip", "setItemText", "setLabel", "show_state", "show_text", "enable"), 1),
-    **dict.fromkeys(("print", "complain", "add_column", "add_row", "add_task", "job_progress", "prompt"), 0),
+    **dict.fromkeys(("print", "print_error", "add_column", "add_row", "add_task", "job_progress", "prompt"), 0),
     **dict.fromkeys(("TextColumn", "Table"), 0),
     "show_line": 1,
 }

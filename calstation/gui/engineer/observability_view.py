@@ -189,7 +189,7 @@ class HeatMap(ThemedPlot):
         bar = pg.ColorBarItem(values=(0, _DECADES), colorMap=colours, interactive=False, width=2 * theme.GRID)
         self._scale = bar.axis
         bar.setImageItem(self._image, insert_in=self.getPlotItem())
-        bar.axis.setTicks([[(k, f"{10**k}") for k in range(_DECADES)]])  # the top label would be cut off
+        bar.axis.setTicks([[(k, f"{10**k}") for k in range(_DECADES)]])  # a label at the top would be cut off
         bar.axis.setStyle(tickFont=theme.font())
         bar.axis.setWidth(11 * theme.GRID)
         self.getViewBox().invertY()

@@ -85,7 +85,7 @@ class Trend(QWidget):
         self._plot = ThemedPlot()
         self._plot.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self._plot.getAxis("left").setWidth(8 * theme.GRID)
-        self._plot.getAxis("bottom").setHeight(6 * theme.GRID)  # date and time on two lines
+        self._plot.getAxis("bottom").setHeight(6 * theme.GRID)  # the date and the time are on two lines
         bind(self._plot.setAccessibleName, "history.parameter_over_runs")
         column(row((caption, 1), self._combo), (self._plot, 1), on=self, spacing=theme.GRID // 2)
         theme.themes.changed.connect(self.draw)

@@ -116,7 +116,7 @@ class Filters(QWidget):
         calendar.setVerticalHeaderFormat(QCalendarWidget.VerticalHeaderFormat.NoVerticalHeader)
         calendar.setMinimumSize(36 * theme.GRID, 32 * theme.GRID)
         for day in (Qt.DayOfWeek.Saturday, Qt.DayOfWeek.Sunday):
-            calendar.setWeekdayTextFormat(day, QTextCharFormat())  # not in red, the colour of failures
+            calendar.setWeekdayTextFormat(day, QTextCharFormat())  # weekends must not be red, the colour of failures
         return edit
 
     def _period_chosen(self) -> None:

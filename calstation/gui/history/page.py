@@ -234,7 +234,7 @@ class HistoryPage(Page):
             folder = str(self.table.run.log.parent.absolute())
             if QDesktopServices.openUrl(QUrl.fromLocalFile(folder)):
                 return
-            copy = partial(QGuiApplication.clipboard().setText, folder)  # if this computer cannot open folders
+            copy = partial(QGuiApplication.clipboard().setText, folder)  # used if this computer cannot open folders
             choices = (
                 Choice("copy_folder_button", "history.copy_path", copy, primary=True),
                 Choice("folder_close_button", "common.close", self.table.setFocus),

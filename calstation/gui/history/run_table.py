@@ -129,7 +129,7 @@ class RunTable(QTableWidget):
             self.setColumnWidth(column, self.columnWidth(column) + 2 * theme.GRID)
         free = self.viewport().width() - sum(self.columnWidth(column) for column in range(_STAGES))
         for column in (*_HIDDEN_FIRST, *([_DURATION] if batches else [])):
-            if free >= 30 * theme.GRID:  # sufficient width for the stages
+            if free >= 30 * theme.GRID:  # the stages fit
                 break
             free += self.columnWidth(column)
             self.setColumnHidden(column, True)

@@ -93,7 +93,7 @@ class LogHead(QWidget):
         number = f"{log.facts.samples:,}".replace(",", " ")
         samples = say("logs.samples_and_rate", samples=number, rate=log.rate)
         parts = [log.meta.imu.serial, duration_text(log.facts.samples / log.rate), samples]
-        if log.meta.product is not None:  # last, because a long line is elided at its end
+        if log.meta.product is not None:  # the name is last, because a long line is elided
             parts.append(product_text(log.meta.product.name))
         self._summary.setText("  ·  ".join(parts))
         symbol_box = QRectF(0, 0, _SYMBOL_SIZE, _SYMBOL_SIZE)

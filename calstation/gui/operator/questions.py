@@ -149,7 +149,7 @@ class ClaimNotice(NoticeBar):
             return
         if running:
             self._app.claim(*filter(None, request.serials or (request.serial,)))
-        elif request.serial in self._app.claimed:  # not for the next unit
+        elif request.serial in self._app.claimed:  # the claim is not for the next unit
             self._app.claim()
 
     def _refresh(self) -> None:

@@ -103,7 +103,7 @@ class DailyYield(ThemedPlot, DataView[Mapping[str, Share]]):
     def draw(self, data: Mapping[str, Share]) -> None:
         """Draw the yields."""
         self.setLabel("left", say("quality.yield_percent"))
-        self.getAxis("bottom").setStyle(tickFont=theme.font())  # redraws the names of months in the current language
+        self.getAxis("bottom").setStyle(tickFont=theme.font())  # the axis redraws the names of the months
         self.getPlotItem().clear()
         if not data:
             return

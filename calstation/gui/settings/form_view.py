@@ -179,7 +179,7 @@ class FormModel(ParameterModel):
             if cell in self._problems:
                 return self.describe(self._problems[cell])
             if cell.kind == "names" or cell.key_path[-1] == "orientation":
-                return self._text(cell)  # may be too long for the column
+                return self._text(cell)  # the text may be too long for the column
         return self.locked or self._about(self._form_columns[number])
 
     def _title(self, name: str) -> str:

@@ -220,7 +220,7 @@ class TestPanel(QFrame):
     `station` returns the station, or None while its values are invalid; `slot` returns the name of the slot or None.
     """
 
-    __test__ = False  # not a pytest class
+    __test__ = False  # this is not a pytest class
 
     def __init__(
         self,

@@ -300,7 +300,7 @@ class RunStatus(QObject):
         """Adopt a state of the sequencer, and return whether the units must also adopt it."""
         self.commanded = self.commanded or state not in _ENDED
         if self.state == "stopping" and state not in _ENDED:
-            return False  # sent before STOP was pressed
+            return False  # the event was sent before STOP was pressed
         if state in _ENDED and self.register_operation:
             return False  # the result of the operation follows
         if state == "done" or (state == "stopped" and self.in_slots):

@@ -32,7 +32,7 @@ class RunStrip(QWidget):
     def _refresh(self) -> None:
         run = self._run
         kind, state = run_badge(run)
-        if (run.ended or run.fault is not None) and not run.in_slots:  # not shown elsewhere on the page
+        if (run.ended or run.fault is not None) and not run.in_slots:  # the page does not show the unit elsewhere
             state = f"{run.unit.serial}  ·  {state}"
         self._badge.show_state(kind, state)
         parts = []

@@ -230,7 +230,7 @@ class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
         box = {"viewBox": ZoomBox()} if zoom else {}
         super().__init__(parent, enableMenu=False, axisItems=axes, **box)
         self.hideButtons()
-        self.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)  # space for half a label at the top of the left axis
+        self.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)  # half a label extends above the left axis
         self.menu = PlotMenu(self, self.write_csv)
         for side in ("left", "bottom"):
             axis = self.getAxis(side)

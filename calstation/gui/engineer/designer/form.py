@@ -97,7 +97,7 @@ class DesignForm(QFrame):
 
     def request(self, station: Path | None, product: Path, stop: Path) -> "DesignRequest":
         """Return the request of a search; it ends when the file `stop` is created."""
-        from calstation.design import DesignRequest  # delays the first paint
+        from calstation.design import DesignRequest  # a global import would delay the first paint
 
         goal, values = self.goal, self._source.values
         return DesignRequest(

@@ -91,7 +91,7 @@ class SolutionViews(QWidget):
 
     def _refresh(self) -> None:
         unsolved = "" if self._solved else say("logs.solve_first_recording")
-        for index in range(1, self.tabs.count() - (self.live is not None)):  # not guidance and live
+        for index in range(1, self.tabs.count() - (self.live is not None)):  # the guidance and the live view are kept
             self.tabs.setTabEnabled(index, self._solved)
             self.tabs.setTabToolTip(index, unsolved)
 

@@ -88,7 +88,7 @@ class Convergence(QFrame):
             self._plot.removeItem(line.curve)
         self.lines = self._all_lines.get(slot, {})
         for group, line in self.lines.items():
-            line.curve.opts["name"] = f"log10 {group}"  # for the CSV export
+            line.curve.opts["name"] = f"log10 {group}"  # the CSV export shows this name
             self._plot.addItem(line.curve)
         self._refresh()
         self.draw()
@@ -135,7 +135,7 @@ class Convergence(QFrame):
                 continue
             unit, size = DISPLAY[group]
             value = line.ratios[-1] * line.target / size
-            number = f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"  # avoids exponents
+            number = f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"  # the format g would use an exponent
             text, colour, state = f"{term('group', group)} {number} {unit}", c.text, ""
             if line.reached:
                 text, colour, state = say("operator.reached", value=text), c.good, "good"

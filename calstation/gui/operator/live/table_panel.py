@@ -116,7 +116,7 @@ class TablePicture(Drawing):
         for axis in (np.array(self._outer_axis), -np.array(self._outer_axis)):
             if (depth(axis) > 0.0) is behind:
                 end = screen(1.14 * axis)
-                foot = screen(np.array([1.14 * axis[0], 1.14 * axis[1], -0.95]))  # on the floor
+                foot = screen(np.array([1.14 * axis[0], 1.14 * axis[1], -0.95]))  # the foot is on the floor
                 self.line(foot, end, c.track, 0.10)
                 self.line(end, screen(_RING * axis), c.muted, 0.07)
 

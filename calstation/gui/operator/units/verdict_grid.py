@@ -111,5 +111,5 @@ class VerdictGrid(QFrame):
                 tile.show_verdict(self._run.display_state_of(tile.unit))
             brief = [tile.reason for tile in self._tiles if not tile.roomy]
             height = max((reason.sizeHint().height() for reason in brief), default=0)
-            for reason in brief:  # makes all banners equally high
+            for reason in brief:  # all banners must have the same height
                 reason.setMinimumHeight(height)
