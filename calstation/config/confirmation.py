@@ -27,7 +27,7 @@ class Person:
 
 @dataclass(frozen=True)
 class ConfirmationRequired:
-    """What an action requires: the PIN of the acting person, the badge of an engineer, a second person."""
+    """Requirements of an action: the PIN of the acting person, the badge of an engineer, and a second person."""
 
     pin: bool
     badge: bool

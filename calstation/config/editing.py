@@ -75,7 +75,14 @@ def detect_kind(path: Path, text: str) -> str:
 
 
 def check(kind: str, text: str, path: Path | None = None) -> list[Problem]:
-    """Return all errors for which the file at `path` with this text could not be loaded; [] if it may be saved."""
+    """Return all errors for which the file at `path` with this text could not be loaded; [] if it may be saved.
+
+    Parameters
+    ----------
+    kind : kind of the file
+    text : text to check
+    path : path of the file, which determines the files that it names; None for a new file
+    """
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as exc:

@@ -198,7 +198,14 @@ def missing_files(product: ProductConfig, path: Path | None = None) -> Iterator[
 
 
 def schedule_values(product: ProductConfig, stage: str, overrides: Mapping[str, Any]) -> dict[str, JsonValue]:
-    """Return the values of a stage's schedule, in which `overrides` replace the product's values."""
+    """Return the values of a stage's schedule.
+
+    Parameters
+    ----------
+    product : the product
+    stage : name of the stage
+    overrides : values that replace those of the product
+    """
     values: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **overrides}
     fields = method(stage).schedule.model_fields
     if "targets" in fields and "stop_at_limits" not in fields and product.targets and "targets" not in values:

@@ -88,7 +88,16 @@ def load_shared_results(
 def export_shared_runs(
     report: ProgressCallback, station: Path | None, folder: Path, run_filter: RunFilter, target: Path
 ) -> Path:
-    """Job: export runs of all stations. Raises the errors of `fetch_result` and `calstation.results.export_runs`."""
+    """Job: export runs of all stations. Raises the errors of `fetch_result` and `calstation.results.export_runs`.
+
+    Parameters
+    ----------
+    report : callback for the progress
+    station : station file, which names the database; None for the default station
+    folder : runs folder with the index
+    run_filter : conditions for the runs
+    target : file to write
+    """
     if target.suffix != ".csv":  # CSV rows are in the index
         _fetch(station, History(folder).runs(run_filter, limit=None))
     return export_runs(report, folder, run_filter, target)

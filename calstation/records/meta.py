@@ -436,7 +436,14 @@ def load_pair(folder: Path, primary: str, secondary: str) -> StoredCrossCalibrat
 
 
 def store_pair(folder: Path, primary: str, secondary: str, stored: StoredCrossCalibration) -> Path:
-    """Replace the stored cross-calibration of a pair. Raises ConfigurationError if it cannot be written."""
+    """Replace the stored cross-calibration of a pair. Raises ConfigurationError if it cannot be written.
+
+    Parameters
+    ----------
+    folder : folder of the stored pairs
+    primary, secondary : serial numbers of the IMUs
+    stored : cross-calibration to store
+    """
     path = pair_path(folder, primary, secondary)
     content = _without_none({**asdict(stored), "values": dict(stored.values)})
     try:

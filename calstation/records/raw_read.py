@@ -32,7 +32,13 @@ _ATTEMPTS, _RETRY_INTERVAL = 4, 0.05
 
 
 def intact_rows(damaged: NDArray[np.int64], start: int, stop: int) -> NDArray[np.int64]:
-    """Return the stored row numbers of the intact rows `start` to `stop`; `damaged` is as in `raw_rows`."""
+    """Return the stored row numbers of a range of intact rows.
+
+    Parameters
+    ----------
+    damaged : first row and number of rows of each damaged interval, shape (n, 2)
+    start, stop : first intact row, and intact row after the last one, both counted without damaged rows
+    """
     omitted = np.cumsum(damaged[:, 1])
     number = np.arange(start, stop)
     intervals_before = np.searchsorted(damaged[:, 0] - omitted + damaged[:, 1], number, side="right")

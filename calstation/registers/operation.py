@@ -84,6 +84,12 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
     after the write, the unit keeps the new registers and the transfer stays open; the next start offers to finish it or
     to restore the old registers.
 
+    Parameters
+    ----------
+    operation : operation to execute
+    emit : function that receives events
+    control : commands of the operator
+
     Raises
     ------
     InputError : if there is nothing to finish, or the journal does not contain the transfer

@@ -243,7 +243,15 @@ def study_prior(grade: GradeName, outer_lever: str) -> Posterior:
 
 
 def simulate_stages(truth: BenchTruth, seed: int, stages: list[str], schedules: Schedules) -> dict[str, SampleBlock]:
-    """Simulate the stages in sequence; return one block per stage."""
+    """Simulate the stages in sequence; return one block per stage.
+
+    Parameters
+    ----------
+    truth : simulated table and unit
+    seed : seed of the noise
+    stages : stages in order
+    schedules : changes to the default schedules, by stage
+    """
     simulator = Simulator(truth, seed + 10_000)
     blocks = {}
     for stage in stages:
@@ -308,7 +316,14 @@ def _solve(
 
 
 def feed_until_targets(solver: StageSolver, samples: SampleBlock, schedule: BaseModel) -> SampleBlock:
-    """Feed the samples of a designed stage until its targets are reached, as in a run; return the fed samples."""
+    """Feed the samples of a designed stage until its targets are reached, as in a run; return the fed samples.
+
+    Parameters
+    ----------
+    solver : solver of the stage
+    samples : samples of the complete stage
+    schedule : schedule of the stage, with its targets
+    """
     targets, least = getattr(schedule, "targets", {}), getattr(schedule, "least_moves", None)
     if not targets or least is None:
         solver.feed(samples)

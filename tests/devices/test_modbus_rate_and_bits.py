@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_modbus_table import image, long, quick, read, table, write
+from test_modbus_table import image, quick, read, table, two_words, write
 
 from calstation.devices import UNKNOWN_FAULT
 from calstation.devices.profiles import TableProfile
@@ -21,8 +21,8 @@ def polled(status: int = 0x1627, fault: int = 0, watchdog: int = 1500) -> tuple[
 def test_rate_command_matches_the_protocol() -> None:
     pairs = [
         polled(),
-        write(36, *long(100000), *long(200000)),
-        write(56, *long(-55000), *long(200000)),
+        write(36, *two_words(100000), *two_words(200000)),
+        write(56, *two_words(-55000), *two_words(200000)),
         write(22, RATE),
     ]
     with table(pairs) as (driver, _):
@@ -38,8 +38,8 @@ def test_stop_on_link_loss_replaces_the_watchdog() -> None:
     stated = quick().model_copy(update={"link_loss_stop_s": 0.5})
     pairs = [
         polled(watchdog=0),
-        write(36, *long(0), *long(200000)),
-        write(56, *long(0), *long(200000)),
+        write(36, *two_words(0), *two_words(200000)),
+        write(56, *two_words(0), *two_words(200000)),
         write(22, RATE),
     ]
     with table(pairs, stated) as (driver, _):

@@ -11,7 +11,7 @@ import pytest
 from test_framed_imu import PROFILE as IMU_PROFILE
 from test_framed_imu import request
 from test_frames import reply_frame, stream_frame
-from test_modbus_table import image, long
+from test_modbus_table import image, two_words
 
 from calstation.devices.imu import FramedImu
 from calstation.devices.imu.drivers.stream import StreamOnlyImu
@@ -59,8 +59,8 @@ def test_axis_commands_match_the_protocol() -> None:
         read(8, text),
         *(write(16, word) for word in (0x06, 0x07, 0x0F)),
         write(22, 3),
-        write(34, *long(-9000000), *long(200000), *long(400000)),
-        write(54, *long(72000000), *long(200000), *long(400000)),
+        write(34, *two_words(-9000000), *two_words(200000), *two_words(400000)),
+        write(54, *two_words(72000000), *two_words(200000), *two_words(400000)),
         write(22, 1),
         write(21, 1),
         write(22, 2),
@@ -122,7 +122,7 @@ def test_error_reply_is_reported_with_its_meaning(error: int, code: str) -> None
         assert caught.value.values["reason"].code == f"imu.framed_{error}"
 
 
-@pytest.mark.long
+@pytest.mark.two_words
 def test_request_with_a_lost_reply_is_repeated_except_homing() -> None:
     stop, home = write(22, 2), write(22, 3)
     between = request(1), reply_frame(1, b"bench-imu;SN;1")

@@ -58,13 +58,13 @@ class GimbalController(TextController):
         self.ignored_requests = 0
 
     def _reply(self, line: str) -> bytes:
-        name, *rest = line.upper().split(",")
+        name, *arguments = line.upper().split(",")
         try:
-            return f"{name},{self._execute(name, rest)}\n".encode()
+            return f"{name},{self._execute(name, arguments)}\n".encode()
         except (Refusal, ValueError, IndexError):
             return b"?\n"
 
-    def _execute(self, name: str, rest: list[str]) -> str:
+    def _execute(self, name: str, arguments: list[str]) -> str:
         machine, device, host = self._machine, self._clocks.device(), self._clocks.host()
         if name == "IDN":
             return f"{MODEL},{self._serial}"
@@ -85,7 +85,7 @@ class GimbalController(TextController):
             (self._stream.zero if name == "LCK" else self._stream.stabilise)()
         elif name == "TRN":
             self._check_permitted()
-            self._turn("XYZ".index(rest[0]), *(float(np.deg2rad(float(text))) for text in rest[1:3]))
+            self._turn("XYZ".index(arguments[0]), *(float(np.deg2rad(float(text))) for text in arguments[1:3]))
         else:
             raise ValueError(name)
         return "OK"

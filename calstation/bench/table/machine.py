@@ -169,7 +169,7 @@ class TableMachine:
             return
         command = word & 0x0F
         if not command & 0x02 or not command & 0x04:
-            # Disable voltage, or quick stop: decelerate and switch off.
+            # "Disable voltage" and "quick stop" decelerate the joints and switch the axes off.
             self.stop(time)
             self.power = Power.DISABLED
         elif command & 0x07 == 0x06:

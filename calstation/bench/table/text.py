@@ -121,28 +121,28 @@ class Acl(TextController):
         axes.machine.set_zero()  # absolute encoders need no homing
 
     def _reply(self, line: str) -> bytes:
-        name, question, rest = line.partition("?")
+        name, question, arguments = line.partition("?")
         if question:
-            words = self._value(name.lower(), rest)
+            words = self._value(name.lower(), arguments)
             self._has_error = self._has_error or words is None
             return b"" if words is None else f"{words}\n".encode()
-        command, _, rest = line.partition(" ")
+        command, _, arguments = line.partition(" ")
         try:
-            self._execute(command.lower(), [part.strip() for part in rest.split(",")])
+            self._execute(command.lower(), [part.strip() for part in arguments.split(",")])
         except (Refusal, ValueError, IndexError):
             self._has_error = True
         return b""
 
-    def _value(self, name: str, rest: str) -> str | None:
+    def _value(self, name: str, arguments: str) -> str | None:
         axes = self._axes
         if name == "*idn":
             return f"ACUTRONIC SCHWEIZ,ACU 2000,{self._serial},1.0"
         if name == "*stb":
             has_error, self._has_error = self._has_error, False
             return "65" if has_error or axes.fault else "0"
-        if rest.strip() not in ("1", "2"):
+        if arguments.strip() not in ("1", "2"):
             return None
-        joint = int(rest) - 1
+        joint = int(arguments) - 1
         if name == ":interlock":
             if axes.fault:
                 return "Fault"
@@ -158,28 +158,28 @@ class Acl(TextController):
         }
         return values.get(name)
 
-    def _execute(self, name: str, rest: list[str]) -> None:
+    def _execute(self, name: str, arguments: list[str]) -> None:
         axes = self._axes
         if name == ":interlock:reset":
             axes.reset()
             self._modes = ["Off", "Off"]
             return
         if name in (":lim:acc", ":lim:rate"):
-            joint, number = int(rest[1]) - 1, _radians(rest[2])
-            if rest[0].lower() not in ("pos", "rate"):
+            joint, number = int(arguments[1]) - 1, _radians(arguments[2])
+            if arguments[0].lower() not in ("pos", "rate"):
                 raise ValueError(name)
             (axes.accelerations if name == ":lim:acc" else axes.rates)[joint] = number
             return
-        joint = _joint(rest[0])
+        joint = _joint(arguments[0])
         if name in (":int:close", ":int:open"):
             axes.power(joint, name == ":int:close")
         elif name in (":mode:pos", ":mode:rate", ":mode:off"):
             self._modes[joint] = {"s": "Position", "e": "Rate", "f": "Off"}[name[-1]]
         elif name == ":dem:pos" and self._modes[joint] == "Position":
-            axes.targets[joint] = _radians(rest[1])
+            axes.targets[joint] = _radians(arguments[1])
             axes.move(joint)
         elif name == ":dem:rate" and self._modes[joint] == "Rate":
-            axes.turn(joint, _radians(rest[1]))
+            axes.turn(joint, _radians(arguments[1]))
         else:
             raise ValueError(name)
 
@@ -198,14 +198,14 @@ class Mn(TextController):
         match = re.fullmatch(r"\$MN(.*)\*([0-9A-F]{2})", line)
         if match is None or sum(match[1].encode()) & 0xFF != int(match[2], 16):
             return b""
-        name, *rest = match[1].split(",")
+        name, *arguments = match[1].split(",")
         try:
-            words = f"{name},OK{self._execute(name, rest)}"
+            words = f"{name},OK{self._execute(name, arguments)}"
         except (Refusal, ValueError, IndexError):
             words = f"{name},ERR"
         return f"$AS{words}*{sum(words.encode()) & 0xFF:02X}\r\n".encode()
 
-    def _execute(self, name: str, rest: list[str]) -> str:
+    def _execute(self, name: str, arguments: list[str]) -> str:
         axes = self._axes
         if name == "CHK":
             return f",MN-2A,{self._serial}"
@@ -216,19 +216,19 @@ class Mn(TextController):
             axes.reset()
         if name in ("REM", "CLR"):
             return ""
-        joint = _joint(rest[0])
+        joint = _joint(arguments[0])
         if name in ("ENB", "DIS"):
             axes.power(joint, name == "ENB")
         elif name == "HMZ":
             axes.home()
         elif name == "MOD":
-            self._rate_mode[joint] = ("POS", "VEL").index(rest[1]) == 1
+            self._rate_mode[joint] = ("POS", "VEL").index(arguments[1]) == 1
         elif name == "POS":
-            axes.targets[joint] = _radians(rest[1])
+            axes.targets[joint] = _radians(arguments[1])
         elif name == "VEL":
-            axes.rates[joint] = _radians(rest[1])
+            axes.rates[joint] = _radians(arguments[1])
         elif name == "ACC":
-            axes.accelerations[joint] = _radians(rest[1])
+            axes.accelerations[joint] = _radians(arguments[1])
         elif name == "RUN":
             if self._rate_mode[joint]:
                 axes.turn(joint, axes.rates[joint])

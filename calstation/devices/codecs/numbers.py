@@ -77,7 +77,13 @@ class Number:
         return raw
 
     def pack(self, value: float, byte_order: ByteOrder, word_order: WordOrder | None = None) -> bytes:
-        """Return the bytes of `value` on the wire; raises ValueError if it is out of range."""
+        """Return the bytes of `value` on the wire; raises ValueError if it is out of range.
+
+        Parameters
+        ----------
+        value : number to encode
+        byte_order, word_order : order of the bytes in a word, and of the words; None for the byte order
+        """
         if self.kind == "f":
             big_endian = struct.pack(">f" if self.width == 4 else ">d", self.nearest(value))
         else:
@@ -88,7 +94,13 @@ class Number:
         return bytes(wire)
 
     def unpack(self, wire: bytes, byte_order: ByteOrder, word_order: WordOrder | None = None) -> float:
-        """Return the value of `width` bytes from the wire."""
+        """Return the value of `width` bytes from the wire.
+
+        Parameters
+        ----------
+        wire : `width` bytes
+        byte_order, word_order : order of the bytes in a word, and of the words; None for the byte order
+        """
         column = np.frombuffer(wire, np.uint8, self.width)[None, :]
         return float(self.column(column, byte_order, word_order)[0])
 

@@ -47,7 +47,7 @@ class RegisterMap:
         }
 
     def decode(self, registers: Mapping[int, list[float]]) -> dict[str, float]:
-        """Convert numbers by entry key to parameters, SI. Raises DeviceFaultError for a contradiction to the model."""
+        """Convert numbers by entry key to parameters, SI. Raises DeviceFaultError if the error model forbids them."""
         contents = {
             name: registers[entry.key][i] * entry.scale
             for entry in self.entries

@@ -149,7 +149,14 @@ class RtuLine:
         return list(struct.unpack(f">{count}H", data[1 : 1 + 2 * count]))
 
     def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
-        """Write holding registers; `repeat` and `again` are passed to `Dialogue.ask`. Raises the errors of `read`."""
+        """Write holding registers. Raises the errors of `read`.
+
+        Parameters
+        ----------
+        unit : Modbus unit number
+        address, values : 0-based address of the first register, and unsigned 16-bit values
+        repeat, again : `urgent` and `again` of `Dialogue.ask`
+        """
         self._ask(RtuRequest.write(unit, address, values), urgent=repeat, again=again)
 
     def receive(self, wait: float) -> bytes:

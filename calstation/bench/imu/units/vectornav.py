@@ -114,7 +114,7 @@ class VectorNavUnit(ImuUnit):
         return f"${text}*{check_line(text):02X}\r\n".encode()
 
     def _execute(self, words: list[str], time: float) -> str | int:
-        command, *rest = words
+        command, *arguments = words
         if command == "VNWNV":
             self.registers[REGISTERS - 1] = float(self.streaming)
             self._burn()
@@ -124,9 +124,13 @@ class VectorNavUnit(ImuUnit):
             return "VNRST"
         if command not in ("VNRRG", "VNWRG"):
             return BAD_COMMAND
-        if not rest:
+        if not arguments:
             return TOO_FEW
-        return self._read_register(int(rest[0])) if command == "VNRRG" else self._write_register(int(rest[0]), rest)
+        return (
+            self._read_register(int(arguments[0]))
+            if command == "VNRRG"
+            else self._write_register(int(arguments[0]), arguments)
+        )
 
     def _read_register(self, register: int) -> str | int:
         texts = {1: MODEL, 3: self._serial, 4: FIRMWARE, 6: "0"}

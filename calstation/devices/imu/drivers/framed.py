@@ -79,7 +79,13 @@ class FramedImu(RegisteredImu):
         return list(struct.unpack(self._format(f"{count}H"), answer[len(head) :]))
 
     def write_words(self, address: int, values: list[int], repeat: bool) -> None:
-        """Write 16-bit registers of the axes of an inertial system; after a lost reply, write again if `repeat`."""
+        """Write 16-bit registers of the axes of an inertial system. Raises DeviceFaultError.
+
+        Parameters
+        ----------
+        address, values : 0-based address of the first register, and unsigned 16-bit values
+        repeat : whether the request is sent again after a lost reply
+        """
         head = struct.pack(self._format("HB"), address, len(values))
         body = struct.pack(self._format(f"{len(values)}H"), *values)
         transaction = self._transaction("write_words", head + body, head)
