@@ -122,7 +122,7 @@ def test_error_reply_is_reported_with_its_meaning(error: int, code: str) -> None
         assert caught.value.values["reason"].code == f"imu.framed_{error}"
 
 
-@pytest.mark.two_words
+@pytest.mark.long
 def test_request_with_a_lost_reply_is_repeated_except_homing() -> None:
     stop, home = write(22, 2), write(22, 3)
     between = request(1), reply_frame(1, b"bench-imu;SN;1")
