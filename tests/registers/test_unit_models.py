@@ -202,4 +202,4 @@ def test_hardware_and_simulated_units_are_listed_separately(
     (row,) = listed["virtual"]["transfers"]
     assert (row["station"], row["model"], row["profile"]) == ("virtual", "bench-imu", MEMS)
     assert run_app(["registers", "list", "SN-000099", "--out", str(journal_site.runs)]) == 0
-    assert "No transfer is journal_site" in capsys.readouterr().out
+    assert "No transfer is known" in capsys.readouterr().out
