@@ -137,7 +137,12 @@ class StageChain:
         return solution
 
     def _unsolvable(self, buffer: StageBuffer, error: Exception) -> InputError:
-        """Return the error of a stage that cannot be solved; faults of its samples are the cause, if there are any."""
+        """Return the error of a stage that cannot be solved; faults of its samples are the cause, if there are any.
+
+        A method that refuses a recording has named its fault itself.
+        """
+        if isinstance(error, InputError) and not isinstance(error, InsufficientDataError):
+            return error
         fault = self._data_tests.sample_fault(buffer.block(), buffer.data())
         if fault is not None:
             return InputError("solution.in_stage", stage=self._stage, what=fault.text(self._stage))
