@@ -64,9 +64,9 @@ def test_invalid_value_is_reported_at_its_field(
     if problem is None:
         assert problems == []
         return
-    (problem,) = problems
-    assert (problem.name, problem.kind) == (field, problem[0])
-    assert problem.what.values.get("bound") == (problem[1] if problem[1] is None else pytest.approx(problem[1]))
+    (reported,) = problems
+    assert (reported.name, reported.kind) == (field, problem[0])
+    assert reported.what.values.get("bound") == (problem[1] if problem[1] is None else pytest.approx(problem[1]))
 
 
 def test_schedule_values_of_a_request_override_the_product(site_folder: SiteFolder) -> None:
