@@ -102,7 +102,8 @@ def test_accelerometers_alone_are_calibrated(calstation: Run, tmp_path: Path, me
     assert not any(name.startswith("gyro") for name in found)
     for name in ("accel_scale_x", "accel_scale_y", "accel_scale_z"):
         assert abs(found[name]["value"]) < 4.0 * found[name]["sigma"]
-        assert found[name]["sigma"] < 1e-5
+        # six faces are not redundant, so multi_position assumes the scatter of a unit that is turned by hand
+        assert found[name]["sigma"] < (1e-5 if method == "six_position" else 1e-3)
 
 
 def test_methods_that_require_gyros_report_their_absence(calstation: Run, tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ def test_check_standard_has_its_own_table(calstation: Run, folder: Path) -> None
     done = calstation("quality", "--out", folder, "--serial", "GOLDEN-NAVA", "--product", "nav_a")
     runs = len([*folder.glob("GOLDEN-NAVA_*.json")])
     assert runs < 10
-    assert "Golden unit GOLDEN-NAVA: fewer than 10 runs" in done.out
+    assert "Check standard GOLDEN-NAVA: fewer than 10 runs" in done.out
 
 
 def test_unit_without_runs_is_reported(calstation: Run, folder: Path) -> None:

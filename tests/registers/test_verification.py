@@ -147,10 +147,10 @@ def test_verification_detects_errors_of_the_stated_size() -> None:
         "gyro_bias": 1.6e-6,
         "gyro_scale": 3.7e-5,
         "gyro_misalign": 9e-5,
-        "accel_bias": 2.4e-3,
-        "accel_scale": 4.2e-4,
-        "accel_misalign": 4.3e-4,
-        "accel_quadratic": 4.3e-5,
+        "accel_bias": 3.0e-3,
+        "accel_scale": 5.0e-4,
+        "accel_misalign": 5.0e-4,
+        "accel_quadratic": 5.0e-5,
     }
     captures = Captures("framed", recording("nav", 1, "increment"))
     values = dict(zip(NAMES, captures.bench.parameters.tolist(), strict=True))

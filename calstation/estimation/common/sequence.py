@@ -111,6 +111,10 @@ def unwrap_counter(raw: Sequence[int] | IntArray, last: int | None, bits: int, l
     return start + np.cumsum(np.where(reset, 2, np.where(steps == 0, modulus, steps)))
 
 
+#: Largest rounding of a recorded angle, rad.
+_ROUNDING = 0.01
+
+
 class AngleUnwrapper:
     """Makes the angles of a table cumulative, chunk by chunk, if they are recorded modulo a whole turn.
 
@@ -135,6 +139,8 @@ class _LastAngle:
     recorded: float = np.nan  #: rad
     rate: float = 0.0  #: Mean rate since the angle polled before it, rad/s.
     added: float = 0.0  #: Whole turns added to the recorded angle, rad.
+    low: float = np.inf  #: Smallest recorded angle, rad.
+    high: float = -np.inf  #: Largest recorded angle, rad.
 
     def unwrap(self, time: FloatArray, angles: FloatArray) -> FloatArray:
         """Return the next angles of the column, rad, shape (n,)."""
@@ -146,7 +152,9 @@ class _LastAngle:
         )
         elapsed, change = np.diff(times), np.diff(recorded)
         shift = np.zeros(len(angles))
-        jumps = np.flatnonzero(np.abs(change) > np.pi)
+        self.low, self.high = min(self.low, float(recorded[1:].min())), max(self.high, float(recorded[1:].max()))
+        within_a_turn = self.high - self.low < 2.0 * np.pi + _ROUNDING
+        jumps = np.flatnonzero(np.abs(change) > np.pi) if within_a_turn else np.empty(0, np.int64)
         for k in jumps:
             rate = change[k - 1] / elapsed[k - 1] if k > 0 and elapsed[k - 1] > 0.0 else self.rate
             unexpected = min(abs(change[k]), abs(change[k] - rate * elapsed[k])) > _JUMP
