@@ -149,7 +149,7 @@ def test_verification_detects_errors_of_the_stated_size() -> None:
         "gyro_misalign": 9e-5,
         "accel_bias": 3.6e-3,
         "accel_scale": 5.0e-4,
-        "accel_misalign": 5.0e-4,
+        "accel_misalign": 6.0e-4,
         "accel_quadratic": 5.0e-5,
     }
     captures = Captures("framed", recording("nav", 1, "increment"))
