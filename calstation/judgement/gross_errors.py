@@ -263,13 +263,13 @@ def _turned_modulo(motion: TableMotion, context: SolveContext) -> bool:
         size = float(np.linalg.norm(rotation))
         change = motion.angles[k + 1] - motion.angles[k]
         joint = int(np.argmax(np.abs(change)))
-        if size < np.pi or abs(change[1 - joint]) > _SMALLEST_TURN:
+        if not size >= np.pi or abs(change[1 - joint]) > _SMALLEST_TURN:  # the rotation is unknown without gyros
             continue
         axis = turn_axis(motion.angles[k], joint, context)
         is_still = abs(change[joint]) < _SMALLEST_TURN  # the axis of a whole turn is not recorded
         along = size if is_still else float(rotation @ axis)
         turns = (along - float(change[joint])) / (2.0 * np.pi)
-        if abs(turns) < 0.5:
+        if not abs(turns) >= 0.5:
             continue
         across = 0.0 if is_still else float(np.linalg.norm(rotation - along * axis)) / size
         if abs(turns - np.rint(turns)) > 0.1 or across > 0.2:

@@ -26,7 +26,7 @@ _MODEL_DEPENDENT: frozenset[CheckKind] = frozenset({
 
 
 #: Kinds of checks of the data, whose causes come before those of the site.
-_OF_DATA: frozenset[CheckKind] = frozenset({"clipping", "sample_clock", "sigma_below", "within"})
+_OF_DATA: frozenset[CheckKind] = frozenset({"clipping", "samples", "sample_clock", "sigma_below", "within"})
 #: Kinds of checks of the site and of the mounting, the most certain first.
 _OF_SITE: tuple[CheckKind, ...] = ("latitude", "heading", "start_attitude")
 

@@ -75,7 +75,9 @@ def sample_test(samples: SampleBlock, data: StageData, context: SolveContext) ->
     broken = np.concatenate([[True], np.diff(data.seq) != 1])
     for start, _ in data.segments:
         broken[start] = True
-    noise = _noise_of(counts, width)
+    imu = context.imu
+    rounding = np.repeat(imu.quantisation, 3) * imu.rate_factor / imu.count_size
+    noise = _noise_of(counts, width, rounding)
     motion = table_motion(data)
     fault = next(_faults(counts, broken, noise, data, motion, context), None)
     if fault is None:
@@ -87,13 +89,13 @@ def sample_test(samples: SampleBlock, data: StageData, context: SolveContext) ->
     return [ModelTest("samples", float(len(at)), 0.0, "1", diagnosis)]
 
 
-def _noise_of(counts: FloatArray, width: int) -> _Noise:
+def _noise_of(counts: FloatArray, width: int, rounding: FloatArray) -> _Noise:
     windows = len(counts) // width
     shaped = counts[: windows * width].reshape(windows, width, -1)
     second = np.abs(np.diff(shaped, 2, axis=1))
     change = np.diff(shaped, axis=1)
     step = np.array([np.diff(np.unique(column)).min(initial=np.inf) for column in counts[: 20 * width].T])
-    step = np.where(np.isfinite(step), step, 1.0)
+    step = np.maximum(np.where(np.isfinite(step), step, 1.0), rounding)
     sigma = np.maximum(np.median(second, axis=1) / _MEDIAN_OF_SECOND, _ROUNDING * step)
     return _Noise(width, sigma, (change == 0.0).mean(axis=1), step)
 

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common import REST_MARGIN, SHORTEST_REST, SolveContext, StageData
+from calstation.estimation.common import REST_MARGIN, SHORTEST_REST, SolveContext, StageData, mean_angles
 from calstation.physics import FloatArray, IntArray, rotation_vector
 
 #: Time over which an encoder must not move, s, and its largest change in this time, rad.
 _STILL_TIME, _STILL_ANGLE = 0.25, np.deg2rad(0.02)
+#: Largest time between two angles of a rest, in units of `_STILL_TIME`.
+_LONGEST_POLL = 4
 #: Smallest number of angles between two rests, and smallest change of one, rad, that show that the motion was cut out.
 _CUT_ANGLES, _CUT_STEP = 20, np.deg2rad(5.0)
 
@@ -69,13 +71,13 @@ def _rests(data: StageData, polled: IntArray) -> list[tuple[int, int]]:
         chosen.append(polled[np.searchsorted(polled, k)])
     at = np.unique(chosen)
     still = np.abs(np.diff(data.angles[at], axis=0)).max(axis=1) < _STILL_ANGLE
-    still &= np.diff(data.seq[at]) == np.diff(at)
+    still &= (np.diff(data.seq[at]) == np.diff(at)) & (np.diff(at) <= _LONGEST_POLL * spacing)
     margin, shortest = round(REST_MARGIN / data.dt), round(SHORTEST_REST / data.dt)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
     rests = []
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         a, b = int(at[first]) + margin, int(at[last]) - margin
-        if b - a >= shortest:
+        if b - a >= shortest and mean_angles(data, a, b) is not None:
             rests.append((a, b))
     return rests
 

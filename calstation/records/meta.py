@@ -266,8 +266,13 @@ class LogMeta(StrictModel):
 
         It is stated in `[stability]` of the IMU profile in the log.
         """
-        stability = tomllib.loads(self.profiles.get("imu", "")).get("stability", {})
-        stated = {name: row["power_up"] for name, row in stability.items() if "power_up" in row}
+        try:
+            stability = tomllib.loads(self.profiles.get("imu", "")).get("stability", {})
+        except tomllib.TOMLDecodeError:
+            return {}
+        stated = {
+            name: row["power_up"] for name, row in stability.items() if isinstance(row, dict) and "power_up" in row
+        }
         sigmas = {name: entry_of(stated, name) for name in NAMES}
         return {name: sigma for name, sigma in sigmas.items() if sigma is not None}
 

@@ -49,6 +49,14 @@ def test_right_configuration_has_no_fault(unit, stage):
     assert causes(unit, stage) == []
 
 
+def test_recording_without_gyros_has_no_fault(unit):
+    def without_gyros(block):
+        return replace(block, counts=np.hstack([np.full((len(block), 3), np.nan), block.counts[:, 3:]]))
+
+    context, prior, blocks = unit
+    assert not data_faults(without_gyros(blocks["six_position"]), context, prior)
+
+
 @pytest.mark.parametrize("stage", STAGES)
 @pytest.mark.parametrize(
     ("change", "words"),

@@ -68,6 +68,7 @@ from calstation.estimation.common.stage import (
     means,
     no_rest_error,
     row_maxima,
+    sensor_rates,
     slope_weights,
     stage_data,
     true_intervals,

@@ -320,7 +320,7 @@ def _line(samples: FloatArray, dt: float, rests: list[slice]) -> Line | None:
     """
     length = round(_SEGMENT / dt)
     begins = [b for rest in rests for b in range(rest.start, rest.stop - length + 1, length)]
-    if len(begins) < _MIN_SEGMENTS:
+    if len(begins) < _MIN_SEGMENTS or length < 2 * _BACKGROUND:
         return None
     begins = begins[:: -(-len(begins) // _MAX_SEGMENTS)]
     window, frequency = np.hanning(length)[:, None], np.fft.rfftfreq(length, dt)
@@ -331,6 +331,8 @@ def _line(samples: FloatArray, dt: float, rests: list[slice]) -> Line | None:
     power *= 2.0 / (len(begins) * np.sum(window) ** 2)  # the sum over a line is its mean square times 1.5
     total = power.sum(axis=1)
     background = np.median(sliding_window_view(np.pad(total, _BACKGROUND, "reflect"), 2 * _BACKGROUND + 1), axis=1)
+    if not background[3:-2].min(initial=np.inf) > 0.0:
+        return None
     k = 3 + int(np.argmax(total[3:-2] / background[3:-2]))
     if not total[k] > _LINE * background[k]:
         return None

@@ -71,12 +71,8 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
     seq, time, counts = block.seq[valid], block.time[valid], np.asarray(block.counts[valid], np.float64)
     broken = (np.diff(seq) != 1) | _time_jumps(seq, time, dt)
     cuts = np.concatenate([[0], np.flatnonzero(broken) + 1, [len(seq)]])
-    gyro = _scaled(counts[:, :3], imu.gyro_lsb * imu.rate_factor)
-    accel = _scaled(counts[:, 3:], imu.accel_lsb * imu.rate_factor)
-    if imu.coning_compensated:
-        gyro = _without_coning(gyro, dt)
-    if imu.half_variance:
-        gyro, accel = (_without_low_pass(x, imu.half_variance / dt**2) for x in (gyro, accel))
+    segments = tuple((int(a), int(b)) for a, b in itertools.pairwise(cuts) if b > a)
+    gyro, accel = sensor_rates(counts, imu, segments)
     return StageData(
         dt=dt,
         seq=seq,
@@ -85,11 +81,34 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
         accel=accel,
         angles=block.angles[valid],
         step=block.step[valid],
-        segments=tuple((int(a), int(b)) for a, b in itertools.pairwise(cuts) if b > a),
+        segments=segments,
         gaps=int(np.count_nonzero(broken)),
         others=block.others[valid],
         joints=block.joints[valid],
     )
+
+
+def sensor_rates(
+    counts: FloatArray, imu: ImuModel, segments: Sequence[tuple[int, int]]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the mean rates, rad/s, and forces, m/s², of samples without the filters that the profile states.
+
+    Parameters
+    ----------
+    counts : samples, shape (n, 6)
+    imu : model of the IMU
+    segments : (start, stop) of the intervals of consecutive samples
+    """
+    gyro = _scaled(counts[:, :3], imu.gyro_lsb * imu.rate_factor)
+    accel = _scaled(counts[:, 3:], imu.accel_lsb * imu.rate_factor)
+    dt = 1.0 / imu.sample_rate
+    for a, b in segments if imu.coning_compensated or imu.half_variance else ():
+        if imu.coning_compensated:
+            gyro[a:b] = _without_coning(gyro[a:b], dt)
+        if imu.half_variance:
+            for values in (gyro, accel):
+                values[a:b] = _without_low_pass(values[a:b], imu.half_variance / dt**2)
+    return gyro, accel
 
 
 def _without_coning(rate: FloatArray, dt: float) -> FloatArray:

@@ -116,17 +116,22 @@ def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q
     A[1, 0], A[2, 0], A[2, 1] = -fz, fy, -fx
     for i in range(3):
         Q[i, i] = rate_q * T
-        Q[_DP + i, _DP + i] = force_q * T**3 / 3.0
-        Q[_DV + i, _DP + i] = force_q * T**2 / 2.0
-        Q[_DP + i, _DV + i] = Q[_DV + i, _DP + i]
         for j in range(3):
             Q[_DV + i, j] = A[i, j] * rate_q * T**2 / 2.0
             Q[j, _DV + i] = Q[_DV + i, j]
+            Q[_DP + i, j] = A[i, j] * rate_q * T**3 / 6.0
+            Q[j, _DP + i] = Q[_DP + i, j]
             s = 0.0
             for k in range(3):
                 s += A[i, k] * A[j, k]
             Q[_DV + i, _DV + j] = s * rate_q * T**3 / 3.0
+            Q[_DP + i, _DV + j] = s * rate_q * T**4 / 8.0
+            Q[_DV + j, _DP + i] = Q[_DP + i, _DV + j]
+            Q[_DP + i, _DP + j] = s * rate_q * T**5 / 20.0
         Q[_DV + i, _DV + i] += force_q * T
+        Q[_DP + i, _DP + i] += force_q * T**3 / 3.0
+        Q[_DP + i, _DV + i] += force_q * T**2 / 2.0
+        Q[_DV + i, _DP + i] = Q[_DP + i, _DV + i]
 
 
 @nb.njit(cache=True)
@@ -380,7 +385,7 @@ def _refer_to_end(
                 group.R[index, r] = t
         for i in range(3):
             index = 3 * k + i
-            for r in range(3):
+            for r in range(i, 3):
                 t = noise[NAVIGATION + i, r]
                 for j in range(OBSERVED):
                     t -= noise[j, i] * G[r, j]

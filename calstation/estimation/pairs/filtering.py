@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from calstation.estimation.common import ImuModel, StageData, true_intervals
+from calstation.estimation.common import ImuModel, StageData, sensor_rates, true_intervals
 from calstation.physics import BoolArray, Compensation, FloatArray, IntArray
 
 
@@ -32,13 +32,14 @@ def pair_data(data: StageData, index: int, imu: ImuModel) -> PairData:
     segments: list[tuple[int, int]] = []
     for start, stop in data.segments:
         segments += [(start + a, start + b) for a, b in true_intervals(present[start:stop])]
+    gyro, accel = sensor_rates(counts, imu, segments)
     return PairData(
         dt=data.dt,
         time=data.time,
         gyro=data.gyro,
         accel=data.accel,
-        gyro2=counts[:, :3] * (imu.gyro_lsb * imu.rate_factor),
-        accel2=counts[:, 3:] * (imu.accel_lsb * imu.rate_factor),
+        gyro2=gyro,
+        accel2=accel,
         segments=tuple(segments),
     )
 
