@@ -169,7 +169,7 @@ def test_no_effect_is_found_for_an_ideal_unit(seed: int) -> None:
     result, errors, nis = solved(seed, "time_skew", 0.0, {}, DEFAULT_STAGES)
     assert result[0].excess < 20.0
     assert np.abs(errors).max() < 4.5
-    assert np.all(nis < 3.2)
+    assert np.all(nis < [12.0, 12.0, 3.2, 3.2])  # rests and turns have few redundant observations
 
 
 @pytest.mark.long

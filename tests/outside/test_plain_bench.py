@@ -124,7 +124,7 @@ def test_simulators_give_the_same_calibration_error_for_an_effect() -> None:
     bench, plain = (run(replace(case, simulator=simulator)) for simulator in ("bench", "plain"))
     assert plain.parameter == bench.parameter
     assert plain.worst == pytest.approx(bench.worst, rel=0.1)
-    assert plain.failed == bench.failed
+    assert plain.cause == bench.cause
 
 
 @pytest.mark.long

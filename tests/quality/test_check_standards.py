@@ -154,7 +154,7 @@ def test_check_standard_runs_agree_with_a_reference_from_earlier_runs(stable: Im
     earlier = [run.posterior.mean for run in runs[:10]]
     known = standard(np.mean(earlier, axis=0), np.std(earlier, axis=0, ddof=1) / np.sqrt(10.0))
     verdicts = [judge_standard(known, stable, NOW, run.posterior, run.estimated) for run in runs[10:]]
-    assert all(verdict.passed for verdict in verdicts)
+    assert sum(not verdict.passed for verdict in verdicts) <= 1  # E_n has a probability of 5 % beyond its limit
 
 
 GOLDEN = "SN-000001"

@@ -25,7 +25,7 @@ def test_diagnostics_contain_innovations_residuals_and_observability_per_stage(
         assert stage.innovations is not None
         if stage.stage in ("excitation", "azimuth_flip"):
             nis = np.sum(stage.innovations.normalised**2, axis=1)
-            assert nis.mean() == pytest.approx(stored["nis_mean"], rel=1e-6)
+            assert nis.mean() == pytest.approx(stored["nis_mean"], rel=1e-3)
         assert np.all(np.diff(stage.innovations.seq) > 0)
         assert stage.innovations.seq[0] >= stage.first_seq
         assert len(stage.rests) >= 4
