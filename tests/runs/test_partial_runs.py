@@ -185,4 +185,4 @@ def test_single_stage_group_fails_on_an_uncalibrated_unit(
     assert any(name == "unobservable parameters" or name.endswith((" sigma", " sigma below")) for name in failed), (
         failed
     )
-    assert "No calibration of S-1" in capfd.readouterr().err
+    assert "no calibration of S-1" in capfd.readouterr().err
