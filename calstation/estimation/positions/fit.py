@@ -103,7 +103,7 @@ def fit_positions(
         chi2=float(best.residual[observed] @ best.residual[observed]),
         freedom=best.redundancy(best.H[observed]),
         scatter=scatter,
-        assumed=kinds,
+        assumed=tuple(kind for kind in kinds if getattr(assumed, kind) > 0.0),
         force_residual=force * np.sqrt(problem.force_variance)[:, None],
         turn_residual=turn.reshape(-1, 3) * np.sqrt(problem.turn_variance)[:, None],
         converged=converged,
