@@ -95,7 +95,6 @@ def test_invalid_step_is_repeated(designed: SiteFolder) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.xfail(reason="a few short rests do not separate the noise of gyros from rocking of the table")
 def test_more_noise_than_in_the_profile_requires_more_moves(designed: SiteFolder) -> None:
     assert designed.run().verdict.passed
     write(designed, effects={"gyro_noise": 2.5})

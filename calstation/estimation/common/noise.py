@@ -27,8 +27,10 @@ _COARSE_TIME = 20.0
 MAX_NOISE = 3.0
 #: The same for the table, whose noise is measured with more scatter.
 MAX_TABLE_NOISE = 3.3
-#: Averaging times in intervals between observations, and the correlation of neighbouring ones as a factor of sigma.
-_TIMES, _OVERLAP = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32), 1.3
+#: Number of intervals of gyros during an interval between observations, so that short rests suffice.
+_PARTS = 4
+#: Averaging times in intervals, and the correlation of neighbouring ones as a factor of sigma.
+_TIMES, _OVERLAP = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128), 1.3
 #: Shortest averaging time at which the table's velocity affects the estimate, s.
 _SLOW_TIME = 0.4
 #: Largest rounding step at an averaging time at which noise is measured, in sigmas of the noise over this time.
@@ -43,8 +45,6 @@ _SIGMAS, _MIN_EXCESS = 5.0, 1.05
 _MEAN_SIGMAS, _CONSISTENT = 3.5, 3.0
 #: Duration of the segments in which periodic motion at rest is detected, s, and their smallest and largest number.
 _SEGMENT, _MIN_SEGMENTS, _MAX_SEGMENTS = 4.0, 8, 60
-#: Channels of the sensors.
-_GYROS, _ACCELEROMETERS = slice(0, 3), slice(3, 6)
 #: Number of frequencies on either side of a line from which its background is estimated, and smallest ratio to it.
 _BACKGROUND, _LINE = 15, 12.0
 
@@ -190,9 +190,9 @@ class _Weights(NamedTuple):
         return cls(width, square, float(np.sum(weights**2)) / interval, float(np.sum(walk**2)) * interval)
 
     def apply(self, motion: FloatArray) -> FloatArray:
-        """Return the weighted sums of n mean velocities and angles, shape (n, 6)."""
+        """Return the weighted sums of n mean velocities, or angles, shape (n, 3)."""
         for _ in range(2):
-            total = np.cumsum(np.vstack([np.zeros((1, 6)), motion]), axis=0)
+            total = np.cumsum(np.vstack([np.zeros((1, 3)), motion]), axis=0)
             motion = (total[self.width :] - total[: -self.width]) / self.width
         for _ in range(3):
             motion = motion[self.width :] - motion[: -self.width]
@@ -201,7 +201,7 @@ class _Weights(NamedTuple):
 
 @dataclass(frozen=True)
 class _Variances:
-    """Variances of the six channels at the averaging times T whose noise can be measured, in ascending order.
+    """Variances of the three channels of a sensor at the averaging times T at which they are known, in ascending order.
 
     They are in units of the variance due to white noise q of the force, or rate, so that a value is q + ρ c with white
     noise c of the velocity, or angle, and a ratio ρ that decreases as 1/T². (Compare the modified Allan variance and
@@ -209,17 +209,17 @@ class _Variances:
     """
 
     time: FloatArray  #: s, shape (k,).
-    value: FloatArray  #: Without the drift of the profile, shape (k, 6).
+    value: FloatArray  #: Without the drift of the profile, shape (k, 3).
     relative_sigma: FloatArray  #: Shape (k,).
     ratio: FloatArray  #: ρ, 1/s², shape (k,).
 
     def density(self, white: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the density c of the velocity, or angle, noise and its sigma for white noise `white`, shape (k, 6)."""
+        """Return the density c of the velocity, or angle, noise and its sigma for white noise `white`, shape (k, 3)."""
         ratio = self.ratio[:, None]
         return (self.value - white) / ratio, self.value * self.relative_sigma[:, None] / ratio
 
-    def white(self, sensor: slice) -> tuple[FloatArray, FloatArray]:
-        """Return the white noise of a sensor's channels and its sigma, shape (3,); the sigma is infinite if unknown.
+    def white(self) -> tuple[FloatArray, FloatArray]:
+        """Return the white noise of the channels and its sigma, shape (3,); the sigma is infinite if unknown.
 
         A pair of times (T/2, T) determines the white noise beside a bounded velocity, or angle, with a flat spectrum.
         Where the spectrum is not flat, the pairs disagree; then the short times are disregarded.
@@ -227,8 +227,8 @@ class _Variances:
         halves = np.abs(self.time[:, None] - 0.5 * self.time) < 1e-9
         half, whole = np.nonzero(halves)
         half, whole = half[np.argsort(whole)], np.sort(whole)
-        value, before, after = self.value[:, sensor], self.ratio[half, None], self.ratio[whole, None]
-        value = np.hstack([value, value.mean(axis=1, keepdims=True)])  # the mean scatters less
+        before, after = self.ratio[half, None], self.ratio[whole, None]
+        value = np.hstack([self.value, self.value.mean(axis=1, keepdims=True)])  # the mean scatters less
         sigma = value * self.relative_sigma[:, None] / np.array([1.0, 1.0, 1.0, np.sqrt(3.0)])
         white = (before * value[whole] - after * value[half]) / (before - after)
         scatter = np.hypot(before * sigma[whole], after * sigma[half]) / (before - after)
@@ -252,15 +252,16 @@ def rest_noise(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArr
     """
     noise = filter_noise(context)
     rests = [slice(*rest) for rest in find_rests(data, context.imu, gyro_bias)]
-    measured = _variances(data, rests, context.imu, noise)
     lines = [_line(samples, data.dt, rests) for samples in (data.accel, data.gyro)]
-    profile = np.repeat([noise.rate, noise.force], 3)
-    ratios = np.ones(6)
-    for sensor in (_GYROS, _ACCELEROMETERS):
-        white, sigma = measured.white(sensor)
-        ratios[sensor] = _excess(white / profile[sensor], sigma / profile[sensor])
+    imu, walk = context.imu, noise.bias_drift[[0, 3]] ** 2 * 2.0 / BIAS_DRIFT_TIME
+    steps = imu.quantisation if imu.output == "increment" else (0.0, 0.0)
+    whole = max(round(noise.interval / data.dt), 1)
+    gyros = _variances(data.gyro, data.dt, rests, max(whole // _PARTS, 1), noise.rate, walk[0], steps[0])
+    measured = _variances(data.accel, data.dt, rests, whole, noise.force, walk[1], steps[1])
+    sensors = ((gyros, noise.rate), (measured, noise.force))
+    ratios = np.concatenate([_excess(*(values / q for values in sensor.white())) for sensor, q in sensors])
     expected = noise.velocity * noise.interval
-    density, sigma = (values[:, 3:] / expected for values in measured.density(ratios**2 * profile))
+    density, sigma = (values / expected for values in measured.density(ratios[3:] ** 2 * noise.force))
     if not len(density):
         return RestNoise(ratios, np.nan, 0.0, False, *lines)
     mean, mean_sigma = density.mean(axis=1), sigma.mean(axis=1) / np.sqrt(3.0)  # scatter less than a channel
@@ -286,31 +287,36 @@ def _excess(white: FloatArray, sigma: FloatArray) -> FloatArray:
     return np.asarray(ratios)
 
 
-def _variances(data: StageData, rests: list[slice], imu: ImuModel, noise: FilterNoise) -> _Variances:
-    """Return the variances at the averaging times for which there are enough rests and the rounding is fine."""
-    stride = max(round(noise.interval / data.dt), 1)
-    interval = stride * data.dt
-    motions = []
+def _variances(
+    samples: FloatArray, dt: float, rests: list[slice], stride: int, white: float, walk: float, step: float
+) -> _Variances:
+    """Return the variances at the averaging times for which there are enough rests and the rounding is fine.
+
+    Parameters
+    ----------
+    samples, dt : forces, or rates, of all samples, shape (n, 3), and sample period, s
+    rests : rests as slices of the samples
+    stride : number of samples of an interval
+    white, walk : densities of white noise and random walk in the profile
+    step : step of increments, m/s or rad
+    """
+    interval, motions = stride * dt, []
     for rest in rests:
-        samples = np.hstack([data.gyro[rest], data.accel[rest]])
-        motions.append(group_means(np.cumsum(samples - samples.mean(axis=0), axis=0) * data.dt, stride))
-    profile = np.repeat([noise.rate, noise.force], 3)
-    walk = np.repeat(noise.bias_drift[[0, 3]] ** 2 * 2.0 / BIAS_DRIFT_TIME, 3)
-    rounding = np.repeat(imu.quantisation, 3) if imu.output == "increment" else np.zeros(6)
+        centred = samples[rest] - samples[rest].mean(axis=0)
+        motions.append(group_means(np.cumsum(centred, axis=0) * dt, stride))
     rows: list[tuple[float, FloatArray, float, float]] = []
     for width in _TIMES:
         weights = _Weights.of(width, interval)
         long = [motion for motion in motions if len(motion) >= 5 * width]
         count = sum(len(motion) // width - 4 for motion in long)
-        if count < _MIN_COUNT or (rounding > _FINE * np.sqrt(profile * width * interval)).any():
+        if count < _MIN_COUNT or step > _FINE * np.sqrt(white * width * interval):
             continue
-        combined = [weights.apply(motion) for motion in long]
-        squares = np.concatenate([values[:: max(width // 2, 1)] for values in combined]) ** 2
+        squares = np.concatenate([weights.apply(motion)[:: max(width // 2, 1)] for motion in long]) ** 2
         largest = _LARGEST / _MEDIAN * np.median(squares, axis=0)
         value = (np.minimum(squares, largest).mean(axis=0) - walk * weights.walk) / weights.force
         rows.append((width * interval, value, np.sqrt(2.0 / count), weights.velocity / weights.force))
     time, value, scatter, ratio = zip(*rows, strict=True) if rows else ((), (), (), ())
-    return _Variances(np.array(time), np.array(value).reshape(-1, 6), np.array(scatter), np.array(ratio))
+    return _Variances(np.array(time), np.array(value).reshape(-1, 3), np.array(scatter), np.array(ratio))
 
 
 def _line(samples: FloatArray, dt: float, rests: list[slice]) -> Line | None:

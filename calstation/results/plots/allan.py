@@ -27,6 +27,8 @@ _MAX_FRACTION = 0.2
 _CONFIDENCE = 0.95
 #: Largest difference of the slope of white noise from −1/2, and smallest number of successive slopes.
 _WHITE_SLOPE, _MIN_WHITE = 0.1, 4
+#: Standard deviations by which a deviation from at least so many independent differences may be below the random walk.
+_SCATTER, _MIN_INDEPENDENT = 4.0, 20.0
 #: Allan deviation of a bias instability B at its flat minimum, in units of B.
 FLOOR = 0.664
 #: Averaging window, s, and largest deviations of a table at rest: of the mean output from its median, rad/s and m/s²,
@@ -157,13 +159,22 @@ def _power(slope: float) -> int:
 
 
 def _random_walk(tau: FloatArray, deviation: FloatArray, slope: FloatArray, freedom: FloatArray) -> float | None:
-    """Return the value at 1 s of a line of slope −1/2 fitted to the longest part of the curve with this slope."""
-    white = np.abs(slope + 0.5) < _WHITE_SLOPE
-    start, stop = max(true_intervals(white), key=lambda part: part[1] - part[0], default=(0, 0))
-    if stop - start < _MIN_WHITE:
-        return None
-    part = slice(start, stop)
-    return float(np.exp(np.average(np.log(deviation[part] * np.sqrt(tau[part])), weights=freedom[part])))
+    """Return the value at 1 s of a line of slope −1/2 fitted to the longest part of the curve with this slope.
+
+    The deviation is at no averaging time smaller than that of the random walk alone. Vibration of the table also has a
+    part of this slope, but a smaller deviation at longer times.
+    """
+    parts = [part for part in true_intervals(np.abs(slope + 0.5) < _WHITE_SLOPE) if part[1] - part[0] >= _MIN_WHITE]
+    at_1_s = deviation * np.sqrt(tau)
+    # at longer times, scatter of the slope may exaggerate the degrees of freedom
+    independent = np.minimum(freedom, tau[-1] / _MAX_FRACTION / tau)
+    reliable = independent >= _MIN_INDEPENDENT
+    smallest = (at_1_s * (1.0 + _SCATTER / np.sqrt(2.0 * independent)))[reliable].min(initial=np.inf)
+    for part in sorted((slice(*part) for part in parts), key=lambda part: part.start - part.stop):
+        walk = float(np.exp(np.average(np.log(at_1_s[part]), weights=freedom[part])))
+        if walk < smallest:
+            return walk
+    return None
 
 
 def _read(report: ProgressCallback, blocks: list[SampleBlock], meta: LogMeta) -> StageData:
