@@ -22,7 +22,7 @@ class ModelTests:
         """Create the tests, see `EffectTests`."""
         self._effects = EffectTests(changes, states, priors)
         self._states = tuple(states)
-        self._made: list[tuple[str, dict[str, str]]] = []  # messages about states
+        self._reported: list[tuple[str, dict[str, str]]] = []  # messages about states that were returned before
         #: Whether a stage was tested for effects outside the model.
         self.effects_tested = False
 
@@ -45,8 +45,8 @@ class ModelTests:
             states = self._effects.state_evidence(solution.posterior)
             different = [test for state in states if (test := state.test) is not None]
             tests += sorted(different, key=lambda test: -test.value)[:1]
-            remarks = [remark for remark in self._remarks(states) if remark not in self._made]
-            self._made += remarks
+            remarks = [remark for remark in self._remarks(states) if remark not in self._reported]
+            self._reported += remarks
             solution = replace(solution, messages=(*solution.messages, *remarks))
         tests += _agreement(solution, before, posterior)
         return replace(solution, tests=tuple(tests))
