@@ -108,8 +108,9 @@ class Trial:
         mask = np.array([name in names for name in NAMES])
         data = stage_data(list(blocks), self._context.imu)
         solution = solve_navigation(data, self._context, self._prior, mask)
-        priors = known_effects(self._prior.sigma, (), self._context)
-        tests = EffectTests(plausible_changes(self._context.imu, self._meta.turn_on_sigmas), (), priors)
+        priors = known_effects(self._prior.sigma, self._context)
+        changes = plausible_changes(self._context.imu, self._meta.turn_on_sigmas)
+        tests = EffectTests(changes, self._context.states, priors)
         tests.add(STAGE, result_sensitivity(solution, data, self._context, mask), names)
         largest: dict[tuple[str, str], EffectLimit] = {}
         for limit in tests.limits(solution.posterior, MAX_EXCESS + 1.0):

@@ -352,6 +352,7 @@ def context_from_meta(meta: LogMeta) -> SolveContext:
         _imu_model(meta.imu),
         _table_model(meta.table),
         tuple(secondaries),
+        tuple(meta.model.states) if meta.model is not None else (),
     )
 
 

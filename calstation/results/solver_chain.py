@@ -51,9 +51,9 @@ class StageChain:
 
     def __init__(self, meta: LogMeta, *, diagnostics: bool = True) -> None:
         self._meta, self._diagnostics = meta, diagnostics
-        states = meta.model.states if meta.model is not None else ()
+        context = context_from_meta(meta)
         # additional states are estimated from the sensitivities to them, which are part of the diagnostics
-        self._context = replace(context_from_meta(meta), diagnostics=diagnostics or bool(states))
+        self._context = replace(context, diagnostics=diagnostics or bool(context.states))
         self.prior = prior_from_meta(meta)
         #: Posterior of the last completed stage excluding the gravity error, which no stage can reduce.
         self.posterior = self.prior
@@ -73,8 +73,8 @@ class StageChain:
         #: Parameters that compensate the effect of the registers, which yields the uncalibrated output.
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
         imu = self._context.imu
-        priors = known_effects(self.prior.sigma, states, self._context)
-        self.model_tests = ModelTests(plausible_changes(imu, meta.turn_on_sigmas), states, priors)
+        priors = known_effects(self.prior.sigma, self._context)
+        self.model_tests = ModelTests(plausible_changes(imu, meta.turn_on_sigmas), context.states, priors)
         self._resting = RestOutput(imu) if diagnostics and resolves_earth_rate(imu) else None
         self._table_rests: list[TableRests] = []
 

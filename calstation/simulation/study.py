@@ -4,7 +4,7 @@ The solvers use the distributions from which the bench draws; `docs/explanation/
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import Any, Literal
 
@@ -279,7 +279,8 @@ def _solve(
     bound = Posterior(truth.parameters, posterior.covariance)
     estimated = np.zeros(len(NAMES), dtype=np.bool_)
     nis, seconds = {}, 0.0
-    priors = known_effects(posterior.sigma, case.states, context)
+    context = replace(context, states=case.states)
+    priors = known_effects(posterior.sigma, context)
     model, joint = ModelTests(plausible_changes(context.imu, {}), case.states, priors), posterior
     effects_covariance: FloatArray = np.zeros_like(posterior.covariance)
     for stage in case.stages:

@@ -71,7 +71,7 @@ def limits_of(grade: GradeName, designed: bool = False) -> tuple[list[EffectLimi
     truth, context = draw_unit(grade, 1, "estimated", instability=False)
     data = simulate_stages(truth, 1, list(stages), schedules)
     posterior = study_prior(grade, "estimated")
-    tests = EffectTests(posterior.sigma, (), known_effects(posterior.sigma, (), context))
+    tests = EffectTests(posterior.sigma, (), known_effects(posterior.sigma, context))
     for stage in stages:
         schedule = method(stage).schedule(**schedules.get(stage, {}))
         solver = method(stage).solver(context, posterior, schedule)

@@ -48,7 +48,7 @@ def test_effect_is_written_to_its_register_if_available(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, register: bool
 ) -> None:
     prepare(site_folder, monkeypatch, with_register if register else str)
-    ended = site_folder.run("rate", "six_position")
+    ended = site_folder.run("six_position", "excitation")
     assert ended.verdict.passed, ended.result["checks"]
     new, parameters = ended.result["registers"]["new"], ended.result["parameters"]
     assert ended.result["registers"]["verified"]
@@ -66,7 +66,7 @@ def test_effect_is_written_to_its_register_if_available(
 
 def test_residual_effect_is_added_to_the_register(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     prepare(site_folder, monkeypatch, lambda profile: with_register(corrected_stream(profile)))
-    first, second = (site_folder.run("rate", "six_position") for _ in range(2))
+    first, second = (site_folder.run("six_position", "excitation") for _ in range(2))
     assert first.verdict.passed
     assert second.verdict.passed
     for name in CUBIC:

@@ -150,6 +150,7 @@ class SolveContext:
     imu: ImuModel
     table: TableModel
     secondaries: tuple[Secondary, ...] = ()
+    states: tuple[str, ...] = ()  #: Effects that are estimated in addition to the 30 parameters.
     #: Whether to compute what only the tests of data and model need: observability, diagnoses, and, for stages that no
     #: effect of the table influences, the sensitivity to effects.
     diagnostics: bool = True

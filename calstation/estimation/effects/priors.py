@@ -1,6 +1,5 @@
 """Priors of effects: sizes that are known before a calibration."""
 
-from collections.abc import Collection
 from typing import NamedTuple
 
 from calstation.estimation.common import SolveContext
@@ -23,7 +22,7 @@ def plausible(effect: Effect) -> EffectPrior:
     return EffectPrior(count * (0.0,), count * (effect.plausible or float("nan"),))
 
 
-def known_effects(before: FloatArray, states: Collection[str], context: SolveContext) -> dict[str, EffectPrior]:
+def known_effects(before: FloatArray, context: SolveContext) -> dict[str, EffectPrior]:
     """Return the priors of the effects of which the profiles of table and IMU state something, by cause.
 
     Without a state `axis_offset`, the profile of the table bounds the offset. If the outer lever arm is estimated, it
@@ -34,11 +33,10 @@ def known_effects(before: FloatArray, states: Collection[str], context: SolveCon
     Parameters
     ----------
     before : sigmas of the parameters before calibration, shape (30,)
-    states : effects that are estimated without a bound
-    context : models of table and IMU
+    context : models of table and IMU, and the effects that are estimated without a bound
     """
     table, half_variance = context.table, context.imu.half_variance
-    sigma = plausible(_OFFSET).sigma[0] if _OFFSET.cause in states else table.axis_offset_sigma
+    sigma = plausible(_OFFSET).sigma[0] if _OFFSET.cause in context.states else table.axis_offset_sigma
     priors = {_OFFSET.cause: EffectPrior(table.axis_offset, (sigma, 0.0 if before[OUTER_LEVER].any() else sigma))}
     if half_variance:
         priors["low_pass"] = EffectPrior((0.0,), (half_variance,))

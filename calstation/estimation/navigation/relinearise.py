@@ -1,9 +1,7 @@
 """Maximum a posteriori estimation by relinearisation: the navigation filter is run over a stage until it converges.
 
 Every pass has the same prior; only the linearisation point changes. The problem is linear in an unknown azimuth only
-near the solution, so the likeliest of several headings is refined with a narrow prior before it is estimated freely. If
-the innovations indicate more table vibration than the table's profile specifies, the stage is solved again with the
-higher noise.
+near the solution, so the likeliest of several headings is refined with a narrow prior before it is estimated freely.
 """
 
 from dataclasses import dataclass, field, replace
@@ -18,7 +16,6 @@ from calstation.estimation.common import (
     SolveContext,
     StageData,
     Start,
-    nis_consistency,
     no_rest_error,
     starts,
 )
@@ -53,17 +50,8 @@ NARROW_AZIMUTH_SIGMA = 0.3
 
 
 Pass = TypeVar("Pass", ClosedLoopFilter, ReferencePass)
-#: Ratio of the assumed variance to that of the innovations above which the model is tested with the latter.
-MAX_VARIANCE_RATIO = 1.25
-#: Median of the χ² distribution with 3 degrees of freedom, and relative sigma of the median of one value.
-_MEDIAN, _SCATTER = 2.366, 0.95
-MAX_ADJUSTMENTS = 4
-#: Smallest fraction of the profile's variance that is used: below it, other noise dominates and rounding errors grow.
-_MIN_RATIO = 0.01
 #: Largest rate between two observations at rest, rad/s.
 REST_RATE = np.deg2rad(0.1)
-#: Smallest number of observations at rest, or in motion, whose median is used.
-_MIN_COUNT = 50
 
 
 @dataclass(frozen=True)
@@ -251,72 +239,10 @@ class _Relinearisation:
         return attitudes
 
 
-def solve_with_table_noise(
-    data: StageData,
-    context: SolveContext,
-    prior: Posterior,
-    estimated: BoolArray,
-    progress: Progress | None = None,
-) -> tuple[NavigationResult, SolveContext]:
-    """Solve a stage, and solve it again if its innovations indicate more velocity noise than the profile specifies.
-
-    Return the result and the context with that noise; for a quieter table, see `pass_with_actual_noise`. The noise is
-    increased if the test of the innovations would fail. It is the larger of the medians of rests and motions, because a
-    median is insensitive to an effect in a part of the stage, or the mean if it agrees with them. Raises
-    InsufficientDataError if no segment contains a rest.
-    """
-    result = solve_navigation(data, context, prior, estimated, progress)
-    for _ in range(MAX_ADJUSTMENTS):
-        nis = result.history.nis
-        consistency = nis_consistency(float(np.sum(nis)), len(nis), 3)
-        ratio, mean = _ratio(result.history, data.dt), consistency.nis_mean / 3.0
-        if mean < ratio * (1.0 + 4.0 * _SCATTER / np.sqrt(len(nis))):
-            ratio = max(ratio, mean)
-        if ratio <= consistency.nis_high / 3.0:
-            break
-        context = _with_variance(context, ratio)
-        result = solve_navigation(data, context, prior, estimated, initial=result)
-    return result, context
-
-
-def pass_with_actual_noise(
-    data: StageData,
-    context: SolveContext,
-    prior: Posterior,
-    estimated: BoolArray,
-    result: NavigationResult,
-    slow_variance: float,
+def pass_about(
+    result: NavigationResult, data: StageData, context: SolveContext, prior: Posterior, estimated: BoolArray
 ) -> NavigationResult:
-    """Return a pass about a solution with the actual noise if the table is quieter than `context` specifies.
-
-    The innovations show the variance of the velocity over an interval; the noise is at least that with the density at
-    low frequencies, `slow_variance`, (m/s)².
-
-    This pass is used to test the model. The estimate uses the profile's noise, which also covers disturbances that
-    occur only in some moves.
-    """
-    ratio = max(_ratio(result.history, data.dt), slow_variance / context.table.velocity_sigma**2)
-    if ratio > 1.0 / MAX_VARIANCE_RATIO:
-        return result
-    quieter, progress = _with_variance(context, max(ratio, _MIN_RATIO)), _PassProgress(None, USUAL_PASSES)
-    solver = _Relinearisation(data, quieter, prior, estimated, progress)
+    """Return one more pass about a solution, with the noise of `context`."""
+    solver = _Relinearisation(data, context, prior, estimated, _PassProgress(None, USUAL_PASSES))
     run, _ = solver.one_pass(ReferencePass, result.point, list(result.starts), list(result.attitudes))
-    if not np.isfinite(run.history.nis).all():
-        return result
     return replace(result, posterior=run.posterior, history=run.history, updates=tuple(run.updates))
-
-
-def _with_variance(context: SolveContext, ratio: float) -> SolveContext:
-    """Return the context with the table's velocity variance multiplied by `ratio`."""
-    sigma = context.table.velocity_sigma * float(np.sqrt(ratio))
-    return replace(context, table=replace(context.table, velocity_sigma=sigma))
-
-
-def _ratio(history: History, dt: float) -> float:
-    """Return the ratio of the innovations' variance to the predicted one."""
-    trace = np.einsum("nij,nij->n", history.attitude[1:], history.attitude[:-1])
-    angle: FloatArray = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
-    still = angle < REST_RATE * dt * np.maximum(np.diff(history.index), 1)
-    nis = history.nis[1:]
-    parts = [part for part in (nis[still], nis[~still]) if len(part) >= _MIN_COUNT]
-    return max((float(np.median(part)) / _MEDIAN for part in parts), default=1.0)

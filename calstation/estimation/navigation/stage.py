@@ -30,12 +30,9 @@ from calstation.estimation.effects import Sensitivity
 from calstation.estimation.method import Innovations, Progress, Ranking, Solution, StageSolver, with_diagnosis
 from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter
 from calstation.estimation.navigation.observability import ObservabilityAnalysis
-from calstation.estimation.navigation.relinearise import (
-    NavigationResult,
-    pass_with_actual_noise,
-    solve_with_table_noise,
-)
+from calstation.estimation.navigation.relinearise import NavigationResult
 from calstation.estimation.navigation.response import local_scores, result_sensitivity
+from calstation.estimation.navigation.table_noise import pass_with_actual_noise, solve_with_table_noise
 from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, targets_reached
 
 #: Shortest duration of the data after a start for which the live filter aligns, s.
