@@ -14,7 +14,7 @@ from calstation.quality.charts import (
 )
 from calstation.quality.gauge import MIN_CATEGORIES, AnovaRow, GaugeStudy, Variation, gauge_study
 from calstation.quality.gauge_plan import GaugePlan, Measurement, StudyState, evaluate_study
-from calstation.quality.gravity_shift import GravityShift, common_step, gravity_shift
+from calstation.quality.gravity_shift import COMMON_SCALE, GravityShift, common_step, gravity_shift
 from calstation.quality.runs import judged_runs, last_of_each_unit
 from calstation.quality.standards import (
     Due,

@@ -11,10 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.config import StationConfig
-from calstation.physics import FloatArray, IntArray
+from calstation.physics import AXES, FloatArray, IntArray
 from calstation.quality.runs import judged_runs
 from calstation.records import RunColumns
 
+#: Name of the mean of the three accelerometer scale factors among the charted quantities.
+COMMON_SCALE = "accel_scale"
+SCALES = tuple(f"accel_scale_{axis}" for axis in AXES)
 #: Number of latest runs that are tested.
 _MAX_RUNS = 500
 #: Smallest number of runs, and of repeated runs from which repeatability is estimated.
@@ -43,10 +46,10 @@ def gravity_shift(station: StationConfig, runs: RunColumns) -> GravityShift | No
     """
     rows = judged_runs(runs)
     rows = rows[runs.stations.isin((station.name,))[rows]]
-    scales = [runs.values.get(f"accel_scale_{axis}") for axis in "xyz"]
-    if any(values is None for values in scales):
+    scales = common_scale(runs)
+    if scales is None:
         return None
-    common = np.mean([values for values in scales if values is not None], axis=0)
+    common, _ = scales
     rows = rows[~np.isnan(common[rows])][-_MAX_RUNS:]
     if len(rows) < _MIN_RUNS:
         return None
@@ -57,6 +60,17 @@ def gravity_shift(station: StationConfig, runs: RunColumns) -> GravityShift | No
     k, step, sigma = found
     at = int(rows[k])
     return GravityShift(runs.names[at], float(runs.started[at]), step, sigma, len(np.unique(unit[k:])))
+
+
+def common_scale(runs: RunColumns) -> tuple[FloatArray, FloatArray] | None:
+    """Return the mean of the three accelerometer scale factors of every run, and its sigma, shape (n,).
+
+    An error of gravity changes all three alike. None if no run has solved all three.
+    """
+    if any(name not in runs.values for name in SCALES):
+        return None
+    values, sigmas = (np.array([columns[name] for name in SCALES]) for columns in (runs.values, runs.sigmas))
+    return values.mean(axis=0), np.linalg.norm(sigmas, axis=0) / len(SCALES)
 
 
 def common_step(values: FloatArray, unit: IntArray) -> tuple[int, float, float] | None:

@@ -29,6 +29,7 @@ from calstation.quality.charts import (
     ewma_chart,
     individuals_chart,
 )
+from calstation.quality.gravity_shift import COMMON_SCALE, SCALES, common_scale
 from calstation.quality.runs import judged_runs, last_of_each_unit, product_runs, production_runs
 from calstation.quality.yields import Share, Yields, count_yields
 from calstation.records import RunColumns
@@ -96,7 +97,7 @@ class ParameterQuality:
     """A parameter of a product over time: one value per unit, or all values of one unit."""
 
     product: str
-    parameter: str
+    parameter: str  #: Name, or `COMMON_SCALE`.
     names: tuple[str, ...]  #: File names of the logs of the runs, without suffix.
     started: FloatArray  #: Start times of the runs, s since 1970 in UTC, shape (n,).
     values: FloatArray  #: Charted values, SI or in standard deviations, shape (n,).
@@ -275,6 +276,14 @@ class _Reference:
         imu = load_imu_profile(library.find("imus", product.imu))
         return cls(standard, reference_variances(standard, imu, started))
 
+    def declared(self, name: str) -> tuple[float, FloatArray] | None:
+        """Return the reference value of a charted quantity and the variances about it, SI; None without a value."""
+        parts = SCALES if name == COMMON_SCALE else (name,)
+        values = [self.standard.reference[part].value for part in parts if part in self.standard.reference]
+        if len(values) < len(parts):
+            return None
+        return float(np.mean(values)), np.sum([self.variances[part] for part in parts], axis=0) / len(parts) ** 2
+
 
 def _charts(
     runs: RunColumns,
@@ -286,30 +295,34 @@ def _charts(
     relative: bool,
     reference: _Reference | None = None,
 ) -> Iterator[ParameterQuality]:
-    """Yield charts and capability of the parameters that have enough values."""
+    """Yield charts and capability of the parameters that have enough values, and charts of `common_scale`."""
     names, started = tuple(map(runs.names.__getitem__, rows.tolist())), runs.started[rows]
-    for name, column in runs.values.items():
-        is_unknown = name not in INDEX and further_parameter(name) is None  # from another version of the program
-        if is_unknown or parameter not in (None, name):
+    columns = {name: (values, runs.sigmas[name]) for name, values in runs.values.items()}
+    if (common := common_scale(runs)) is not None:
+        columns[COMMON_SCALE] = common
+    for name, (all_values, all_sigmas) in columns.items():
+        # a parameter from another version of the program is unknown
+        is_known = name in INDEX or further_parameter(name) is not None or name == COMMON_SCALE
+        if not is_known or parameter not in (None, name):
             continue
-        values, sigmas = column[rows], runs.sigmas[name][rows]
+        values, sigmas = all_values[rows], all_sigmas[rows]
         solved = ~np.isnan(values)
         if relative:
             solved &= sigmas > 0.0
         values, sigmas, complete = values[solved], sigmas[solved], bool(solved.all())
         if len(values) < MIN_VALUES or not np.ptp(values) > 0.0:
             continue  # too few values, or a fixed parameter
-        declared = None if reference is None else reference.standard.reference.get(name)
+        declared = None if reference is None else reference.declared(name)
         effects, process = None, Process(0.0, 1.0)
         if not relative:
-            process = Process.estimated(values, None if declared is None else declared.value)
-        elif declared is not None and reference is not None:
-            values = (values - declared.value) / np.sqrt(sigmas**2 + reference.variances[name][solved])
+            process = Process.estimated(values, None if declared is None else declared[0])
+        elif declared is not None:
+            values = (values - declared[0]) / np.sqrt(sigmas**2 + declared[1][solved])
         else:
             effects = random_effects(values[:BASELINE], sigmas[:BASELINE])
             values = effects.scores(values, sigmas)
             process = Process.estimated(values)
-        interval = None if limits is None else limit_interval(limits, name)
+        interval = None if limits is None or name == COMMON_SCALE else limit_interval(limits, name)
         yield ParameterQuality.of(
             product,
             name,

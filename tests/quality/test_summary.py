@@ -57,6 +57,24 @@ def test_every_unit_is_represented_by_its_last_judged_full_run(folder: Path) -> 
     assert np.all(np.diff(runs.started[index]) > 0)
 
 
+def test_mean_of_the_accelerometer_scale_factors_is_charted(tmp_path: Path) -> None:
+    """Gravity 100 ppm wrong is a step of the mean, half of the scatter of a single factor between units."""
+    random = np.random.default_rng(2)
+    for k in range(60):
+        x, y, z = (200e-6 * random.normal() - (100e-6 if k >= 40 else 0.0) for _ in range(3))
+        values = {"accel_scale_x": x, "accel_scale_y": y, "accel_scale_z": z}
+        started = (BEGIN + timedelta(hours=k)).isoformat()
+        write(tmp_path, f"SN-{k}", f"SN-{k}", "passed", 1, values=values, started_utc=started)
+    History(tmp_path).refresh()
+    charts = {each.parameter: each for each in summarise_quality(ignore, tmp_path).parameters}
+    mean = charts["accel_scale"]
+    parts = np.array([charts[f"accel_scale_{axis}"].values for axis in "xyz"])
+    assert mean.values == pytest.approx(parts.mean(axis=0))
+    assert mean.capability is None
+    (only,) = summarise_quality(ignore, tmp_path, parameter="accel_scale").parameters
+    assert only.parameter == "accel_scale"
+
+
 def test_summary_contains_charts_and_capability_of_a_product(folder: Path) -> None:
     found = summarise_quality(ignore, folder, library.find("products", "nav_a"))
     assert [each.parameter for each in found.parameters] == ["gyro_bias_x"]  # the other is the same in every run

@@ -29,6 +29,7 @@ from calstation.messages import Text
 from calstation.physics import NAMES, display, further_parameter, number
 from calstation.quality import (
     BASELINE,
+    COMMON_SCALE,
     MIN_CATEGORIES,
     MIN_VALUES,
     RULES,
@@ -79,7 +80,7 @@ def quality(
     if context.invoked_subcommand is not None:
         return
     existing_folder(out)
-    _check_parameter(parameter)
+    _check_parameter(parameter, COMMON_SCALE)
     begin = None if since is None else since.astimezone()
     with job_progress(say("cli.reading_runs")) as progress:
         refresh_history(ignore_progress, out)
@@ -167,9 +168,9 @@ def _evaluate(path: Path, product: Path | None, parameter: str | None, out: Path
     return 1 if any(study.verdict == "unacceptable" for study in studies.values()) else 0
 
 
-def _check_parameter(name: str | None) -> None:
+def _check_parameter(name: str | None, *others: str) -> None:
     if name is not None and further_parameter(name) is None:
-        check_choice("--parameter", name, NAMES)
+        check_choice("--parameter", name, (*NAMES, *others))
 
 
 def _show_summary(console: Console, summary: QualitySummary, *, relative: bool) -> None:

@@ -11,7 +11,7 @@ from calstation.gui.quality.control_charts import ControlCharts, ParameterCharts
 from calstation.gui.text import on_language_change, parameter_text, say
 from calstation.gui.widgets import Cell, CellTable, box, column, combo_box, label, row, split, theme
 from calstation.messages import local_time
-from calstation.physics import IntArray, display
+from calstation.physics import IntArray, display, group_of
 from calstation.quality import ParameterQuality
 
 #: Maximum number of listed runs that signal, the latest first.
@@ -85,7 +85,7 @@ class ControlView(QWidget):
         size, unit = (1.0, "σ") if self._relative else display(name, 1.0)
         charts = parameter.charts()
         self._signals = charts.signals()
-        self.plots.show_data(ParameterCharts(parameter, charts, parameter_text(name), unit, size))
+        self.plots.show_data(ParameterCharts(parameter, charts, _quantity(name), unit, size))
         runs = np.unique(np.concatenate([*self._signals.values()]))
         latest = runs[::-1][:_MAX_LISTED].tolist()
         words = {signal: (say(f"chart.{signal}_short"), say(f"chart.{signal}")) for signal in self._signals}
@@ -113,6 +113,12 @@ class ControlView(QWidget):
     def _open(self) -> None:
         if self._index is not None:
             self.run_requested.emit(self._charts[self.quantities.current_name].names[self._index])
+
+
+def _quantity(name: str) -> str:
+    """Return the name of a charted quantity: a parameter, or the mean of a group over the axes."""
+    text = parameter_text(name)
+    return say("chart.mean_of_axes", quantity=text) if group_of(name) == name else text
 
 
 def _state(charts: ParameterQuality) -> str:
