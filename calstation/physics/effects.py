@@ -70,6 +70,7 @@ class Effect:
     velocity: Callable[[OuterTurn], FloatArray] | None = None
     is_state: bool = False  #: Whether a unit's model may contain it; otherwise it is only tested.
     between_sensors: bool = False  #: Whether it depends on both gyros and accelerometers.
+    rarity: float = 0.0  #: χ² by which its evidence must exceed that of a common effect that resembles it.
     on_table: bool = False  #: Whether it is tested only for the known motion of a table.
     #: Parameter that each component changes during the stage, by 1 per unit of its size; empty for a constant effect.
     parameters: tuple[str, ...] = ()
@@ -98,6 +99,8 @@ OF_GYROS, OF_ACCELEROMETERS = (tuple(Term(first + i, i, i) for i in range(3)) fo
 #: Axis of an accelerometer and another axis.
 _PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 _AXES = tuple(AXES)
+#: Rarity of terms of fifth order, which hardly occur without terms of third order.
+_FIFTH_ORDER = 6.0
 
 
 def _off_axis(m: Motion) -> FloatArray:
@@ -232,8 +235,8 @@ EFFECTS: tuple[Effect, ...] = (
         "gyro_g_square", "rad·s³/m²", 1e-5, tuple(f"{a}{b}" for a in AXES for b in AXES),
         lambda m: m.force**2, tuple(Term(k // 3, k, k % 3) for k in range(9)),
     ),
-    Effect("gyro_fifth", "s⁴/rad⁴", 1e-2, _AXES, lambda m: m.rate**5, OF_GYROS),
-    Effect("accel_fifth", "s⁸/m⁴", 1e-7, _AXES, lambda m: m.force**5, OF_ACCELEROMETERS),
+    Effect("gyro_fifth", "s⁴/rad⁴", 1e-2, _AXES, lambda m: m.rate**5, OF_GYROS, rarity=_FIFTH_ORDER),
+    Effect("accel_fifth", "s⁸/m⁴", 1e-7, _AXES, lambda m: m.force**5, OF_ACCELEROMETERS, rarity=_FIFTH_ORDER),
     Effect(
         "accel_rate_square", "m", 0.1, tuple(f"{a}{b}" for a in AXES for b in AXES),
         lambda m: m.rate**2, tuple(Term(3 + k // 3, k, k % 3) for k in range(9)), between_sensors=True,

@@ -156,8 +156,8 @@ class Operator:
         self.qtbot.keyClicks(edit, serial)
         self.qtbot.keyClick(edit, Qt.Key.Key_Return)
 
-    def until(self, condition: Callable[[], object], seconds: float = 120.0) -> None:
-        """Wait for a condition."""
+    def until(self, condition: Callable[[], object], seconds: float = 90.0) -> None:
+        """Wait for a condition, less long than a test may last: that limit does not end the event loop of Qt."""
         self.qtbot.waitUntil(lambda: bool(condition()), timeout=round(1000 * seconds))
 
     def until_no_job(self) -> None:

@@ -211,7 +211,7 @@ class EffectTests:
         for state in (c for c in model if c.effect.cause in self._states):
             others, sigma = [c for c in model if c is not state], posterior.sigma
             (own, _), ranked = self._ranked([state], others, sigma)[0], self._ranked(outside, others, sigma)
-            likelihoods = [replace(e, excess=e.excess - self._chances * bool(e.stage)) for e, _ in ranked]
+            likelihoods = [replace(e, excess=e.excess - _rarity(c, self._chances)) for e, c in ranked]
             rows.append(StateEvidence(own, likelihoods))
         return rows
 
@@ -237,7 +237,7 @@ class EffectTests:
         """Return the evidence for effects in addition to a model and `added` ones, the likeliest first."""
         solution, chances = self._solve(model, added), self._chances
         ranked = [(self._evaluate(c, solution, sigma), c) for c in tests]
-        return sorted(ranked, key=lambda row: (chances if row[0].stage else 0.0) - row[0].excess)
+        return sorted(ranked, key=lambda row: _rarity(row[1], chances) - row[0].excess)
 
     def limits(self, posterior: Posterior, chi_square: float) -> list[EffectLimit]:
         """Return the size of each effect outside the model at which its test is expected to reach `chi_square`."""
@@ -330,6 +330,11 @@ def _gauge(names: Sequence[str], size: FloatArray, covariance: FloatArray) -> Fl
             direction[INDEX[f"outer_lever_{axis}"]], direction[INDEX[f"inner_lever_{axis}"]] = 1.0, -1.0
             gauge += mean * np.outer(direction, direction)
     return gauge
+
+
+def _rarity(candidate: _Candidate, chances: float) -> float:
+    """Return the χ² by which an effect must exceed others; `chances` is that of a change within a stage."""
+    return chances if candidate.stage else candidate.effect.rarity
 
 
 def _constants() -> int:
