@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numba as nb
 import numpy as np
 
 from calstation.errors import InputError
@@ -21,7 +20,7 @@ from calstation.estimation.common import (
 )
 from calstation.judgement.gross_errors import gross_error, heading_test
 from calstation.judgement.sample_faults import sample_test
-from calstation.physics import CHANNELS, PARAMETERS, BoolArray, FloatArray, group_indices
+from calstation.physics import CHANNELS, PARAMETERS, BoolArray, FloatArray, group_indices, kernel
 from calstation.records import ChecksSection, LogMeta, SampleClockLimit, TemperatureLimit
 
 #: Number of samples expected above the largest one, given the noise, above which a channel is clipped.
@@ -202,7 +201,7 @@ def _missing_samples(counts: FloatArray, noise: FloatArray, step: FloatArray, wi
     return missing
 
 
-@nb.njit(cache=True)
+@kernel
 def _complete_samples(valid: BoolArray, counts: FloatArray) -> BoolArray:
     """Return whether each sample is valid and has all of its channels, shape (n,)."""
     complete = valid.copy()
@@ -212,7 +211,7 @@ def _complete_samples(valid: BoolArray, counts: FloatArray) -> BoolArray:
     return complete
 
 
-@nb.njit(cache=True)
+@kernel
 def _windows_of(counts: FloatArray, width: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return statistics of windows of `width` samples of m channels, and the smallest step of each channel.
 
@@ -247,7 +246,7 @@ def _windows_of(counts: FloatArray, width: int) -> tuple[FloatArray, FloatArray,
     return low, high, fine, slow, finest
 
 
-@nb.njit(cache=True)
+@kernel
 def _count_beyond(
     counts: FloatArray, channel: int, edges: FloatArray, low: FloatArray, high: FloatArray, width: int
 ) -> FloatArray:

@@ -7,12 +7,11 @@ encoder shows it while the table turns, because its angle then changes by more t
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 
 from calstation.estimation.common import SolveContext, StageData
 from calstation.judgement.table_motion import TableMotion, turn_axis
-from calstation.physics import BoolArray, FloatArray, IntArray
+from calstation.physics import BoolArray, FloatArray, IntArray, kernel
 
 #: Number of samples on each side of a lost or repeated sample to which lines are fitted.
 _FIT = 10
@@ -36,7 +35,7 @@ class SampleFault:
     size: float = 0.0  #: Size in counts, or in samples.
 
 
-@nb.njit(cache=True)
+@kernel
 def line_weights(first: int, last: int, at: float) -> FloatArray:
     """Return the weights of points `first` to `last` for the value of their regression line at `at`."""
     count = last - first + 1
@@ -63,7 +62,7 @@ def shifts(counts: FloatArray, broken: BoolArray, sigma: FloatArray, width: int)
     yield from _shift_faults(np.arange(len(counts)), *scores)
 
 
-@nb.njit(cache=True)
+@kernel
 def _shift_scores(
     counts: FloatArray, sigma: FloatArray, width: int, broken: BoolArray, fit: int, residual_limit: float, slopes: float
 ) -> tuple[FloatArray, FloatArray]:
@@ -160,7 +159,7 @@ def shifts_of_angles(data: StageData, motion: TableMotion, context: SolveContext
         yield from _shift_faults(np.concatenate(samples), np.concatenate(shift), np.concatenate(spread))
 
 
-@nb.njit(cache=True)
+@kernel
 def _angle_shifts(difference: FloatArray, turned: FloatArray, fit: int) -> tuple[FloatArray, FloatArray]:
     """Return the shift in time before each angle, in samples, and its sigma, infinite if unknown, shape (n,) each.
 

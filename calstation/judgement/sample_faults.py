@@ -8,7 +8,6 @@ affects.
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 from scipy.special import erf, gammainc
 
@@ -16,7 +15,7 @@ from calstation.estimation import Diagnosis, ModelTest
 from calstation.estimation.common import SampleBlock, SolveContext, StageData
 from calstation.judgement.lost_samples import SampleFault, line_weights, shifts, shifts_of_angles
 from calstation.judgement.table_motion import TableMotion, table_motion
-from calstation.physics import CHANNELS, BoolArray, FloatArray, IntArray, rotation_rate
+from calstation.physics import CHANNELS, BoolArray, FloatArray, IntArray, kernel, rotation_rate
 
 #: Window in which noise and repetitions are measured, s.
 _WINDOW = 1.0
@@ -158,7 +157,7 @@ def _repeated_rows(counts: FloatArray, broken: BoolArray, noise: _Noise) -> Iter
             return
 
 
-@nb.njit(cache=True)
+@kernel
 def _deviations(values: FloatArray, broken: BoolArray, count: int) -> FloatArray:
     """Return the smaller deviation of each value from lines through `count` samples before and after, shape (n,).
 

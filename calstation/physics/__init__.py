@@ -17,6 +17,7 @@ from calstation.physics.further_parameters import (
     pair_name,
 )
 from calstation.physics.imu_model import Compensation, compensate, compensation, compose, composition, parameter_vector
+from calstation.physics.kernels import kernel
 from calstation.physics.motion import Dwell, GimbalTurn, GimbalZero, ManualMove, Move, RoundEnd, Step
 from calstation.physics.parameters import (
     ACCEL_BIAS,

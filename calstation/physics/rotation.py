@@ -2,10 +2,10 @@
 
 import math
 
-import numba as nb
 import numpy as np
 
 from calstation.physics.arrays import FloatArray
+from calstation.physics.kernels import kernel
 
 
 def skew(v: FloatArray) -> FloatArray:
@@ -32,16 +32,16 @@ def _rodrigues(x: float, y: float, z: float) -> FloatArray:
     return C
 
 
-_compiled_rodrigues = nb.njit(cache=True)(_rodrigues)
+_compiled_rodrigues = kernel(_rodrigues)
 
 
-@nb.njit(cache=True)
+@kernel
 def rotation_matrix(rotvec: FloatArray) -> FloatArray:
     """Return the rotation matrix of a rotation vector, rad, shape (3, 3)."""
     return np.asarray(_compiled_rodrigues(rotvec[0], rotvec[1], rotvec[2]))
 
 
-@nb.njit(cache=True)
+@kernel
 def rotate(rotvec: FloatArray, C: FloatArray) -> None:
     """Replace C, shape (3, 3), by the rotation of a rotation vector, rad, times C."""
     R = _compiled_rodrigues(rotvec[0], rotvec[1], rotvec[2])
@@ -65,7 +65,7 @@ def axis_rotations(axis: FloatArray | tuple[float, float, float], angles: FloatA
     return np.asarray(np.eye(3) + np.sin(angles) * K + (1.0 - np.cos(angles)) * (K @ K))
 
 
-@nb.njit(cache=True)
+@kernel
 def rotation_vector(C: FloatArray) -> FloatArray:
     """Return the rotation vector, rad, shape (3,), of a rotation matrix, for angles up to π."""
     v = np.array([C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]])

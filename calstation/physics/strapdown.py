@@ -17,11 +17,11 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
 from calstation.physics.arrays import FloatArray
 from calstation.physics.imu_model import Compensation
+from calstation.physics.kernels import kernel
 from calstation.physics.parameters import (
     ACCEL_BIAS,
     ACCEL_MISALIGN,
@@ -80,41 +80,41 @@ Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
 
-@nb.njit(cache=True)
+@kernel
 def _vector(a: FloatArray) -> Vector:
     return (a[0], a[1], a[2])
 
 
-@nb.njit(cache=True)
+@kernel
 def _cross_product(a: Vector, b: Vector) -> Vector:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@nb.njit(cache=True)
+@kernel
 def _dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@nb.njit(cache=True)
+@kernel
 def _product(A: FloatArray, b: Vector) -> Vector:
     return (_dot(_vector(A[0]), b), _dot(_vector(A[1]), b), _dot(_vector(A[2]), b))
 
 
-@nb.njit(cache=True)
+@kernel
 def _squares(omega: Vector) -> Vector:
     """Return |ω|² − ω_i² of every axis, (rad/s)²."""
     x, y, z = omega[0] * omega[0], omega[1] * omega[1], omega[2] * omega[2]
     return (y + z, x + z, x + y)
 
 
-@nb.njit(cache=True)
+@kernel
 def _angular_rate(c: Compensation, gyro: FloatArray, k: int) -> Vector:
     """Return the angular rate of raw sample `k`, rad/s."""
     b = c.gyro_bias
     return _product(c.gyro_inverse, (gyro[k, 0] - b[0], gyro[k, 1] - b[1], gyro[k, 2] - b[2]))
 
 
-@nb.njit(cache=True)
+@kernel
 def _specific_force(c: Compensation, accel: FloatArray, k: int, omega: Vector) -> Vector:
     """Return the specific force of raw sample `k` at the reference point, m/s²."""
     b, q, lever = c.accel_bias, c.quadratic, c.inner_lever
@@ -127,7 +127,7 @@ def _specific_force(c: Compensation, accel: FloatArray, k: int, omega: Vector) -
     return (f[0] + lever[0] * square[0], f[1] + lever[1] * square[1], f[2] + lever[2] * square[2])
 
 
-@nb.njit(cache=True)
+@kernel
 def _exponential(rotvec: Vector) -> Matrix:
     """Return the rows of the rotation matrix of a rotation vector, rad (Rodrigues' formula)."""
     x, y, z = rotvec
@@ -145,7 +145,7 @@ def _exponential(rotvec: Vector) -> Matrix:
     )
 
 
-@nb.njit(cache=True)
+@kernel
 def _increments(
     last_omega: Vector, last_force: Vector, omega: Vector, force: Vector, dt: float
 ) -> tuple[Vector, Vector]:
@@ -168,7 +168,7 @@ def _increments(
     return rotvec, dv
 
 
-@nb.njit(cache=True)
+@kernel
 def increments(c: Compensation, dt: float, gyro: FloatArray, accel: FloatArray) -> Increments:
     """Compute the motion of n samples from their raw mean rates, rad/s and m/s², shape (n, 3), `dt` s apart."""
     count = len(gyro)
@@ -193,7 +193,7 @@ def increments(c: Compensation, dt: float, gyro: FloatArray, accel: FloatArray) 
     return Increments(rate, rotation, velocity)
 
 
-@nb.njit(cache=True)
+@kernel
 def _next_attitude(earth: Vector, C: Matrix, E: Matrix, dt: float) -> Matrix:
     """Return C_new = (I − [Ω dt×] + ½[Ω dt×]²) C E."""
     x, y, z = _times(C[0], E), _times(C[1], E), _times(C[2], E)
@@ -203,7 +203,7 @@ def _next_attitude(earth: Vector, C: Matrix, E: Matrix, dt: float) -> Matrix:
     return ((p[0], q[0], r[0]), (p[1], q[1], r[1]), (p[2], q[2], r[2]))
 
 
-@nb.njit(cache=True)
+@kernel
 def _times(a: Vector, B: Matrix) -> Vector:
     return (
         a[0] * B[0][0] + a[1] * B[1][0] + a[2] * B[2][0],
@@ -212,7 +212,7 @@ def _times(a: Vector, B: Matrix) -> Vector:
     )
 
 
-@nb.njit(cache=True)
+@kernel
 def _without_earth(earth: Vector, vector: Vector, dt: float) -> Vector:
     first = _cross_product(earth, vector)
     second = _cross_product(earth, first)
@@ -223,7 +223,7 @@ def _without_earth(earth: Vector, vector: Vector, dt: float) -> Vector:
     )
 
 
-@nb.njit(cache=True)
+@kernel
 def propagate(
     c: Compensation,
     earth: FloatArray,
@@ -330,7 +330,7 @@ def propagate(
                 F[_DP + i, PARAMETER_START + p] = psi_p[i, p]
 
 
-@nb.njit(cache=True)
+@kernel
 def _rate_columns(c: Compensation, omega: Vector, C: FloatArray, out: FloatArray) -> None:
     """Write C ∂ω/∂p of the gyro parameters, ∂ω/∂p = −(I + M_g)⁻¹ [I, diag ω, ...], shape (3, ≥ 12)."""
     x, y, z = omega
@@ -343,7 +343,7 @@ def _rate_columns(c: Compensation, omega: Vector, C: FloatArray, out: FloatArray
         _write_gyro_columns(x, y, z, d, e, f, out[i])
 
 
-@nb.njit(cache=True)
+@kernel
 def _size_effect_columns(c: Compensation, omega: Vector, C: FloatArray, out: FloatArray) -> None:
     """Write C ∂f/∂p of the gyro parameters, on which f depends by the size effect, shape (3, ≥ 12)."""
     x, y, z = omega
@@ -359,7 +359,7 @@ def _size_effect_columns(c: Compensation, omega: Vector, C: FloatArray, out: Flo
         _write_gyro_columns(x, y, z, d, e, f, out[i])
 
 
-@nb.njit(cache=True)
+@kernel
 def _force_columns(c: Compensation, omega: Vector, force: Vector, C: FloatArray, out: FloatArray) -> None:
     """Write C ∂f/∂p at the reference point of the accelerometer parameters and the inner lever arm, shape (3, ≥ 27)."""
     a, q = c.accel_inverse, c.quadratic
@@ -379,7 +379,7 @@ def _force_columns(c: Compensation, omega: Vector, force: Vector, C: FloatArray,
         row[_L], row[_L + 1], row[_L + 2] = s * square[0], t * square[1], u * square[2]
 
 
-@nb.njit(cache=True)
+@kernel
 def _write_gyro_columns(x: float, y: float, z: float, d: float, e: float, f: float, row: FloatArray) -> None:
     """Write a row of derivatives by gyro bias, scale and misalignment: (d, e, f) per rad/s of each raw rate."""
     row[_BG], row[_BG + 1], row[_BG + 2] = d, e, f
@@ -388,7 +388,7 @@ def _write_gyro_columns(x: float, y: float, z: float, d: float, e: float, f: flo
     row[_MG + 3], row[_MG + 4], row[_MG + 5] = e * z, f * x, f * y
 
 
-@nb.njit(cache=True)
+@kernel
 def write_navigation_block(
     F: FloatArray, earth: FloatArray, force_sum: FloatArray, force_moment: FloatArray, T: float
 ) -> None:
@@ -412,7 +412,7 @@ def write_navigation_block(
         F[r + 2, _PHI + 1] = -s[0]
 
 
-@nb.njit(cache=True)
+@kernel
 def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop: int) -> FloatArray:
     """Return the body rotation between two samples relative to inertial space, C_b(start)←b(stop), shape (3, 3)."""
     B: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -432,7 +432,7 @@ def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop
     return np.array(B)
 
 
-@nb.njit(cache=True)
+@kernel
 def dynamics(c: Compensation, omega: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return ∂ω/∂p and ∂f/∂p, SI, shape (3, 27), of all parameters but the outer lever at a given rate and force."""
     rate_jacobian, force_jacobian = np.zeros((3, _SENSORS)), np.zeros((3, _SENSORS))

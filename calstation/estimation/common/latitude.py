@@ -6,14 +6,13 @@ No other check of a calibration detects a wrong latitude, because both gravity a
 import itertools
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 
 from calstation.estimation.common.context import ImuModel, Posterior
 from calstation.estimation.common.noise import bias_drift_sigmas
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage import FORCE_STEP, row_maxima, true_intervals
-from calstation.physics import RATE, BoolArray, FloatArray, IntArray, compensate, compensation, group_indices
+from calstation.physics import RATE, BoolArray, FloatArray, IntArray, compensate, compensation, group_indices, kernel
 
 #: Deviation, in standard deviations, that indicates a different latitude; noise exceeds it once in 10^9 cases.
 SIGMAS = 6.0
@@ -104,7 +103,7 @@ class RestOutput:
         return LatitudeEstimate(value, sigma / RATE / max(float(np.cos(value)), _NEAR_POLE))
 
 
-@nb.njit(cache=True)
+@kernel
 def _means(
     seq: IntArray, counts: FloatArray, valid: BoolArray, width: int, second: IntArray, total: FloatArray
 ) -> tuple[IntArray, FloatArray]:

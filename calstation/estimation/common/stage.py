@@ -8,13 +8,12 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numba as nb
 import numpy as np
 
 from calstation.errors import InsufficientDataError
 from calstation.estimation.common.context import ImuModel, Posterior
 from calstation.estimation.common.samples import SampleBlock, join_blocks
-from calstation.physics import BoolArray, FloatArray, IntArray
+from calstation.physics import BoolArray, FloatArray, IntArray, kernel
 
 #: Width of the averaging window of rest detection, s.
 REST_WINDOW = 0.5
@@ -172,7 +171,7 @@ class StageBuffer:
         return self._data
 
 
-@nb.njit(cache=True)
+@kernel
 def _scaled(counts: FloatArray, size: float) -> FloatArray:
     """Return n samples of three channels times `size`, shape (n, 3); NumPy is slow for short rows."""
     scaled = np.empty(counts.shape)
@@ -192,7 +191,7 @@ def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
     return jumps
 
 
-@nb.njit(cache=True)
+@kernel
 def window_mean(values: FloatArray, offset: FloatArray, width: int) -> FloatArray:
     """Return the moving mean of `width` samples minus `offset`, shape (n − width + 1, 3).
 
@@ -211,7 +210,7 @@ def window_mean(values: FloatArray, offset: FloatArray, width: int) -> FloatArra
     return mean
 
 
-@nb.njit(cache=True)
+@kernel
 def means(values: FloatArray, counts: IntArray) -> FloatArray:
     """Return the means of the rows of `values`, shape (n, m), over k groups of `counts` rows, shape (k, m)."""
     mean, first = np.zeros((len(counts), values.shape[1])), 0
@@ -230,7 +229,7 @@ def group_means(values: FloatArray, width: int) -> FloatArray:
     return means(values, np.full(len(values) // width, width))
 
 
-@nb.njit(cache=True)
+@kernel
 def row_maxima(values: FloatArray) -> FloatArray:
     """Return the largest magnitude in each row, shape (n,), NaN for a row with NaN; NumPy is slow for short rows."""
     sizes = np.empty(len(values))
@@ -308,7 +307,7 @@ def _window_noise(imu: ImuModel, width: int, dt: float) -> float:
     return float(imu.gyro_arw / np.sqrt(width * dt) + imu.quantisation[0] * rounding)
 
 
-@nb.njit(cache=True)
+@kernel
 def _small_and_constant(rate: FloatArray, width: int, max_rate: float, max_change: float) -> FloatArray:
     """Return the windows whose mean rate is small and close to the mean of the preceding window, shape (3, k)."""
     windows, count = np.empty((3, len(rate))), 0
@@ -328,7 +327,7 @@ def _median(values: FloatArray) -> float:
     return float(partitioned[half] if len(values) % 2 else 0.5 * (partitioned[:half].max() + partitioned[half]))
 
 
-@nb.njit(cache=True)
+@kernel
 def _still(rate: FloatArray, at_rest: FloatArray, max_difference: float) -> BoolArray:
     """Return whether each window has the rate at rest, shape (n,)."""
     still = np.ones(len(rate), dtype=np.bool_)
@@ -338,7 +337,7 @@ def _still(rate: FloatArray, at_rest: FloatArray, max_difference: float) -> Bool
     return still
 
 
-@nb.njit(cache=True)
+@kernel
 def _split(accel: FloatArray, width: int, still: BoolArray) -> None:
     """Clear `still` for the windows whose mean force differs from that of the preceding or following window."""
     step = FORCE_STEP * width

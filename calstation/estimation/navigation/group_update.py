@@ -11,12 +11,11 @@ which stays exactly symmetric. Every sum has a fixed order, so that results do n
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
 from calstation.estimation.navigation.small_matrices import add_product, cholesky, forward
 from calstation.estimation.navigation.velocity_group import NAVIGATION, Reference, Setting, VelocityGroup, observe
-from calstation.physics import STATES, Compensation, FloatArray, Increments, IntervalWork
+from calstation.physics import STATES, Compensation, FloatArray, Increments, IntervalWork, kernel
 
 
 class State(NamedTuple):
@@ -56,7 +55,7 @@ def updates(groups: int, count: int, decay: FloatArray) -> Updates:
     )
 
 
-@nb.njit(cache=True)
+@kernel
 def process(
     c: Compensation,
     s: Setting,
@@ -96,7 +95,7 @@ def process(
         out.rate[rows], out.attitude[rows] = group.rate, group.attitude
 
 
-@nb.njit(cache=True)
+@kernel
 def predict(group: VelocityGroup, state: State, FP: FloatArray) -> None:
     """Predict the mean and covariance over a group; `FP`, shape (9, n), is overwritten by F P."""
     x, P, F, Q = state.x, state.P, group.transition, group.noise
@@ -129,7 +128,7 @@ def predict(group: VelocityGroup, state: State, FP: FloatArray) -> None:
     P[NAVIGATION:, :NAVIGATION] = FP[:, NAVIGATION:].T
 
 
-@nb.njit(cache=True)
+@kernel
 def _products(gain: FloatArray, H: FloatArray, M: FloatArray, S: FloatArray) -> None:
     """Add V Hᵀ + H M to the lower triangle of S, for V in `gain`, in blocks of three rows and columns."""
     for r in range(0, len(S), 3):
@@ -154,7 +153,7 @@ def _products(gain: FloatArray, H: FloatArray, M: FloatArray, S: FloatArray) -> 
             S[r + 2, q], S[r + 2, q + 1], S[r + 2, q + 2] = g, h, i
 
 
-@nb.njit(cache=True)
+@kernel
 def _subtract_square(gain: FloatArray, P: FloatArray) -> None:
     """Subtract WᵀW from P, for W in `gain`, in blocks of three rows and columns."""
     for i in range(0, len(P), 3):
@@ -173,7 +172,7 @@ def _subtract_square(gain: FloatArray, P: FloatArray) -> None:
             P[j, i], P[j, i + 1], P[j, i + 2] = u[j], v[j], w[j]
 
 
-@nb.njit(cache=True)
+@kernel
 def update(group: VelocityGroup, state: State, root: FloatArray, gain: FloatArray, innovation: FloatArray) -> None:
     """Update the mean and covariance with a group; write L, W and the normalised innovations."""
     x, P, H, M = state.x, state.P, group.H, group.M

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import numba as nb
 import numpy as np
 
 from calstation.estimation.common import BIAS_DRIFT_TIME, Posterior, SolveContext, StageData, Start, filter_noise
@@ -51,6 +50,7 @@ from calstation.physics import (
     compensation,
     increments,
     interval_work,
+    kernel,
     propagate,
     rotate,
     rotation_matrix,
@@ -307,7 +307,7 @@ class ClosedLoopFilter(NavigationPass):
         return np.asarray(kalman.y)
 
 
-@nb.njit(cache=True)
+@kernel
 def smoothed_reference(
     c: Compensation,
     s: Setting,

@@ -10,7 +10,6 @@ the stripped matrix, it contains the information in the angle of a rotation.
 from itertools import groupby, pairwise
 from typing import Any
 
-import numba as nb
 import numpy as np
 
 from calstation.estimation.common import Posterior, SolveContext, StageData, filter_noise
@@ -32,6 +31,7 @@ from calstation.physics import (
     IntArray,
     compensation,
     dynamics,
+    kernel,
     rotation_rate,
 )
 
@@ -58,7 +58,7 @@ def pieces(data: StageData, history: History) -> list[tuple[int, int]]:
     return list(pairwise(edges.tolist()))
 
 
-@nb.njit(cache=True)
+@kernel
 def _edges(step: IntArray, rate: FloatArray, elapsed: FloatArray) -> IntArray:
     """Return the first observation of each piece, and the number of observations."""
     count = len(step)
@@ -173,7 +173,7 @@ class ObservabilityAnalysis:
         return {"segments": self._segments, "states": states}
 
 
-@nb.njit(cache=True)
+@kernel
 def _rows(
     c: Compensation,
     earth: FloatArray,
@@ -228,7 +228,7 @@ def _rows(
     return powers, first
 
 
-@nb.njit(cache=True)
+@kernel
 def _add_product(row: FloatArray, A: FloatArray, factor: float, out: FloatArray) -> None:
     """Add the first six columns of `row` times the first six rows of A, times `factor`, to `out`."""
     for k in range(DV.stop):
@@ -237,6 +237,6 @@ def _add_product(row: FloatArray, A: FloatArray, factor: float, out: FloatArray)
             out[j] += t * A[k, j]
 
 
-@nb.njit(cache=True)
+@kernel
 def _skew(v: FloatArray) -> FloatArray:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

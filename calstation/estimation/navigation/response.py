@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import numba as nb
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solve_triangular
@@ -37,6 +36,7 @@ from calstation.physics import (
     compensate,
     compensation,
     group_vector,
+    kernel,
     rotation_rate,
 )
 
@@ -89,7 +89,7 @@ def result_sensitivity(
     return effects.sensitivity(score, information, error[PARAMETER_STATES], estimated)
 
 
-@nb.njit(cache=True)
+@kernel
 def _propagate_errors(
     update: Updates,
     regressors: FloatArray,
@@ -134,7 +134,7 @@ def _propagate_errors(
         subtract_transposed_product(update.gain[g], response, error)
 
 
-@nb.njit(cache=True)
+@kernel
 def _add_bias(A: FloatArray, bias_errors: FloatArray, out: FloatArray) -> None:
     """Add the effect of the bias errors through A, shape (m, n), to the first m rows of `out`."""
     for i in range(len(A)):

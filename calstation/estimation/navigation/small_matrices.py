@@ -3,13 +3,12 @@
 BLAS takes twice as long for matrices of this size.
 """
 
-import numba as nb
 import numpy as np
 
-from calstation.physics import FloatArray
+from calstation.physics import FloatArray, kernel
 
 
-@nb.njit(cache=True)
+@kernel
 def cholesky(S: FloatArray, L: FloatArray) -> None:
     """Write the lower Cholesky factor of a matrix, shape (n, n); NaN if it is not positive definite."""
     n = S.shape[0]
@@ -22,7 +21,7 @@ def cholesky(S: FloatArray, L: FloatArray) -> None:
             L[i, j] = np.sqrt(s) if i == j else s / L[j, j]
 
 
-@nb.njit(cache=True)
+@kernel
 def forward(L: FloatArray, B: FloatArray) -> None:
     """Replace B, shape (n, m), by L⁻¹ B."""
     n, m = B.shape
@@ -36,7 +35,7 @@ def forward(L: FloatArray, B: FloatArray) -> None:
             B[i, j] *= t
 
 
-@nb.njit(cache=True)
+@kernel
 def backward(L: FloatArray, B: FloatArray) -> None:
     """Replace B, shape (n, m), by L⁻ᵀ B."""
     n, m = B.shape
@@ -50,7 +49,7 @@ def backward(L: FloatArray, B: FloatArray) -> None:
             B[i, j] *= t
 
 
-@nb.njit(cache=True)
+@kernel
 def add_product(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
     """Add A B, shape (n, k), to `out` for A of shape (n, m) and B of shape (m, k), where n and m are multiples of 3.
 
@@ -70,7 +69,7 @@ def add_product(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
                 w[j] += g * p + h * q + o * r
 
 
-@nb.njit(cache=True)
+@kernel
 def subtract_transposed_product(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
     """Subtract Aᵀ B, shape (n, k), from `out` for A of shape (m, n) and B of shape (m, k), as in `add_product`."""
     for i in range(0, len(out), 3):

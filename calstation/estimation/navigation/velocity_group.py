@@ -15,7 +15,6 @@ Applications to Tracking and Navigation*, 2001, section 8.3).
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
 from calstation.physics import (
@@ -34,6 +33,7 @@ from calstation.physics import (
     FloatArray,
     Increments,
     IntervalWork,
+    kernel,
     propagate,
     rotation_vector,
     write_navigation_block,
@@ -95,7 +95,7 @@ def velocity_group(count: int, size: int) -> VelocityGroup:
     )
 
 
-@nb.njit(cache=True)
+@kernel
 def _inverse(S: FloatArray) -> FloatArray:
     """Return the inverse of a 3×3 matrix, computed from its adjugate."""
     A = np.empty((3, 3))
@@ -107,7 +107,7 @@ def _inverse(S: FloatArray) -> FloatArray:
     return A
 
 
-@nb.njit(cache=True)
+@kernel
 def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q: FloatArray) -> None:
     """Write into Q, shape (9, 9), the covariance in n of white rate and force noise over T s (Groves 14.80)."""
     fx, fy, fz = force[0], force[1], force[2]
@@ -134,7 +134,7 @@ def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q
         Q[_DV + i, _DP + i] = Q[_DP + i, _DV + i]
 
 
-@nb.njit(cache=True)
+@kernel
 def arm_motion(work: IntervalWork, earth: FloatArray, lever: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return ω_nb in b, rad/s, and the velocity of the lever arm, C (ω_nb × r), m/s, shape (3,) each."""
     C, r, w, u = work.attitude, lever, np.empty(3), np.empty(3)
@@ -146,7 +146,7 @@ def arm_motion(work: IntervalWork, earth: FloatArray, lever: FloatArray) -> tupl
     return w, u
 
 
-@nb.njit(cache=True)
+@kernel
 def observation(work: IntervalWork, earth: FloatArray, c: Compensation, z: FloatArray, H: FloatArray) -> FloatArray:
     """Write the velocity observation z = u − v and its Jacobian, and return the arm velocity u = C(ω_nb × r), m/s.
 
@@ -167,14 +167,14 @@ def observation(work: IntervalWork, earth: FloatArray, c: Compensation, z: Float
     return u
 
 
-@nb.njit(cache=True)
+@kernel
 def write_attitude_columns(u: FloatArray, H: FloatArray) -> None:
     """Write [u×] into the φ columns of H, whose diagonal is 0."""
     H[0, 1], H[0, 2], H[1, 2] = -u[2], u[1], -u[0]
     H[1, 0], H[2, 0], H[2, 1] = u[2], -u[1], u[0]
 
 
-@nb.njit(cache=True)
+@kernel
 def _add_interval_noise(
     N: FloatArray, force: FloatArray, arm: FloatArray, s: Setting, Q: FloatArray, W: FloatArray, noise: FloatArray
 ) -> None:
@@ -209,7 +209,7 @@ def _add_interval_noise(
             noise[NAVIGATION + i, j] = arm[a] * QB[b, j] - arm[b] * QB[a, j] + QB[_DP + i, j] / T
 
 
-@nb.njit(cache=True)
+@kernel
 def _inverse_transition(N: FloatArray) -> FloatArray:
     """Return the inverse of the φ, δv block of a transition, shape (6, 6), which has the form [[a, 0], [s, e]]."""
     a, e = _inverse(N[PHI, PHI]), _inverse(N[DV, DV])
@@ -225,7 +225,7 @@ def _inverse_transition(N: FloatArray) -> FloatArray:
     return back
 
 
-@nb.njit(cache=True)
+@kernel
 def observe(
     c: Compensation,
     s: Setting,
@@ -277,7 +277,7 @@ def observe(
     _refer_to_end(s, steps, forces, arms, shifts, group)
 
 
-@nb.njit(cache=True)
+@kernel
 def _linearise(
     c: Compensation,
     s: Setting,
@@ -328,7 +328,7 @@ def _linearise(
     group.attitude[k], group.rate[k] = work.attitude, work.rate
 
 
-@nb.njit(cache=True)
+@kernel
 def _refer_to_end(
     s: Setting, steps: FloatArray, forces: FloatArray, arms: FloatArray, shifts: FloatArray, group: VelocityGroup
 ) -> None:

@@ -17,7 +17,6 @@ gyro and accelerometer biases at each rest in units of its sigma (6 n).
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
 from calstation.estimation.common import (
@@ -42,6 +41,7 @@ from calstation.physics import (
     group_indices,
     group_matrix,
     group_vector,
+    kernel,
     rotation_matrix,
     rotation_rate,
     rotation_vector,
@@ -307,7 +307,7 @@ def square_root(P: FloatArray) -> FloatArray:
     return np.asarray(sigma[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-@nb.njit(cache=True)
+@kernel
 def integrate_rotation(
     gyro_inverse: FloatArray, bias: FloatArray, dt: float, gyro: FloatArray, start: int, stop: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
