@@ -1,6 +1,9 @@
 """Inspection of a recording: its contents, sample rate and gaps, and the methods that can solve it."""
 
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +15,10 @@ from calstation.messages import Text
 from calstation.records import Log, LogFacts, context_from_meta, open_log, prior_from_meta
 from calstation.results.solver_chain import solve
 from procedures import method, names
+
+#: Number of samples of each stage, or of a recording without stages, that are tested and solved: 83 minutes at 200 Hz
+#: in about 0.6 GB. The rest of a longer recording is only counted.
+MAX_TESTED = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -31,6 +38,9 @@ class Inspection:
     methods: dict[str, Text | None]  #: Reason why a method cannot solve it, None if it can.
     #: Errors of the samples, and of the configuration, that the stages reveal.
     faults: tuple[Text, ...] = ()
+    #: Number of samples at the start of every longer stage, or of the recording, on which `methods` and `faults` are
+    #: based; None for all samples.
+    tested: int | None = None
 
 
 def inspect_recording(path: Path) -> Inspection:
@@ -39,15 +49,12 @@ def inspect_recording(path: Path) -> Inspection:
     Raises InputError if it cannot be read.
     """
     log = open_log(path)
-    stages: dict[str, int] = {}
-    invalid, channels = 0, dict.fromkeys(["accel"])
-    seq, time = [], []
+    counted = Counter[str]()
+    invalid, channels, clock = 0, dict.fromkeys(["accel"]), _ClockFit()
     for block in log.blocks():
-        seq.append(block.seq)
-        time.append(block.time)
+        clock.add(block)
         invalid += int(np.count_nonzero(~block.valid))
-        if block.stage:
-            stages[block.stage] = stages.get(block.stage, 0) + len(block)
+        counted[block.stage] += len(block)
         present = {
             "gyro": has_gyros(block.counts),
             "encoders": not np.isnan(block.angles).all(),
@@ -56,13 +63,12 @@ def inspect_recording(path: Path) -> Inspection:
         }
         channels |= dict.fromkeys(name for name, is_present in present.items() if is_present)
     channels |= dict.fromkeys(f"imu{number}" for number in log.meta.secondaries)
-    counter, clock = np.concatenate(seq), np.concatenate(time)
-    line = np.polynomial.Polynomial.fit(counter, clock, 1).convert().coef if len(clock) > 1 else [0.0, np.nan]
+    stages = {stage: count for stage, count in counted.items() if stage}
     facts = log.facts()
     return Inspection(
         serial=log.meta.imu.serial,
         facts=facts,
-        rate=float(1.0 / line[1]),
+        rate=clock.rate,
         configured_rate=log.meta.imu.sample_rate_hz,
         jitter=log.jitter,
         missing=facts.last_seq - facts.first_seq + 1 - facts.samples,
@@ -71,32 +77,70 @@ def inspect_recording(path: Path) -> Inspection:
         stages=stages,
         methods=_recorded(log, stages) if stages else {n: _reason(log, n) for n in names() if method(n).needs_no_table},
         faults=recording_faults(log),
+        tested=MAX_TESTED if max((stages or counted).values()) > MAX_TESTED else None,
     )
+
+
+class _ClockFit:
+    """Fits a line to the times of all samples, without storing them."""
+
+    def __init__(self) -> None:
+        self._first: tuple[int, float] | None = None
+        self._sums = np.zeros(5)
+
+    def add(self, block: SampleBlock) -> None:
+        """Add the next samples."""
+        self._first = self._first or (int(block.seq[0]), float(block.time[0]))
+        x, y = (block.seq - self._first[0]).astype(np.float64), block.time - self._first[1]
+        self._sums += [len(x), float(x.sum()), float(y.sum()), float(x @ x), float(x @ y)]
+
+    @property
+    def rate(self) -> float:
+        """Sample rate, Hz; NaN for one sample."""
+        n, x, y, xx, xy = self._sums.tolist()
+        return (xx - x * x / n) / (xy - x * y / n) if n > 1 else np.nan
 
 
 def recording_faults(log: Log) -> tuple[Text, ...]:
     """Return the errors of the samples, and of the configuration, that the stages of a log reveal without a solution.
 
-    Raises InputError if the log cannot be read.
+    Only the first `MAX_TESTED` samples of each stage are tested. Raises InputError if the log cannot be read.
     """
     context, prior = context_from_meta(log.meta), prior_from_meta(log.meta)
-    by_stage: dict[str, list[SampleBlock]] = {}
-    for block in log.blocks():
-        by_stage.setdefault(block.stage, []).append(block)
     faults: list[Text] = []
-    for stage, blocks in by_stage.items():
-        if stage:
-            found = data_faults(join_blocks(blocks), context, prior)
-            faults += [Text.of("solution.in_stage", stage=stage, what=fault.text(stage)) for fault in found]
-        elif len(by_stage) == 1:  # a recording without stages
-            faults += [fault.text(stage) for fault in data_faults(join_blocks(blocks), context, prior)]
+    for stage, blocks in _by_stage(log):
+        texts = [fault.text(stage) for fault in data_faults(join_blocks(blocks), context, prior)]
+        faults += [Text.of("solution.in_stage", stage=stage, what=text) if stage else text for text in texts]
     return tuple(faults)
+
+
+def _first_samples(log: Log) -> Iterator[SampleBlock]:
+    """Yield at most the first `MAX_TESTED` samples of each stage."""
+    used = Counter[str]()
+    for block in log.blocks():
+        first = block.part(0, max(MAX_TESTED - used[block.stage], 0))
+        used[block.stage] += len(first)
+        if len(first):
+            yield first
+
+
+def _by_stage(log: Log) -> Iterator[tuple[str, list[SampleBlock]]]:
+    """Yield the first samples of each stage, or of a recording without stages, whose name is ""."""
+    current, blocks = "", list[SampleBlock]()
+    for block in _first_samples(log):
+        if block.stage and block.stage != current:
+            if current:
+                yield current, blocks
+            current, blocks = block.stage, []
+        if block.stage == current:
+            blocks.append(block)
+    yield current, blocks
 
 
 def _recorded(log: Log, stages: dict[str, int]) -> dict[str, Text | None]:
     """Solve the stages in order, each with the posterior of the preceding ones."""
     try:
-        missing = solve(log.blocks, log.meta, source=log.path).missing_data
+        missing = solve(partial(_first_samples, log), log.meta, source=log.path).missing_data
     except InputError as exc:
         return dict.fromkeys(stages, exc.as_text)
     return {stage: missing.get(stage) for stage in stages}
@@ -105,7 +149,7 @@ def _recorded(log: Log, stages: dict[str, int]) -> dict[str, Text | None]:
 def _reason(log: Log, name: str) -> Text | None:
     """Return why a method cannot solve the whole recording; None if it can."""
     try:
-        solve(log.blocks, log.meta, (name,), source=log.path)
+        solve(partial(_first_samples, log), log.meta, (name,), source=log.path)
     except InputError as exc:
         return exc.as_text
     return None

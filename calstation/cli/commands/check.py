@@ -77,6 +77,7 @@ def _check_recording(path: Path, json: str | None) -> int:
         "channels": list(recording.channels),
         "temperature_c": facts.temperature,
         "stages": recording.stages,
+        "tested_samples": recording.tested,
         "faults": [sentence(fault) for fault in recording.faults],
         "methods": {name: {"solvable": reason is None, "reason": reason} for name, reason in reasons.items()},
     }
@@ -91,6 +92,7 @@ def _check_recording(path: Path, json: str | None) -> int:
         say("cli.recording_damaged" if facts.damaged else "cli.recording_invalid", **row),
         say("cli.recording_channels", **row),
         say("cli.recording_stages", stages=stages),
+        *([say("cli.recording_tested", samples=recording.tested)] if recording.tested is not None else []),
         *(say("cli.recording_fault", fault=fault) for fault in recording.faults),
         *(f"{name:<18} {reason or say('cli.solvable')}" for name, reason in reasons.items()),
     ]
