@@ -1,4 +1,4 @@
-"""Reader and writer of the CSV format of docs/contract.md: chunks of checked cells as blocks, and exact export."""
+"""Reader of the CSV format of docs/contract.md: chunks of checked cells as blocks."""
 
 import csv
 import gzip
@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from calstation.estimation.common import (
     SampleBlock,
     SequenceError,
     SequenceUnwrapper,
-    has_gyros,
     snap_angles,
 )
 from calstation.messages import os_reason
@@ -40,7 +39,6 @@ from calstation.records.columns import (
     unit_factor,
     unit_factors,
 )
-from calstation.records.files import partial_path
 from calstation.records.log import Log
 from calstation.records.meta import FURTHER_IMUS, LogMeta
 from calstation.schema import read_toml, validate
@@ -123,7 +121,8 @@ def csv_blocks(path: Path, meta: LogMeta, layout: Layout, jitter: list[float]) -
     """
     jitter.clear()
     rate, factors, secondaries = meta.imu.sample_rate_hz, unit_factors(layout, meta), len(meta.secondaries)
-    unwrapper, angles = SequenceUnwrapper(1.0 / rate), AngleUnwrapper()
+    unwrapper = SequenceUnwrapper(1.0 / rate)
+    angles = AngleUnwrapper(lambda: _angle_spans(_tables(path, layout, factors, secondaries)))
     starts: set[tuple[float, ...]] = set()
     times: SampleTimes | None = None
     rows = 0
@@ -155,6 +154,15 @@ def csv_blocks(path: Path, meta: LogMeta, layout: Layout, jitter: list[float]) -
         yield from table.blocks(unwrapped, clock, counts, angles)
     if not rows:
         raise InputError("csv.no_samples", file=path)
+
+
+def _angle_spans(tables: "Iterable[_Table]") -> FloatArray:
+    """Return the ranges of the encoder angles of a file, rad, shape (2,)."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for table in tables:
+        angles = table.angles()
+        low, high = np.fmin(low, np.fmin.reduce(angles)), np.fmax(high, np.fmax.reduce(angles))
+    return np.asarray(high - low)
 
 
 def _check_rate(path: Path, period: float, rate: float) -> None:
@@ -316,6 +324,10 @@ class _Table:
         except ValueError:
             raise self._wrong_cell("csv.cell_not_number", name, row) from None
 
+    def angles(self) -> FloatArray:
+        """Return the recorded encoder angles, rad, shape (n, 2)."""
+        return np.deg2rad(np.column_stack([self.floats(a, True) for a in ANGLES]))
+
     def integers(self, name: str) -> IntArray:
         """Return a column as int64, shape (n,)."""
         try:
@@ -334,8 +346,7 @@ class _Table:
         n = len(seq)
         angles = np.full((n, 2), np.nan)
         if ANGLES[0] in self._header:
-            recorded = np.deg2rad(np.column_stack([self.floats(a, True) for a in ANGLES]))
-            angles = snap_angles(unwrapper.feed(time, recorded))
+            angles = snap_angles(unwrapper.feed(time, self.angles()))
         step = self.integers("step") if "step" in self._header else np.zeros(n, np.int64)
         temperature = self.floats("temp_c", True) if "temp_c" in self._header else np.full(n, np.nan)
         secondaries, joints = self._secondary_counts(n), self._joints(n)
@@ -375,72 +386,3 @@ class _Table:
         if JOINTS[0] not in self._header:
             return np.empty((count, 0))
         return snap_angles(np.deg2rad(np.column_stack([self.floats(name, True) for name in JOINTS])))
-
-
-def write_csv_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> None:
-    """Write blocks as CSV, and their configuration next to it; a failure leaves no CSV. Raises InputError."""
-    partial = partial_path(target)
-    try:
-        with _open_for_writing(partial) as stream:
-            _write_csv(stream, blocks)
-        meta_path(target).write_text(meta.to_toml(), encoding="utf-8")
-        partial.replace(target)
-    finally:
-        with suppress(FileNotFoundError):
-            partial.unlink()
-
-
-def _write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
-    """Write blocks in the CSV format of docs/contract.md; all values are read back exactly."""
-    first = next(blocks, None)
-    secondaries = 0 if first is None else first.others.shape[1]
-    channels = [i for i in range(6) if first is None or i >= 3 or has_gyros(first.counts)]
-    names = ["seq", "time_s", *(CHANNELS[i] for i in channels), *ANGLES, "stage", "step", "temp_c", "valid"]
-    names += [name for number in FURTHER_IMUS[:secondaries] for name in further_channels(number)]
-    names += JOINTS if first is not None and first.joints.shape[1] else ()
-    names += [STATION] if first is not None and first.station.shape[1] else []
-    stream.write(",".join(names) + "\n")
-    for block in itertools.chain([] if first is None else [first], blocks):
-        degrees = _shortest_degrees(block.angles)
-        columns: list[list[str]] = [
-            [str(v) for v in block.seq.tolist()],
-            [repr(v) for v in block.time.tolist()],
-            *[_numbers(block.counts[:, i]) for i in channels],
-            *[_blank_nan(degrees[:, i]) for i in range(2)],
-            [block.stage] * len(block),
-            [str(v) for v in block.step.tolist()],
-            _blank_nan(block.temperature),
-            ["1" if v else "0" for v in block.valid.tolist()],
-        ]
-        columns += [_numbers(column) for column in block.others.reshape(len(block), -1).T]
-        columns += [_blank_nan(column) for column in (*_shortest_degrees(block.joints).T, *block.station.T)]
-        stream.write("".join(map("{}\n".format, map(",".join, zip(*columns, strict=True)))))
-
-
-def _shortest_degrees(angles: FloatArray) -> FloatArray:
-    """Return `angles`, rad, in degrees, rounded to ten decimals if they are read back unchanged."""
-    exact = np.rad2deg(angles)
-    short = np.round(exact, 10)
-    return np.where(snap_angles(np.deg2rad(short)) == angles, short, exact)
-
-
-def _numbers(values: FloatArray) -> list[str]:
-    present = ~np.isnan(values)
-    if np.array_equal(values[present], np.rint(values[present])) and np.all(np.abs(values[present]) < 2**53):
-        integers = np.where(present, values, 0.0).astype(np.int64)
-        return [str(v) if t else "" for v, t in zip(integers.tolist(), present.tolist(), strict=True)]
-    return _blank_nan(values)
-
-
-def _blank_nan(values: FloatArray) -> list[str]:
-    return ["" if v != v else repr(v) for v in values.tolist()]
-
-
-def _open_for_writing(path: Path) -> IO[str]:
-    """Open NAME.csv or NAME.csv.gz for writing text. Raises InputError."""
-    try:
-        if path.suffix == ".gz":
-            return gzip.open(path, "wt", encoding="utf-8", newline="")
-        return path.open("w", encoding="utf-8", newline="")
-    except OSError as exc:
-        raise InputError("csv.not_written", file=path, reason=os_reason(exc)) from exc

@@ -12,7 +12,7 @@ from records_samples import CSV_HEADER, META, assert_same, csv_rows, make_block,
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, snap_angles
 from calstation.records import LogMeta, RawLogWriter, export_csv, open_log
-from calstation.records.csv_log import further_channels
+from calstation.records.columns import further_channels
 from tests.helpers import convert_log, raises_code
 
 

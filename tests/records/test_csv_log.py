@@ -8,7 +8,7 @@ import pytest
 from records_samples import CSV_HEADER, csv_rows, joined, write_csv_log
 
 from calstation.errors import InputError
-from calstation.records import open_log
+from calstation.records import csv_log, open_log
 from tests.helpers import raises_code
 
 PRACTICE = Path(__file__).parents[3] / "shared" / "data" / "practice"
@@ -171,6 +171,26 @@ def test_range_of_unwrapped_counts_is_selected(tmp_path: Path) -> None:
     with raises_code(InputError, "log.empty_range") as caught:
         list(log.blocks(500))
     assert "from 500 to the end" in str(caught.value)
+
+
+@pytest.mark.parametrize("modulo", [False, True])
+def test_angles_do_not_depend_on_the_chunks_in_which_a_file_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, modulo: bool
+) -> None:
+    """The table turns by 300° between two polls, and leaves the range of a turn later."""
+    seconds = np.arange(1, 401) / 100.0
+    turned = np.interp(seconds, [0.62, 1.2, 2.0, 3.0], [0.0, 300.0, 300.0, 700.0])
+    angles = turned % 360.0 if modulo else turned
+    rows = [
+        f"{row.rsplit(',', 4)[0]},{angles[k] if k % (5 if modulo else 60) == 0 else ''},,rate,0"
+        for k, row in enumerate(csv_rows(400))
+    ]
+    path = write_csv_log(tmp_path, rows)
+    for chunk in (1 << 17, 4000, 600, 150):
+        monkeypatch.setattr(csv_log, "_CHUNK_BYTES", chunk)
+        outer = np.rad2deg(joined(list(open_log(path).blocks()))["angles"][:, 0])
+        polled = np.isfinite(outer)
+        np.testing.assert_allclose(outer[polled], turned[polled], atol=1e-9)
 
 
 @pytest.mark.skipif(not PRACTICE.is_dir(), reason="the practice logs are not beside the project")

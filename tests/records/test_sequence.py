@@ -83,23 +83,42 @@ def _table_angle(time: np.ndarray) -> np.ndarray:
     return np.deg2rad(np.interp(time, [0.0, 5.0, 41.0, 46.0, 83.85, 90.0], [10.0, 10.0, 730.0, 730.0, -27.0, -27.0]))
 
 
+def _recorded(true: np.ndarray, polled_every: int, lowest: float | None) -> np.ndarray:
+    """Return angles, rad, shape (n, 1), NaN between polls, from `lowest` on modulo a turn if it is given."""
+    angles = true[:, None].copy()
+    angles[np.arange(len(angles)) % polled_every != 0] = np.nan
+    return angles if lowest is None else (angles - lowest) % (2.0 * np.pi) + lowest
+
+
+def _unwrapped(time: np.ndarray, recorded: np.ndarray, chunk: int) -> np.ndarray:
+    unwrapper = AngleUnwrapper(lambda: np.ptp(recorded[np.isfinite(recorded[:, 0])], axis=0))
+    parts = [slice(k, k + chunk) for k in range(0, len(time), chunk)]
+    return np.concatenate([unwrapper.feed(time[part], recorded[part]) for part in parts])
+
+
 @pytest.mark.parametrize("polled_every", [1, 7, 10, 100])
-@pytest.mark.parametrize("cut", [0, 1234, 4000])
+@pytest.mark.parametrize("chunk", [9000, 1234, 77])
 @pytest.mark.parametrize("lowest", [0.0, -180.0])
-def test_angles_modulo_a_turn_become_cumulative(polled_every: int, cut: int, lowest: float) -> None:
+def test_angles_modulo_a_turn_become_cumulative(polled_every: int, chunk: int, lowest: float) -> None:
     time = np.arange(1, 9001) * PERIOD
-    true = _table_angle(time)[:, None]
-    true[np.arange(len(time)) % polled_every != 0] = np.nan
-    low = np.deg2rad(lowest)
-    recorded = (true - low) % (2.0 * np.pi) + low
-    unwrapper = AngleUnwrapper()
-    found = np.concatenate([unwrapper.feed(time[k], recorded[k]) for k in (slice(cut), slice(cut, None))])
-    np.testing.assert_allclose(found, true, atol=1e-9)
+    recorded = _recorded(_table_angle(time), polled_every, np.deg2rad(lowest))
+    expected = _recorded(_table_angle(time), polled_every, None)
+    np.testing.assert_allclose(_unwrapped(time, recorded, chunk), expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("polled_every", [1, 10, 5000])
-def test_cumulative_angles_remain_unchanged(polled_every: int) -> None:
+@pytest.mark.parametrize("chunk", [9000, 1000])
+def test_cumulative_angles_remain_unchanged(polled_every: int, chunk: int) -> None:
     time = np.arange(1, 9001) * PERIOD
-    true = _table_angle(time)[:, None]
-    true[np.arange(len(time)) % polled_every != 0] = np.nan
-    np.testing.assert_array_equal(AngleUnwrapper().feed(time, true), true)
+    true = _recorded(_table_angle(time), polled_every, None)
+    np.testing.assert_array_equal(_unwrapped(time, true, chunk), true)
+
+
+@pytest.mark.parametrize("chunk", [400, 50, 7, 1])
+def test_angles_that_leave_a_turn_later_are_cumulative_from_the_beginning(chunk: int) -> None:
+    time = np.arange(1, 401) * PERIOD
+    turned = np.deg2rad(np.interp(time, [0.62, 1.2, 2.0, 3.0], [0.0, 300.0, 300.0, 700.0]))
+    true = _recorded(turned, 60, None)  # 300° between two polls, before the angles leave the range of a turn
+    np.testing.assert_array_equal(_unwrapped(time, true, chunk), true)
+    modulo = _recorded(turned, 5, 0.0)
+    np.testing.assert_array_equal(_unwrapped(time, modulo, chunk), _unwrapped(time, modulo, 400))

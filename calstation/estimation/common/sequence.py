@@ -1,7 +1,8 @@
 """Unwrapping of angles, and of sample counters: wraps, resets and gaps (docs/contract.md, "CSV import")."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 
@@ -118,17 +119,26 @@ _ROUNDING = 0.01
 class AngleUnwrapper:
     """Makes the angles of a table cumulative, chunk by chunk, if they are recorded modulo a whole turn.
 
-    Angles that are cumulative already do not change, even if the table turns between two polls.
+    Angles that are cumulative already do not change, even if the table turns between two polls: such angles leave the
+    range of a turn somewhere in the recording. The result does not depend on the division into chunks.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, spans: Callable[[], FloatArray]) -> None:
+        """Create the state; `spans` returns the ranges of the angles of a whole recording, rad, shape (k,)."""
+        self._spans = cache(spans)
         self._columns: list[_LastAngle] = []
 
     def feed(self, time: FloatArray, angles: FloatArray) -> FloatArray:
         """Return the angles of the next chunk, rad, shape (n, k), NaN between polls; `time` is in s, shape (n,)."""
         self._columns = self._columns or [_LastAngle() for _ in range(angles.shape[1])]
-        columns = [column.unwrap(time, values) for column, values in zip(self._columns, angles.T, strict=True)]
+        columns = [
+            column.unwrap(time, values, partial(self._is_modulo, k))
+            for k, (column, values) in enumerate(zip(self._columns, angles.T, strict=True))
+        ]
         return np.column_stack(columns) if columns else angles
+
+    def _is_modulo(self, column: int) -> bool:
+        return bool(self._spans()[column] < 2.0 * np.pi + _ROUNDING)
 
 
 @dataclass
@@ -138,31 +148,30 @@ class _LastAngle:
     time: float = np.nan  #: s
     recorded: float = np.nan  #: rad
     rate: float = 0.0  #: Mean rate since the angle polled before it, rad/s.
-    added: float = 0.0  #: Whole turns added to the recorded angle, rad.
-    low: float = np.inf  #: Smallest recorded angle, rad.
-    high: float = -np.inf  #: Largest recorded angle, rad.
+    turns: int = 0  #: Whole turns added to the recorded angle.
 
-    def unwrap(self, time: FloatArray, angles: FloatArray) -> FloatArray:
-        """Return the next angles of the column, rad, shape (n,)."""
+    def unwrap(self, time: FloatArray, angles: FloatArray, is_modulo: Callable[[], bool]) -> FloatArray:
+        """Return the next angles of the column, rad, shape (n,).
+
+        `is_modulo` returns whether all angles of the recording are within a turn. It is only called for a jump.
+        """
         polled = np.flatnonzero(np.isfinite(angles))
         if not len(polled):
-            return angles
+            return np.asarray(angles + 2.0 * np.pi * self.turns)
         times, recorded = (
             np.concatenate([[last], x[polled]]) for last, x in ((self.time, time), (self.recorded, angles))
         )
         elapsed, change = np.diff(times), np.diff(recorded)
-        shift = np.zeros(len(angles))
-        self.low, self.high = min(self.low, float(recorded[1:].min())), max(self.high, float(recorded[1:].max()))
-        within_a_turn = self.high - self.low < 2.0 * np.pi + _ROUNDING
-        jumps = np.flatnonzero(np.abs(change) > np.pi) if within_a_turn else np.empty(0, np.int64)
-        for k in jumps:
+        added = np.zeros(len(angles), np.int64)
+        for k in np.flatnonzero(np.abs(change) > np.pi):
             rate = change[k - 1] / elapsed[k - 1] if k > 0 and elapsed[k - 1] > 0.0 else self.rate
             unexpected = min(abs(change[k]), abs(change[k] - rate * elapsed[k])) > _JUMP
-            if abs(change[k]) > _FASTEST * elapsed[k] or (unexpected and elapsed[k] <= _CONTINUOUS):
-                shift[polled[k]] = -2.0 * np.pi * np.rint(change[k] / (2.0 * np.pi))
-                change[k] += shift[polled[k]]
-        added = self.added + np.cumsum(shift) if len(jumps) else self.added
-        self.time, self.recorded, self.added = float(times[-1]), float(recorded[-1]), self.added + float(shift.sum())
+            is_jump = abs(change[k]) > _FASTEST * elapsed[k] or (unexpected and elapsed[k] <= _CONTINUOUS)
+            if is_jump and is_modulo():
+                added[polled[k]] = -round(change[k] / (2.0 * np.pi))
+                change[k] += 2.0 * np.pi * added[polled[k]]
+        turns = self.turns + np.cumsum(added)
+        self.time, self.recorded, self.turns = float(times[-1]), float(recorded[-1]), int(turns[-1])
         if elapsed[-1] > 0.0:
             self.rate = float(change[-1] / elapsed[-1])
-        return np.asarray(angles + added)
+        return np.asarray(angles + 2.0 * np.pi * turns)
