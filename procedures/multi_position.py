@@ -123,7 +123,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     rests = positions(data, still, context)
     estimated = ESTIMATED if data.has_gyros else tuple(n for n in ESTIMATED if n.startswith("accel"))
     mask = np.array([name in estimated for name in NAMES])
-    by_hand = not np.isfinite(data.angles).any()  # a table does not scatter like a hand
+    by_hand = not data.has_angles  # a table does not scatter like a hand
     assumed = Scatter(by_hand * schedule.force_scatter, 0.0, by_hand * float(np.deg2rad(schedule.turn_scatter_deg)))
     fit = fit_positions(data, rests, links, context, prior, mask, assumed)
     return Solution(

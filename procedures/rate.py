@@ -174,7 +174,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     mask = np.array([name in ESTIMATED for name in NAMES])
     zero, encoders = np.zeros(len(sigma)), slice(len(sigma) - 2 * len(rests), None)
     result = map_estimate("rate", model, observed, variance, prior, zero, sigma, mask, encoders, GROUPS)
-    effects = StageEffects(float(data.time[0]), len(data) * data.dt)
+    effects = StageEffects(float(data.time[0]), len(data) * data.dt, data.has_angles)
     added = np.concatenate([_effects(data, t, effects) for t in turns])
     sensitivity = effects.batch_sensitivity(result.gain, added, mask)
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)

@@ -136,7 +136,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     mask = np.array([name in ESTIMATED for name in NAMES])
     tilts, widths = np.concatenate(nuisance), np.concatenate(sigma)
     result = map_estimate("six_position", model, observed, noise, prior, tilts, widths, mask, groups=GROUPS)
-    effects = StageEffects(float(data.time[0]), len(data) * data.dt)
+    effects = StageEffects(float(data.time[0]), len(data) * data.dt, data.has_angles)
     time = np.array([data.seq[(p.start + p.stop) // 2] - data.seq[0] for p in positions]) * data.dt
     force = observed.reshape(-1, 3)
     motion = Motion.steady(np.zeros_like(force), force, time)

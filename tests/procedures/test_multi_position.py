@@ -20,6 +20,7 @@ from calstation.estimation import Solution
 from calstation.estimation.common import Posterior, SampleBlock
 from calstation.estimation.effects import MAX_EXCESS, EffectEvidence, EffectTests
 from calstation.physics import (
+    EFFECTS,
     INDEX,
     NAMES,
     Dwell,
@@ -367,3 +368,24 @@ def test_xsens_recording_agrees_with_its_authors(tmp_path: Path):
     assert gyro == pytest.approx(published["gyro_matrix"], abs=2e-3)
     # the published bias is from the first 50 s and ours the mean of all rests, between which the bias drifted
     assert group_vector(value, "gyro_bias") == pytest.approx(published["gyro_bias"], abs=2e-3)
+
+
+def test_effects_of_a_table_are_not_tested_in_a_recording_by_hand(mems):
+    """A gyro bias that is present only in motion has other names if a hand turns the unit."""
+    imu, block = mems
+    unit_rate, counts = imu.gyro_lsb * imu.sample_rate, block.counts.copy()  # the output is increments
+    counts[np.abs(unit_rate * block.counts[:, :3]).max(axis=1) > np.deg2rad(3.0), :3] += np.rint(2e-3 / unit_rate)
+    by_hand = replace(block, counts=counts)
+    on_table = replace(by_hand, angles=np.zeros((len(block), 2)))
+    prior, context = prior_of("mems", 20.0), context_of(imu)
+    tested = []
+    for recorded in (by_hand, on_table):
+        solution = solved(recorded, context, prior)
+        tests = EffectTests(np.zeros(len(NAMES)))
+        tests.add("multi_position", solution.sensitivity, solution.estimated)
+        ranked = tests.evidence(solution.posterior)
+        tested.append({e.cause for e in ranked if e.excess > 0.0})
+        assert max(ranked, key=lambda e: e.excess).excess > MAX_EXCESS
+    of_table = {effect.cause for effect in EFFECTS if effect.on_table}
+    assert not tested[0] & of_table
+    assert {"gyro_moving_bias", "gyro_hysteresis"} <= tested[1]

@@ -58,6 +58,11 @@ class StageData:
         """Whether the samples contain gyro output, which is NaN for a unit without gyros."""
         return not np.isnan(self.gyro[:1]).any()
 
+    @property
+    def has_angles(self) -> bool:
+        """Whether an encoder was polled; a recording by hand has no encoder angles."""
+        return bool(np.isfinite(self.angles).any())
+
     def seq_range(self, start: int, stop: int) -> dict[str, int]:
         """Return the first and last sequence number of samples `start` to `stop` as JSON values."""
         return {"first_seq": int(self.seq[start]), "last_seq": int(self.seq[stop - 1])}

@@ -25,6 +25,7 @@ class StageEffects:
 
     begin: float  #: Time at which the stage begins, s.
     duration: float  #: s
+    on_table: bool = True  #: Whether a table turned the unit; a hand has none of the effects of a table.
 
     @cached_property
     def parameter_changes(self) -> tuple[Effect, ...]:
@@ -37,8 +38,14 @@ class StageEffects:
         return (*EFFECTS, *self.parameter_changes)
 
     def errors(self, motion: Motion, counts: IntArray) -> FloatArray:
-        """Return the errors of the six channels, averaged over k groups of `counts` intervals, shape (k, 6, c)."""
-        return mean_errors(motion, self.candidates, counts)
+        """Return the errors of the six channels, averaged over k groups of `counts` intervals, shape (k, 6, c).
+
+        Errors of effects that are not tested in the stage are 0.
+        """
+        errors = mean_errors(motion, self.candidates, counts)
+        if not self.on_table:
+            errors[:, :, [effect.on_table for effect in self.candidates for _ in effect.components]] = 0.0
+        return errors
 
     def sensitivity(
         self,

@@ -208,7 +208,7 @@ def position_sensitivity(
     or only the constant ones if too few degrees of freedom would remain.
     """
     time, observed = profile.data.time, slice(profile.observations)
-    effects = StageEffects(float(time[0]), float(time[-1] - time[0]))
+    effects = StageEffects(float(time[0]), float(time[-1] - time[0]), profile.data.has_angles)
     contributions = _contributions(profile, at, effects)
     with_profile, with_scatter = profile.solve(at), fitted.solve(at)
     H, residual, covariance = with_profile.H[observed], with_profile.residual[observed], with_profile.covariance
