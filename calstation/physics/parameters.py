@@ -46,14 +46,14 @@ def _matrix(group: str, sensor: str, pairs: str, prior_sigma: float) -> list[Par
     ]
 
 
-#: All parameters, in the order used in state vectors, files and tables.
+#: All parameters, in the order used in state vectors, files and tables. The prior sigmas include consumer MEMS.
 PARAMETERS: tuple[Parameter, ...] = tuple(
     _vector("gyro_bias", "gyro", "rad/s", 1e-2)
-    + _vector("gyro_scale", "gyro", "1", 2e-2)
-    + _matrix("gyro_misalign", "gyro", "xy xz yx yz zx zy", 1e-2)
-    + _vector("accel_bias", "accel", "m/s²", 0.2)
-    + _vector("accel_scale", "accel", "1", 2e-2)
-    + _matrix("accel_misalign", "accel", "yx zx zy", 1e-2)
+    + _vector("gyro_scale", "gyro", "1", 0.05)
+    + _matrix("gyro_misalign", "gyro", "xy xz yx yz zx zy", 0.05)
+    + _vector("accel_bias", "accel", "m/s²", 2.0)
+    + _vector("accel_scale", "accel", "1", 0.1)
+    + _matrix("accel_misalign", "accel", "yx zx zy", 0.05)
     + _vector("accel_quadratic", "accel", "s²/m", 2e-5)
     + _vector("inner_lever", "lever", "m", 0.1)
     + _vector("outer_lever", "lever", "m", 0.5)

@@ -64,6 +64,9 @@ GYRO_UNITS = (
 FACTORS = np.exp(np.linspace(np.log(0.1), np.log(10.0), 154))
 #: Largest fraction of motions that contradict gravity and are omitted.
 MAX_CONTRADICTORY = 0.1
+#: Largest error of an angle between two rests due to accelerometer biases, rad, and of a rotation due to the matrix of
+#: the gyros, relative to its angle, that do not contradict gravity, however little is known of the unit.
+_MAX_TILT, _MAX_MATRIX = 0.3, 0.15
 
 
 @dataclass(frozen=True)
@@ -246,7 +249,8 @@ def _contradicting(
     """Return whether each motion contradicts gravity by more than the prior allows, shape (n,)."""
     matrix = 3.0 * float(np.hypot(*(prior.sigma[group_indices(g)].max() for g in ("gyro_scale", "gyro_misalign"))))
     tilt = 3.0 * float(prior.sigma[group_indices("accel_bias")].max()) / gravity
-    allowed = np.array([np.deg2rad(3.0) + tilt + min(matrix, 0.15) * max(t.path, t.tilt) for t in turns])
+    fixed, relative = np.deg2rad(3.0) + min(tilt, _MAX_TILT), min(matrix, _MAX_MATRIX)
+    allowed = np.array([fixed + relative * max(t.path, t.tilt) for t in turns])
     return np.asarray(_gravity_error(data, turns, gyro_inverse) > allowed)
 
 
