@@ -12,7 +12,7 @@ from calstation.estimation.effects import NO_SINGLE_EFFECT
 from calstation.judgement.acceptance import acceptance
 from calstation.judgement.check import Check
 from calstation.judgement.conformity import Conformity, conformity, conformity_section
-from calstation.judgement.limits import check_limits, not_compared
+from calstation.judgement.limits import check_limits, check_prior, not_compared
 from calstation.judgement.site import check_latitude, unconfirmed_latitude
 from calstation.judgement.standards import StandardComparison
 from calstation.records import NEAR_MISS_FRACTION, CheckKind, Limit, LogMeta, Verdict, context_from_meta
@@ -20,7 +20,7 @@ from procedures import DEFAULT_STAGES
 
 #: Kinds of checks that may fail because the model does not describe the data.
 _MODEL_DEPENDENT: frozenset[CheckKind] = frozenset({
-    "within", "consistency", "agreement", "halves", "gravity_at_rest", "improvement_at_rest",
+    "within", "consistency", "agreement", "halves", "prior", "gravity_at_rest", "improvement_at_rest",
     "improvement_at_rest_floor", "motion_angle", "motion_improvement", "motion_improvement_floor",
 })  # fmt: skip
 
@@ -78,6 +78,8 @@ def judge(
     section = meta.product.checks if meta.product is not None else None
     compared = check_limits(limits, prior, solutions, near, meta.calibrated, conformity_section(meta).rule)
     limit_checks = [_with_cause(meta, check) for check in compared]
+    stated = {name for name, row in meta.prior.items() if row.sigma is not None and name not in meta.calibrated}
+    limit_checks += check_prior(prior, solutions, stated)
     if section is not None:
         if meta.calibrated:  # most of the sigmas are due to the current calibration instead of the run
             section = section.model_copy(update={"excitation": None})

@@ -8,13 +8,18 @@ import numpy as np
 from calstation.estimation import Diagnosis, Estimate, Solution
 from calstation.estimation.common import Posterior
 from calstation.judgement.check import Check, Where
-from calstation.physics import INDEX, NAMES, OBSERVABLE, PARAMETERS, entry_of
+from calstation.physics import INDEX, NAMES, OBSERVABLE, PARAMETERS, display, entry_of
 from calstation.records import MODEL_KINDS, NEAR_MISS_FRACTION, Limit, Rule
 
 #: Coverage factor of the expanded uncertainty.
 COVERAGE_FACTOR = 2.0
 #: Largest change of a parameter for which the unit agrees with its current calibration, in standard deviations.
 _CHANGED = 6.0
+#: Largest change of a parameter for which the data agree with a prior that a profile states, in standard deviations.
+#: One of 30 changes of a sound unit is larger in one of 60,000 runs.
+_UNLIKE_PRIOR = 5.0
+#: Largest ratio of the variances after and before the data of a parameter that is compared with its prior.
+_DETERMINED = 0.25
 #: Smallest relative decrease of a variance that is not due to rounding.
 _RESOLVED = 1e-6
 
@@ -145,6 +150,42 @@ def check_limits(
         worst = max(changes, key=lambda name: changes[name])
         checks.append(Check.compare("change", changes[worst], _CHANGED, "sigma", near=1.0, where=Where(worst)))
     return checks
+
+
+def check_prior(prior: Posterior, solutions: Sequence[Solution], stated: Collection[str]) -> list[Check]:
+    """Compare the parameters that the data determine with their prior; [] if there is none.
+
+    A parameter close to a prior of comparable sigma is pulled towards it. Its change is therefore compared with the
+    standard deviation of the change, and not with that of the prior.
+
+    Parameters
+    ----------
+    prior : posterior before the first stage
+    solutions : solutions of the stages, in order
+    stated : parameters whose prior a profile or a configuration states
+    """
+    if not solutions:
+        return []
+    posterior, unknown = solutions[-1].posterior, unobservable(prior, solutions)
+    ratio = np.diag(posterior.covariance) / np.where(prior.sigma > 0.0, prior.sigma**2, np.nan)
+    names = [
+        name
+        for name in estimated_stage(solutions)
+        if name in stated and name not in unknown and ratio[INDEX[name]] < _DETERMINED
+    ]
+    changes = _changes(prior, posterior, names)
+    if not changes:
+        return []
+    worst = max(changes, key=lambda name: changes[name])
+    check = Check.compare("prior", changes[worst], _UNLIKE_PRIOR, "sigma", near=1.0, where=Where(worst))
+    if check.passed:
+        return [check]
+    i = INDEX[worst]
+    unit, mean = PARAMETERS[i].unit, display(worst, float(prior.mean[i]))[0]
+    unlike = {name: change for name, change in changes.items() if change > _UNLIKE_PRIOR}
+    values = {"parameter": worst, "mean": mean, "sigmas": changes[worst]}
+    diagnosis = Diagnosis("prior_unlike", float(posterior.mean[i]), float(prior.sigma[i]), unit, unlike, values)
+    return [replace(check, diagnosis=diagnosis)]
 
 
 def _changes(prior: Posterior, after_data: Posterior, names: Sequence[str]) -> dict[str, float]:

@@ -23,6 +23,7 @@ CheckKind = Literal[
     "previous",
     "excitation",
     "change",
+    "prior",
     "agreement",
     "halves",
     "effects",
@@ -64,6 +65,7 @@ _NAMES: dict[CheckKind, str] = {
     "unobservable": "unobservable parameters",
     "previous": "previous {}",
     "change": "change since calibration",
+    "prior": "prior of the profile",
     **{kind: f"{{}} {kind.replace('_', ' ')}" for kind in MODEL_KINDS},
     "other": "{}",
 }

@@ -79,3 +79,20 @@ def test_spike_is_the_first_cause_of_a_failure(calstation, tmp_path):
     assert done.code == 1
     first = next(check for check in done.json["checks"] if not check["passed"] and "cause" in check)
     assert (first["name"], first["cause"], first["values"]["channel"]) == ("six_position samples", "spikes", "gyro_x")
+
+
+def test_data_that_contradict_the_prior_fail_with_the_prior_to_correct(calstation, tmp_path):
+    rows = [row.split(",") for row in six_position_rows()]
+    for row in rows:
+        row[5] = str(int(row[5]) + 400_000)  # a bias of 0.4 m/s²
+    prior = "\n[prior.accel_bias_x]\nvalue = 0.1\nsigma = 0.05\n"
+    log = write_log(tmp_path, [",".join(row) for row in rows], meta=META + LIMITS + prior)
+    done = calstation("resolve", log, "--json", "-")
+    assert done.code == 1
+    (cause,) = failed(done, "prior of the profile")
+    assert cause == "prior_unlike"
+    text = " ".join(calstation("resolve", log).out.split())
+    assert "but the prior states 10197 µg with a sigma of 5099 µg: 6.0 sigma off" in text
+    assert "correct its prior in the IMU profile" in text
+    unstated = write_log(tmp_path, [",".join(row) for row in rows], meta=META + LIMITS)
+    assert not failed(calstation("resolve", unstated, "--json", "-"), "prior of the profile")

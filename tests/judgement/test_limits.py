@@ -9,8 +9,9 @@ from calstation.errors import ConfigurationError
 from calstation.estimation import Solution
 from calstation.estimation.common import Consistency, Posterior
 from calstation.judgement import check_limits, estimated_stage, unobservable
-from calstation.judgement.limits import not_compared
-from calstation.physics import COUNT, INDEX
+from calstation.judgement.limits import check_prior, not_compared
+from calstation.messages import sentence
+from calstation.physics import COUNT, INDEX, NAMES
 from calstation.records import Limit
 from calstation.results.result import StageConsistency
 from calstation.schema import validate
@@ -115,3 +116,44 @@ def test_parameter_is_assigned_to_the_last_stage_that_estimated_it() -> None:
 def test_contradictory_limits_are_refused(fields: dict[str, object]) -> None:
     with pytest.raises(ConfigurationError, match="product: "):
         limit(**fields)
+
+
+def with_sigma(sigma: float, change: float) -> Solution:
+    """Return a solution of one parameter whose prior is 0 ± 1."""
+    return solution(
+        "rate", ("gyro_scale_x", "gyro_scale_y"), {"gyro_scale_x": (change, sigma), "gyro_scale_y": (0.0, 0.1)}
+    )
+
+
+def test_parameter_far_from_a_stated_prior_fails_with_its_prior() -> None:
+    stated = {"gyro_scale_x", "gyro_scale_y"}
+    (check,) = check_prior(PRIOR, [with_sigma(0.1, -5.4)], stated)
+    assert (check.name, check.passed, check.where.parameter) == ("prior of the profile", False, "gyro_scale_x")
+    assert check.value == pytest.approx(5.4 / 0.99**0.5)
+    text = sentence(check.cause_text)
+    assert "-5.4e+06 ppm, but the prior states 0 ppm with a sigma of 1e+06 ppm: 5.4 sigma off." in text
+    assert check_prior(PRIOR, [with_sigma(0.1, 4.9)], stated)[0].passed
+    assert check_prior(PRIOR, [with_sigma(0.1, -5.4)], {"gyro_scale_y"})[0].passed
+    assert check_prior(PRIOR, [with_sigma(0.1, -5.4)], set()) == []
+
+
+def test_estimate_that_its_prior_pulls_is_compared_by_its_innovation() -> None:
+    """A unit 5.5 sigma from its prior, measured with 0.45 sigma, is pulled to 4.57 sigma."""
+    variance = 1.0 / (1.0 + 1.0 / 0.45**2)
+    pulled = with_sigma(variance**0.5, 5.5 * (1.0 - variance))
+    assert not check_prior(PRIOR, [pulled], {"gyro_scale_x"})[0].passed
+    undecided = with_sigma(0.6, 5.5 * (1.0 - 0.36))  # the data do not halve the sigma of the prior
+    assert check_prior(PRIOR, [undecided], {"gyro_scale_x"}) == []
+
+
+def test_sound_units_raise_no_alarm_against_their_prior() -> None:
+    rng, alarms = np.random.default_rng(1), 0
+    for _ in range(1000):
+        sigma = rng.uniform(0.01, 0.49, COUNT)
+        true = rng.standard_normal(COUNT)
+        noise = sigma / np.sqrt(1.0 - sigma**2)  # sigma of the data alone
+        mean = (true + noise * rng.standard_normal(COUNT)) * (1.0 - sigma**2)
+        output = solution("rate", NAMES, dict(zip(NAMES, zip(mean, sigma, strict=True), strict=True)))
+        (check,) = check_prior(PRIOR, [output], NAMES)
+        alarms += not check.passed
+    assert alarms <= 1
