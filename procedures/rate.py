@@ -88,6 +88,7 @@ class Turn:
     stop: int  #: Index of the sample in the middle of the rest after the rotation.
     end: int  #: Index of the first sample after the rotation.
     total: FloatArray  #: Integral of the raw rate, rad, shape (3,).
+    rest_rate: FloatArray  #: Mean raw rate at the two rests, rad/s, shape (3,).
     joint: int  #: Index of the joint: 0 outer, 1 inner.
     angles: FloatArray  #: Encoder angles before and after, rad, shape (2, 2).
     rest: tuple[int, int]  #: Indices of the two rests.
@@ -175,7 +176,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     zero, encoders = np.zeros(len(sigma)), slice(len(sigma) - 2 * len(rests), None)
     result = map_estimate("rate", model, observed, variance, prior, zero, sigma, mask, encoders, GROUPS)
     effects = StageEffects(float(data.time[0]), len(data) * data.dt, data.has_angles)
-    added = np.concatenate([_effects(data, t, effects) for t in turns])
+    added = _effects(data, turns, effects, np.array(context.turned))
     sensitivity = effects.batch_sensitivity(result.gain, added, mask)
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
@@ -211,7 +212,8 @@ def find_turns(data: StageData, context: SolveContext, prior: Posterior) -> tupl
             start, stop = (a0 + a1) // 2, (b0 + b1) // 2
             duration = (stop - start) * data.dt
             total = data.gyro[start:stop].sum(axis=0) * data.dt
-            rotation = total - duration * 0.5 * (data.gyro[a0:a1].mean(axis=0) + data.gyro[b0:b1].mean(axis=0))
+            rest_rate = 0.5 * (data.gyro[a0:a1].mean(axis=0) + data.gyro[b0:b1].mean(axis=0))
+            rotation = total - duration * rest_rate
             if np.linalg.norm(rotation) < SMALLEST_TURN:
                 continue
             before, after = mean_angles(data, a0, a1), mean_angles(data, b0, b1)
@@ -224,7 +226,8 @@ def find_turns(data: StageData, context: SolveContext, prior: Posterior) -> tupl
             way = after[joint] - before[joint]
             if abs(way - 2.0 * np.pi * np.round(way / (2.0 * np.pi))) < MAX_TURN_DEVIATION and abs(way) > SMALLEST_TURN:
                 rest = (rest_count + number, rest_count + number + 1)
-                turns.append(Turn(start, stop, b0, total, joint, np.vstack([before, after]), rest, duration))
+                ends = np.vstack([before, after])
+                turns.append(Turn(start, stop, b0, total, rest_rate, joint, ends, rest, duration))
         rest_count += len(still)
     return turns, assumed
 
@@ -289,19 +292,24 @@ def _require_turns(turns: list[Turn], gaps: int) -> None:
         raise InsufficientDataError("solve.no_whole_turn", missing=missing, turns=len(turns), gaps_note=note)
 
 
-def _effects(data: StageData, turn: Turn, effects: StageEffects) -> FloatArray:
-    """Return the contribution of every effect to the integral of the raw rate over a rotation, rad, shape (3, k)."""
+def _effects(data: StageData, turns: list[Turn], effects: StageEffects, turned: FloatArray) -> FloatArray:
+    """Return the contribution of every effect to the integral of the raw rate over each rotation, rad, shape (3 n, k).
+
+    The errors are computed for the whole stage, because they may depend on the motion before a rotation; `turned` is
+    the sense of the last turn before the stage.
+    """
     stride = max(round(EFFECT_INTERVAL / data.dt), 1)
-    length = turn.stop - turn.start
-    count = max(length // stride, 2)
-    sizes = length // count + (np.arange(count) < length % count)
-    rate, force = (
-        np.add.reduceat(x[turn.start : turn.stop], np.cumsum(sizes) - sizes) / sizes[:, None]
-        for x in (data.gyro, data.accel)
-    )
-    time = (data.seq[turn.start] - data.seq[0] + (np.arange(count) + 0.5) / count * length) * data.dt
-    errors = effects.errors(Motion.steady(rate, force, time), np.array([count]))
-    return np.asarray(errors[0, :3] * turn.duration)
+    edges = np.unique([0, len(data), *(k for t in turns for k in (t.start, t.stop))])
+    counts = np.maximum(np.diff(edges) // stride, 1)
+    sizes = np.concatenate([n // k + (np.arange(k) < n % k) for n, k in zip(np.diff(edges), counts, strict=True)])
+    starts = np.cumsum(sizes) - sizes
+    rate, force = (np.add.reduceat(x, starts) / sizes[:, None] for x in (data.gyro, data.accel))
+    rate -= np.mean([t.rest_rate for t in turns], axis=0)
+    time = (data.seq[starts] - data.seq[0] + 0.5 * sizes) * data.dt
+    errors = effects.errors(Motion.steady(rate, force, time, turned), counts)
+    during = np.searchsorted(edges, [t.start for t in turns])
+    durations = np.array([t.duration for t in turns])
+    return np.asarray((errors[during, :3] * durations[:, None, None]).reshape(3 * len(turns), -1))
 
 
 def _earth_integral(

@@ -16,6 +16,9 @@ import numpy as np
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import AXES
 
+#: Rate above which an axis turns, rad/s, and smallest angle of a turn, rad.
+_TURNING, _TURNED = np.deg2rad(1.0), np.deg2rad(1.0)
+
 
 @dataclass(frozen=True)
 class OuterTurn:
@@ -36,12 +39,30 @@ class Motion:
     jerk: FloatArray  #: Rate of change of the specific force in body axes, m/s³, shape (n, 3).
     time: FloatArray  #: Time since the start of the stage, s, shape (n,).
     outer: OuterTurn | None = None  #: None without a two-axis table, or while its axes are unknown.
+    #: Sense of the last turn about each axis before the first interval, +1, −1, or 0 without one, shape (3,).
+    turned: FloatArray | None = None
 
     @classmethod
-    def steady(cls, rate: FloatArray, force: FloatArray, time: FloatArray) -> "Motion":
+    def steady(
+        cls, rate: FloatArray, force: FloatArray, time: FloatArray, turned: FloatArray | None = None
+    ) -> "Motion":
         """Return a motion with constant rate and force in every interval."""
         still = np.zeros_like(rate)
-        return cls(rate, force, still, still, time)
+        return cls(rate, force, still, still, time, turned=turned)
+
+    @property
+    def last_turns(self) -> FloatArray:
+        """Sense of the last completed turn about each axis, +1, −1, or 0 before the first, shape (n, 3).
+
+        A turn lasts from rest to rest. The rates are those at `time`.
+        """
+        moving, sense = np.abs(self.rate).max(axis=1) > _TURNING, np.zeros_like(self.rate)
+        sense[:] = 0.0 if self.turned is None else self.turned
+        edges = np.flatnonzero(np.diff(moving.astype(np.int64), prepend=0, append=0))
+        for begin, end in edges.reshape(-1, 2).tolist():
+            angle = np.trapezoid(self.rate[begin:end], self.time[begin:end], axis=0)
+            sense[end:] = np.where(np.abs(angle) > _TURNED, np.sign(angle), sense[begin])
+        return sense
 
 
 class Term(NamedTuple):
@@ -118,10 +139,6 @@ def _off_axis(m: Motion) -> FloatArray:
     return errors
 
 
-#: Rate above which an axis turns, rad/s.
-_TURNING = np.deg2rad(1.0)
-
-
 def _flex(m: Motion) -> FloatArray:
     """Return the products ω_i f_j and their opposites, shape (n, 18)."""
     products = m.rate[:, :, None] * m.force[:, None, :]
@@ -148,19 +165,6 @@ def _low_pass(m: Motion) -> FloatArray:
     `_channel_delay`, and the force error c d²f/dt² of a constant force in n, dω/dt cancels in the force.
     """
     return np.hstack([np.cross(m.angular_acceleration, m.rate), np.cross(m.rate, np.cross(m.rate, m.force))])
-
-
-def _last_turn(m: Motion) -> FloatArray:
-    """Return the sense of the last completed turn about each axis, +1, −1, or 0 before the first, shape (n, 3).
-
-    A turn lasts from rest to rest.
-    """
-    moving, sense = np.abs(m.rate).max(axis=1) > _TURNING, np.zeros_like(m.rate)
-    edges = np.flatnonzero(np.diff(moving.astype(np.int64), prepend=0, append=0))
-    for begin, end in edges.reshape(-1, 2).tolist():
-        turned = m.rate[begin:end].sum(axis=0)
-        sense[end:] = np.where(np.abs(turned) > 5.0 * _TURNING, np.sign(turned), sense[max(begin - 1, 0)])
-    return sense
 
 
 def _moving(m: Motion) -> FloatArray:
@@ -243,8 +247,8 @@ EFFECTS: tuple[Effect, ...] = (
     ),
     Effect("gyro_moving_bias", "rad/s", 1e-2, _AXES, _moving, tuple(Term(i, i, 0) for i in range(3)), on_table=True),
     Effect("accel_moving_bias", "m/s²", 0.1, _AXES, _moving, tuple(Term(3 + i, i, 0) for i in range(3)), on_table=True),
-    Effect("gyro_hysteresis", "rad/s", 1e-2, _AXES, _last_turn, OF_GYROS, on_table=True),
-    Effect("gyro_scale_hysteresis", "1", 1e-2, _AXES, lambda m: m.rate * _last_turn(m), OF_GYROS, on_table=True),
+    Effect("gyro_hysteresis", "rad/s", 1e-2, _AXES, lambda m: m.last_turns, OF_GYROS, on_table=True),
+    Effect("gyro_scale_hysteresis", "1", 1e-2, _AXES, lambda m: m.rate * m.last_turns, OF_GYROS, on_table=True),
     Effect(
         "axis_offset", "m", 5e-3, ("hinge", "inner"), lambda m: np.empty((len(m.rate), 0)), (),
         velocity=_axis_offset, is_state=True, on_table=True,

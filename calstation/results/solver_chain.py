@@ -19,7 +19,7 @@ from calstation.estimation.common import (
     resolves_earth_rate,
     with_gravity,
 )
-from calstation.estimation.effects import known_effects, plausible_changes
+from calstation.estimation.effects import known_effects, last_turns, plausible_changes
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import TableQuantity, TableRests, gather, table_axes, table_rests
 from calstation.judgement import DataTests, ModelTests
@@ -129,6 +129,9 @@ class StageChain:
             solution = self._with_tests(solution, solver.buffer)
         else:
             solution = replace(self.model_tests.with_states(solution), observability={}, tests=())
+        if self._context.diagnostics:
+            turned = last_turns(solver.buffer.data(), solved.mean, self._context.turned)
+            self._context = replace(self._context, turned=turned)
         self._gravity = gravity_sensitivity(self._solved, solved, solution.estimated, self._gravity)
         self._solved, self.posterior = solved, solution.posterior
         gravity = self._context.site.relative_gravity_sigma

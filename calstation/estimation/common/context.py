@@ -154,6 +154,8 @@ class SolveContext:
     #: Whether to compute what only the tests of data and model need: observability, diagnoses, and, for stages that no
     #: effect of the table influences, the sensitivity to effects.
     diagnostics: bool = True
+    #: Sense of the last turn about each axis of b before the stage, +1, −1, or 0 without one.
+    turned: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

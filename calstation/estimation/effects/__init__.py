@@ -14,6 +14,7 @@ from calstation.estimation.effects.sensitivity import (
     Sensitivity,
     StageEffects,
     effect_errors,
+    last_turns,
     mean_errors,
     mean_regressors,
     parameter_changes,

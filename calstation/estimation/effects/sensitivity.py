@@ -10,13 +10,27 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from calstation.estimation.common import BatchGain, means
-from calstation.physics import AXES, COUNT, EFFECTS, BoolArray, Effect, FloatArray, IntArray, Motion, Term
+from calstation.estimation.common import BatchGain, StageData, group_means, means
+from calstation.physics import (
+    AXES,
+    COUNT,
+    EFFECTS,
+    BoolArray,
+    Effect,
+    FloatArray,
+    IntArray,
+    Motion,
+    Term,
+    compensate,
+    compensation,
+)
 
 #: Times of the tested jumps within a stage, as fractions of its duration.
 JUMPS = tuple((k + 1) / 8.0 for k in range(7))
 #: Time constant of a warm-up, s.
 WARM_UP = 300.0
+#: Interval over which the rate is averaged to find turns, s.
+TURN_INTERVAL = 0.1
 
 
 @dataclass(frozen=True)
@@ -148,6 +162,21 @@ def effect_errors(sizes: Mapping[str, float], rate: FloatArray, force: FloatArra
         if not sizes.keys().isdisjoint(effect.names):
             errors += effect.errors(motion) @ [sizes.get(name, 0.0) for name in effect.names]
     return errors
+
+
+def last_turns(
+    data: StageData, parameters: FloatArray, before: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Return the sense of the last turn about each axis at the end of a stage, +1, −1, or 0 without one.
+
+    `parameters` are those of the unit, SI, shape (30,), and `before` the senses at the start of the stage.
+    """
+    stride = max(round(TURN_INTERVAL / data.dt), 1)
+    gyro, accel = group_means(data.gyro, stride), group_means(data.accel, stride)
+    rate, force = compensate(compensation(parameters), gyro, accel)
+    time = group_means(data.time[:, None], stride)[:, 0]
+    x, y, z = Motion.steady(rate, force, time, np.array(before)).last_turns[-1].tolist() if len(rate) else before
+    return x, y, z
 
 
 def parameter_changes(duration: float) -> Iterator[Effect]:

@@ -232,7 +232,7 @@ def motion_between_observations(
     if len(known) == len(turns):
         outer = OuterTurn(*(np.concatenate(column) for column in zip(*known, strict=True)))
     rate, specific_force, turning, jerk, time = (np.concatenate(c) for c in zip(*parts, strict=True))
-    return Motion(rate, specific_force, turning, jerk, time, outer)
+    return Motion(rate, specific_force, turning, jerk, time, outer, np.array(context.turned))
 
 
 def _outer_turn(

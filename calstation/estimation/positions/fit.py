@@ -7,6 +7,7 @@ to prior errors and to effects outside the model is computed from the same rows.
 """
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -236,37 +237,47 @@ def _rank(information: FloatArray, at: IntArray) -> int:
 
 def _contributions(rows: PositionRows, at: PositionPoint, effects: StageEffects) -> FloatArray:
     """Return the contribution of each effect component to the observations, SI, shape (observations, components)."""
-    c = compensation(at.parameters)
-    rate, force, time = (np.array([getattr(r, name) for r in rows.rests]) for name in ("rate", "force", "time"))
-    rests = _errors(c, rate, force, time - rows.data.time[0], 1, effects)
+    c, errors = compensation(at.parameters), _errors(rows, at, effects)
+    rests = np.array([errors[r.start] for r in rows.rests])
     columns = np.concatenate([rests[:, 3:], rests[:, :3]], axis=1)[:, : rows.per_rest]
-    turns = [_rotation_error(rows, k, c, at, effects) for k in range(len(rows.links))]
+    turns = [_rotation_error(rows, k, c, at, errors) for k in range(len(rows.links))]
     return np.concatenate([columns.reshape(-1, columns.shape[2]), *turns])
 
 
+def _parts(link: Link) -> list[tuple[int, int]]:
+    """Return the parts (start, stop) of a motion, in each of which the error of a gyro is constant."""
+    return list(itertools.pairwise(np.unique(np.linspace(link.start, link.stop, _PARTS + 1).astype(int)).tolist()))
+
+
 def _rotation_error(
-    rows: PositionRows, k: int, c: Compensation, at: PositionPoint, effects: StageEffects
+    rows: PositionRows, k: int, c: Compensation, at: PositionPoint, errors: Mapping[int, FloatArray]
 ) -> FloatArray:
     """Return the error of the rotation of motion `k` due to each component, rad, shape (3, components)."""
     link, data = rows.links[k], rows.data
     earth = np.append(at.north[rows.chain[link.first]], rows.up_rate)
     B = rotation_matrix(-earth * (link.stop - link.start) * data.dt) @ at.attitudes[link.first]
-    edges = np.linspace(link.start, link.stop, _PARTS + 1).astype(int)
-    error = np.zeros((3, sum(len(effect.components) for effect in effects.candidates)))
-    for start, stop in itertools.pairwise(edges):
-        if start == stop:
-            continue
-        times = data.time[start:stop] - data.time[0]
-        (errors,) = _errors(c, data.gyro[start:stop], data.accel[start:stop], times, stop - start, effects)
+    total = np.zeros_like(errors[link.start][:3])
+    for start, stop in _parts(link):
         part, time, _ = integrate_rotation(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, start, stop)
-        error -= B @ time @ c.gyro_inverse @ errors[:3]
+        total -= B @ time @ c.gyro_inverse @ errors[start][:3]
         B = B @ part
-    return error
+    return total
 
 
-def _errors(
-    c: Compensation, gyro: FloatArray, accel: FloatArray, time: FloatArray, count: int, effects: StageEffects
-) -> FloatArray:
-    """Return the mean errors of the six channels in groups of `count` samples, shape (groups, 6, components)."""
-    rate, force = compensate(c, np.nan_to_num(gyro), accel)  # NaN without gyros
-    return effects.errors(Motion.steady(rate, force, time), np.full(len(rate) // count, count))
+def _errors(rows: PositionRows, at: PositionPoint, effects: StageEffects) -> dict[int, FloatArray]:
+    """Return the mean errors of the six channels in each rest and part of a motion, shape (6, components), by start.
+
+    They are computed for the whole recording, because they may depend on earlier motions. A rest is one interval.
+    """
+    data, resting = rows.data, {r.start: r for r in rows.rests}
+    edges = {0, len(data), *(k for r in rows.rests for k in (r.start, r.stop))}
+    edges.update(k for link in rows.links for part in _parts(link) for k in part)
+    pieces = list(itertools.pairwise(sorted(edges)))
+    gyro, accel, time = (
+        np.concatenate([x[a:b] if a not in resting else [getattr(resting[a], name)] for a, b in pieces])
+        for x, name in ((data.gyro, "rate"), (data.accel, "force"), (data.time, "time"))
+    )
+    rate, force = compensate(compensation(at.parameters), np.nan_to_num(gyro), accel)  # NaN without gyros
+    counts = np.array([1 if a in resting else b - a for a, b in pieces])
+    motion = Motion.steady(rate, force, time - data.time[0], np.array(rows.turned))
+    return dict(zip([a for a, _ in pieces], effects.errors(motion, counts), strict=True))

@@ -159,7 +159,7 @@ class PositionRows:
         scatter: Scatter,
     ) -> None:
         site, noise = context.site, filter_noise(context)
-        self.data, self.rests, self.links, self.prior = data, rests, links, prior
+        self.data, self.rests, self.links, self.prior, self.turned = data, rests, links, prior, context.turned
         self.gravity = site.local_gravity
         self.up_rate = float(rotation_rate(site.latitude)[2])
         self.north_rate = float(rotation_rate(site.latitude)[1]) / np.sqrt(2.0)
