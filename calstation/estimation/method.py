@@ -24,7 +24,7 @@ from calstation.estimation.common import (
     position_residuals,
     rest_residuals,
 )
-from calstation.estimation.effects import Sensitivity
+from calstation.estimation.effects import EffectTests, Sensitivity
 from calstation.estimation.positions import Evidence
 from calstation.messages import Text
 from calstation.physics import CHANNELS, NAMES, FloatArray, IntArray, Step, TableGeometry
@@ -145,6 +145,8 @@ class StageSolver(ABC):
         self.context, self.prior = context, prior
         #: All samples of the stage.
         self.buffer = StageBuffer(context.imu)
+        #: Tests of the effects in the unit's model after the previous stages; None before the first one.
+        self.effects: EffectTests | None = None
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""

@@ -20,7 +20,8 @@ class ModelTests:
         self, changes: FloatArray, states: Sequence[str], priors: Mapping[str, EffectPrior] = MappingProxyType({})
     ) -> None:
         """Create the tests, see `EffectTests`."""
-        self._effects = EffectTests(changes, states, priors)
+        #: Tests of effects over the stages so far.
+        self.effects = EffectTests(changes, states, priors)
         self._states = tuple(states)
         self._reported: list[tuple[str, dict[str, str]]] = []  # messages about states that were returned before
         #: Whether a stage was tested for effects outside the model.
@@ -30,7 +31,7 @@ class ModelTests:
         """Return the solution of a stage with the effects in the unit's model, without tests."""
         if solution.sensitivity is None:
             return solution
-        self._effects.add(solution.stage, solution.sensitivity, solution.estimated)
+        self.effects.add(solution.stage, solution.sensitivity, solution.estimated)
         return self._with_effects(replace(solution, sensitivity=None))
 
     def add_tests(self, solution: Solution, before: Sequence[Solution], posterior: Posterior) -> Solution:
@@ -39,10 +40,10 @@ class ModelTests:
         if solution.sensitivity is not None:
             self.effects_tested = True
             solution = self.with_states(solution)
-            harmful, harmless = effect_tests(self._effects.evidence(solution.posterior))
+            harmful, harmless = effect_tests(self.effects.evidence(solution.posterior))
             solution = replace(solution, explanation=harmless)
             tests += [harmful] if harmful else []
-            states = self._effects.state_evidence(solution.posterior)
+            states = self.effects.state_evidence(solution.posterior)
             different = [test for state in states if (test := state.test) is not None]
             tests += sorted(different, key=lambda test: -test.value)[:1]
             remarks = [remark for remark in self._remarks(states) if remark not in self._reported]
@@ -59,9 +60,9 @@ class ModelTests:
 
     def _with_effects(self, solution: Solution) -> Solution:
         """Return a solution whose model contains the effects in the unit's model."""
-        if not self._effects.models_effects:
+        if not self.effects.models_effects:
             return solution
-        effects, c = self._effects.estimate(), solution.consistency
+        effects, c = self.effects.estimate(), solution.consistency
         sigmas = effects.covariance.diagonal() ** 0.5
         sizes = zip(effects.names, effects.reported, effects.size, sigmas, effects.units, strict=True)
         estimates = {

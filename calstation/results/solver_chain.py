@@ -88,6 +88,7 @@ class StageChain:
         schedule = validate(schedule_type, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
         self._lacks_gyros = False
         self._solver = method(stage).solver(self._context, self._solved, schedule)
+        self._solver.effects = self.model_tests.effects
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the started stage."""

@@ -7,6 +7,7 @@ the resulting errors of the parameters are D I⁻¹ U, with D the errors per uni
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple
@@ -116,7 +117,7 @@ class EffectTests:
         self._score = np.pad(self._score, (0, added))
         self._information = np.pad(self._information, (0, added))
         self._error = np.pad(self._error, ((0, 0), (0, added)))
-        self._candidates += candidates
+        self._candidates = self._candidates + candidates
         return candidates
 
     def _change(self, candidate: _Candidate, change_per_size: FloatArray | float) -> None:
@@ -156,7 +157,13 @@ class EffectTests:
         for candidate in self._drifts:
             self._change(candidate, end - first)
         self._elapsed = start + s.effects.duration
-        self._parameters |= dict.fromkeys(estimated)
+        self._parameters = self._parameters | dict.fromkeys(estimated)
+
+    def with_stage(self, stage: str, s: Sensitivity, estimated: Sequence[str]) -> "EffectTests":
+        """Return tests that include another stage."""
+        tests = copy(self)  # `add` changes no attribute in place
+        tests.add(stage, s, estimated)
+        return tests
 
     def estimate(self) -> EffectEstimate:
         """Return the estimate of the effects in the model."""

@@ -239,6 +239,27 @@ class _Relinearisation:
         return attitudes
 
 
+def first_pass(
+    data: StageData, context: SolveContext, prior: Posterior, estimated: BoolArray, point: FloatArray
+) -> NavigationResult:
+    """Return one pass about parameters near the solution, SI, shape (30,), for its covariances."""
+    solver = _Relinearisation(data, context, prior, estimated, _PassProgress(None, USUAL_PASSES))
+    segments = starts(data, context, prior)
+    attitudes = [s.attitude for s in segments]
+    run, _ = solver.one_pass(ReferencePass, point, segments, attitudes)
+    return NavigationResult(
+        run.posterior,
+        run.history,
+        tuple(segments),
+        tuple(attitudes),
+        point,
+        1,
+        converged=False,
+        azimuth_free=False,
+        updates=tuple(run.updates),
+    )
+
+
 def pass_about(
     result: NavigationResult, data: StageData, context: SolveContext, prior: Posterior, estimated: BoolArray
 ) -> NavigationResult:

@@ -26,11 +26,11 @@ from calstation.estimation.common import (
     starts,
     with_measured_noise,
 )
-from calstation.estimation.effects import Sensitivity
+from calstation.estimation.effects import EffectTests, Sensitivity, known_effects
 from calstation.estimation.method import Innovations, Progress, Ranking, Solution, StageSolver, with_diagnosis
 from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter
 from calstation.estimation.navigation.observability import ObservabilityAnalysis
-from calstation.estimation.navigation.relinearise import NavigationResult
+from calstation.estimation.navigation.relinearise import NavigationResult, first_pass
 from calstation.estimation.navigation.response import local_scores, result_sensitivity
 from calstation.estimation.navigation.table_noise import pass_with_actual_noise, solve_with_table_noise
 from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, targets_reached
@@ -52,6 +52,11 @@ class LiveFilter:
     def feed(self, block: SampleBlock) -> None:
         """Store a block until the next call of `sigma`."""
         self._pending.append(block)
+
+    @property
+    def mean(self) -> FloatArray:
+        """Current estimates of the 30 parameters, SI, shape (30,)."""
+        return self._filter.posterior.mean
 
     def sigma(self) -> FloatArray:
         """Process the stored blocks and return the standard deviations of the 30 parameters, SI, shape (30,)."""
@@ -89,9 +94,8 @@ class NavigationStage(StageSolver):
     ) -> None:
         super().__init__(context, prior)
         self.stage, self.estimated, self._targets = stage, estimated, targets
-        self._measured_noise: tuple[int, float] | None = (
-            None  # number of samples, and the excess of their noise at rest
-        )
+        #: Number of samples, and the sigmas near the targets that were computed from them.
+        self._near_targets: tuple[int, FloatArray] | None = None
         self._live = LiveFilter(context, prior)
 
     def feed(self, block: SampleBlock) -> None:
@@ -102,17 +106,30 @@ class NavigationStage(StageSolver):
     def sigma(self) -> FloatArray:
         """Return the current standard deviations of the 30 parameters, SI, shape (30,).
 
-        Once all of them are within their targets, they are computed with the noise measured at rest if it is larger.
+        Once all of them are within their targets, they are those of a solution, with the effects in the unit's model,
+        and with the noise measured at rest if it is larger than that of the profiles.
         """
         sigma = self._live.sigma()
         if not self._targets or not targets_reached(sigma, self._targets):
             return sigma
         data = self.buffer.data()
-        if self._measured_noise is None or self._measured_noise[0] != len(data):
+        if self._near_targets is None or self._near_targets[0] != len(data):
             measured = rest_noise(data, self.context, self.prior.gyro_bias)
             table = float(np.sqrt(np.nan_to_num(measured.table, nan=1.0)))
-            self._measured_noise = len(data), max(measured.worst()[0], table, 1.0)
-        return np.asarray(sigma * self._measured_noise[1])
+            noise = max(measured.worst()[0], table, 1.0)
+            reached = targets_reached(noise * sigma, self._targets)
+            self._near_targets = len(data), noise * (self._sigma_with_effects(data) if reached else sigma)
+        return self._near_targets[1]
+
+    def _sigma_with_effects(self, data: StageData) -> FloatArray:
+        """Return the sigmas of a solution with the effects in the unit's model, SI, shape (30,)."""
+        mask = np.array([name in self.estimated for name in NAMES])
+        result = first_pass(data, self.context, self.prior, mask, self._live.mean)
+        posterior = consider_update(self.prior, result.posterior, mask)
+        priors = known_effects(self.prior.sigma, self.context)
+        before = self.effects or EffectTests(np.zeros(COUNT), self.context.states, priors)
+        sensitivity = result_sensitivity(result, data, self.context, mask)
+        return before.with_stage(self.stage, sensitivity, self.estimated).estimate().correct(posterior).sigma
 
     def ranking(self) -> Ranking | None:
         """Return the observability at the last call of `sigma`; None before the first observation."""
