@@ -26,7 +26,7 @@ from calstation.records import (
 
 #: Smallest rotation of a motion that is sensitive to a scale factor error, rad.
 MIN_TURN = np.deg2rad(10.0)
-#: Sigmas of noise above the profiles' by which the limit of a rest increases.
+#: Sigmas of noise by which a limit increases: of noise above the profiles' for a rest, of all noise for a motion.
 NOISE_SIGMAS = 4.0
 
 
@@ -135,21 +135,33 @@ class _Acceptance:
             before = after = math.nan
             if k < len(evidence.rests):
                 before, after = (self._force_error(evidence.rests[k], p) for p in (evidence.before, self._after.mean))
-            rows.append((before, after, Where(stage=evidence.stage, rest=k)))
+            rows.append((before, after, 0.0, Where(stage=evidence.stage, rest=k)))
         yield from self._compare_improvement("improvement_at_rest", rule.below, rule.or_within, "m/s²", rows)
 
     def _compare_improvement(
-        self, kind: CheckKind, below: float, floor: float, unit: str, rows: list[tuple[float, float, Where]]
+        self, kind: CheckKind, below: float, floor: float, unit: str, rows: list[tuple[float, float, float, Where]]
     ) -> Iterator[Check]:
-        """Compare the errors after calibration with a fraction of the errors before, or with `floor` if larger."""
-        factors = [(after / before, where) for before, after, where in rows if not below * before <= floor]
+        """Compare the errors after calibration with a fraction of the errors before, or with `floor` if larger.
+
+        Each row contains both errors, the noise of the latter, by which `floor` increases, and where they are.
+        """
+        factors = [
+            (after / before, where) for before, after, noise, where in rows if not below * before <= floor + noise
+        ]
         if factors:
             value, where = max(factors, key=_value_then_where)
             yield self._check(kind, value, below, "1", where)
-        rest = [(after, where) for before, after, where in rows if below * before <= floor]
+        rest = [(after, noise, where) for before, after, noise, where in rows if below * before <= floor + noise]
         if rest:
-            value, where = max(rest, key=_value_then_where)
-            yield self._check(_FLOORS[kind], value, floor, unit, where)
+            yield self._beyond_noise(_FLOORS[kind], floor, unit, rest)
+
+    def _beyond_noise(self, kind: CheckKind, limit: float, unit: str, rows: list[tuple[float, float, Where]]) -> Check:
+        """Compare each error with the limit plus its noise; return the check of the largest in proportion."""
+        smallest = np.finfo(float).tiny
+        value, noise, where = max(
+            rows, key=lambda row: _value_then_where((row[0] / max(limit + row[1], smallest), row[2]))
+        )
+        return self._check(kind, value, limit + noise, unit, where)
 
     def _level(self, rule: Level) -> Iterator[Check]:
         candidates = [e for e in self._evidence if e.stage == rule.stage or (e.rests and rule.stage is None)]
@@ -179,12 +191,12 @@ class _Acceptance:
                 where = Where(stage=evidence.stage, rest=first, to=second)
                 turn = turn_between(evidence, first, second, parameters) if second < len(evidence.rests) else None
                 if turn is not None and turn.path >= MIN_TURN:
-                    rows.append((*angle_errors(evidence, turn, parameters, axes), where))
+                    before, after, sigma = angle_errors(evidence, turn, parameters, axes)
+                    rows.append((before, after, NOISE_SIGMAS * sigma, where))
                 elif turn is None and rule.positions is not None:
-                    rows.append((math.nan, math.nan, where))
+                    rows.append((math.nan, math.nan, 0.0, where))
         if rows and rule.within is not None:
-            value, where = max(((after, where) for _, after, where in rows), key=_value_then_where)
-            yield self._check("motion_angle", value, rule.within, "rad", where)
+            yield self._beyond_noise("motion_angle", rule.within, "rad", [row[1:] for row in rows])
         if rule.below is not None:
             yield from self._compare_improvement("motion_improvement", rule.below, rule.or_within, "rad", rows)
 

@@ -233,6 +233,25 @@ def test_gravity_can_be_the_reference_despite_encoders():
     assert checked({"motion_angle": {"within": 1.0, "reference": "gravity"}}, checks)["motion_angle"].value < 1e-5
 
 
+@pytest.mark.parametrize(("scale", "passed"), [(0.0, True), (3e-4, True), (1e-3, False)])
+def test_short_rests_are_compared_with_gravity_within_their_noise(scale, passed):
+    """Noise of 5e-5 rad at both rests: 4 sigma are 2.8e-4 rad, in addition to the limits."""
+    quiet, turn = chain("gravity"), np.pi / 3.0
+    noisy = replace(quiet, rests=tuple(replace(r, force_sigma=5e-5 * G) for r in quiet.rests))
+    rule = {"motion_angle": {"within": 2e-4, "below": 0.1, "or_within": 2e-4, "reference": "gravity"}}
+    checks = checked(rule, solution(noisy, gyro_scale_x=1e-3 - scale))
+    noise = 4.0 * np.sqrt(2.0) * 5e-5
+    for name in ("motion_angle", "motion_improvement_floor"):
+        assert checks[name].value == pytest.approx(scale * turn, rel=0.02, abs=2e-6)
+        assert checks[name].limit == pytest.approx(2e-4 + noise)
+        assert checks[name].passed is passed
+    precise = checked(rule, solution(quiet, gyro_scale_x=1e-3 - scale))
+    assert precise["motion_angle"].passed is (scale == 0.0)
+    rule["motion_angle"]["reference"] = None
+    encoders = replace(chain(), rests=tuple(replace(r, force_sigma=5e-5 * G) for r in chain().rests))
+    assert checked(rule, solution(encoders))["motion_angle"].limit == 2e-4
+
+
 @pytest.mark.parametrize("turns", [0.2, 0.9, 1.0, 2.5])
 def test_angle_between_positions_excludes_earth_rate(turns):
     angle, duration, earth = 2.0 * np.pi * turns, 10.0, np.array([0.0, 3e-5, 6e-5])

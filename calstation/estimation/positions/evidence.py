@@ -35,7 +35,8 @@ class RestEvidence:
     force: FloatArray  #: Raw force, averaged with `slope_weights`, m/s², shape (3,).
     rate: FloatArray  #: Raw rate, rad/s, shape (3,).
     angles: FloatArray | None  #: Encoder angles, rad, shape (2,); None if they were not polled.
-    excess_sigma: float = 0.0  #: Increase of the sigma of `force` due to noise above the profiles', m/s².
+    force_sigma: float = 0.0  #: Sigma of each component of `force`, m/s².
+    excess_sigma: float = 0.0  #: Increase of this sigma due to noise above the profiles', m/s².
 
     def compensated(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rate, rad/s, and specific force, m/s², compensated with these parameters, shape (3,) each."""
@@ -82,9 +83,13 @@ def gather(stage: str, data: StageData, context: SolveContext, before: FloatArra
     rests = []
     for a, b in still.rests:
         force, variance = rest_force(data, context, a, b)
-        excess = float(np.sqrt(rest_mean_variance(noisy, (b - a) * data.dt)) - np.sqrt(variance))
+        sigma = float(np.sqrt(rest_mean_variance(noisy, (b - a) * data.dt)))
         rate = data.gyro[a:b].mean(axis=0)
-        rests.append(RestEvidence((b - a) * data.dt, force, rate, mean_angles(data, a, b), excess))
+        rests.append(
+            RestEvidence(
+                (b - a) * data.dt, force, rate, mean_angles(data, a, b), sigma, sigma - float(np.sqrt(variance))
+            )
+        )
     c, old = compensation(parameters), compensation(before)
     motions = []
     for link in still.links:
@@ -143,19 +148,23 @@ def turn_between(evidence: Evidence, first: int, second: int, parameters: FloatA
 
 def angle_errors(
     evidence: Evidence, turn: Turn, parameters: FloatArray, axes: TableGeometry | None
-) -> tuple[float, float]:
+) -> tuple[float, float, float]:
     """Return the errors of the angle between two rests, rad, from uncalibrated and from calibrated gyros.
 
-    The reference is the table's encoders, given its axes, or gravity if there is no table or no encoder angles.
+    The reference is the table's encoders, given its axes, or gravity if there is no table or no encoder angles. The
+    third value is the sigma of the angle between both directions of gravity, 0 for the encoders.
     """
     first, second = evidence.rests[turn.before], evidence.rests[turn.after]
     if axes is None or first.angles is None or second.angles is None:
-        return gravity_errors(evidence, turn, parameters)
+        gravity = float(np.linalg.norm(first.force))
+        return *gravity_errors(evidence, turn, parameters), float(
+            np.hypot(first.force_sigma, second.force_sigma)
+        ) / gravity
     earth, _ = first.compensated(parameters)
     reference = axes.body_to_home(*first.angles).T @ axes.body_to_home(*second.angles)
     angles = [_angle(reference)]
     angles += [_angle(rotation_matrix(-earth * turn.duration) @ B) for B in (turn.uncalibrated, turn.calibrated)]
-    return abs(angles[1] - angles[0]), abs(angles[2] - angles[0])
+    return abs(angles[1] - angles[0]), abs(angles[2] - angles[0]), 0.0
 
 
 def gravity_errors(evidence: Evidence, turn: Turn, parameters: FloatArray) -> tuple[float, float]:
