@@ -240,7 +240,8 @@ def _best_branches(details: list[ErrorDetails], data: Any) -> list[ErrorDetails]
         keys: list[str | int] = []
         branch, present = None, data
         for part in detail["loc"]:
-            if isinstance(part, str) and isinstance(present, list | str | float | int):
+            absent = isinstance(present, dict) and part not in present and detail["type"] != "missing"
+            if isinstance(part, str) and (absent or isinstance(present, list | str | float | int)):
                 branch = (tuple(keys), part)
                 continue
             keys.append(part)

@@ -28,6 +28,7 @@ from calstation.config.pair import PairConfiguration, load_pair_configuration
 from calstation.config.product import (
     DEFAULT_PRODUCT,
     CheckStandardSection,
+    DetectionSection,
     ProductConfig,
     in_file,
     load_product,

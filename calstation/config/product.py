@@ -12,7 +12,7 @@ from calstation.config import library
 from calstation.devices.codecs import ELEMENTS, parameter_of, permitted_range
 from calstation.devices.profiles import ImuProfile, RegisterEntry
 from calstation.errors import ConfigurationError
-from calstation.physics import EFFECTS, INDEX, NAMES, PARAMETERS, further_parameter, parameter_indices
+from calstation.physics import CHANGING_GROUPS, EFFECTS, INDEX, NAMES, PARAMETERS, further_parameter, parameter_indices
 from calstation.records import ChecksSection, ConformitySection, Day, Limit, check_limit_names
 from calstation.schema import EntryError, Pattern, Problem, StrictModel, load_once, near_miss
 from procedures import DEFAULT_STAGES, method
@@ -21,7 +21,7 @@ from procedures import DEFAULT_STAGES, method
 Advice = Literal["reseat", "repeat", "set_aside"]
 
 #: Effects outside the model that a schedule can be required to detect.
-_CAUSES = tuple(effect.cause for effect in EFFECTS)
+_CAUSES = (*(effect.cause for effect in EFFECTS), *(f"{group}_drift" for group in CHANGING_GROUPS))
 
 DEFAULT_PRODUCT = "nav_a"
 
@@ -52,6 +52,13 @@ class ConfirmationSection(StrictModel):
 
     #: Override of a failed unit, register writes outside a run, and the issue of a certificate.
     required_for: list[Literal["override", "registers", "certificate"]] = Field(default_factory=list)
+
+
+class DetectionSection(StrictModel):
+    """`[diagnosis.CAUSE]`: when a designed schedule must detect an effect outside the model."""
+
+    #: Error of a parameter in multiples of its `sigma_below`; an effect that causes a larger error must be detected.
+    error_over_limit: float = Field(gt=0)
 
 
 class ReferenceSection(StrictModel):
@@ -98,8 +105,9 @@ class ProductConfig(StrictModel):
     checks: ChecksSection | None = None
     conformity: ConformitySection | None = None  #: Decision rule; None for simple acceptance.
     confirmation: ConfirmationSection | None = None
-    #: Sizes of effects outside the model that a designed schedule must detect, SI, by cause.
-    diagnosis: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
+    #: Effects outside the model that a designed schedule must detect, by cause: the error that they may cause, or
+    #: their size, SI.
+    diagnosis: dict[str, DetectionSection | Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
     load_angle: LoadAngleSection = LoadAngleSection()
     warm_up: WarmUpSection = WarmUpSection()
     operator_ends_stages: bool = False  #: Whether the operator page offers to end a repeated stage early.
@@ -119,12 +127,12 @@ class ProductConfig(StrictModel):
 
     @field_validator("diagnosis")
     @classmethod
-    def _diagnosis(cls, sizes: dict[str, float]) -> dict[str, float]:
-        for cause in sizes:
+    def _diagnosis(cls, required: dict[str, DetectionSection | float]) -> dict[str, DetectionSection | float]:
+        for cause in required:
             if cause not in _CAUSES:
                 remedy = near_miss(cause, _CAUSES)
                 raise EntryError("entry.unknown_name", cause, name=cause, remedy=remedy)
-        return sizes
+        return required
 
     @field_validator("check_standards")
     @classmethod

@@ -3,12 +3,13 @@
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Never
 
 import numpy as np
 
-from calstation.config import RunRequest, check_manual_rig, load_configuration
+from calstation.config import DetectionSection, RunRequest, check_manual_rig, load_configuration
 from calstation.design.design import (
     SERIAL,
     STAGE,
@@ -19,12 +20,12 @@ from calstation.design.design import (
     speeds,
     stages_duration,
 )
-from calstation.design.search import Beam, Exchange, Front, Problem, Stops, durations, shortest_walk, states
+from calstation.design.search import Beam, Exchange, Front, Problem, Stop, Stops, durations, shortest_walk, states
 from calstation.design.segments import LATTICE_DEG, REST_UNIT, Conditions, Position, SegmentLibrary
 from calstation.design.trial import NOISE_FACTOR, Moves, Trial
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import without_gravity
-from calstation.estimation.effects import MAX_EXCESS
+from calstation.estimation.effects import drifts_before_end
 from calstation.jobs import ProgressCallback
 from calstation.physics import COUNT, DISPLAY, EFFECTS, NAMES, PARAMETERS, FloatArray, Move
 from calstation.records import context_from_meta, prior_from_meta
@@ -87,12 +88,14 @@ class _Designer:
         self._rate_dps, self._acceleration_dps2 = speeds(setup, request)
         rate, acceleration = float(np.deg2rad(self._rate_dps)), float(np.deg2rad(self._acceleration_dps2))
         check_limits(self._geometry.limits, Move(0.0, 0.0, rate, acceleration))
-        self._effects = tuple(c for c in EFFECTS if c.cause in self._product.diagnosis)
+        drifts = {f"{effect.parameters[0].rpartition('_')[0]}_drift": effect for effect in drifts_before_end()}
+        known = {effect.cause: effect for effect in EFFECTS} | drifts
+        self._effects = {cause: known[cause] for cause in self._product.diagnosis}
         trial = Trial(self._meta, self._geometry, self._settle, self._rate_dps, self._acceleration_dps2)
         self._trial = trial
         prior = prior_from_meta(self._meta)
         self._conditions = Conditions(
-            self._context, prior, self._settle, rate, acceleration, trial.mount, self._effects
+            self._context, prior, self._settle, rate, acceleration, trial.mount, tuple(self._effects.values())
         )
         self._library = SegmentLibrary(self._conditions)
         self._limits = self._present_sigmas(present) if request.as_present else self._sigma_limits(setup.sigma_limits())
@@ -135,14 +138,28 @@ class _Designer:
         low, high = self._lattice(limits.low, up=True), self._lattice(limits.high, up=False)
         full_turn = min(b - a for a, b in zip(low, high, strict=True)) * LATTICE_DEG >= 360.0
         turns = _TURNS if full_turn else _SHORT_TURNS
-        sizes = [self._product.diagnosis[c.cause] for c in self._effects for _ in c.components]
-        targets = np.concatenate([factor * self._goal, np.array(sizes) / np.sqrt(MAX_EXCESS + 1.0)])
         shortest = self._request.duration is None and self._gravity_rest is not None
         rests = (self._gravity_rest or 0, _GRAVITY_RESTS) if shortest else (0, 0)
-        problem = Problem(self._library, targets, low, high, turns, factor * self._margin, *rests)
+        required = self._required_sizes(), self._required_errors()
+        targets = factor * self._goal
+        problem = Problem(self._library, targets, low, high, turns, factor * self._margin, *rests, *required)
         if not any(problem.next_positions((0, 0))):
             raise ConfigurationError("design.no_travel", table=self._table, step_deg=LATTICE_DEG)
         return problem
+
+    def _required(self) -> Iterator[DetectionSection | float]:
+        """Yield the requirement of the product for each component of an effect."""
+        for cause, effect in self._effects.items():
+            yield from len(effect.components) * (self._product.diagnosis[cause],)
+
+    def _required_sizes(self) -> FloatArray:
+        """Return the sizes of effects that must be detected, SI, shape (k,); infinite where an error is required."""
+        return np.array([each if isinstance(each, float) else np.inf for each in self._required()])
+
+    def _required_errors(self) -> FloatArray:
+        """Return the errors at which effects must be detected, SI, shape (30, k); infinite where a size is required."""
+        over = [each.error_over_limit if isinstance(each, DetectionSection) else np.inf for each in self._required()]
+        return np.outer(self._limits, np.array(over))
 
     @staticmethod
     def _lattice(ends: tuple[float, float], *, up: bool) -> Position:
@@ -216,22 +233,28 @@ class _Designer:
     def _shortest(self) -> Stops:
         """Return the shortest schedule found."""
         problem = self._problem()
-        best, ratios = shortest_walk(problem, self._request.seed)
+        present = self._present_stops(problem)
+        best = None if present is None else next(self._exchanged(problem, present, 0), None)
+        if best is None:
+            best, ratios = shortest_walk(problem, self._request.seed)
         if best is None:
             self._refuse_unreachable(ratios)
         for number in self._beams():
-            longest = durations(self._library, best)[-1]
-            for stops in self._attempt(problem, number, longest):
-                if durations(self._library, stops)[-1] < durations(self._library, best)[-1]:
-                    best = stops
+            for stops in self._attempt(problem, number, self._duration(best)):
+                best = min(best, stops, key=self._duration)
         return best
+
+    def _duration(self, stops: Stops) -> float:
+        """Return the duration of a schedule, s."""
+        return durations(self._library, stops)[-1]
 
     def _refuse_unreachable(self, ratios: FloatArray) -> Never:
         """Raise the error for targets that are not reached within an hour, given the ratios of the sigmas."""
         parameter = int(np.argmax(ratios[:COUNT]))
         if ratios[parameter] > 1.0:
             self._refuse("design.unreachable", parameter, float(ratios[parameter] * self._goal[parameter]))
-        names = [f"{c.cause}_{component}".rstrip("_") for c in self._effects for component in c.components]
+        components = ((cause, component) for cause, c in self._effects.items() for component in c.components)
+        names = ["_".join(filter(None, each)) for each in components]
         worst = int(np.argmax(ratios[COUNT:]))
         raise ConfigurationError("design.effect_unreachable", effect=names[worst], times=float(ratios[COUNT + worst]))
 
@@ -263,18 +286,36 @@ class _Designer:
         result = problem.with_long_rests(result)
         self._note(problem, result)
         yield result
-        exchange = Exchange(problem, result, self._request.seed + number)
+        yield from self._exchanged(problem, result, number)
+
+    def _exchanged(self, problem: Problem, stops: Stops, number: int) -> Iterator[Stops]:
+        """Yield the result of exchanges in a schedule if it reaches the targets."""
+        exchange = Exchange(problem, stops, self._request.seed + number)
         for share in exchange.run(_EXCHANGES):
             self._progress(number, 0.6 + 0.4 * share, exchange.time)
             if self._should_stop():
                 break
-        self._note(problem, exchange.best)
-        yield exchange.best
+        if exchange.reached:
+            self._searched = True
+            self._note(problem, exchange.best)
+            yield exchange.best
+
+    def _present_stops(self, problem: Problem) -> Stops | None:
+        """Return the mandatory moves of a product with only this stage; None if the search does not have such moves."""
+        if self._product.stages != [STAGE]:
+            return None
+        schedule = method(STAGE).schedule(**self._product.schedule.get(STAGE, {})).model_dump()
+        moves = np.array(schedule["moves"])[: schedule["least_moves"]] / (LATTICE_DEG, LATTICE_DEG, REST_UNIT)
+        stops = tuple(Stop((round(outer), round(inner)), round(rest)) for outer, inner, rest in moves)
+        reachable = all(b.position in problem.next_positions(a.position) for a, b in pairwise(stops))
+        if not np.allclose(moves, np.round(moves)) or stops[0].position != (0, 0) or not reachable:
+            return None
+        return problem.with_long_rests(stops)
 
     def _note(self, problem: Problem, stops: Stops) -> None:
         """Add a result to the front."""
         worst = float(problem.ratios(states(self._library, stops)[-1][None])[0, :COUNT].max())
-        self._front.add(durations(self._library, stops)[-1], problem.margin * worst, stops)
+        self._front.add(self._duration(stops), problem.margin * worst, stops)
 
     def _progress(self, number: int, share: float, best: float) -> None:
         """Report the completed fraction of a beam, and the duration of the best schedule so far, s."""

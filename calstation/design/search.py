@@ -13,7 +13,8 @@ from itertools import cycle, pairwise
 import numpy as np
 
 from calstation.design.segments import REST_UNIT, Position, SegmentLibrary
-from calstation.estimation.navigation import advance_information, join_segments, sigmas
+from calstation.estimation.effects import MAX_EXCESS
+from calstation.estimation.navigation import precision
 from calstation.physics import COUNT, FloatArray
 
 #: Largest sum of the angles of both joints in a move, in units of the lattice.
@@ -29,6 +30,8 @@ _WALK, _MAX_WALK_DURATION = 30, 3600.0
 #: Rests of the walks, in units of `REST_UNIT`. Long rests favour the accelerometers, and many moves the gyros. Every
 #: walk is also tried with only the faces of the body, which favour the scale factors.
 _WALK_RESTS = ((2, 10, 40), (40, 60), (120,))
+#: Size in its sigmas at which an effect is expected to fail its test.
+DETECTION = float(np.sqrt(MAX_EXCESS + 1.0))
 #: Number of schedules evaluated per exchange step.
 _BATCH = 48
 
@@ -49,17 +52,26 @@ class Problem:
     """Moves permitted by a table, and the target sigmas."""
 
     library: SegmentLibrary
-    targets: FloatArray  #: Targets of parameters and effects, SI, shape (c,); infinite for those without a target.
+    targets: FloatArray  #: Targets of the sigmas, SI, shape (30,); infinite for parameters without a target.
     low: Position  #: Lowest angles of the joints.
     high: Position  #: Highest angles of the joints.
     turns: tuple[int, ...]  #: Angles by which a joint turns in a move.
     margin: float = 1.0  #: Ratio of targets to limits.
     long_rest: int = 0  #: Length of the required long rests, in units of `REST_UNIT`.
     long_rests: int = 0  #: Number of required long rests.
+    #: Sizes of the effects that must be detected, SI, shape (k,); infinite for those without a required size.
+    sizes: FloatArray = field(default_factory=lambda: np.zeros(0))
+    #: Errors of parameters at which effects must be detected, SI, shape (30, k); infinite where none is required.
+    errors: FloatArray = field(default_factory=lambda: np.zeros((COUNT, 0)))
 
     def ratios(self, information: FloatArray) -> FloatArray:
-        """Return the ratios of the sigmas to their targets, shape (n, c), from the information of n schedules."""
-        return sigmas(information, self.library.states) / self.targets
+        """Return the ratios of n schedules to their targets, shape (n, 30 + k), from their information.
+
+        They are the ratios of the sigmas, and of the size of each effect that is detected to the required one.
+        """
+        sigma, size_sigma, error = precision(information, self.library.states)
+        required = np.maximum(1.0 / self.sizes, np.max(np.abs(error) / self.errors, axis=1))
+        return np.hstack([sigma / self.targets, DETECTION * size_sigma * required])
 
     def allowed(self, position: Position) -> bool:
         """Return whether a position is within the travel."""
@@ -207,6 +219,7 @@ class Beam:
         library = self._problem.library
         before: list[_Node] = []
         segments: list[FloatArray] = []
+        durations_s: list[float] = []
         after: list[tuple[Position, float, int]] = []
         for node in nodes:
             for to in self._problem.next_positions(node.position):
@@ -214,16 +227,19 @@ class Beam:
                 if node.time + seconds <= self._longest:
                     before.append(node)
                     segments.append(segment)
+                    durations_s.append(seconds)
                     after.append((to, node.time + seconds, 1))
             for rest in _RESTS:
                 time = node.time + rest * REST_UNIT
                 if time <= self._longest:
                     before.append(node)
                     segments.append(library.rest(node.position, rest))
+                    durations_s.append(rest * REST_UNIT)
                     after.append((node.position, time, rest))
         if not before:
             return
-        states = advance_information(np.array([node.information for node in before]), np.array(segments))
+        starts = np.array([node.information for node in before])
+        states = library.advance(starts, np.array(segments), np.array(durations_s))
         ratios = self._problem.ratios(states)
         remaining = remaining_log_ratio(ratios)
         # A schedule that does not detect all effects is not a point of the front.
@@ -279,15 +295,19 @@ def _walk(problem: Problem, pattern: Sequence[int], seed: int) -> tuple[Stops, F
     parts = [
         part
         for a, b in pairwise((first, *loop))
-        for part in (library.move(a.position, b.position)[0], library.rest(b.position, b.rest - 1))
+        for part in (
+            library.move(a.position, b.position),
+            (library.rest(b.position, b.rest - 1), (b.rest - 1) * REST_UNIT),
+        )
     ]
-    segment = reduce(lambda a, b: join_segments(a, b, library.states), parts)
-    repetitions, seconds = 1, durations(library, (first, *loop))[-1] - durations(library, (first,))[0]
+    segment, seconds = reduce(lambda a, b: (library.join(a[0], b[0], b[1]), a[1] + b[1]), parts)
+    repetitions = 1
     while True:
-        ratios = problem.ratios(advance_information(state[None], segment[None]))[0]
+        ratios = problem.ratios(library.advance(state[None], segment[None], repetitions * seconds))[0]
         if ratios.max() <= 1.0 or repetitions * seconds > _MAX_WALK_DURATION:
             return (first, *(repetitions * loop)), ratios
-        repetitions, segment = 2 * repetitions, join_segments(segment, segment, library.states)
+        segment = library.join(segment, segment, repetitions * seconds)
+        repetitions *= 2
 
 
 def durations(library: SegmentLibrary, stops: Stops) -> list[float]:
@@ -302,9 +322,11 @@ def states(library: SegmentLibrary, stops: Stops) -> list[FloatArray]:
     """Return the information at the end of every stop."""
     ends = [library.begin(stops[0].position, stops[0].rest)]
     for a, b in pairwise(stops):
-        state = advance_information(ends[-1][None], library.move(a.position, b.position)[0][None])
+        segment, seconds = library.move(a.position, b.position)
+        state = library.advance(ends[-1][None], segment[None], seconds)
         if b.rest > 1:
-            state = advance_information(state, library.rest(b.position, b.rest - 1)[None])
+            rest = library.rest(b.position, b.rest - 1)
+            state = library.advance(state, rest[None], (b.rest - 1) * REST_UNIT)
         ends.append(state[0])
     return ends
 
@@ -393,11 +415,13 @@ class Exchange:
         for k in range(cut, max(len(stops) for stops in candidates)):
             active = [i for i, stops in enumerate(candidates) if k < len(stops)]
             moves = [library.move(candidates[i][k - 1].position, candidates[i][k].position) for i in active]
-            state[active] = advance_information(state[active], np.array([segment for segment, _ in moves]))
-            times[active] += [seconds for _, seconds in moves]
+            seconds = np.array([seconds for _, seconds in moves])
+            state[active] = library.advance(state[active], np.array([segment for segment, _ in moves]), seconds)
+            times[active] += seconds
             longer = [i for i in active if candidates[i][k].rest > 1]
             if longer:
                 rests = [library.rest(candidates[i][k].position, candidates[i][k].rest - 1) for i in longer]
-                state[longer] = advance_information(state[longer], np.array(rests))
-                times[longer] += [(candidates[i][k].rest - 1) * REST_UNIT for i in longer]
+                seconds = np.array([(candidates[i][k].rest - 1) * REST_UNIT for i in longer])
+                state[longer] = library.advance(state[longer], np.array(rests), seconds)
+                times[longer] += seconds
         return state, times

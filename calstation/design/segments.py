@@ -9,6 +9,7 @@ import numpy as np
 from calstation.estimation.common import PlannedSamples, Posterior, SolveContext, stage_data, starts
 from calstation.estimation.navigation import (
     ClosedLoopFilter,
+    Drifts,
     Segment,
     advance_information,
     join_segments,
@@ -50,13 +51,22 @@ class SegmentLibrary:
         self._conditions = conditions
         self.settle = conditions.settle  #: Settling time after a move, s.
         self.states = 0  #: Number of boundary states, once a segment exists.
+        self.drifts = Drifts.among(conditions.effects)
         self._moves: dict[tuple[int, int, int, int], tuple[FloatArray, float]] = {}
         self._rests: dict[tuple[int, int, int], FloatArray] = {}
 
     def begin(self, position: Position, rest: int) -> FloatArray:
         """Return the information matrix of states and parameters, shape (m + 30, m + 30), after the first rest."""
-        segment, _ = self._pass(position, [Dwell(rest * REST_UNIT)])
-        return np.asarray(advance_information(segment.start[None], segment.motion[None])[0])
+        segment, seconds = self._pass(position, [Dwell(rest * REST_UNIT)])
+        return np.asarray(self.advance(segment.start[None], segment.motion[None], seconds)[0])
+
+    def advance(self, before: FloatArray, segments: FloatArray, seconds: FloatArray | float) -> FloatArray:
+        """Return the information at the ends of n segments that last `seconds`, see `advance_information`."""
+        return advance_information(before, segments, seconds, self.drifts)
+
+    def join(self, first: FloatArray, second: FloatArray, seconds: float) -> FloatArray:
+        """Return the information matrix of two successive segments, of which the second lasts `seconds`."""
+        return join_segments(first, second, self.states, seconds, self.drifts)
 
     def move(self, at: Position, to: Position) -> tuple[FloatArray, float]:
         """Return the information matrix and duration, s, of a move including settling and the shortest rest."""
@@ -76,8 +86,8 @@ class SegmentLibrary:
             if units == 1:
                 self._rests[key] = self._pass((key[0], key[1]), [Dwell(REST_UNIT)])[0].motion
             else:
-                half = self.rest(at, units // 2)
-                self._rests[key] = join_segments(half, self.rest(at, units - units // 2), self.states)
+                half, remaining = units // 2, units - units // 2
+                self._rests[key] = self.join(self.rest(at, half), self.rest(at, remaining), remaining * REST_UNIT)
         return self._rests[key]
 
     def _pass(self, at: Position, steps: Sequence[Step]) -> tuple[Segment, float]:

@@ -100,8 +100,9 @@ class Trial:
         return chain.finish(), self._hidden(blocks)
 
     def _hidden(self, blocks: Sequence[SampleBlock]) -> tuple[EffectLimit, ...]:
-        """Return the largest undetectable size of every constant effect, and of every group with a changing effect.
+        """Return the undetectable size of every constant effect, and of every group that may drift.
 
+        Of several components, it is that of the one that causes the largest error.
         The noise is that of the profiles, because the samples are free of noise.
         """
         names = method(STAGE).estimates(self._context)
@@ -115,7 +116,7 @@ class Trial:
         largest: dict[tuple[str, str], EffectLimit] = {}
         for limit in tests.limits(solution.posterior, MAX_EXCESS + 1.0):
             key = limit.cause, limit.parameter.rpartition("_")[0]
-            if not limit.stage and (key not in largest or limit.size > largest[key].size):
+            if not limit.stage and (key not in largest or limit.move > largest[key].move):
                 largest[key] = limit
         return tuple(largest.values())
 

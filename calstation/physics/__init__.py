@@ -5,7 +5,7 @@ This package uses no filter, file or device.
 
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 from calstation.physics.earth import RATE, normal_gravity, rotation_rate
-from calstation.physics.effects import EFFECTS, OF_ACCELEROMETERS, Effect, Motion, OuterTurn, Term
+from calstation.physics.effects import CHANGING_GROUPS, EFFECTS, OF_ACCELEROMETERS, Effect, Motion, OuterTurn, Term
 from calstation.physics.further_parameters import (
     EFFECT_PARAMETERS,
     EFFECT_STATES,

@@ -184,6 +184,8 @@ def _axis_offset(turn: OuterTurn) -> FloatArray:
     return np.asarray(turn.rate[:, None, None] * arms)
 
 
+#: Parameter groups that may change during a run.
+CHANGING_GROUPS = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale")
 #: Effects that are constant throughout a run.
 EFFECTS: tuple[Effect, ...] = (
     Effect(

@@ -13,6 +13,7 @@ from calstation.estimation.effects.score import EffectLimit, EffectTests
 from calstation.estimation.effects.sensitivity import (
     Sensitivity,
     StageEffects,
+    drifts_before_end,
     effect_errors,
     last_turns,
     mean_errors,

@@ -18,10 +18,7 @@ from calstation.estimation.common import Posterior
 from calstation.estimation.effects.evidence import MAX_EXCESS, EffectEvidence, StateEvidence, likeliest
 from calstation.estimation.effects.priors import EffectPrior, plausible
 from calstation.estimation.effects.sensitivity import Sensitivity, drift_functions
-from calstation.physics import AXES, COUNT, EFFECTS, INDEX, Effect, FloatArray, IntArray
-
-#: Parameter groups that are tested for jumps between two stages.
-_JUMP_GROUPS = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale")
+from calstation.physics import AXES, CHANGING_GROUPS, COUNT, EFFECTS, INDEX, Effect, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -128,7 +125,7 @@ class EffectTests:
     def add(self, stage: str, s: Sensitivity, estimated: Sequence[str]) -> None:
         """Add a stage and the parameters that it estimated."""
         if self._parameters:  # before the first stage, a jump is an error of the prior
-            for candidate in self._append([(_jump_before(group), stage) for group in _JUMP_GROUPS]):
+            for candidate in self._append([(_jump_before(group), stage) for group in CHANGING_GROUPS]):
                 self._change(candidate, 1.0)
         changes = self._append([(effect, stage) for effect in s.effects.parameter_changes])
         drifts = [c for c in changes if c.effect.cause == "drift"]

@@ -196,6 +196,14 @@ def drift_functions(time: FloatArray) -> FloatArray:
     return np.stack([time, -np.expm1(-time / WARM_UP)], axis=1)
 
 
+def drifts_before_end() -> Iterator[Effect]:
+    """Yield the drifts of every bias and scale factor at a constant rate until the end of a motion.
+
+    The size of a component is the change of its parameter per second; at the end, the parameter has its nominal value.
+    """
+    return _changes("drift", 1, lambda time: np.asarray(time - time[-1])[:, None])
+
+
 def _step(begin: float, time: FloatArray) -> FloatArray:
     return (time >= begin).astype(float)[:, None]
 

@@ -1,11 +1,12 @@
 """The 39-state navigation filter, its relinearisation and its observability analysis."""
 
 from calstation.estimation.navigation.information import (
+    Drifts,
     Segment,
     advance_information,
     join_segments,
+    precision,
     segment_information,
-    sigmas,
 )
 from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter, NavigationPass, ReferencePass
 from calstation.estimation.navigation.relinearise import solve_navigation

@@ -5,6 +5,10 @@ ends, on the 30 parameters, and on the sizes of effects outside the model; all s
 Successive segments are joined by eliminating the boundary states between them, so that a schedule is evaluated without
 another pass over its samples. The covariance equals the filter's.
 
+The size of a drift is the rate of change of a parameter, and the parameter is that at the end of the motion. If the
+motion continues for Δ, the parameter at its old end is p − Δ d: the column of the drift d changes by −Δ times the
+column of p.
+
 With m boundary states and c columns of parameters and effects, the information at the end of a motion has shape (m + c,
 m + c). The information of a segment, about m states at its start and m at its end, has shape (2 m + c, 2 m + c). All
 values are in SI.
@@ -21,7 +25,7 @@ from calstation.estimation.effects import mean_errors
 from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter
 from calstation.estimation.navigation.response import motion_between_observations
 from calstation.estimation.navigation.velocity_group import BIAS, OBSERVED
-from calstation.physics import COUNT, PARAMETER_START, PARAMETERS, STATES, Effect, FloatArray, IntArray
+from calstation.physics import COUNT, INDEX, PARAMETER_START, PARAMETERS, STATES, Effect, FloatArray, IntArray
 
 #: Variance of a parameter with a fixed value, in units of its default prior variance.
 _FIXED_VARIANCE = 1e-12
@@ -100,8 +104,45 @@ def _information(group: _Group, error: FloatArray) -> FloatArray:
     return np.asarray(white.T @ white)
 
 
-def join_segments(first: FloatArray, second: FloatArray, states: int) -> FloatArray:
-    """Return the information matrix of two successive segments with `states` boundary states."""
+class Drifts(NamedTuple):
+    """Effects that are drifts: their columns, and those of the parameters that they change, from the last column."""
+
+    columns: IntArray  #: Shape (d,), negative.
+    parameters: IntArray  #: Shape (d,), negative.
+
+    @classmethod
+    def among(cls, effects: Sequence[Effect]) -> "Drifts":
+        """Return the drifts among the effects of a segment."""
+        changed = [INDEX.get(effect.parameter_of(k), -1) for effect in effects for k in range(len(effect.components))]
+        at = np.flatnonzero(np.array(changed, dtype=np.int64) >= 0)
+        return cls(at - len(changed), np.array(changed, dtype=np.int64)[at] - len(changed) - COUNT)
+
+    def continued(self, information: FloatArray, seconds: FloatArray) -> FloatArray:
+        """Return the information of n motions, shape (n, a, a), if each continues for a time, s, shape (n,)."""
+        if not len(self.columns):
+            return information
+        continued = information.copy()
+        continued[:, self.columns] -= seconds[:, None, None] * continued[:, self.parameters]
+        continued[:, :, self.columns] -= seconds[:, None, None] * continued[:, :, self.parameters]
+        return continued
+
+
+NO_DRIFTS = Drifts.among(())
+
+
+def join_segments(
+    first: FloatArray, second: FloatArray, states: int, seconds: float = 0.0, drifts: Drifts = NO_DRIFTS
+) -> FloatArray:
+    """Return the information matrix of two successive segments.
+
+    Parameters
+    ----------
+    first, second : information matrices of the segments
+    states : number of boundary states, m
+    seconds : duration of the second segment, s
+    drifts : drifts among the effects
+    """
+    first = drifts.continued(first[None], np.array([seconds]))[0]
     m, columns = states, len(first) - 2 * states
     begin, middle, end, common = np.split(np.arange(3 * m + columns), [m, 2 * m, 3 * m])
     total = np.zeros((3 * m + columns,) * 2)
@@ -114,8 +155,19 @@ def join_segments(first: FloatArray, second: FloatArray, states: int) -> FloatAr
     )
 
 
-def advance_information(before: FloatArray, segments: FloatArray) -> FloatArray:
-    """Return the information matrices at the ends of n segments from those at their starts, shape (n, ...) each."""
+def advance_information(
+    before: FloatArray, segments: FloatArray, seconds: FloatArray | float = 0.0, drifts: Drifts = NO_DRIFTS
+) -> FloatArray:
+    """Return the information matrices at the ends of n segments.
+
+    Parameters
+    ----------
+    before : information at their starts, shape (n, m + c, m + c)
+    segments : their information matrices, shape (n, 2 m + c, 2 m + c)
+    seconds : their durations, s, shape (n,)
+    drifts : drifts among the effects
+    """
+    before = drifts.continued(before, np.broadcast_to(seconds, len(before)))
     m = segments.shape[-1] - before.shape[-1]
     total = segments.copy()
     at = np.r_[0:m, 2 * m : segments.shape[-1]]
@@ -124,20 +176,27 @@ def advance_information(before: FloatArray, segments: FloatArray) -> FloatArray:
     return np.asarray(total[:, m:, m:] - cross @ np.linalg.solve(total[:, :m, :m], cross.transpose(0, 2, 1)))
 
 
-def sigmas(information: FloatArray, states: int) -> FloatArray:
-    """Return the sigmas of parameters and effects, shape (n, c), from information matrices, shape (n, m + c, m + c).
+class Precision(NamedTuple):
+    """What the information of n motions determines, without and with effects outside the model."""
 
-    The parameters are estimated without the effects, and each effect together with all parameters, but without other
-    effects.
-    """
+    sigma: FloatArray  #: Sigmas of the parameters if they are estimated without the effects, shape (n, 30).
+    #: Sigma of each effect's size if it is estimated with all parameters but without other effects, shape (n, k).
+    size_sigma: FloatArray
+    error: FloatArray  #: Error of each parameter per unit of size of an effect outside the model, shape (n, 30, k).
+
+
+def precision(information: FloatArray, states: int) -> Precision:
+    """Return what information matrices with `states` boundary states determine, shape (n, m + c, m + c)."""
     size = states + COUNT
     scale = 1.0 / np.sqrt(np.diagonal(information[:, :size, :size], axis1=1, axis2=2))
     covariance = np.linalg.inv(information[:, :size, :size] * scale[:, :, None] * scale[:, None, :])
     variances = np.diagonal(covariance, axis1=1, axis2=2)[:, -COUNT:]
-    parameters = np.sqrt(variances) * scale[:, -COUNT:]
-    if information.shape[-1] == size:
-        return np.asarray(parameters)
     cross = information[:, :size, size:] * scale[:, :, None]
     alone = np.diagonal(information[:, size:, size:], axis1=1, axis2=2)
-    remaining = alone - np.einsum("nik,nij,njk->nk", cross, covariance, cross, optimize=True)
-    return np.hstack([parameters, 1.0 / np.sqrt(np.maximum(remaining, 1e-12 * alone + 1e-300))])
+    error = covariance @ cross
+    remaining = alone - np.einsum("nik,nik->nk", cross, error)
+    return Precision(
+        np.sqrt(variances) * scale[:, -COUNT:],
+        1.0 / np.sqrt(np.maximum(remaining, 1e-12 * alone + 1e-300)),
+        error[:, -COUNT:] * scale[:, -COUNT:, None],
+    )
