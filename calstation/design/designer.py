@@ -3,7 +3,6 @@
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Never
 
@@ -234,7 +233,7 @@ class _Designer:
         """Return the shortest schedule found."""
         problem = self._problem()
         present = self._present_stops(problem)
-        best = None if present is None else next(self._exchanged(problem, present, 0), None)
+        best = None if present is None else next(self._exchanged(problem, present, 0, np.inf), None)
         if best is None:
             best, ratios = shortest_walk(problem, self._request.seed)
         if best is None:
@@ -288,9 +287,9 @@ class _Designer:
         yield result
         yield from self._exchanged(problem, result, number)
 
-    def _exchanged(self, problem: Problem, stops: Stops, number: int) -> Iterator[Stops]:
-        """Yield the result of exchanges in a schedule if it reaches the targets."""
-        exchange = Exchange(problem, stops, self._request.seed + number)
+    def _exchanged(self, problem: Problem, stops: Stops, number: int, longest: float | None = None) -> Iterator[Stops]:
+        """Yield the result of exchanges in a schedule, see `Exchange`, if it reaches the targets."""
+        exchange = Exchange(problem, stops, self._request.seed + number, longest)
         for share in exchange.run(_EXCHANGES):
             self._progress(number, 0.6 + 0.4 * share, exchange.time)
             if self._should_stop():
@@ -307,8 +306,7 @@ class _Designer:
         schedule = method(STAGE).schedule(**self._product.schedule.get(STAGE, {})).model_dump()
         moves = np.array(schedule["moves"])[: schedule["least_moves"]] / (LATTICE_DEG, LATTICE_DEG, REST_UNIT)
         stops = tuple(Stop((round(outer), round(inner)), round(rest)) for outer, inner, rest in moves)
-        reachable = all(b.position in problem.next_positions(a.position) for a, b in pairwise(stops))
-        if not np.allclose(moves, np.round(moves)) or stops[0].position != (0, 0) or not reachable:
+        if not np.allclose(moves, np.round(moves)) or stops[0].position != (0, 0) or not problem.permits(stops):
             return None
         return problem.with_long_rests(stops)
 
@@ -322,7 +320,7 @@ class _Designer:
         limit = self._request.time_limit
         spent = time.monotonic() - self._start_time
         done = (number + share) / _BEAMS if limit is None else min(spent / limit, 1.0)
-        self._report(_PROBE_END + (_SEARCHED - _PROBE_END) * done, note=f"{best:.1f}")
+        self._report(_PROBE_END + (_SEARCHED - _PROBE_END) * done, note=f"{best:.1f}" if np.isfinite(best) else "")
 
     def _corrected(self, stops: Stops) -> Stops:
         """Return a schedule that reaches the targets in the filter, which differs slightly from the segments."""

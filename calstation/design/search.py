@@ -89,6 +89,12 @@ class Problem:
         """Return whether the schedule contains the required long rests."""
         return sum(stop.rest >= self.long_rest for stop in stops) >= self.long_rests
 
+    def permits(self, stops: Sequence[Stop]) -> bool:
+        """Return whether a schedule may contain the moves between these stops."""
+        moves = [(a.position, b.position) for a, b in pairwise(stops)]
+        sizes = [abs(b[0] - a[0]) + abs(b[1] - a[1]) for a, b in moves]
+        return all(0 < size <= _MAX_MOVE for size in sizes) and all(self.allowed(b) for _, b in moves)
+
     def next_positions(self, position: Position) -> Iterator[Position]:
         """Yield the positions that a move can reach."""
         for outer in self.turns:
@@ -332,15 +338,25 @@ def states(library: SegmentLibrary, stops: Stops) -> list[FloatArray]:
 
 
 class Exchange:
-    """Improves a schedule by changes of single moves and rests; deterministic for a seed."""
+    """Improves a schedule by changes of single moves and rests; deterministic for a seed.
 
-    def __init__(self, problem: Problem, stops: Stops, seed: int) -> None:
+    Parameters
+    ----------
+    problem : permitted moves and target sigmas
+    stops : the schedule
+    seed : seed of the random changes
+    longest : longest duration of the result, s, if the schedule does not reach all targets; None for its own duration
+    """
+
+    def __init__(self, problem: Problem, stops: Stops, seed: int, longest: float | None = None) -> None:
         self._problem, self._rng = problem, np.random.default_rng(seed)
         self._library = problem.library
         self._set_stops(stops)
         self.best, self.time = stops, self._times[-1]
         #: Whether `best` reaches all targets.
         self.reached = bool(remaining_log_ratio(problem.ratios(self._states[-1][None]))[0] <= 0.0)
+        if not self.reached and longest is not None:
+            self.time = longest
 
     def _set_stops(self, stops: Stops) -> None:
         self._stops = stops
@@ -351,10 +367,11 @@ class Exchange:
         problem, rng = self._problem, self._rng
         if len(self._stops) < 2:
             return
-        price = 2.0 * self.time  # penalty for targets that are not reached, s
-        cost = self.time + price * float(remaining_log_ratio(problem.ratios(self._states[-1][None]))[0])
+        start = self._times[-1]
+        price = 2.0 * start  # penalty for targets that are not reached, s
+        cost = start + price * float(remaining_log_ratio(problem.ratios(self._states[-1][None]))[0])
         for step in range(steps):
-            heat = 0.01 * self.time * (1.0 - step / steps) ** 2
+            heat = 0.01 * start * (1.0 - step / steps) ** 2
             cut = int(rng.integers(1, len(self._stops)))
             candidates = [t for t in (self._random_change(cut) for _ in range(_BATCH)) if t is not None]
             yield (step + 1) / steps
@@ -393,15 +410,8 @@ class Exchange:
             target = self._random_position(stops[k - 1].position)
             shift = target[0] - stops[k].position[0], target[1] - stops[k].position[1]
             stops[k:] = [Stop((s.position[0] + shift[0], s.position[1] + shift[1]), s.rest) for s in stops[k:]]
-        for a, b in pairwise(stops[cut - 1 :]):
-            turn = b.position[0] - a.position[0], b.position[1] - a.position[1]
-            if (
-                a.position == b.position
-                or not self._problem.allowed(b.position)
-                or abs(turn[0]) + abs(turn[1]) > _MAX_MOVE
-            ):
-                return None
-        return tuple(stops) if self._problem.has_long_rests(stops) else None
+        permitted = self._problem.permits(stops[cut - 1 :]) and self._problem.has_long_rests(stops)
+        return tuple(stops) if permitted else None
 
     def _random_position(self, at: Position) -> Position:
         targets = list(self._problem.next_positions(at))

@@ -38,7 +38,7 @@ from calstation.physics import (
     group_indices,
     targets_reached,
 )
-from calstation.results import one_blas_thread
+from calstation.results import StageChain, one_blas_thread
 from calstation.simulation.instability import instability_ratio
 from calstation.simulation.study_table import UnitResult, summary
 from procedures import DEFAULT_STAGES, method
@@ -316,7 +316,7 @@ def _solve(
     return UnitResult(case.name, estimated, error, joint.covariance, bound_covariance, nis, cost, seconds)
 
 
-def feed_until_targets(solver: StageSolver, samples: SampleBlock, schedule: BaseModel) -> SampleBlock:
+def feed_until_targets(solver: StageSolver | StageChain, samples: SampleBlock, schedule: BaseModel) -> SampleBlock:
     """Feed the samples of a designed stage until its targets are reached, as in a run; return the fed samples.
 
     Parameters

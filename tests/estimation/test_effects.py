@@ -92,9 +92,13 @@ def test_drift_is_estimated_across_the_stages_of_a_run() -> None:
     result = next(f for f in tests.evidence(posterior) if f.cause == "drift_throughout" and f.parameter in names)
     augmented = np.hstack([H, regressors])
     normal = augmented.T @ augmented * 1e8 + np.diag([*SIGMA**-2.0, *np.repeat(SIGMA[i], 2) ** -2.0])
-    solution, sigma = np.linalg.solve(normal, augmented.T @ observed * 1e8), np.sqrt(np.diag(np.linalg.inv(normal)))
-    best = COUNT + int(np.argmax(np.abs(solution[COUNT:]) / sigma[COUNT:]))
-    assert (result.size, result.sigma) == pytest.approx((solution[best], sigma[best]), rel=1e-5)
+    solution, covariance = np.linalg.solve(normal, augmented.T @ observed * 1e8), np.linalg.inv(normal)
+    both_courses = np.repeat(np.eye(3), 2, axis=1)
+    size = both_courses @ solution[COUNT:]
+    sigma = np.sqrt(np.diag(both_courses @ covariance[COUNT:, COUNT:] @ both_courses.T))
+    best = int(np.argmax(np.abs(size) / sigma))
+    assert result.parameter == names[best]
+    assert (result.size, result.sigma) == pytest.approx((size[best], sigma[best]), rel=1e-5)
     at_end = solution[:COUNT].copy()
     at_end[i] += solution[COUNT:].reshape(3, 2).sum(axis=1)
     expected = (at_end - posterior.mean) / posterior.sigma

@@ -16,7 +16,7 @@ from calstation.estimation.effects import EffectLimit, EffectTests, known_effect
 from calstation.physics import DEGREE_PER_HOUR, INDEX, MICRO_G
 from calstation.results import one_blas_thread
 from calstation.simulation.study import (
-    FAST,
+    FAST_PRODUCTS,
     GRADES,
     draw_unit,
     fast_schedule,
@@ -102,7 +102,7 @@ def worst_by_kind(
 
 def _over_limit(grade: GradeName, posterior: Posterior) -> dict[str, float]:
     """Return the sigmas over the limits of the grade's fast product, by parameter."""
-    product = library.find("products", FAST[grade])
+    product = library.find("products", FAST_PRODUCTS[grade])
     limits = load_configuration(RunRequest("SN-000001", product=product)).sigma_limits()
     return {name: posterior.sigma[INDEX[name]] / limit for name, limit in limits.items()}
 

@@ -28,6 +28,7 @@ from calstation.physics import INDEX, NAMES, FloatArray, group_indices, paramete
 from calstation.records import ModelSection
 from calstation.results import StageChain, one_blas_thread
 from calstation.simulation import bench_config
+from calstation.simulation.study import feed_until_targets
 from procedures import method
 from tests.outside.plain_bench import PlainBench, Site, Unit
 
@@ -99,7 +100,7 @@ def run(case: Case) -> Outcome:
     table = meta.table.model_copy(update=case.table_entries)
     model = ModelSection(states=list(case.states)) if case.states else meta.model
     meta = meta.model_copy(update={"imu": imu, "table": table, "model": model})
-    simulator = Simulator(config.truth(), case.seed) if case.simulator == "bench" else plain_bench_of(config)
+    simulator = simulator_of(case, config)
     chain = StageChain(meta)
     failed: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
@@ -113,8 +114,13 @@ def run(case: Case) -> Outcome:
                 station = s.time / (1.0 + 1e-6 * config.effects.sample_clock_ppm)
                 block = replace(block, station=station[:, None])
                 chain.start(stage)
-                chain.feed(block)
+                fed = feed_until_targets(chain, block, schedule)
                 chain.finish()
+                if len(fed) < len(block):  # the truth is that at the end of the stage
+                    moves = schedule.model_dump()["moves"][: len(np.unique(fed.step))]
+                    simulator = simulator_of(case, config)
+                    shorter = schedule.model_copy(update={"moves": moves})
+                    simulator.run(method(stage).plan(resolved.table.geometry(), shorter), stage)
         checks = judge(meta, chain.prior, tuple(chain.solutions)).checks
         failed = tuple(check.name for check in checks if not check.passed)
     except CalstationError as exc:
@@ -134,6 +140,11 @@ def run(case: Case) -> Outcome:
     seconds = time.process_time() - begin
     estimates = {name: (e.value, e.sigma) for s in chain.solutions for name, e in s.estimates.items()}
     return Outcome(case, not failed, worst, parameter, failed, causes[0] if causes else "", seconds, estimates)
+
+
+def simulator_of(case: Case, config: BenchConfig) -> Simulator | PlainBench:
+    """Return a new simulator of the unit and the table of a case."""
+    return Simulator(config.truth(), case.seed) if case.simulator == "bench" else plain_bench_of(config)
 
 
 def apart(simulator: Simulator | PlainBench, config: BenchConfig) -> FloatArray:

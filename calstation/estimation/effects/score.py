@@ -306,17 +306,31 @@ class EffectTests:
         error = self._error[:, own] * in_units - self._error[:, at] @ given_covariance @ shared.T
         plausible = self._plausible(candidate)
         covariance = _covariance(information, plausible)
-        size, sigmas = covariance @ score, np.sqrt(np.diag(covariance))
+        size, sums = covariance @ score, _sums(effect)
+        total, sigmas = sums @ size, np.sqrt(np.diag(sums @ covariance @ sums.T))
         freedom = float(np.sum(covariance * information))
         tested = plausible > 0.0
-        best, names = int(np.argmax(np.abs(size) / np.where(tested, sigmas, np.inf))), tuple(self._parameters)
+        k, names = (
+            int(np.argmax(np.abs(total) / np.where(sums @ tested > 0.0, sigmas, np.inf))),
+            tuple(self._parameters),
+        )
+        best = int(np.argmax(sums[k]))
         shift = (error @ size / np.where(sigma > 0.0, sigma, np.inf))[[INDEX[name] for name in names]]
         largest = float(np.max(np.abs(size) / np.where(tested, plausible, np.inf)))
         return EffectEvidence(
             effect.cause, effect.components[best], effect.parameter_of(best), candidate.stage,
-            float(score @ size) - freedom, float(size[best]), float(sigmas[best]), effect.unit,
+            float(score @ size) - freedom, float(total[k]), float(sigmas[k]), effect.unit,
             dict(zip(names, shift.tolist(), strict=True)), largest,
         )  # fmt: skip
+
+
+def _sums(effect: Effect) -> FloatArray:
+    """Return the sums over the time functions of the parameter that changes, shape (parameters, components).
+
+    A constant effect has no time functions.
+    """
+    changed = effect.parameters or effect.names
+    return np.array([[name == each for each in changed] for name in dict.fromkeys(changed)], dtype=np.float64)
 
 
 def _gauge(names: Sequence[str], size: FloatArray, covariance: FloatArray) -> FloatArray:
