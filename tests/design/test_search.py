@@ -20,6 +20,7 @@ from calstation.design.search import (
     states,
 )
 from calstation.design.segments import Conditions, SegmentLibrary
+from calstation.estimation.effects import drifts_before_end
 from calstation.physics import NAMES
 from calstation.records import context_from_meta, prior_from_meta
 from calstation.results import one_blas_thread
@@ -30,16 +31,23 @@ TURNS = (-4, -2, 0, 2, 4)
 
 @pytest.fixture(scope="module")
 def problem():
+    with one_blas_thread():
+        yield small_problem()
+
+
+def small_problem(effects=()):
+    """Return the problem; with effects, of which the error of every parameter must stay within its limit."""
     product = library.find("products", "mems_c")
     setup = load_configuration(RunRequest("M-1", None, product, ("designed",), Path("nowhere")))
     meta = setup.log_meta()
     context = context_from_meta(meta)
     mount = np.full(3, 0.3 * context.table.mount_sigma)
-    conditions = Conditions(context, prior_from_meta(meta), 0.5, 1.7, 2.6, mount)
+    conditions = Conditions(context, prior_from_meta(meta), 0.5, 1.7, 2.6, mount, effects)
     limits = setup.sigma_limits()
     targets = np.array([limits[n] if n.startswith("gyro_misalign") else np.inf for n in NAMES])
-    with one_blas_thread():
-        yield Problem(SegmentLibrary(conditions), targets, (-4, -4), (4, 4), TURNS)
+    count = sum(len(effect.components) for effect in effects)
+    required = np.full(count, np.inf), np.outer([limits[n] for n in NAMES], np.ones(count))
+    return Problem(SegmentLibrary(conditions), targets, (-4, -4), (4, 4), TURNS, 1.0, 0, 0, *required)
 
 
 def run_search(problem, width=4, longest=40.0, front=None):
@@ -78,6 +86,31 @@ def test_exchange_search_keeps_a_solution_and_shortens_a_poor_one(problem):
     again = Exchange(problem, poor, seed=3)
     list(again.run(20))
     assert again.best == exchange.best
+
+
+def test_exchange_search_may_extend_a_schedule_that_misses_the_targets(problem):
+    _, stops = run_search(problem)
+    tighter = replace(problem, targets=0.9 * problem.targets)
+    limited, free = (Exchange(tighter, stops, seed=3, longest=longest) for longest in (None, np.inf))
+    for exchange in (limited, free):
+        list(exchange.run(40))
+    assert free.reached
+    assert free.time > durations(problem.library, stops)[-1] > 0.0
+    assert ratios(tighter, free.best).max() <= 1.0
+    assert not limited.reached or limited.time <= durations(problem.library, stops)[-1]
+
+
+def test_drift_of_a_scale_factor_shows_if_its_axis_turns_early_and_late():
+    drift = next(effect for effect in drifts_before_end() if effect.parameters[2] == "gyro_scale_z")
+    with one_blas_thread():
+        problem = small_problem((drift,))
+        ends = ((0, 0), 12), ((0, 4), 2), ((0, 0), 2), ((2, 0), 2)
+        late = ((0, 0), 2), ((0, 4), 2), ((0, 0), 2)
+        once, both = (
+            ratios(problem, tuple(Stop(*stop) for stop in stops))[-1]
+            for stops in ((*ends, ((0, 0), 30)), (*ends, *late))
+        )
+    assert both < 0.2 * once
 
 
 def test_schedule_is_extended_from_its_end(problem):
