@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.config import check, library, read_text
+from calstation.config import check, library, load_product, read_text
 from calstation.design import DesignRequest, design_schedule, designed_product, shorten_stages, shorter_product
 from calstation.errors import ConfigurationError
 from calstation.physics import NAMES
@@ -79,6 +79,19 @@ def test_unreachable_limit_is_reported_with_the_smallest_possible_sigma(tmp_path
     values = raised.value.values
     assert values["least"] > 0.8 * values["limit"]
     assert values["parameter"].startswith("gyro_bias" if code == "design.unreachable" else "accel_scale")
+
+
+@pytest.mark.exhaustive
+def test_search_starts_with_the_moves_of_a_designed_stage_which_reveal_what_the_product_requires():
+    path = library.find("products", "mems_c_fast")
+    result = design_schedule(ignore, DesignRequest(product=path, time_limit=1.0))
+    moves = load_product(path)[1].schedule["designed"]["moves"]
+    assert result.searched
+    assert result.planned <= result.min_moves == 12
+    assert [list(move) for move in result.moves[:11]] == moves[:11]
+    drift = next(h for h in result.hidden if h.parameter.startswith("gyro_scale"))
+    i = NAMES.index(drift.moved)
+    assert drift.move * result.sigma[i] < 1.1 * result.limits[i]
 
 
 @pytest.mark.long
