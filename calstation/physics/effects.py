@@ -41,6 +41,8 @@ class Motion:
     outer: OuterTurn | None = None  #: None without a two-axis table, or while its axes are unknown.
     #: Sense of the last turn about each axis before the first interval, +1, −1, or 0 without one, shape (3,).
     turned: FloatArray | None = None
+    #: Means of ω × dω/dt over the intervals, rad²/s³, shape (n, 3); None for the product of the means above.
+    coning: FloatArray | None = None
 
     @classmethod
     def steady(
@@ -49,6 +51,11 @@ class Motion:
         """Return a motion with constant rate and force in every interval."""
         still = np.zeros_like(rate)
         return cls(rate, force, still, still, time, turned=turned)
+
+    @property
+    def coning_rate(self) -> FloatArray:
+        """ω × dω/dt, rad²/s³, shape (n, 3)."""
+        return np.cross(self.rate, self.angular_acceleration) if self.coning is None else self.coning
 
     @property
     def last_turns(self) -> FloatArray:
@@ -164,7 +171,7 @@ def _low_pass(m: Motion) -> FloatArray:
     Beyond the common mean delay, which has no effect, the gyro error is c d²ω/dt². With ψ = c dω/dt, see
     `_channel_delay`, and the force error c d²f/dt² of a constant force in n, dω/dt cancels in the force.
     """
-    return np.hstack([np.cross(m.angular_acceleration, m.rate), np.cross(m.rate, np.cross(m.rate, m.force))])
+    return np.hstack([-m.coning_rate, np.cross(m.rate, np.cross(m.rate, m.force))])
 
 
 def _moving(m: Motion) -> FloatArray:
@@ -224,7 +231,7 @@ EFFECTS: tuple[Effect, ...] = (
         between_sensors=True, on_table=True,
     ),
     Effect(
-        "coning", "s²", 1e-3, ("",), lambda m: np.cross(m.rate, m.angular_acceleration),
+        "coning", "s²", 1e-3, ("",), lambda m: m.coning_rate,
         tuple(Term(i, 0, i) for i in range(3)), on_table=True,
     ),
     Effect(

@@ -35,6 +35,15 @@ def test_filter_is_named_unless_the_profile_states_it(
 
 
 @SIMULATORS
+@pytest.mark.parametrize("bandwidth", [53.0, pytest.param(24.0, marks=pytest.mark.long)])
+def test_low_pass_with_another_bandwidth_than_stated_is_estimated(simulator: Simulator, bandwidth: float) -> None:
+    """What remains of the filter after the stated one is removed is 30 times its sigma."""
+    found = outcome(simulator, "low_pass_ms", 5.0, bandwidth_hz=bandwidth)
+    assert found.passed
+    assert found.worst < 3.5
+
+
+@SIMULATORS
 def test_late_gyro_is_named(simulator: Simulator) -> None:
     found = outcome(simulator, "gyro_delay_ms.y", 0.02)
     assert (found.passed, found.cause) == (False, "designed effects: channel_delay")

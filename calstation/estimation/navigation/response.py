@@ -17,7 +17,7 @@ from calstation.estimation.common import (
 )
 from calstation.estimation.effects import Sensitivity, StageEffects, mean_regressors, velocity_errors
 from calstation.estimation.navigation.group_update import Updates
-from calstation.estimation.navigation.navigation_pass import History
+from calstation.estimation.navigation.navigation_pass import GROUP_TIME, History
 from calstation.estimation.navigation.relinearise import REST_RATE, NavigationResult
 from calstation.estimation.navigation.small_matrices import add_product, forward, subtract_transposed_product
 from calstation.estimation.navigation.velocity_group import BIAS, OBSERVED
@@ -42,6 +42,8 @@ from calstation.physics import (
 
 #: Number of observation intervals over which slopes are smoothed.
 SMOOTHED = 5
+#: Smallest determinant of the mean attitude of a group, 1 without rotation and 0.4 for a rotation by 180°.
+MIN_DETERMINANT = 0.4
 #: Number of groups of observations whose score tests are added together.
 _BATCH = 100
 
@@ -210,8 +212,12 @@ def motion_between_observations(
         stride = int(index[0]) - start.begin
         T = stride * data.dt
         stop = start.begin + stride * len(index)
-        mean = group_means(data.gyro[start.begin : stop], stride)
+        gyro = data.gyro[start.begin : min(stop + 1, start.end)]
+        mean = group_means(gyro[: stride * len(index)], stride)
         omega, _ = compensate(constants, mean, np.zeros_like(mean))
+        samples, _ = compensate(constants, gyro, np.zeros_like(gyro))
+        products = np.cross(samples, np.concatenate([samples[1:], samples[-1:]])) / data.dt
+        coning = group_means(products[: stride * len(index)], stride)
         rate_nb = rate - np.einsum("nji,j->ni", C, earth)
         arm = np.einsum("nij,nj->ni", C, np.cross(rate_nb, lever))
         acceleration = np.diff(arm, axis=0, prepend=arm[:1]) / T + gravity * UP
@@ -222,17 +228,18 @@ def motion_between_observations(
         omega[still] = np.einsum("nji,j->ni", C[still], earth)
         several = len(index) > 1
         slopes = [np.gradient(_smooth(x), T, axis=0) if several else np.zeros_like(x) for x in (omega, force)]
-        for slope in slopes:
+        for slope in (*slopes, coning):
             slope[still] = 0.0
+        coning = _constant_in_groups(coning, 0.5 * (C + before), max(round(GROUP_TIME / T), 1))
         time = (data.seq[index - 1] - data.seq[0]) * data.dt
-        parts.append((omega, force, *slopes, time))
+        parts.append((omega, force, *slopes, time, coning))
         turns.append(_outer_turn(start, C, rate_nb, data, context))
     known = [turn for turn in turns if turn is not None]
     outer = None
     if len(known) == len(turns):
         outer = OuterTurn(*(np.concatenate(column) for column in zip(*known, strict=True)))
-    rate, specific_force, turning, jerk, time = (np.concatenate(c) for c in zip(*parts, strict=True))
-    return Motion(rate, specific_force, turning, jerk, time, outer, np.array(context.turned))
+    rate, specific_force, turning, jerk, time, coning = (np.concatenate(c) for c in zip(*parts, strict=True))
+    return Motion(rate, specific_force, turning, jerk, time, outer, np.array(context.turned), coning)
 
 
 def _outer_turn(
@@ -256,6 +263,22 @@ def _outer_turn(
     normal = axis - np.sum(axis * inner, axis=1)[:, None] * inner
     turning = np.einsum("nij,nj->ni", attitude, rate)
     return axis, inner, np.sum(turning * normal, axis=1) / np.sum(normal**2, axis=1)
+
+
+def _constant_in_groups(errors: FloatArray, attitude: FloatArray, width: int) -> FloatArray:
+    """Return errors in b, constant in each group of `width` intervals, with the same sums in n, shape (n, 3).
+
+    `attitude` is C_bn in the middle of each interval, shape (n, 3, 3). Errors that change while the unit rotates have
+    another effect than their mean. If a unit rotates too far within a group, the mean is used.
+    """
+    first = np.arange(0, len(errors), width)
+    counts = np.diff(first, append=len(errors))
+    total = np.add.reduceat(attitude, first, axis=0) / counts[:, None, None]
+    mean = np.add.reduceat(errors, first, axis=0) / counts[:, None]
+    in_n = np.add.reduceat(np.einsum("nij,nj->ni", attitude, errors), first, axis=0) / counts[:, None]
+    near = np.linalg.det(total) > MIN_DETERMINANT
+    mean[near] = np.linalg.solve(total[near], in_n[near, :, None])[:, :, 0]
+    return np.repeat(mean, counts, axis=0)
 
 
 def _smooth(values: FloatArray) -> FloatArray:
