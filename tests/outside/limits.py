@@ -6,13 +6,14 @@ python -m tests.outside.limits --designed
 
 import argparse
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from calstation.bench.truth import GradeName
 from calstation.config import RunRequest, library, load_configuration
 from calstation.estimation.common import Posterior
-from calstation.estimation.effects import EffectLimit, EffectTests, known_effects
+from calstation.estimation.effects import EffectLimit, EffectTests, known_effects, last_turns
 from calstation.physics import DEGREE_PER_HOUR, INDEX, MICRO_G
 from calstation.results import one_blas_thread
 from calstation.simulation.study import (
@@ -78,6 +79,7 @@ def limits_of(grade: GradeName, designed: bool = False) -> tuple[list[EffectLimi
         feed_until_targets(solver, data[stage], schedule)
         solution = solver.finish()
         posterior = solution.posterior
+        context = replace(context, turned=last_turns(solver.buffer.data(), posterior.mean, context.turned))
         assert solution.sensitivity is not None
         tests.add(stage, solution.sensitivity, solution.estimated)
     return tests.limits(posterior, CHI_SQUARE), posterior
