@@ -43,6 +43,8 @@ class Motion:
     turned: FloatArray | None = None
     #: Means of ω × dω/dt over the intervals, rad²/s³, shape (n, 3); None for the product of the means above.
     coning: FloatArray | None = None
+    #: Matrix from the rate to the rates that the gyros sense, shape (3, 3); None for exact gyros.
+    axes: FloatArray | None = None
 
     @classmethod
     def steady(
@@ -59,15 +61,16 @@ class Motion:
 
     @property
     def last_turns(self) -> FloatArray:
-        """Sense of the last completed turn about each axis, +1, −1, or 0 before the first, shape (n, 3).
+        """Sense of the last completed turn about the axis of each gyro, +1, −1, or 0 before the first, shape (n, 3).
 
         A turn lasts from rest to rest. The rates are those at `time`.
         """
-        moving, sense = np.abs(self.rate).max(axis=1) > _TURNING, np.zeros_like(self.rate)
+        sensed = self.rate if self.axes is None else self.rate @ self.axes.T
+        moving, sense = np.abs(sensed).max(axis=1) > _TURNING, np.zeros_like(sensed)
         sense[:] = 0.0 if self.turned is None else self.turned
         edges = np.flatnonzero(np.diff(moving.astype(np.int64), prepend=0, append=0))
         for begin, end in edges.reshape(-1, 2).tolist():
-            angle = np.trapezoid(self.rate[begin:end], self.time[begin:end], axis=0)
+            angle = np.trapezoid(sensed[begin:end], self.time[begin:end], axis=0)
             sense[end:] = np.where(np.abs(angle) > _TURNED, np.sign(angle), sense[begin])
         return sense
 

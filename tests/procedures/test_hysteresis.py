@@ -1,5 +1,6 @@
 """Hysteresis after turns: its size and the errors that it causes are predicted from the turns of the whole run."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from calstation.bench import BenchConfig
 from calstation.bench.truth import BenchTruth, Simulator
 from calstation.estimation.common import Posterior
 from calstation.estimation.effects import EffectTests
-from calstation.physics import INDEX
+from calstation.physics import INDEX, Motion
 from calstation.records import LogMeta
 from calstation.results import StageChain
 from procedures import method
@@ -97,3 +98,16 @@ def test_hysteresis_in_many_positions_is_found_with_its_size() -> None:
     assert (evidence.cause, evidence.component) == ("gyro_scale_hysteresis", "x")
     assert evidence.size == pytest.approx(6e-5, rel=0.1)
     assert_predicted(evidence.parameter_shift, posteriors[1], posteriors[0], 5.0)
+
+
+def test_gyro_has_the_sense_of_its_own_sensed_turn() -> None:
+    """A turn of 180° about z turns a gyro x that is misaligned by 10 mrad by 1.8°, and y by nothing."""
+    rate = np.zeros((100, 3))
+    rate[20:80, 2] = -np.pi / 6.0
+    time, axes = 0.1 * np.arange(100), np.eye(3)
+    axes[0, 2] = 0.01
+    before = np.array([1.0, 1.0, 0.0])
+    motion = replace(Motion.steady(rate, np.zeros_like(rate), time, before), axes=axes)
+    assert motion.last_turns[0].tolist() == motion.last_turns[79].tolist() == [1.0, 1.0, 0.0]
+    assert motion.last_turns[80].tolist() == [-1.0, 1.0, -1.0]
+    assert replace(motion, axes=None).last_turns[80].tolist() == [1.0, 1.0, -1.0]

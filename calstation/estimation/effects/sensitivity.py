@@ -21,8 +21,7 @@ from calstation.physics import (
     IntArray,
     Motion,
     Term,
-    compensate,
-    compensation,
+    group_indices,
 )
 
 #: Times of the tested jumps within a stage, as fractions of its duration.
@@ -172,10 +171,13 @@ def last_turns(
     `parameters` are those of the unit, SI, shape (30,), and `before` the senses at the start of the stage.
     """
     stride = max(round(TURN_INTERVAL / data.dt), 1)
-    gyro, accel = group_means(data.gyro, stride), group_means(data.accel, stride)
-    rate, force = compensate(compensation(parameters), gyro, accel)
+    rate = group_means(data.gyro, stride) - parameters[group_indices("gyro_bias")]
     time = group_means(data.time[:, None], stride)[:, 0]
-    x, y, z = Motion.steady(rate, force, time, np.array(before)).last_turns[-1].tolist() if len(rate) else before
+    x, y, z = (
+        Motion.steady(rate, np.zeros_like(rate), time, np.array(before)).last_turns[-1].tolist()
+        if len(rate)
+        else before
+    )
     return x, y, z
 
 

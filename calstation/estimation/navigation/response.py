@@ -35,6 +35,7 @@ from calstation.physics import (
     axis_rotation,
     compensate,
     compensation,
+    group_matrix,
     group_vector,
     kernel,
     rotation_rate,
@@ -239,7 +240,8 @@ def motion_between_observations(
     if len(known) == len(turns):
         outer = OuterTurn(*(np.concatenate(column) for column in zip(*known, strict=True)))
     rate, specific_force, turning, jerk, time, coning = (np.concatenate(c) for c in zip(*parts, strict=True))
-    return Motion(rate, specific_force, turning, jerk, time, outer, np.array(context.turned), coning)
+    axes = np.eye(3) + group_matrix(point, "gyro_scale", "gyro_misalign")
+    return Motion(rate, specific_force, turning, jerk, time, outer, np.array(context.turned), coning, axes)
 
 
 def _outer_turn(
