@@ -33,6 +33,8 @@ _SPIKE_SIGMAS, _SPIKE_STEPS, _SPIKE_RATIO = 12.0, 4.0, 5.0
 #: Changes of a count by the range of its field, and their largest deviations, before and after the usual change from
 #: sample to sample is subtracted, relative to the range.
 _WRAPS, _NEAR_WRAP, _WRAP_TOLERANCE = (2.0**16, 2.0**24, 2.0**32), 0.1, 0.01
+#: Largest change of a channel that does not jump, in sigmas of its noise.
+_LARGEST_NOISE = 50.0
 #: Fraction of repeated samples of a channel whose steps exceed its noise.
 _COARSE = 0.9
 #: Shortest run of one value that is tested, and its smallest rms deviation from the neighbouring samples, in sigmas.
@@ -108,7 +110,7 @@ def _faults(
     context: SolveContext,
 ) -> Iterator[SampleFault]:
     """Yield the faults, those first that cause others."""
-    yield from _wraps(counts, broken)
+    yield from _wraps(counts, broken, noise)
     yield from _repeated_rows(counts, broken, noise)
     yield from _sticking(counts, noise)
     yield from _dead_zones(counts, noise)
@@ -120,20 +122,24 @@ def _faults(
         yield from shifts_of_angles(data, motion, context)
 
 
-def _wraps(counts: FloatArray, broken: BoolArray) -> Iterator[SampleFault]:
-    """Yield channels that change by the range of a counter from one sample to the next."""
+def _wraps(counts: FloatArray, broken: BoolArray, noise: _Noise) -> Iterator[SampleFault]:
+    """Yield channels that change by the range of a counter from one sample to the next, while no other one jumps."""
     change = np.diff(counts, axis=0)
     change[broken[1:]] = 0.0
     for channel in range(counts.shape[1]):
-        step = change[:, channel]
         for wrap in _WRAPS:
-            near = np.flatnonzero(np.abs(np.abs(step) - wrap) < _NEAR_WRAP * wrap).tolist()
-            usual = [float(np.median(step[max(k - 5, 0) : k + 6])) for k in near]
-            at = [
-                k + 1
-                for k, median in zip(near, usual, strict=True)
-                if abs(median) < _NEAR_WRAP * wrap and abs(abs(step[k] - median) - wrap) < _WRAP_TOLERANCE * wrap
-            ]
+            near = np.flatnonzero(np.abs(np.abs(change[:, channel]) - wrap) < _NEAR_WRAP * wrap)
+            at = []
+            for k, window in zip(near.tolist(), noise.at(near), strict=True):
+                usual = np.median(change[max(k - 5, 0) : k + 6], axis=0)
+                jump = np.abs(change[k] - usual)
+                alone = np.count_nonzero(jump > _LARGEST_NOISE * noise.sigma[window]) == 1
+                if (
+                    alone
+                    and abs(usual[channel]) < _NEAR_WRAP * wrap
+                    and abs(jump[channel] - wrap) < _WRAP_TOLERANCE * wrap
+                ):
+                    at.append(k + 1)
             if at:
                 yield SampleFault("count_wrapped", np.array(at), channel, wrap)
 

@@ -10,7 +10,7 @@ import pytest
 from calstation.bench import BenchConfig
 from calstation.bench.truth import Simulator
 from calstation.estimation.common import stage_data
-from calstation.judgement import data_faults
+from calstation.judgement import data_faults, sample_faults
 from calstation.judgement.data_tests import clipping_test
 from calstation.judgement.sample_faults import sample_test
 from calstation.messages import sentence
@@ -92,6 +92,21 @@ def test_wraps_of_a_count_are_named(unit):
     cause, channel, _, _ = fault(unit, faulty.wrap(block, 0))
     assert (cause, channel) == ("count_wrapped", "gyro_x")
     assert context.imu.gyro_lsb > 0.0
+
+
+def test_recording_of_joined_rests_has_no_wraps() -> None:
+    """The forces of successive rests differ by the range of a counter by chance, but on all channels at once."""
+    random = np.random.default_rng(1)
+    counts = np.hstack([np.zeros((300, 3)), np.repeat(random.normal(0.0, 1e5, (3, 3)), 100, axis=0)])
+    counts[100:, 3] = counts[0, 3] + 2.0**16 + 300.0
+    counts += 100.0 * random.standard_normal(counts.shape)
+    broken = np.zeros(300, dtype=np.bool_)
+    noise = sample_faults._noise_of(counts, 50, np.ones(6))
+    assert not list(sample_faults._wraps(counts, broken, noise))
+    counts[100:, 4:] = counts[:200, 4:]
+    counts[:, 4:] = 100.0 * random.standard_normal((300, 2))
+    (wrapped,) = sample_faults._wraps(counts, broken, noise)
+    assert wrapped.channel == 3
 
 
 def test_suppressed_small_rates_are_named(unit):
