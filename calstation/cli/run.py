@@ -16,7 +16,7 @@ from rich.table import Table
 
 from calstation.cli.confirmation import confirm_override
 from calstation.cli.errors import command_options, complete_commands, print_error, station_options
-from calstation.cli.show import emit_json, on_interrupt, on_line, result_table, show_line
+from calstation.cli.show import emit_json, on_interrupt, on_line, plain_console, result_table, show_line
 from calstation.cli.text import say, sentence, term
 from calstation.config import RegisterOperation, RunRequest, load_station
 from calstation.database import Claim, start_exchange
@@ -108,7 +108,7 @@ def _ask_questions(request: RunRequest, answers: Mapping[str, str | None], confi
             answer = _WITHOUT_TERMINAL.get(question.subject)
             if answer is None:
                 raise question.refusal
-            show_line(Console(stderr=True), sentence(question.refusal.as_text))
+            show_line(plain_console(stderr=True), sentence(question.refusal.as_text))
         answer = _ask(question) if answer is None else answer
         if question.subject == "standard":
             confirm_override(start, answer, confirmed_by)
@@ -158,7 +158,7 @@ def engine_events(
     new_claims : returns the claims of other stations to the unit; shown after every event
     """
     options = command_options(request.station, request.product, request.out, request.slot)
-    console = Console(stderr=True)
+    console = plain_console(stderr=True)
     display = _Display(console, options)
 
     def end_stage() -> None:
@@ -195,7 +195,7 @@ def print_fault(fault: Fault, request: RunRequest, *, debug: bool) -> int:
 def _show_run(run: Finalized, json: str | None, request: RunRequest) -> None:
     emit_json(run.result, json)
     result = Result.from_json(run.result)
-    console = Console(stderr=json == "-")
+    console = plain_console(stderr=json == "-")
     if json != "-":
         result_table(console, result)
     show_line(console, f"{result.serial}: {sentence(outcome_text(result))}")
@@ -217,7 +217,7 @@ def _show_batch(runs: Sequence[Finalized], json: str | None, request: RunRequest
     """Show one line per unit of a batch and write the list of results."""
     results = [Result.from_json(run.result) for run in runs]
     emit_json([run.result for run in runs], json)
-    console = Console(stderr=json == "-")
+    console = plain_console(stderr=json == "-")
     table = Table(title=results[0].batch, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     for code in ("cli.column_slot", "cli.column_serial", "cli.column_verdict", "cli.column_why", "cli.column_result"):
         table.add_column(say(code), overflow="fold")
@@ -289,11 +289,11 @@ class _Display:
         self._options = options  #: Options of commands in remedies.
         self._bars: dict[str, TaskID] = {}
         self.progress = Progress(
-            TextColumn("{task.fields[number]:>4}  {task.description:<14}"),
+            TextColumn("{task.fields[number]:>4}  {task.description:<14}", markup=False),
             BarColumn(30),
             TaskProgressColumn(),
             TextColumn("{task.fields[left]:<12}"),
-            TextColumn("{task.fields[now]}"),
+            TextColumn("{task.fields[now]}", markup=False),
             console=console,
             disable=not console.is_terminal,
         )
@@ -321,12 +321,12 @@ class _Display:
             self._line(_with_slot(event, f"{event.stage}: {summary}"))
         elif isinstance(event, Message):
             text = sentence(event_text(event.id, event.values))
-            self._console.print(_with_slot(event, text), highlight=False, markup=False)
+            self._console.print(_with_slot(event, text))
         elif isinstance(event, Fault) and event.slot and event.code:
             values = {**event.values, **self._options, "slot_option": f" --slot {event.slot}"}
             show_line(self._console, _with_slot(event, sentence(Text(event.code, values))))
         elif isinstance(event, StateChanged) and event.state in ("pausing", "paused", "stopping"):
-            self._console.print(f"{say(f'state.{event.state}')}.", highlight=False)
+            self._console.print(f"{say(f'state.{event.state}')}.")
 
     def _update(self, stage: str, **fields: Any) -> None:
         if stage in self._bars:
@@ -334,7 +334,7 @@ class _Display:
 
     def _line(self, text: str) -> None:
         if not self._console.is_terminal:
-            self._console.print(text, highlight=False, markup=False)
+            self._console.print(text)
 
 
 def _with_slot(event: Event, text: str) -> str:

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -36,9 +36,14 @@ _TEXT_COLUMNS = (
 _TABLE_WIDTH = 200
 
 
+def plain_console(*, stderr: bool = False, file: IO[str] | None = None, width: int | None = None) -> Console:
+    """Return a console that prints text as it is: brackets, as in ``[imu]``, are no formatting."""
+    return Console(stderr=stderr, file=file, width=width, markup=False, highlight=False)
+
+
 def show_line(console: Console, text: str) -> None:
     """Print a line without wrapping or formatting it."""
-    console.print(text, highlight=False, markup=False, soft_wrap=True)
+    console.print(text, soft_wrap=True)
 
 
 def ignore_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
@@ -48,8 +53,13 @@ def ignore_progress(fraction: float, remaining_s: float | None = None, note: str
 @contextmanager
 def job_progress(text: str, describe: Callable[[str], str] = lambda note: "") -> Iterator[ProgressCallback]:
     """Show the progress of a job and its notes, which `describe` converts to text."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[note]}"))
-    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[note]}", markup=False),
+    )
+    console = plain_console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(text, total=1.0, note="")
 
@@ -72,7 +82,7 @@ def emit(result: Mapping[str, Any], target: str | None, lines: Iterable[str]) ->
     """Write a result as JSON, see `emit_json`, and print the lines unless the JSON is written to standard output."""
     emit_json(result, target)
     if target != "-":
-        console = Console(file=sys.stdout)
+        console = plain_console(file=sys.stdout)
         for line in lines:
             show_line(console, line)
 
@@ -148,14 +158,14 @@ def result_table(console: Console, result: Result) -> None:
         console.print(table)
     for check in result.checks:
         if check.kind not in ("within", "sigma_below") or (check.kind, check.subject) in limits:
-            console.print(_check_line(check), highlight=False)
+            console.print(_check_line(check))
         if cause := check.cause_text:
-            console.print(f"  {sentence(cause)}", highlight=False)
+            console.print(f"  {sentence(cause)}")
     if result.conformity is not None:
         worst, conformity = max(result.conformity.parameters.items(), key=lambda each: each[1].probability)
         code = "cli.conformity_accept" if conformity.accepted else "cli.conformity_reject"
         text = say(code, rule=result.conformity.rule, name=worst, percent=100.0 * conformity.probability)
-        console.print(text, highlight=False, soft_wrap=True)
+        console.print(text, soft_wrap=True)
 
 
 def residual_table(stage: str, rows: Sequence[PositionResidual]) -> None:
@@ -179,7 +189,7 @@ def residual_table(stage: str, rows: Sequence[PositionResidual]) -> None:
             "" if row.channel is None else _sigmas_text(row.error / row.error_sigma),
             *(_sigmas_text(value) for value in (row.force, row.vertical_rate, row.horizontal_rate)),
         )
-    Console(file=sys.stdout, width=_TABLE_WIDTH).print(table)
+    plain_console(file=sys.stdout, width=_TABLE_WIDTH).print(table)
 
 
 def _channel_error_text(row: PositionResidual) -> str:

@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from calstation.cli.options import JsonOption, ProductOption, StationOption, command_group
-from calstation.cli.show import emit_json, ignore_progress, new_table, show_line, three_digits
+from calstation.cli.show import emit_json, ignore_progress, new_table, plain_console, show_line, three_digits
 from calstation.cli.text import say
 from calstation.connection import OtherUnit, read_unit
 from calstation.errors import ConfigurationError
@@ -60,15 +60,15 @@ def apply(
     applied = output.applied(before, values_after)
     cautions = _warnings(applied, result.serial)
     for caution in cautions:
-        show_line(Console(stderr=True), caution)
+        show_line(plain_console(stderr=True), caution)
     if out is not None:
         parameters = np.zeros_like(values_after) if output.corrected else values_after
         export_corrected(output.path, output.meta, output.blocks, parameters, out)
-        show_line(Console(stderr=True), str(out))
+        show_line(plain_console(stderr=True), str(out))
     errors = np.stack([applied.rest_length, applied.rest_rate - applied.earth])
     emit_json(_json(applied, errors), json)
     if json != "-":
-        _show(Console(file=sys.stdout), applied, errors)
+        _show(plain_console(file=sys.stdout), applied, errors)
     return 0
 
 

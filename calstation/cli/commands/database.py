@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from calstation.cli.options import JsonOption, RunsOption, StationOption, command_group
-from calstation.cli.show import emit, show_line
+from calstation.cli.show import emit, plain_console, show_line
 from calstation.cli.text import say, sentence
 from calstation.database import (
     Exchange,
@@ -55,7 +54,7 @@ def exchange(
     finally:
         exchange_now.close()
     state = read_state(out)
-    console = Console(stderr=True)
+    console = plain_console(stderr=True)
     for line in _lines(state):
         show_line(console, line)
     for claim in state.claims:
@@ -66,7 +65,7 @@ def exchange(
 
 def _watch(out: Path, url: str, name: str, archive: str | None) -> None:
     """Exchange the runs of a folder until the process receives a signal to end; show each change of the state."""
-    stop, console, previous = threading.Event(), Console(stderr=True), list[str]()
+    stop, console, previous = threading.Event(), plain_console(stderr=True), list[str]()
 
     def wait(seconds: float) -> bool:
         lines = _lines(read_state(out))
@@ -98,7 +97,7 @@ def upgrade(
     """Create the tables of the shared database, or upgrade them to this version; requires the database owner."""
     url = url or database_of(station)[0]
     code = "cli.tables_upgraded" if upgrade_tables(url) else "cli.tables_unchanged"
-    show_line(Console(stderr=True), say(code, database=url))
+    show_line(plain_console(stderr=True), say(code, database=url))
 
 
 @app.command()
@@ -108,7 +107,7 @@ def adopt(
 ) -> None:
     """Continue the exchange of a folder of runs that was moved or copied."""
     adopt_folder(out, copied=copy)
-    show_line(Console(stderr=True), say("cli.copy_adopted" if copy else "cli.folder_adopted", folder=out))
+    show_line(plain_console(stderr=True), say("cli.copy_adopted" if copy else "cli.folder_adopted", folder=out))
 
 
 @app.command()

@@ -4,10 +4,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from calstation.cli.options import command_group
-from calstation.cli.show import show_line
+from calstation.cli.show import plain_console, show_line
 from calstation.cli.text import say
 from calstation.records import export_csv
 
@@ -22,4 +21,4 @@ def export(
     """Write a raw log as a CSV file and a TOML file."""
     facts = export_csv(log, out)
     code = "cli.exported_damaged" if facts.damaged else "cli.exported"
-    show_line(Console(stderr=True), say(code, file=out, samples=facts.samples, damaged=facts.damaged))
+    show_line(plain_console(stderr=True), say(code, file=out, samples=facts.samples, damaged=facts.damaged))

@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from calstation.cli.options import JsonOption, ParametersOnlyOption, StagesOption, command_group, parsed_stages
-from calstation.cli.show import emit_json, job_progress, new_table, on_interrupt, show_line
+from calstation.cli.show import emit_json, job_progress, new_table, on_interrupt, plain_console, show_line
 from calstation.cli.text import say
 from calstation.fleet import (
     UNCHANGED,
@@ -71,7 +71,7 @@ def resolve(
         Selection(station, product, *days), retry_failed,
     )  # fmt: skip
     baseline = None if compare_with is None else request.baseline(compare_with)
-    console = Console(stderr=True)
+    console = plain_console(stderr=True)
     requests = [request.unchanged, request] if compare_with == UNCHANGED else [request]
     for each in requests:
         summary = _solve(console, each)
@@ -176,12 +176,12 @@ def export(
     """Write the solutions of a version to a Parquet file, which DuckDB, pandas and other programs can read."""
     with job_progress(say("cli.reading_solutions")) as progress:
         count = export_version(progress, database, version, out)
-    show_line(Console(stderr=True), say("cli.solutions_written", file=out, count=count))
+    show_line(plain_console(stderr=True), say("cli.solutions_written", file=out, count=count))
 
 
 def _show(comparison: Comparison) -> None:
     """Show the changed verdicts, the changes of the parameters, and the groups."""
-    console = Console(file=sys.stdout, width=_WIDTH)
+    console = plain_console(file=sys.stdout, width=_WIDTH)
 
     def section(title: str, *columns: str) -> Table:
         return new_table(title, *(f"cli.column_{name}" for name in columns), padding=(0, 1, 0, 0))

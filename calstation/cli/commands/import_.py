@@ -4,10 +4,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from calstation.cli.options import LogOutOption, StationOption, by_name, command_group
-from calstation.cli.show import show_line
+from calstation.cli.show import plain_console, show_line
 from calstation.cli.text import say
 from calstation.records import open_log, write_log
 from calstation.results import recording_faults
@@ -38,7 +37,7 @@ def import_(
         notes = [say("cli.import_damaged", packets=capture.failed, bytes=capture.skipped)]
         notes += [] if capture.has_site else [say("cli.import_site", station=config.name)]
     text = say("cli.imported", file=out, samples=facts.samples, gaps=facts.gaps)
-    console = Console(stderr=True)
+    console = plain_console(stderr=True)
     show_line(console, ", ".join([text, *notes]))
     for fault in recording_faults(open_log(out)):
         show_line(console, say("cli.recording_fault", fault=fault))

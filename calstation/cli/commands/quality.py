@@ -20,7 +20,16 @@ from calstation.cli.options import (
     command_group,
     existing_folder,
 )
-from calstation.cli.show import emit, emit_json, ignore_progress, interval, job_progress, new_table, show_line
+from calstation.cli.show import (
+    emit,
+    emit_json,
+    ignore_progress,
+    interval,
+    job_progress,
+    new_table,
+    plain_console,
+    show_line,
+)
 from calstation.cli.text import say, term
 from calstation.config import load_product, load_station
 from calstation.errors import ConfigurationError, InputError
@@ -87,7 +96,7 @@ def quality(
         summary = summarise_quality(progress, out, product, serial, parameter, begin, relative=relative)
     emit_json(summary.to_json(), json)
     if json != "-":
-        console = Console(file=sys.stdout, width=_WIDTH)
+        console = plain_console(file=sys.stdout, width=_WIDTH)
         _show_summary(console, summary, relative=relative)
         if serial is not None and not History(out).of(serial):
             show_line(console, say("quality.no_run_of_unit", serial=serial, folder=out))
@@ -135,7 +144,7 @@ def gauge(
         )
         for number, each in enumerate(gauge_plan.order, 1):
             table.add_row(str(number), str(each.trial), *(getattr(each, factor) for factor in gauge_plan.factors))
-        Console(file=sys.stdout, width=_WIDTH).print(table)
+        plain_console(file=sys.stdout, width=_WIDTH).print(table)
     return 0
 
 
@@ -160,7 +169,7 @@ def _evaluate(path: Path, product: Path | None, parameter: str | None, out: Path
     head = {"schema": "calstation.gauge_study/1", "plan": path.name, "product": state.plan.product}
     emit_json({**head, "out_of_order": state.out_of_order, "parameters": rows}, json)
     if json != "-":
-        console = Console(file=sys.stdout, width=_WIDTH)
+        console = plain_console(file=sys.stdout, width=_WIDTH)
         _show_study(console, state.plan, studies)
         if state.out_of_order:
             runs = len(state.plan.order)

@@ -3,10 +3,9 @@
 from typing import Annotated, cast, get_args
 
 import typer
-from rich.console import Console
 
 from calstation.cli.options import LogOutOption, check_choice, command_group
-from calstation.cli.show import show_line
+from calstation.cli.show import plain_console, show_line
 from calstation.cli.text import say
 from calstation.errors import InputError
 from calstation.records import SUFFIX, truth_path
@@ -31,4 +30,4 @@ def record(
     facts, truth = make_recording(cast(Kind, kind), out, cast(GradeName, grade), seed)
     truth_file = truth_path(out)
     write_json(truth_file, truth)
-    show_line(Console(stderr=True), say("cli.recorded", file=out, samples=facts.samples, truth=truth_file))
+    show_line(plain_console(stderr=True), say("cli.recorded", file=out, samples=facts.samples, truth=truth_file))

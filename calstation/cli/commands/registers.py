@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
 from calstation.cli.confirmation import ask_people
 from calstation.cli.options import (
@@ -21,7 +20,7 @@ from calstation.cli.options import (
     command_group,
 )
 from calstation.cli.run import engine_events, print_fault
-from calstation.cli.show import emit, ignore_progress, new_table, show_line
+from calstation.cli.show import emit, ignore_progress, new_table, plain_console, show_line
 from calstation.cli.text import say, term
 from calstation.config import (
     RegisterOperation,
@@ -113,7 +112,7 @@ def read(
         for row in unit.registers:
             value, name = display(row.parameter, row.value)
             table.add_row(str(row.address), row.parameter, f"{value:.4f}", name, row.raw)
-        Console(file=sys.stdout).print(table)
+        plain_console(file=sys.stdout).print(table)
 
 
 @app.command()
@@ -202,7 +201,7 @@ def _announce_and_confirm(operation: RegisterOperation, yes: bool) -> None:
     values = {"station": station.name, "serial": operation.request.serial}
     announcement = say(f"cli.operate_{operation.what}")
     effect = say("cli.moves" if moves else "cli.at_rest", **values)
-    show_line(Console(stderr=True), f"{announcement} {effect}")
+    show_line(plain_console(stderr=True), f"{announcement} {effect}")
     question = say("cli.confirm_moves" if moves else "cli.confirm_at_rest", **values)
     if station.bench is None and not yes and not typer.confirm(question, err=True):
         raise StoppedError("cli.not_confirmed_nor_written")

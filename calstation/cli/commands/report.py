@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from calstation.cli.confirmation import ask_people
 from calstation.cli.options import ByOption, ConfirmedByOption, check_choice, command_group
-from calstation.cli.show import job_progress, show_line
+from calstation.cli.show import job_progress, plain_console, show_line
 from calstation.cli.text import say, term
 from calstation.config import computer_user
 from calstation.errors import ConfigurationError
@@ -50,7 +49,7 @@ def report(
         certificate, pdf = issue_report(progress, request)
     values = {"file": pdf, "number": certificate.identification, "issued": certificate.issued.isoformat()}
     verdict = term("report_verdict", certificate.verdict)
-    show_line(Console(stderr=True), say("cli.report_written", **values, verdict=verdict))
+    show_line(plain_console(stderr=True), say("cli.report_written", **values, verdict=verdict))
 
 
 def _day(text: str | None) -> date | None:

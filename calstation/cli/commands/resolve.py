@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated, cast, get_args
 
 import typer
-from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from calstation.cli.options import (
@@ -16,7 +15,7 @@ from calstation.cli.options import (
     command_group,
     parsed_stages,
 )
-from calstation.cli.show import emit_json, residual_table, result_table
+from calstation.cli.show import emit_json, plain_console, residual_table, result_table
 from calstation.cli.text import say, sentence
 from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.messages import event_text
@@ -48,7 +47,7 @@ def resolve(
     for state in states or ():
         check_choice("--state", state, get_args(EffectName))
     added = cast(tuple[EffectName, ...], tuple(states or ()))
-    console = Console(stderr=True)
+    console = plain_console(stderr=True)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(say("cli.reading_log", file=log.name))
@@ -62,12 +61,12 @@ def resolve(
         )
     texts = (sentence(event_text(event_id, values)) for event_id, values in solved.messages)
     for text in dict.fromkeys(texts):  # a stage may repeat the message of another
-        console.print(text, highlight=False, markup=False)
+        console.print(text)
     by_stage = {stage: [row.to_json() for row in rows] for stage, rows in solved.residuals.items()}
     emit_json({**solved.result.to_json(), **({"residuals": by_stage} if residuals else {})}, json)
     passed = solved.result.passed
     if json != "-":
-        out = Console(file=sys.stdout)
+        out = plain_console(file=sys.stdout)
         for stage, rows in solved.residuals.items():
             residual_table(stage, rows)
         result_table(out, solved.result)
@@ -75,7 +74,7 @@ def resolve(
         without_verdict = "in_part" if solved.missing_data else reason
         within_limits = "partial" if solved.result.partial else "passed"
         ending = without_verdict if passed is None else within_limits if passed else "failed"
-        out.print(say(f"cli.resolved_{ending}", stages=solved.result.stages), highlight=False)
+        out.print(say(f"cli.resolved_{ending}", stages=solved.result.stages))
     if solved.missing_data:
         raise InsufficientDataError(
             "cli.stages_lacking",

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from calstation.cli.errors import print_error
 from calstation.cli.options import JsonOption, command_group
-from calstation.cli.show import emit_json, new_table, on_interrupt, show_line
+from calstation.cli.show import emit_json, new_table, on_interrupt, plain_console, show_line
 from calstation.cli.text import say
 from calstation.errors import StoppedError
 from calstation.simulation import Soak
@@ -48,14 +48,14 @@ def soak(
         done = _soak(runs, seed, Path(temporary) if keep is None else keep, full, interrupted)
     counts = {"seed": seed, "full": full, **done.counts()}
     emit_json(counts, json)
-    _show_soak(Console(stderr=json == "-"), counts)
+    _show_soak(plain_console(stderr=json == "-"), counts)
     if len(done.runs) < runs:
         return StoppedError.exit_code
     return 0 if done.passed else 1
 
 
 def _soak(runs: int, seed: int, folder: Path, full: bool, interrupted: list[bool]) -> Soak:
-    console = Console(stderr=True)
+    console = plain_console(stderr=True)
     text, now = TextColumn("{task.description}"), TextColumn("{task.fields[now]}")
     columns = (text, BarColumn(30), MofNCompleteColumn(), TimeElapsedColumn(), now)
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
@@ -74,7 +74,7 @@ def _soak(runs: int, seed: int, folder: Path, full: bool, interrupted: list[bool
                 *last.record_defects,
                 *([say("cli.soak_unsafe_run")] if last.unsafe else []),
             ):
-                console.print(say("cli.soak_problem", **values, problem=text), markup=False)
+                console.print(say("cli.soak_problem", **values, problem=text))
 
         return run_soak(runs, seed, folder, full=full, on_run=on_run, stopping=lambda: bool(interrupted))
 

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from calstation.cli.options import JsonOption, check_choice, command_group
-from calstation.cli.show import emit_json, interval, new_table
+from calstation.cli.show import emit_json, interval, new_table, plain_console
 from calstation.cli.text import say
 from calstation.errors import ConfigurationError
 from calstation.physics import DISPLAY
@@ -37,12 +37,12 @@ def study(
         statistics = run_study(cast(GradeName | None, grade), seeds, _follow(bar, say("cli.simulated_units")))
     emit_json(statistics, json)
     if json != "-":
-        console = Console(file=sys.stdout)
+        console = plain_console(file=sys.stdout)
         for row in statistics["rows"]:
             _show_groups(console, say("cli.study_title", grade=row["grade"], case=row["case"], units=row["units"]), row)
             bound = {"ratio": row["bound_ratio"], "limit": row["bound_limit"]}
             text = say("cli.study_passed" if row["passed"] else "cli.study_failed", **row["nees"], **bound)
-            console.print(text, highlight=False)
+            console.print(text)
     return 0 if statistics["passed"] else 1
 
 
@@ -58,13 +58,13 @@ def _study_method(method: str, grade: str | None, seeds: int | None, json: str |
     if json != "-":
         for row in rows:
             values = {name: row[name] for name in ("method", "grade", "units", "consistency")}
-            _show_groups(Console(file=sys.stdout), say("cli.method_study_title", **values), row)
+            _show_groups(plain_console(file=sys.stdout), say("cli.method_study_title", **values), row)
     return 0 if passed else 1
 
 
 def _units_bar() -> Progress:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=Console(stderr=True), transient=True)
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=plain_console(stderr=True), transient=True)
 
 
 def _follow(bar: Progress, name: str) -> Callable[[int, int], None]:

@@ -5,11 +5,10 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
 from calstation.cli.errors import command_options
 from calstation.cli.options import JsonOption, ProductOption, StationOption, check_choice, command_group
-from calstation.cli.show import emit
+from calstation.cli.show import emit, plain_console
 from calstation.cli.text import LANGUAGE, say
 from calstation.config import load_station
 from calstation.connection import (
@@ -39,14 +38,14 @@ def link(
     Returns the exit code of a device fault if a run would not start.
     """
     check_choice("DEVICE", device, tuple(_TESTS))
-    console = Console(stderr=True)
+    console = plain_console(stderr=True)
     last = ""
 
     def progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
         nonlocal last
         if note and note != last:
             last = note
-            console.print(say(f"note.{note}"), highlight=False, markup=False, style="dim")
+            console.print(say(f"note.{note}"), style="dim")
 
     configured = load_station(station)[1]
     slots = configured.slot_names if device == "imu" else ()

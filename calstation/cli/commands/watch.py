@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from calstation.cli.options import JsonOption, ProductOption, by_name, command_group
-from calstation.cli.show import emit_json, on_interrupt, on_line, show_line, three_digits
+from calstation.cli.show import emit_json, on_interrupt, on_line, plain_console, show_line, three_digits
 from calstation.cli.text import say, sentence
 from calstation.config import RunRequest, load_pair_configuration, load_station, pair_folder
 from calstation.connection import LineServer, open_pair
@@ -149,7 +149,7 @@ def _watch_station(
 
 def _console(json: str | None) -> Console:
     """Return the console for events, which is standard output unless the JSON is written there."""
-    return Console(file=sys.stderr if json == "-" else sys.stdout)
+    return plain_console(file=sys.stderr if json == "-" else sys.stdout)
 
 
 @contextmanager
