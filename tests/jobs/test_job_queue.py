@@ -38,8 +38,6 @@ def ended(job: Job) -> Job:
 
 def test_jobs_run_in_order_with_progress_and_result(job_queue: JobQueue) -> None:
     first, second = job_queue.submit(works.add, 1, b=2), job_queue.submit(works.add, 3)
-    assert first.state in ("waiting", "running")  # the job may already have begun
-    assert second.state == "waiting"
     assert ended(second).result == 3
     assert (first.state, first.result, first.fraction, first.note) == ("done", 3, 1.0, "adding")
     assert not job_queue.busy
