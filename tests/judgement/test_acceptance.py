@@ -258,7 +258,7 @@ def test_angle_between_positions_excludes_earth_rate(turns):
     inertial = axis_rotation(tuple(earth / np.linalg.norm(earth)), float(np.linalg.norm(earth)) * duration)
     seen = inertial @ axis_rotation(X, angle)
     moved = MotionEvidence(0, 1, duration, angle, seen, np.zeros(COUNT), seen, np.zeros((3, 12)))
-    rests = tuple(replace(rest([0.0, 0.0, G], np.array([a, 0.0])), rate=earth) for a in (0.0, angle))
+    rests = tuple(replace(rest([0.0, 0.0, G], np.array([a, 0.0])), rate=earth, steady_rate=earth) for a in (0.0, angle))
     evidence = Evidence("rate", rests, (moved,))
     assert turn_between(evidence, 0, 1, np.zeros(COUNT)).duration == duration
     assert checked({"motion_angle": {"within": 1e-8}}, solution(evidence))["motion_angle"].passed

@@ -48,6 +48,7 @@ from calstation.estimation.common.noise import (
     rest_force,
     rest_mean_variance,
     rest_noise,
+    rest_weights,
     with_measured_noise,
 )
 from calstation.estimation.common.planned import PlannedSamples, profile

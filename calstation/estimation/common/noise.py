@@ -123,10 +123,15 @@ def rest_mean_variance(context: SolveContext, duration: float) -> float:
     )
 
 
+def rest_weights(data: StageData, context: SolveContext, start: int, stop: int) -> FloatArray:
+    """Return `slope_weights` for a rest, with which motion of bounded amplitude hardly changes a mean."""
+    return slope_weights(stop - start, max(round(filter_noise(context).interval / data.dt), 1))
+
+
 def rest_force(data: StageData, context: SolveContext, start: int, stop: int) -> tuple[FloatArray, float]:
     """Return the mean specific force of a rest weighted with `slope_weights`, m/s², shape (3,), and its variance."""
-    weights = slope_weights(stop - start, max(round(filter_noise(context).interval / data.dt), 1))
-    return np.asarray(weights @ data.accel[start:stop]), rest_mean_variance(context, (stop - start) * data.dt)
+    force = rest_weights(data, context, start, stop) @ data.accel[start:stop]
+    return np.asarray(force), rest_mean_variance(context, (stop - start) * data.dt)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from calstation.estimation.common import (
     rest_force,
     rest_mean_variance,
     rest_noise,
+    rest_weights,
     with_measured_noise,
 )
 from calstation.estimation.positions.rows import GYRO_COLUMNS, gyro_derivative, integrate_rotation
@@ -37,11 +38,18 @@ class RestEvidence:
     angles: FloatArray | None  #: Encoder angles, rad, shape (2,); None if they were not polled.
     force_sigma: float = 0.0  #: Sigma of each component of `force`, m/s².
     excess_sigma: float = 0.0  #: Increase of this sigma due to noise above the profiles', m/s².
+    #: Raw rate, averaged with `slope_weights`, rad/s, shape (3,): rocking of the table changes it less than `rate`.
+    steady_rate: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def compensated(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rate, rad/s, and specific force, m/s², compensated with these parameters, shape (3,) each."""
         omega, force = compensate(compensation(parameters), self.rate[None], self.force[None])
         return omega[0], force[0]
+
+    def earth_rate(self, parameters: FloatArray) -> FloatArray:
+        """Return the rate of a rest compensated with these parameters, rad/s, shape (3,)."""
+        omega, _ = compensate(compensation(parameters), self.steady_rate[None], self.force[None])
+        return np.asarray(omega[0])
 
 
 @dataclass(frozen=True)
@@ -84,12 +92,9 @@ def gather(stage: str, data: StageData, context: SolveContext, before: FloatArra
     for a, b in still.rests:
         force, variance = rest_force(data, context, a, b)
         sigma = float(np.sqrt(rest_mean_variance(noisy, (b - a) * data.dt)))
-        rate = data.gyro[a:b].mean(axis=0)
-        rests.append(
-            RestEvidence(
-                (b - a) * data.dt, force, rate, mean_angles(data, a, b), sigma, sigma - float(np.sqrt(variance))
-            )
-        )
+        rate, steady = data.gyro[a:b].mean(axis=0), rest_weights(data, context, a, b) @ data.gyro[a:b]
+        excess, angles = sigma - float(np.sqrt(variance)), mean_angles(data, a, b)
+        rests.append(RestEvidence((b - a) * data.dt, force, rate, angles, sigma, excess, steady))
     c, old = compensation(parameters), compensation(before)
     motions = []
     for link in still.links:
@@ -160,7 +165,7 @@ def angle_errors(
         return *gravity_errors(evidence, turn, parameters), float(
             np.hypot(first.force_sigma, second.force_sigma)
         ) / gravity
-    earth, _ = first.compensated(parameters)
+    earth = first.earth_rate(parameters)
     reference = axes.body_to_home(*first.angles).T @ axes.body_to_home(*second.angles)
     angles = [_angle(reference)]
     angles += [_angle(rotation_matrix(-earth * turn.duration) @ B) for B in (turn.uncalibrated, turn.calibrated)]
@@ -172,7 +177,10 @@ def gravity_errors(evidence: Evidence, turn: Turn, parameters: FloatArray) -> tu
 
     In both cases gravity is measured by the accelerometers compensated with `parameters`.
     """
-    earth, up = evidence.rests[turn.before].compensated(parameters)
+    earth, up = (
+        evidence.rests[turn.before].earth_rate(parameters),
+        evidence.rests[turn.before].compensated(parameters)[1],
+    )
     measured = evidence.rests[turn.after].compensated(parameters)[1]
     errors = []
     for rotation in (turn.uncalibrated, turn.calibrated):
