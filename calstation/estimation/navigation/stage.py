@@ -26,7 +26,7 @@ from calstation.estimation.common import (
     starts,
     with_measured_noise,
 )
-from calstation.estimation.effects import EffectTests, Sensitivity, known_effects
+from calstation.estimation.effects import EffectEstimate, EffectTests, Sensitivity, known_effects
 from calstation.estimation.method import Innovations, Progress, Ranking, Solution, StageSolver, with_diagnosis
 from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter
 from calstation.estimation.navigation.observability import ObservabilityAnalysis
@@ -126,10 +126,16 @@ class NavigationStage(StageSolver):
         mask = np.array([name in self.estimated for name in NAMES])
         result = first_pass(data, self.context, self.prior, mask, self._live.mean)
         posterior = consider_update(self.prior, result.posterior, mask)
-        priors = known_effects(self.prior.sigma, self.context)
-        before = self.effects or EffectTests(np.zeros(COUNT), self.context.states, priors)
-        sensitivity = result_sensitivity(result, data, self.context, mask)
-        return before.with_stage(self.stage, sensitivity, self.estimated).estimate().correct(posterior).sigma
+        return self._estimated_effects(data, self.context, mask, result).correct(posterior).sigma
+
+    def _estimated_effects(
+        self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult
+    ) -> EffectEstimate:
+        """Return the effects in the unit's model after a solution of this stage."""
+        priors = known_effects(self.prior.sigma, context)
+        before = self.effects or EffectTests(np.zeros(COUNT), context.states, priors)
+        sensitivity = result_sensitivity(result, data, context, mask)
+        return before.with_stage(self.stage, sensitivity, self.estimated).estimate()
 
     def ranking(self) -> Ranking | None:
         """Return the observability at the last call of `sigma`; None before the first observation."""
@@ -141,7 +147,14 @@ class NavigationStage(StageSolver):
         mask = np.array([name in self.estimated for name in NAMES])
         measured = rest_noise(data, self.context, self.prior.gyro_bias)
         context = with_measured_noise(self.context, measured)
-        result, context = solve_with_table_noise(data, context, self.prior, mask, progress)
+        result, context = solve_with_table_noise(
+            data,
+            context,
+            self.prior,
+            mask,
+            lambda result, context: self._estimated_effects(data, context, mask, result).explained,
+            progress,
+        )
         nis = result.history.nis
         messages = list(measured.messages())
         if result.azimuth_free:

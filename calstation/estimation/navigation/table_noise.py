@@ -1,16 +1,15 @@
 """Noise of the velocity observations of a stage, from its innovations, if it differs from the table's profile."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from calstation.estimation.common import Posterior, SolveContext, StageData, nis_consistency
-from calstation.estimation.effects import known_effects
 from calstation.estimation.method import Progress
 from calstation.estimation.navigation.navigation_pass import History
 from calstation.estimation.navigation.relinearise import REST_RATE, NavigationResult, pass_about, solve_navigation
-from calstation.estimation.navigation.response import result_sensitivity
-from calstation.physics import COUNT, EFFECTS, BoolArray, FloatArray
+from calstation.physics import BoolArray, FloatArray
 
 #: Ratio of the assumed variance to that of the innovations above which the model is tested with the latter.
 MAX_VARIANCE_RATIO = 1.25
@@ -19,8 +18,6 @@ _MEDIAN, _SCATTER = 2.366, 0.95
 MAX_ADJUSTMENTS = 4
 #: Smallest fraction of the profile's variance that is used: below it, other noise dominates and rounding errors grow.
 _MIN_RATIO = 0.01
-#: Smallest relative eigenvalue of an information matrix that is not due to rounding.
-_MIN_EIGENVALUE = 1e-10
 #: Smallest number of observations at rest, or in motion, whose median is used.
 _MIN_COUNT = 50
 
@@ -30,6 +27,7 @@ def solve_with_table_noise(
     context: SolveContext,
     prior: Posterior,
     estimated: BoolArray,
+    explained: Callable[[NavigationResult, SolveContext], float],
     progress: Progress | None = None,
 ) -> tuple[NavigationResult, SolveContext]:
     """Solve a stage, and solve it again if its innovations indicate more velocity noise than the profile specifies.
@@ -37,7 +35,8 @@ def solve_with_table_noise(
     Return the result and the context with that noise; for a quieter table, see `pass_with_actual_noise`. The noise is
     increased if the test of the innovations would fail. It is the larger of the medians of rests and motions, because a
     median is insensitive to an effect in a part of the stage, or the mean if it agrees with them. What the effects in
-    the model explain is no noise. Raises InsufficientDataError if no segment contains a rest.
+    the model explain is no noise: `explained` returns their part of the sum of squared innovations. Raises
+    InsufficientDataError if no segment contains a rest.
     """
     result = solve_navigation(data, context, prior, estimated, progress)
     for _ in range(MAX_ADJUSTMENTS):
@@ -48,7 +47,7 @@ def solve_with_table_noise(
         if mean < ratio * (1.0 + 4.0 * _SCATTER / np.sqrt(len(nis))):
             ratio = max(ratio, mean)
         if ratio > largest:
-            ratio *= _unexplained(result, data, context, prior, estimated)
+            ratio *= max(0.0, 1.0 - explained(result, context) / float(np.sum(nis)))
         if ratio <= largest:
             break
         context = _with_variance(context, ratio)
@@ -77,24 +76,6 @@ def pass_with_actual_noise(
         return result
     quieter = pass_about(result, data, _with_variance(context, max(ratio, _MIN_RATIO)), prior, estimated)
     return quieter if np.isfinite(quieter.history.nis).all() else result
-
-
-def _unexplained(
-    result: NavigationResult, data: StageData, context: SolveContext, prior: Posterior, estimated: BoolArray
-) -> float:
-    """Return the fraction of the sum of squared innovations that is not due to the effects in the model.
-
-    The earlier stages were solved without these effects, so errors of the prior mean are included.
-    """
-    sensitivity = result_sensitivity(result, data, context, estimated)
-    inside = {*context.states, *known_effects(prior.sigma, context)}
-    columns = [effect.cause in inside for effect in EFFECTS for _ in effect.components]
-    fit = np.flatnonzero(np.array(COUNT * [True] + columns))
-    scale = np.sqrt(np.diag(sensitivity.information)[fit])
-    fit, scale = fit[scale > 0.0], scale[scale > 0.0]
-    score, information = sensitivity.score[fit] / scale, sensitivity.information[np.ix_(fit, fit)]
-    explained = score @ np.linalg.pinv(information / np.outer(scale, scale), _MIN_EIGENVALUE, hermitian=True) @ score
-    return max(0.0, 1.0 - float(explained) / float(np.sum(result.history.nis)))
 
 
 def _with_variance(context: SolveContext, ratio: float) -> SolveContext:
