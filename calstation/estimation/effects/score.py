@@ -310,11 +310,8 @@ class EffectTests:
         total, sigmas = sums @ size, np.sqrt(np.diag(sums @ covariance @ sums.T))
         freedom = float(np.sum(covariance * information))
         tested = plausible > 0.0
-        k, names = (
-            int(np.argmax(np.abs(total) / np.where(sums @ tested > 0.0, sigmas, np.inf))),
-            tuple(self._parameters),
-        )
-        best = int(np.argmax(sums[k]))
+        k = int(np.argmax(np.abs(total) / np.where(sums @ tested > 0.0, sigmas, np.inf)))
+        best, names = int(np.argmax(sums[k])), tuple(self._parameters)
         shift = (error @ size / np.where(sigma > 0.0, sigma, np.inf))[[INDEX[name] for name in names]]
         largest = float(np.max(np.abs(size) / np.where(tested, plausible, np.inf)))
         return EffectEvidence(

@@ -173,11 +173,9 @@ def last_turns(
     stride = max(round(TURN_INTERVAL / data.dt), 1)
     rate = group_means(data.gyro, stride) - parameters[group_indices("gyro_bias")]
     time = group_means(data.time[:, None], stride)[:, 0]
-    x, y, z = (
-        Motion.steady(rate, np.zeros_like(rate), time, np.array(before)).last_turns[-1].tolist()
-        if len(rate)
-        else before
-    )
+    if not len(rate):
+        return before
+    x, y, z = Motion.steady(rate, np.zeros_like(rate), time, np.array(before)).last_turns[-1].tolist()
     return x, y, z
 
 
