@@ -15,7 +15,7 @@ import numpy as np
 
 from calstation.estimation import Diagnosis, ModelTest
 from calstation.estimation.common import Posterior, SolveContext, StageData
-from calstation.judgement.table_motion import TableMotion, table_motion, turn_axis
+from calstation.judgement.table_motion import SMALLEST_TURN, TableMotion, table_motion, turn_axis
 from calstation.messages import Text
 from calstation.physics import (
     AXES,
@@ -25,14 +25,13 @@ from calstation.physics import (
     FloatArray,
     orientation_matrix,
     rotation_rate,
+    rotation_vector,
 )
 
 #: Largest deviation of a force or a rotation from its expected value, relative to it; it exceeds every error of a unit.
 _AGREES = 0.35
 #: Largest fraction of rests or motions that the right configuration leaves unexplained.
 _UNEXPLAINED = 0.05
-#: Smallest rotation of one joint that is compared, rad, and largest rotation of the other joint relative to it.
-_SMALLEST_TURN, _OTHER_JOINT = np.deg2rad(5.0), 0.02
 #: Largest deviation of a scale from 1, as a ratio, and of a factor from a known one.
 _SCALE, _KNOWN = 1.25, 1.1
 #: Confusions of units: actual unit, configured unit, and the factor by which the output is multiplied.
@@ -177,8 +176,8 @@ class _Candidate:
 def _candidates(motion: TableMotion, context: SolveContext) -> Iterator[_Candidate]:
     """Yield the configurations that explain a stage."""
     for angles in _ANGLES:
-        up, turns, used = _expected(angles.corrected(motion.angles), motion, context)
-        gyros = _fits(motion.rotation[used], turns)
+        up, turns, rotations = _expected(angles, motion, context)
+        gyros = _fits(rotations, turns)
         accels = _fits(motion.force, context.site.local_gravity * up)
         is_scaled = any(g is not None and _is_near(g.factor, 1.0) for g in gyros)
         if gyros and accels and (angles.factor == 1.0 or is_scaled):
@@ -189,24 +188,26 @@ def _candidates(motion: TableMotion, context: SolveContext) -> Iterator[_Candida
             yield min(candidates, key=lambda candidate: candidate.errors)
 
 
-def _expected(
-    joints: FloatArray, motion: TableMotion, context: SolveContext
-) -> tuple[FloatArray, FloatArray, list[int]]:
-    """Return the up directions in b at the rests, shape (k, 3), and the rotations of single joints, rad, shape (u, 3).
+def _expected(angles: _Angles, motion: TableMotion, context: SolveContext) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the up directions in b at the rests, shape (k, 3), and rotations of the unit, rad, shape (u, 3).
 
-    The last value are the indices of the u motions. `joints` are the angles at the rests, rad, shape (k, 2).
+    The rotations are those of the corrected angles: of single joints between two rests, and of parts of other motions.
+    The last value are the rotations that the gyros measure.
     """
-    geometry = context.table.geometry
-    homes = [geometry.body_to_home(*pair) for pair in joints]
-    turns, used = [], []
-    for index, (k, _) in enumerate(motion.links):
+    geometry, joints = context.table.geometry, angles.corrected(motion.angles)
+    up = np.array([geometry.body_to_home(*pair)[2] for pair in joints])
+    turns, measured = [], []
+    for (k, _), moved, rotation in zip(motion.links, motion.joints, motion.rotation, strict=True):
         change = joints[k + 1] - joints[k]
         joint = int(np.argmax(np.abs(change)))
-        if abs(change[joint]) < _SMALLEST_TURN or abs(change[1 - joint]) > _OTHER_JOINT * abs(change[joint]):
-            continue
-        turns.append(change[joint] * turn_axis(joints[k], joint, context))
-        used.append(index)
-    return np.array([home[2] for home in homes]), np.array(turns).reshape(-1, 3), used
+        if moved is not None and abs(change[joint]) >= SMALLEST_TURN:
+            turns.append(change[joint] * turn_axis(joints[k], joint, context))
+            measured.append(rotation)
+    for pair, rotation in zip(motion.part_angles, motion.part_rotation, strict=True):
+        before, after = (geometry.body_to_home(*joints) for joints in angles.corrected(pair))
+        turns.append(rotation_vector(before.T @ after))
+        measured.append(rotation)
+    return up, np.array(turns).reshape(-1, 3), np.array(measured).reshape(-1, 3)
 
 
 def _fits(measured: FloatArray, expected: FloatArray) -> list[_Fit | None]:
@@ -256,17 +257,17 @@ def _swaps(sensor: str, axes: FloatArray) -> list[Text]:
 
 def _turned_modulo(motion: TableMotion, context: SolveContext) -> bool:
     """Return whether gyros and encoders differ by whole turns in the motions in which they differ."""
-    if np.ptp(motion.angles, axis=0).max() > 2.0 * np.pi + _SMALLEST_TURN:
+    if np.ptp(motion.angles, axis=0).max() > 2.0 * np.pi + SMALLEST_TURN:
         return False
     differ = 0
     for (k, _), rotation in zip(motion.links, motion.rotation, strict=True):
         size = float(np.linalg.norm(rotation))
         change = motion.angles[k + 1] - motion.angles[k]
         joint = int(np.argmax(np.abs(change)))
-        if not size >= np.pi or abs(change[1 - joint]) > _SMALLEST_TURN:  # the rotation is unknown without gyros
+        if not size >= np.pi or abs(change[1 - joint]) > SMALLEST_TURN:  # the rotation is unknown without gyros
             continue
         axis = turn_axis(motion.angles[k], joint, context)
-        is_still = abs(change[joint]) < _SMALLEST_TURN  # the axis of a whole turn is not recorded
+        is_still = abs(change[joint]) < SMALLEST_TURN  # the axis of a whole turn is not recorded
         along = size if is_still else float(rotation @ axis)
         turns = (along - float(change[joint])) / (2.0 * np.pi)
         if not abs(turns) >= 0.5:
@@ -318,7 +319,7 @@ def _is_near(factor: float, known: float) -> bool:
 def _wrapped_channel(motion: TableMotion, context: SolveContext) -> Diagnosis | None:
     """Return the channel whose mean at rest is wrong by a wrap of its counter; None if there is none."""
     gravity, size = context.site.local_gravity, context.imu.count_size
-    up, _, _ = _expected(motion.angles, motion, context)
+    up, _, _ = _expected(_Angles(), motion, context)
     means = np.hstack([motion.rate, motion.force - gravity * up])
     for channel, values in enumerate(means.T):
         middle = float(np.median(values))

@@ -29,6 +29,8 @@ _MODEL_DEPENDENT: frozenset[CheckKind] = frozenset({
 _OF_DATA: frozenset[CheckKind] = frozenset({"clipping", "samples", "sample_clock", "sigma_below", "within"})
 #: Kinds of checks of the site and of the mounting, the most certain first.
 _OF_SITE: tuple[CheckKind, ...] = ("latitude", "heading", "start_attitude")
+#: Deviation of the heading, in units of its limit, above which no effect is its cause.
+_FAR = 3.0
 
 
 @dataclass(frozen=True)
@@ -131,11 +133,16 @@ def _with_explanation(checks: list[Check], solutions: Sequence[Solution]) -> lis
 def _site_first(checks: list[Check]) -> list[Check]:
     """Return the checks with a failed latitude, heading or mounting before the other causes that they may have.
 
-    An effect that explains all innovations may itself shift the latitude and the heading, and remains first.
+    An effect that explains all innovations may itself shift the latitude and the heading by a little, and remains
+    before them, unless the heading is far off.
     """
     effects = [check.diagnosis.cause for check in checks if check.kind == "effects" and check.diagnosis is not None]
     site = [check for check in checks if check.kind in _OF_SITE and not check.passed]
-    if not site or (effects and NO_SINGLE_EFFECT not in effects):
+    is_far = any(
+        check.kind == "heading" and not isinstance(check.limit, tuple) and check.value > _FAR * check.limit
+        for check in site
+    )
+    if not site or (effects and NO_SINGLE_EFFECT not in effects and not is_far):
         return sorted(checks, key=lambda check: check in site)
     others = [check for check in checks if check not in site]
     consequences = (k for k, check in enumerate(others) if check.diagnosis and check.kind not in _OF_DATA)

@@ -21,8 +21,8 @@ _RESIDUAL, _SLOPES = 3.0, 0.1
 _MAX_SIGMA, _SIGMAS = 1.0 / 12.0, 9.0
 #: Largest deviation of a shift from a whole number of samples.
 _WHOLE = 0.3
-#: Smallest rotation of a motion, rad, and largest rotation of the other joint relative to it.
-_SMALLEST_TURN, _OTHER_JOINT = 0.1, 0.02
+#: Smallest rotation of a motion, rad.
+_SMALLEST_TURN = 0.1
 
 
 @dataclass(frozen=True)
@@ -137,11 +137,9 @@ def _shift_faults(samples: IntArray, shift: FloatArray, spread: FloatArray) -> I
 def shifts_of_angles(data: StageData, motion: TableMotion, context: SolveContext) -> Iterator[SampleFault]:
     """Yield samples at which the angle of a joint changes by more, or less, than the integrated rate."""
     samples, shift, spread = [], [], []
-    for (k, _), rotation in zip(motion.links, motion.rotation, strict=True):
-        change = motion.angles[k + 1] - motion.angles[k]
-        joint = int(np.argmax(np.abs(change)))
+    for (k, _), joint, rotation in zip(motion.links, motion.joints, motion.rotation, strict=True):
         start, stop = motion.rests[k][1], motion.rests[k + 1][0]
-        if abs(change[1 - joint]) > _OTHER_JOINT * abs(change[joint]) or np.linalg.norm(rotation) < _SMALLEST_TURN:
+        if joint is None or np.linalg.norm(rotation) < _SMALLEST_TURN:
             continue
         angle = data.angles[start:stop, joint]
         polled = np.flatnonzero(np.isfinite(angle))

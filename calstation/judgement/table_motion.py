@@ -10,22 +10,34 @@ from calstation.physics import FloatArray, IntArray, rotation_vector
 
 #: Time over which an encoder must not move, s, and its largest change in this time, rad.
 _STILL_TIME, _STILL_ANGLE = 0.25, np.deg2rad(0.02)
+#: Smallest rotation of a joint that is compared with that of the gyros, rad.
+SMALLEST_TURN = np.deg2rad(5.0)
 #: Largest time between two angles of a rest, in units of `_STILL_TIME`.
 _LONGEST_POLL = 4
+#: Largest change of an angle between two of a motion, rad, and largest number of such parts of the motions of a stage.
+_LARGEST_PART, _MAX_PARTS = np.deg2rad(45.0), 60
+#: Largest rotation of the other joint relative to that of the only one that moves.
+_OTHER_JOINT = 0.02
 #: Smallest number of angles between two rests, and smallest change of one, rad, that show that the motion was cut out.
 _CUT_ANGLES, _CUT_STEP = 20, np.deg2rad(5.0)
 
 
 @dataclass(frozen=True)
 class TableMotion:
-    """Rests of the table and the motions between them, each without a gap."""
+    """Rests of the table and the motions between them, each without a gap.
+
+    If both joints move at once, the angles at the rests do not define the rotation; `parts` are shorter rotations.
+    """
 
     rests: tuple[tuple[int, int], ...]  #: First sample of each rest and the one after its last.
     angles: FloatArray  #: Outer and inner encoder angle at the rests, rad, shape (k, 2).
     force: FloatArray  #: Mean specific force at the rests, m/s², shape (k, 3).
     rate: FloatArray  #: Mean rate at the rests, rad/s, shape (k, 3).
     links: tuple[tuple[int, int], ...]  #: Indices of the rests before and after each motion.
+    joints: tuple[int | None, ...]  #: The only joint that moves in each motion; None if both do.
     rotation: FloatArray  #: Integral of the rate minus its mean at the adjacent rests, rad, shape (m, 3).
+    part_angles: FloatArray  #: Angles of the joints at begin and end of the parts, rad, shape (p, 2, 2).
+    part_rotation: FloatArray  #: The same integral in the parts, rad, shape (p, 3).
 
 
 def table_motion(data: StageData) -> TableMotion | None:
@@ -39,7 +51,8 @@ def table_motion(data: StageData) -> TableMotion | None:
     angles = np.array([np.nanmean(data.angles[a:b], axis=0) for a, b in rests])
     force = np.array([data.accel[a:b].mean(axis=0) for a, b in rests])
     rate = np.array([data.gyro[a:b].mean(axis=0) for a, b in rests])
-    links, rotations = [], []
+    links, joints, rotations = [], [], []
+    begins, ends, parts = [np.zeros((0, 2))], [np.zeros((0, 2))], [np.zeros((0, 3))]
     for k, ((a0, a1), (b0, b1)) in enumerate(itertools.pairwise(rests)):
         start, stop = (a0 + a1) // 2, (b0 + b1) // 2
         if data.seq[stop] - data.seq[start] != stop - start or _is_cut(data.angles[start:stop], data.dt):
@@ -47,7 +60,36 @@ def table_motion(data: StageData) -> TableMotion | None:
         at_rest = 0.5 * (rate[k] + rate[k + 1])
         links.append((k, k + 1))
         rotations.append((data.gyro[start:stop] - at_rest).sum(axis=0) * data.dt)
-    return TableMotion(tuple(rests), angles, force, rate, tuple(links), np.array(rotations).reshape(-1, 3))
+        between = polled[(polled >= start) & (polled < stop)]
+        joints.append(_moved_joint(data.angles[between]))
+        if joints[-1] is None:
+            at = _spaced(between, data.dt)
+            rotated = np.vstack([np.zeros(3), np.cumsum(data.gyro[start:stop] - at_rest, axis=0) * data.dt])
+            begins.append(data.angles[at[:-1]])
+            ends.append(data.angles[at[1:]])
+            parts.append(np.diff(rotated[at - start], axis=0))
+    part_angles = np.stack([np.vstack(begins), np.vstack(ends)], axis=1)
+    change = np.abs((part_angles[:, 1] - part_angles[:, 0] + np.pi) % (2.0 * np.pi) - np.pi).max(axis=1)
+    used = np.flatnonzero((change > SMALLEST_TURN) & (change < _LARGEST_PART))
+    used = used[:: max(-(-len(used) // _MAX_PARTS), 1)]
+    return TableMotion(
+        rests=tuple(rests),
+        angles=angles,
+        force=force,
+        rate=rate,
+        links=tuple(links),
+        joints=tuple(joints),
+        rotation=np.array(rotations).reshape(-1, 3),
+        part_angles=part_angles[used],
+        part_rotation=np.vstack(parts)[used],
+    )
+
+
+def _moved_joint(angles: FloatArray) -> int | None:
+    """Return the only joint that moves according to angles, rad, shape (n, 2); None if both move."""
+    span = np.ptp(np.unwrap(angles, axis=0), axis=0)
+    joint = int(np.argmax(span))
+    return joint if span[1 - joint] <= _OTHER_JOINT * span[joint] else None
 
 
 def _is_cut(angles: FloatArray, dt: float) -> bool:
@@ -65,11 +107,7 @@ def _is_cut(angles: FloatArray, dt: float) -> bool:
 
 def _rests(data: StageData, polled: IntArray) -> list[tuple[int, int]]:
     """Return the intervals in which the encoders do not move; `polled` are the samples with angles."""
-    spacing = max(round(_STILL_TIME / data.dt), 1)
-    chosen = [polled[0]]
-    for k in np.unique(polled[0] + (polled - polled[0]) // spacing * spacing)[1:]:
-        chosen.append(polled[np.searchsorted(polled, k)])
-    at = np.unique(chosen)
+    spacing, at = max(round(_STILL_TIME / data.dt), 1), _spaced(polled, data.dt)
     still = np.abs(np.diff(data.angles[at], axis=0)).max(axis=1) < _STILL_ANGLE
     still &= (np.diff(data.seq[at]) == np.diff(at)) & (np.diff(at) <= _LONGEST_POLL * spacing)
     margin, shortest = round(REST_MARGIN / data.dt), round(SHORTEST_REST / data.dt)
@@ -80,6 +118,15 @@ def _rests(data: StageData, polled: IntArray) -> list[tuple[int, int]]:
         if b - a >= shortest and mean_angles(data, a, b) is not None:
             rests.append((a, b))
     return rests
+
+
+def _spaced(polled: IntArray, dt: float) -> IntArray:
+    """Return one of the samples in each interval of `_STILL_TIME`."""
+    if not len(polled):
+        return polled
+    spacing = max(round(_STILL_TIME / dt), 1)
+    marks = np.unique(polled[0] + (polled - polled[0]) // spacing * spacing)
+    return np.unique(polled[np.searchsorted(polled, marks)])
 
 
 def turn_axis(joints: FloatArray, joint: int, context: SolveContext) -> FloatArray:

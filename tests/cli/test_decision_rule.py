@@ -19,7 +19,7 @@ gyro_bias = 0.002
 def test_guard_band_applies_to_a_run_and_its_re_solved_log(calstation, tmp_path: Path) -> None:
     product = tmp_path / "guarded.toml"
     text = (shipped_folder() / "products" / "mems_c_fast.toml").read_text(encoding="utf-8")
-    product.write_text(text.replace("within = 1.8e-05", "within = 9e-06") + RULE, encoding="utf-8")
+    product.write_text(text.replace("within = 3.0e-05", "within = 9e-06") + RULE, encoding="utf-8")
     options = ("--product", product, "--serial", "SN-000012", "--speed", "0", "--yes", "--out", tmp_path / "runs")
     run = calstation("run", *options, "--json", "-")
     found = run.json["conformity"]

@@ -56,6 +56,15 @@ def test_latitude_and_heading_come_first_unless_an_effect_explains_the_data(caus
     assert sorted(causes) == sorted([cause, "latitude_unlike", "heading_unlike"])
 
 
+def test_heading_that_is_far_off_comes_before_every_effect() -> None:
+    meta = load_configuration(RunRequest("SN-1", product=Path("data/products/nav_a.toml"))).log_meta()
+    effect = ModelTest("effects", 5000.0, 30.0, "1", Diagnosis("g_sensitivity"))
+    for heading, first in ((np.pi, "heading_wrong"), (0.11, "g_sensitivity")):
+        test = ModelTest("heading", heading, 0.1, "rad", Diagnosis("heading_wrong"))
+        checks = judge(meta, PRIOR, (replace(SOLVED, tests=(effect, test)),)).checks
+        assert next(check.diagnosis.cause for check in checks if check.diagnosis is not None) == first
+
+
 def test_documentation_describes_every_kind_of_test() -> None:
     text = Path("docs/explanation/estimation.md").read_text(encoding="utf-8")
     described = text.partition("### Tests of the model")[2].partition("\n## ")[0]

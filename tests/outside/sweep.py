@@ -8,11 +8,12 @@ import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
@@ -24,6 +25,7 @@ from calstation.errors import CalstationError
 from calstation.estimation import Diagnosis
 from calstation.estimation.common import SampleBlock
 from calstation.judgement import Check, estimated_stage, judge
+from calstation.messages import Text
 from calstation.physics import INDEX, NAMES, FloatArray, group_indices, parameter_vector
 from calstation.records import ModelSection
 from calstation.results import StageChain, one_blas_thread
@@ -36,6 +38,8 @@ PRODUCTS = {"nav": "nav_a", "tactical": "tactical_b", "mems": "mems_c"}
 #: Rms velocity of a table that is quieter than its profile says, m/s.
 QUIET = 1e-5
 SOUND = "none"
+#: A change of the samples of a stage.
+Change = Callable[[SampleBlock], SampleBlock]
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,9 @@ class Case:
     product: str = ""  #: Default: the product of the grade with four stages.
     table_entries: dict[str, Any] = field(default_factory=dict)  #: Entries of [table] in the log.
     imu_entries: dict[str, Any] = field(default_factory=dict)  #: Entries of [imu] in the log.
+    site_entries: dict[str, Any] = field(default_factory=dict)  #: Entries of [site] in the log.
     states: tuple[str, ...] = ()  #: Effects in the model.
+    change: str = ""  #: Name of a change of the samples.
 
 
 @dataclass(frozen=True)
@@ -87,8 +93,11 @@ def bench_settings(case: Case, settings: dict[str, Any]) -> dict[str, Any]:
     return {**settings, "seed": case.seed, "flash_file": None, **quiet, **rate, **others, "effects": effects}
 
 
-def run(case: Case) -> Outcome:
-    """Simulate the default stages of the grade's product, solve and judge them as a run does."""
+def run(case: Case, changes: Mapping[str, Change] = MappingProxyType({})) -> Outcome:
+    """Simulate the default stages of the grade's product, solve and judge them as a run does.
+
+    `changes` are the changes of the samples of a stage, by name.
+    """
     begin = time.process_time()
     product_file = Path("data/products") / f"{case.product or PRODUCTS[case.grade]}.toml"
     resolved = load_configuration(RunRequest("SN-000001", product=product_file))
@@ -99,7 +108,8 @@ def run(case: Case) -> Outcome:
     imu = meta.imu.model_copy(update={"sample_rate_hz": config.sample_rate_hz, **case.imu_entries})
     table = meta.table.model_copy(update=case.table_entries)
     model = ModelSection(states=list(case.states)) if case.states else meta.model
-    meta = meta.model_copy(update={"imu": imu, "table": table, "model": model})
+    site = meta.site.model_copy(update=case.site_entries)
+    meta = meta.model_copy(update={"imu": imu, "table": table, "model": model, "site": site})
     simulator = simulator_of(case, config)
     chain = StageChain(meta)
     failed: tuple[str, ...] = ()
@@ -113,6 +123,8 @@ def run(case: Case) -> Outcome:
                 block = SampleBlock(stage, s.seq, s.time, s.counts, s.angles, s.step, valid, s.temperature)
                 station = s.time / (1.0 + 1e-6 * config.effects.sample_clock_ppm)
                 block = replace(block, station=station[:, None])
+                if case.change:
+                    block = changes[case.change](block)
                 chain.start(stage)
                 fed = feed_until_targets(chain, block, schedule)
                 chain.finish()
@@ -124,7 +136,8 @@ def run(case: Case) -> Outcome:
         checks = judge(meta, chain.prior, tuple(chain.solutions)).checks
         failed = tuple(check.name for check in checks if not check.passed)
     except CalstationError as exc:
-        failed = (exc.code,)
+        what = exc.values.get("what")
+        failed = (what.code if isinstance(what, Text) else exc.code,)
     causes = [f"{check.name}: {described(check.diagnosis)}" for check in checks if check.diagnosis is not None]
     found = simulator.parameters
     truth = found.copy() if isinstance(found, np.ndarray) else parameter_vector(found)

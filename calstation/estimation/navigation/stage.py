@@ -122,9 +122,11 @@ class NavigationStage(StageSolver):
         return self._near_targets[1]
 
     def _sigma_with_effects(self, data: StageData) -> FloatArray:
-        """Return the sigmas of a solution with the effects in the unit's model, SI, shape (30,)."""
+        """Return the sigmas of a solution with the effects in the model, SI, shape (30,); infinite if it diverges."""
         mask = np.array([name in self.estimated for name in NAMES])
         result = first_pass(data, self.context, self.prior, mask, self._live.mean)
+        if not np.isfinite(result.history.nis).all():
+            return np.full(COUNT, np.inf)
         posterior = consider_update(self.prior, result.posterior, mask)
         return self._estimated_effects(data, self.context, mask, result).correct(posterior).sigma
 
@@ -142,7 +144,10 @@ class NavigationStage(StageSolver):
         return self._live.observability.ranking()
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the stored stage. Raises InsufficientDataError if it has no rest for alignment."""
+        """Solve the stored stage.
+
+        Raises InsufficientDataError if it has no rest for alignment, numpy.linalg.LinAlgError if the solution diverges.
+        """
         data = self.buffer.data()
         mask = np.array([name in self.estimated for name in NAMES])
         measured = rest_noise(data, self.context, self.prior.gyro_bias)

@@ -36,11 +36,13 @@ def solve_with_table_noise(
     increased if the test of the innovations would fail. It is the larger of the medians of rests and motions, because a
     median is insensitive to an effect in a part of the stage, or the mean if it agrees with them. What the effects in
     the model explain is no noise: `explained` returns their part of the sum of squared innovations. Raises
-    InsufficientDataError if no segment contains a rest.
+    InsufficientDataError if no segment contains a rest, numpy.linalg.LinAlgError if the solution diverges.
     """
     result = solve_navigation(data, context, prior, estimated, progress)
     for _ in range(MAX_ADJUSTMENTS):
         nis = result.history.nis
+        if not np.isfinite(nis).all():
+            raise np.linalg.LinAlgError("innovations that are not finite")
         consistency = nis_consistency(float(np.sum(nis)), len(nis), 3)
         largest = consistency.nis_high / 3.0
         ratio, mean = _ratio(result.history, data.dt), consistency.nis_mean / 3.0
