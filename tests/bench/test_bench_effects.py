@@ -178,7 +178,7 @@ def test_random_walk_grows_with_the_square_root_of_time() -> None:
     effects = Effects(gyro_random_walk_dph_sqrt_h=6.0).draw(np.random.default_rng(0))
     ends = []
     for seed in range(300):
-        walk = Changes(effects, 1.0, np.random.default_rng(seed))
+        walk = Changes(effects, 1.0, np.random.default_rng(seed), np.zeros(3))
         walk.apply(np.zeros((36, 6)), 0)
         ends.append(walk.parameters(np.zeros(COUNT), 36.0)[:3] / DPH)
     assert np.std(ends) == pytest.approx(6.0 / 10.0, rel=0.1)

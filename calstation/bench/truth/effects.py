@@ -72,10 +72,12 @@ class EffectTruth:
 
 
 class Changes:
-    """The changes of a unit over time, which continue from call to call."""
+    """The changes of a unit with `gyro_bias`, rad/s, shape (3,), over time, which continue from call to call."""
 
-    def __init__(self, effects: EffectTruth, interval: float, random: np.random.Generator) -> None:
-        self._effects, self._interval, self._random = effects, interval, random
+    def __init__(
+        self, effects: EffectTruth, interval: float, random: np.random.Generator, gyro_bias: FloatArray
+    ) -> None:
+        self._effects, self._interval, self._random, self._gyro_bias = effects, interval, random, gyro_bias
         self._walk = np.zeros((1, 6))
         #: Sense of the last completed turn about each gyro's axis, and angle of the current one, rad.
         self._turned, self._angle = np.zeros(3), np.zeros(3)
@@ -88,7 +90,7 @@ class Changes:
         walk = np.cumsum(np.vstack([self._walk, steps]), axis=0)
         self._walk = walk[-1:]
         if np.any([effects.bias_hysteresis, effects.scale_hysteresis]):
-            turned = self._last_turns(increments[:, :3] / interval)
+            turned = self._last_turns(increments[:, :3] / interval - self._gyro_bias)
             increments[:, :3] *= 1.0 + turned * effects.scale_hysteresis
             increments[:, :3] += turned * effects.bias_hysteresis * interval
         increments *= 1.0 + self._warm_up(times) * effects.warm_up_scale

@@ -331,7 +331,8 @@ class SensorStream:
         root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
         self._random = np.random.Generator(np.random.PCG64(root))
         self._imu = imu
-        self._changes = Changes(imu.effects, self.interval, np.random.default_rng(root.spawn(1)[0]))
+        bias = group_vector(imu.parameters, "gyro_bias")
+        self._changes = Changes(imu.effects, self.interval, np.random.default_rng(root.spawn(1)[0]), bias)
         self._model = imu.error_model()
         self._chain = table.chain()
         self._field = np.array([table.up_force_n, table.earth_rate_n]) / rate

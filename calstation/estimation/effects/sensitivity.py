@@ -164,15 +164,16 @@ def effect_errors(sizes: Mapping[str, float], rate: FloatArray, force: FloatArra
 
 
 def last_turns(
-    data: StageData, parameters: FloatArray, before: tuple[float, float, float]
+    data: StageData, parameters: FloatArray, before: tuple[float, float, float], stop: int | None = None
 ) -> tuple[float, float, float]:
     """Return the sense of the last turn about each axis at the end of a stage, +1, −1, or 0 without one.
 
-    `parameters` are those of the unit, SI, shape (30,), and `before` the senses at the start of the stage.
+    With `stop`, return that before this sample. `parameters` are those of the unit, SI, shape (30,), and `before` the
+    senses at the start of the stage.
     """
     stride = max(round(TURN_INTERVAL / data.dt), 1)
-    rate = group_means(data.gyro, stride) - parameters[group_indices("gyro_bias")]
-    time = group_means(data.time[:, None], stride)[:, 0]
+    rate = group_means(data.gyro[:stop], stride) - parameters[group_indices("gyro_bias")]
+    time = group_means(data.time[:stop, None], stride)[:, 0]
     if not len(rate):
         return before
     x, y, z = Motion.steady(rate, np.zeros_like(rate), time, np.array(before)).last_turns[-1].tolist()

@@ -15,7 +15,7 @@ from calstation.estimation.common import (
     group_means,
     mean_angles,
 )
-from calstation.estimation.effects import Sensitivity, StageEffects, mean_regressors, velocity_errors
+from calstation.estimation.effects import Sensitivity, StageEffects, last_turns, mean_regressors, velocity_errors
 from calstation.estimation.navigation.group_update import Updates
 from calstation.estimation.navigation.navigation_pass import GROUP_TIME, History
 from calstation.estimation.navigation.relinearise import REST_RATE, NavigationResult
@@ -241,7 +241,8 @@ def motion_between_observations(
         outer = OuterTurn(*(np.concatenate(column) for column in zip(*known, strict=True)))
     rate, specific_force, turning, jerk, time, coning = (np.concatenate(c) for c in zip(*parts, strict=True))
     axes = np.eye(3) + group_matrix(point, "gyro_scale", "gyro_misalign")
-    return Motion(rate, specific_force, turning, jerk, time, outer, np.array(context.turned), coning, axes)
+    turned = last_turns(data, point, context.turned, starts[0].begin)  # a stage may begin with a move
+    return Motion(rate, specific_force, turning, jerk, time, outer, np.array(turned), coning, axes)
 
 
 def _outer_turn(
