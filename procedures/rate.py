@@ -135,7 +135,8 @@ def _first_rotation(geometry: TableGeometry, joint: int, sign: int, at: float, t
 
 def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Schedule) -> Solution:
     """Solve the stage from its whole turns. Raises InsufficientDataError if turns are missing."""
-    context = with_measured_noise(context, rest_noise(data, context, prior.gyro_bias))
+    measured_noise = rest_noise(data, context, prior.gyro_bias)
+    context = with_measured_noise(context, measured_noise)
     turns, assumed = find_turns(data, context, prior)
     _require_turns(turns, data.gaps)
     table, site = context.table, context.site
@@ -181,6 +182,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="rate",
+        noise=measured_noise,
         posterior=consider_update(prior, result.posterior, mask),
         estimated=ESTIMATED,
         consistency=result.redundancy.consistency,

@@ -102,7 +102,8 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Schedule) -> Solution:
     """Solve the stage from its rests. Raises InsufficientDataError if faces are missing."""
-    context = with_measured_noise(context, rest_noise(data, context, prior.gyro_bias))
+    measured_noise = rest_noise(data, context, prior.gyro_bias)
+    context = with_measured_noise(context, measured_noise)
     positions = find_positions(data, context, prior)
     _require_faces(positions, prior)
     gravity, geometry, tilt = context.site.local_gravity, context.table.geometry, context.table.tilt_sigma
@@ -145,6 +146,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="six_position",
+        noise=measured_noise,
         posterior=consider_update(prior, result.posterior, mask),
         estimated=ESTIMATED,
         consistency=result.redundancy.consistency,

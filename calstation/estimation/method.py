@@ -13,6 +13,7 @@ from calstation.estimation.common import (
     LatitudeEstimate,
     ModelTest,
     Posterior,
+    RestNoise,
     RestResiduals,
     SampleBlock,
     ScoreFunction,
@@ -78,6 +79,7 @@ class Solution:
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: Messages for the user, (message id, values).
     innovations: Innovations | None = None  #: Innovations for diagnostics, which are not part of a result file.
     estimates: Mapping[str, Estimate] = field(default_factory=dict)  #: Other estimated values, by parameter name.
+    noise: RestNoise | None = None  #: Noise at the rests of the stage; None if it was not measured.
     evidence: Evidence | None = None  #: Rests and motions of the stage, if the product's checks require them.
     latitude: LatitudeEstimate | None = None  #: Latitude from the gyros at all rests so far, if accurate enough.
     sensitivity: Sensitivity | None = None  #: Sensitivity to effects outside the model; None if it is not known.

@@ -20,6 +20,7 @@ from calstation.estimation.common import (
 )
 from calstation.judgement.gross_errors import gross_error, heading_test
 from calstation.judgement.sample_faults import sample_test
+from calstation.judgement.table_motion import TableMotion, table_motion
 from calstation.physics import CHANNELS, PARAMETERS, BoolArray, FloatArray, group_indices, kernel
 from calstation.records import ChecksSection, LogMeta, SampleClockLimit, TemperatureLimit
 
@@ -50,15 +51,17 @@ class DataTests:
         self._temperature_within = (checks.temperature or TemperatureLimit()).change_within
         self._context, self._prior = context, prior
         self._temperatures: list[float] = []
+        self._motion: TableMotion | None = None
 
     def sample_fault(self, samples: SampleBlock, data: StageData) -> Diagnosis | None:
         """Return the first fault of the samples of a stage that cannot be solved; None if there is none."""
-        tests = [self._clipping(samples), *sample_test(samples, data, self._context)]
+        tests = [self._clipping(samples), *sample_test(samples, data, self._context, self._motion)]
         return next((test.diagnosis for test in tests if not test.passed), None)
 
     def require_configuration(self, stage: str, samples: SampleBlock, data: StageData) -> None:
-        """Raise InputError if a gross error of the configuration explains the data of a stage."""
-        error = gross_error(data, self._context, _clock_offsets(samples, self._context))
+        """Start the tests of a stage. Raises InputError if a gross error of the configuration explains its data."""
+        self._motion = table_motion(data)
+        error = gross_error(self._motion, self._context, _clock_offsets(samples, self._context))
         if error is not None:
             raise InputError("solution.in_stage", stage=stage, what=error.text(stage))
 
@@ -66,8 +69,8 @@ class DataTests:
         """Return the solution of a stage with the tests of its samples, and their values in its details."""
         clocks = sample_clocks(samples, self._context.imu.sample_rate)
         tests = [self._clipping(samples), *self._clock(clocks)]
-        tests += sample_test(samples, data, self._context)
-        tests += heading_test(data, self._context, self._prior)
+        tests += sample_test(samples, data, self._context, self._motion)
+        tests += heading_test(self._motion, self._context, self._prior)
         details: dict[str, Any] = {}
         if clocks:
             details["sample_clock"] = {name: vars(clock) for name, clock in clocks.items()}
@@ -122,10 +125,11 @@ class DataTests:
 def data_faults(samples: SampleBlock, context: SolveContext, prior: Posterior) -> list[Diagnosis]:
     """Return the errors of samples and configuration that a stage reveals without a solution."""
     data = stage_data([samples], context.imu)
-    error = gross_error(data, context, _clock_offsets(samples, context))
+    motion = table_motion(data)
+    error = gross_error(motion, context, _clock_offsets(samples, context))
     if error is not None:
         return [error]
-    tests = [*sample_test(samples, data, context), *heading_test(data, context, prior)]
+    tests = [*sample_test(samples, data, context, motion), *heading_test(motion, context, prior)]
     return [test.diagnosis for test in tests if not test.passed]
 
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from calstation.estimation import Diagnosis, ModelTest
-from calstation.estimation.common import Posterior, SolveContext, StageData
-from calstation.judgement.table_motion import SMALLEST_TURN, TableMotion, table_motion, turn_axis
+from calstation.estimation.common import Posterior, SolveContext
+from calstation.judgement.table_motion import SMALLEST_TURN, TableMotion, turn_axis
 from calstation.messages import Text
 from calstation.physics import (
     AXES,
@@ -125,12 +125,11 @@ def _signed_permutations() -> tuple[FloatArray, ...]:
 _PERMUTATIONS = sorted(_signed_permutations(), key=lambda P: _Fit(P, 1.0).errors)
 
 
-def gross_error(data: StageData, context: SolveContext, clock_offsets: Sequence[float]) -> Diagnosis | None:
-    """Return the gross error of the configuration that explains the data of a stage; None if there is none.
+def gross_error(motion: TableMotion | None, context: SolveContext, clock_offsets: Sequence[float]) -> Diagnosis | None:
+    """Return the gross error of the configuration that explains the motion in a stage; None if there is none.
 
     `clock_offsets` are the relative differences of the sample rate from its nominal value, from independent clocks.
     """
-    motion = table_motion(data)
     if motion is None:
         return None
     offset = _wrapped_channel(motion, context)
@@ -174,7 +173,7 @@ class _Candidate:
 
 
 def _candidates(motion: TableMotion, context: SolveContext) -> Iterator[_Candidate]:
-    """Yield the configurations that explain a stage."""
+    """Yield the configurations that explain a stage, only the configured one if it does."""
     for angles in _ANGLES:
         up, turns, rotations = _expected(angles, motion, context)
         gyros = _fits(rotations, turns)
@@ -185,7 +184,10 @@ def _candidates(motion: TableMotion, context: SolveContext) -> Iterator[_Candida
             candidates += [
                 _Candidate(angles, g, a) for g in gyros for a in accels if g and a and np.array_equal(g.axes, a.axes)
             ]
-            yield min(candidates, key=lambda candidate: candidate.errors)
+            best = min(candidates, key=lambda candidate: candidate.errors)
+            yield best
+            if best.errors == 0:
+                return
 
 
 def _expected(angles: _Angles, motion: TableMotion, context: SolveContext) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -333,10 +335,10 @@ def _wrapped_channel(motion: TableMotion, context: SolveContext) -> Diagnosis | 
     return None
 
 
-def heading_test(data: StageData, context: SolveContext, prior: Posterior) -> list[ModelTest]:
+def heading_test(motion: TableMotion | None, context: SolveContext, prior: Posterior) -> list[ModelTest]:
     """Test the heading of platform +y at home against the gyros; [] if they do not measure it in the stage."""
     configured = context.site.azimuth
-    measured = None if configured is None else _measured_heading(data, context, prior)
+    measured = None if configured is None or motion is None else _measured_heading(motion, context, prior)
     if configured is None or measured is None:
         return []
     azimuth, sigma = measured
@@ -349,7 +351,7 @@ def heading_test(data: StageData, context: SolveContext, prior: Posterior) -> li
     return [ModelTest("heading", deviation, _HEADING_TOLERANCE + _HEADING_SIGMAS * sigma, "rad", diagnosis)]
 
 
-def _measured_heading(data: StageData, context: SolveContext, prior: Posterior) -> tuple[float, float] | None:
+def _measured_heading(motion: TableMotion, context: SolveContext, prior: Posterior) -> tuple[float, float] | None:
     """Return the heading of platform +y at home and its sigma, rad, measured by the gyros at the rests of the table.
 
     None if the rests do not separate it from the gyro biases.
@@ -357,16 +359,16 @@ def _measured_heading(data: StageData, context: SolveContext, prior: Posterior) 
     The rate at a rest is the earth rate in b plus the bias; the horizontal earth rate and the biases are unknowns, with
     the prior of the biases.
     """
-    motion = table_motion(data)
-    if motion is None or not data.has_gyros:
+    if np.isnan(motion.rate).all():
         return None
     imu, earth = context.imu, rotation_rate(context.site.latitude)
     homes = [context.table.geometry.body_to_home(*pair) for pair in motion.angles]
     bias, sigma = prior.mean[GYRO_BIAS], np.maximum(prior.sigma[GYRO_BIAS], 1e-12)
     rows, values = [np.hstack([np.zeros((3, 2)), np.diag(1.0 / sigma)])], [np.zeros(3)]
-    duration = np.array([(b - a) * data.dt for a, b in motion.rests])
+    dt = 1.0 / imu.sample_rate
+    duration = np.array([(b - a) * dt for a, b in motion.rests])
     rounding = imu.quantisation[0] * imu.rate_factor / np.sqrt(12.0)
-    noise = np.sqrt(imu.gyro_arw**2 / duration + imu.gyro_bias_instability**2 + (rounding * data.dt / duration) ** 2)
+    noise = np.sqrt(imu.gyro_arw**2 / duration + imu.gyro_bias_instability**2 + (rounding * dt / duration) ** 2)
     for home, rate, spread in zip(homes, motion.rate, noise, strict=True):
         rows.append(np.hstack([home.T[:, :2], np.eye(3)]) / spread)
         values.append((rate - bias - home.T[:, 2] * earth[2]) / spread)

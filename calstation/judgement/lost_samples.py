@@ -6,12 +6,13 @@ encoder shows it while the table turns, because its angle then changes by more t
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from calstation.estimation.common import SolveContext, StageData
 from calstation.judgement.table_motion import TableMotion, turn_axis
-from calstation.physics import BoolArray, FloatArray, IntArray, kernel
+from calstation.physics import BoolArray, FloatArray, IntArray, kernel, rotation_vector
 
 #: Number of samples on each side of a lost or repeated sample to which lines are fitted.
 _FIT = 10
@@ -19,6 +20,10 @@ _FIT = 10
 _RESIDUAL, _SLOPES = 3.0, 0.1
 #: Largest sigma of a shift in time, in samples, and smallest shift in sigmas.
 _MAX_SIGMA, _SIGMAS = 1.0 / 12.0, 9.0
+#: Change of a force over both lines, in sigmas, below which the sigma of a shift is certainly larger than that.
+_STEEP = 50.0
+#: Smallest rate at which the angles show a shift, relative to the largest rate nearby.
+_SLOWEST = 0.3
 #: Largest deviation of a shift from a whole number of samples.
 _WHOLE = 0.3
 #: Smallest rotation of a motion, rad.
@@ -58,13 +63,20 @@ def shifts(counts: FloatArray, broken: BoolArray, sigma: FloatArray, width: int)
     broken : whether samples are missing before each sample, shape (n,)
     sigma : noise of each channel in windows of `width` samples, counts, shape (w, 6)
     """
-    scores = _shift_scores(counts, sigma, width, broken, _FIT, _RESIDUAL, _SLOPES)
+    scores = _shift_scores(counts, sigma, width, broken, _FIT, _RESIDUAL, _SLOPES, _STEEP)
     yield from _shift_faults(np.arange(len(counts)), *scores)
 
 
 @kernel
 def _shift_scores(
-    counts: FloatArray, sigma: FloatArray, width: int, broken: BoolArray, fit: int, residual_limit: float, slopes: float
+    counts: FloatArray,
+    sigma: FloatArray,
+    width: int,
+    broken: BoolArray,
+    fit: int,
+    residual_limit: float,
+    slopes: float,
+    steep: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the shift in time before each sample, in samples, and its sigma, infinite if unknown, shape (n,) each.
 
@@ -86,6 +98,11 @@ def _shift_scores(
         if since_gap < 2 * fit - 1 or k < fit:
             continue
         window = min(k // width, len(sigma) - 1)
+        is_steep = False
+        for i in range(3, channels):
+            is_steep |= abs(counts[end, i] - counts[k - fit, i]) > steep * sigma[window, i]
+        if not is_steep:
+            continue
         weight = moment = 0.0
         is_smooth = True
         for i in range(channels):
@@ -139,17 +156,18 @@ def shifts_of_angles(data: StageData, motion: TableMotion, context: SolveContext
     samples, shift, spread = [], [], []
     for (k, _), joint, rotation in zip(motion.links, motion.joints, motion.rotation, strict=True):
         start, stop = motion.rests[k][1], motion.rests[k + 1][0]
-        if joint is None or np.linalg.norm(rotation) < _SMALLEST_TURN:
+        polled = np.flatnonzero(np.isfinite(data.angles[start:stop]).all(axis=1))
+        if np.linalg.norm(rotation) < _SMALLEST_TURN or len(polled) < 4 * _FIT:
             continue
-        angle = data.angles[start:stop, joint]
-        polled = np.flatnonzero(np.isfinite(angle))
-        if len(polled) < 4 * _FIT:
-            continue
-        axis = turn_axis(motion.angles[k], joint, context)
-        rate = (data.gyro[start:stop] - 0.5 * (motion.rate[k] + motion.rate[k + 1])) @ axis
-        difference = angle[polled] - np.cumsum(rate)[polled] * data.dt
+        angles, rate = data.angles[start:stop][polled], data.gyro[start:stop] - motion.rate[k : k + 2].mean(axis=0)
+        if joint is None:
+            angle, directions = _path(angles, context)
+            rate = np.einsum("ni,ni->n", rate, directions[np.searchsorted(polled, np.arange(stop - start))])
+        else:
+            angle, rate = angles[:, joint], rate @ turn_axis(motion.angles[k], joint, context)
+        difference = angle - np.cumsum(rate)[polled] * data.dt
         smooth = np.convolve(rate, np.ones(5) / 5.0, "same")[polled]
-        scores = _angle_shifts(difference, smooth * data.dt, _FIT)
+        scores = _angle_shifts(difference, smooth * data.dt, _FIT, _SLOWEST)
         samples.append(start + polled)
         shift.append(scores[0])
         spread.append(scores[1])
@@ -157,8 +175,22 @@ def shifts_of_angles(data: StageData, motion: TableMotion, context: SolveContext
         yield from _shift_faults(np.concatenate(samples), np.concatenate(shift), np.concatenate(spread))
 
 
+def _path(angles: FloatArray, context: SolveContext) -> tuple[FloatArray, FloatArray]:
+    """Return the length of the path of the unit's rotation at angles of the joints, shape (n, 2), rad, and directions.
+
+    Row i of the directions, shape (n + 1, 3), is the axis in b of the rotation before angle i; 0 at the ends.
+    """
+    homes = [context.table.geometry.body_to_home(*pair) for pair in angles]
+    steps = np.array([rotation_vector(before.T @ after) for before, after in pairwise(homes)])
+    length = np.linalg.norm(steps, axis=1)
+    directions = steps / np.maximum(length, 1e-12)[:, None]
+    return np.concatenate([[0.0], np.cumsum(length)]), np.vstack([np.zeros(3), directions, np.zeros(3)])
+
+
 @kernel
-def _angle_shifts(difference: FloatArray, turned: FloatArray, fit: int) -> tuple[FloatArray, FloatArray]:
+def _angle_shifts(
+    difference: FloatArray, turned: FloatArray, fit: int, slowest: float
+) -> tuple[FloatArray, FloatArray]:
     """Return the shift in time before each angle, in samples, and its sigma, infinite if unknown, shape (n,) each.
 
     Parameters
@@ -166,6 +198,7 @@ def _angle_shifts(difference: FloatArray, turned: FloatArray, fit: int) -> tuple
     difference : angle minus integrated rate, rad, shape (n,)
     turned : rotation in one sample, rad, shape (n,)
     fit : number of angles on each side
+    slowest : smallest rate at the shift, relative to the largest rate nearby
     """
     n = len(difference)
     shift, spread = np.zeros(n), np.full(n, np.inf)
@@ -176,12 +209,12 @@ def _angle_shifts(difference: FloatArray, turned: FloatArray, fit: int) -> tuple
         square += (j - mean) ** 2
         variance += before[j] ** 2 + after[j] ** 2
     for k in range(fit, n - fit + 1):
-        lowest, highest = np.inf, -np.inf
+        size = 0.0
         for j in range(k - fit, k + fit):
-            lowest, highest = min(lowest, turned[j]), max(highest, turned[j])
-        size = max(abs(lowest), abs(highest))
-        if highest - lowest > 0.1 * size or size == 0.0:
-            continue  # the rate is not constant
+            size = max(size, abs(turned[j]))
+        rate = 0.5 * (turned[k - 1] + turned[k])
+        if abs(rate) <= slowest * size:
+            continue
         low = high = slope_low = slope_high = mean_low = mean_high = 0.0
         for j in range(fit):
             x, y = difference[k - fit + j], difference[k + j]
@@ -196,7 +229,6 @@ def _angle_shifts(difference: FloatArray, turned: FloatArray, fit: int) -> tuple
             total += (difference[k - fit + j] - mean_low - slope_low * (j - mean)) ** 2
             total += (difference[k + j] - mean_high - slope_high * (j - mean)) ** 2
         noise = np.sqrt(total / (2.0 * fit - 4.0)) + 1e-3 * size
-        rate = 0.5 * (lowest + highest)
         shift[k] = (high - low) / rate
         spread[k] = noise * np.sqrt(variance) / abs(rate)
     return shift, spread

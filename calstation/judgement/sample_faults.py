@@ -14,7 +14,7 @@ from scipy.special import erf, gammainc
 from calstation.estimation import Diagnosis, ModelTest
 from calstation.estimation.common import SampleBlock, SolveContext, StageData
 from calstation.judgement.lost_samples import SampleFault, line_weights, shifts, shifts_of_angles
-from calstation.judgement.table_motion import TableMotion, table_motion
+from calstation.judgement.table_motion import TableMotion
 from calstation.physics import CHANNELS, BoolArray, FloatArray, IntArray, kernel, rotation_rate
 
 #: Window in which noise and repetitions are measured, s.
@@ -66,8 +66,10 @@ class _Noise:
         return np.minimum(index // self.width, len(self.sigma) - 1)
 
 
-def sample_test(samples: SampleBlock, data: StageData, context: SolveContext) -> list[ModelTest]:
-    """Test the samples of a stage; [] if it is too short."""
+def sample_test(
+    samples: SampleBlock, data: StageData, context: SolveContext, motion: TableMotion | None
+) -> list[ModelTest]:
+    """Test the samples of a stage, in which the table moves as in `motion`; [] if it is too short."""
     counts, time = samples.counts[samples.valid], samples.time[samples.valid]
     width = max(round(_WINDOW * context.imu.sample_rate), 20)
     if len(counts) < 3 * width or len(counts) != len(data):
@@ -79,7 +81,6 @@ def sample_test(samples: SampleBlock, data: StageData, context: SolveContext) ->
     imu = context.imu
     rounding = np.repeat(imu.quantisation, 3) * imu.rate_factor / imu.count_size
     noise = _noise_of(counts, width, rounding)
-    motion = table_motion(data)
     fault = next(_faults(counts, broken, noise, data, motion, context), None)
     if fault is None:
         return [ModelTest("samples", 0.0, 0.0, "1", Diagnosis("samples_repeated"))]

@@ -159,7 +159,8 @@ class StageChain:
         """Return a solution with its evidence, its latitude, and the tests of data and model."""
         data = buffer.data()
         if self._gather:
-            evidence = gather(self._stage, data, self._context, self._uncalibrated, solution.posterior.mean)
+            at = self._uncalibrated, solution.posterior.mean
+            evidence = gather(self._stage, data, self._context, *at, solution.noise)
             solution = replace(solution, evidence=evidence)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.posterior))

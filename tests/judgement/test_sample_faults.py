@@ -13,6 +13,7 @@ from calstation.estimation.common import stage_data
 from calstation.judgement import data_faults, sample_faults
 from calstation.judgement.data_tests import clipping_test
 from calstation.judgement.sample_faults import sample_test
+from calstation.judgement.table_motion import table_motion
 from calstation.messages import sentence
 
 sys.path.append(str(Path(__file__).parents[1] / "estimation"))
@@ -47,7 +48,8 @@ def turning(block, count=4):
 def test_sound_samples_raise_no_alarm(grade, stage, velocity):
     truth = BenchConfig(grade=grade, seed=3, sample_rate_hz=100.0, velocity_sigma=velocity).truth()
     block, context = block_of(simulate(Simulator(truth, 3), truth, stage)), context_of(truth)
-    (test,) = sample_test(block, stage_data([block], context.imu), context)
+    data = stage_data([block], context.imu)
+    (test,) = sample_test(block, data, context, table_motion(data))
     assert test.passed, test
 
 

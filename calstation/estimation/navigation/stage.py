@@ -124,7 +124,10 @@ class NavigationStage(StageSolver):
     def _sigma_with_effects(self, data: StageData) -> FloatArray:
         """Return the sigmas of a solution with the effects in the model, SI, shape (30,); infinite if it diverges."""
         mask = np.array([name in self.estimated for name in NAMES])
-        result = first_pass(data, self.context, self.prior, mask, self._live.mean)
+        try:
+            result = first_pass(data, self.context, self.prior, mask, self._live.mean)
+        except (np.linalg.LinAlgError, ZeroDivisionError):  # the parameters of the live filter are absurd
+            return np.full(COUNT, np.inf)
         if not np.isfinite(result.history.nis).all():
             return np.full(COUNT, np.inf)
         posterior = consider_update(self.prior, result.posterior, mask)
@@ -174,6 +177,7 @@ class NavigationStage(StageSolver):
             gaps=data.gaps,
             details={"passes": result.passes, "segments": len(result.starts)},
             messages=tuple(messages),
+            noise=measured,
             sensitivity=self._sensitivity(data, context, mask, result, measured.slow_variance),
         )
         if not context.diagnostics:

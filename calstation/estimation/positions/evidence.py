@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calstation.estimation.common import (
+    RestNoise,
     SolveContext,
     StageData,
     find_stillness,
@@ -83,11 +84,22 @@ class Evidence:
     before: FloatArray = field(default_factory=lambda: np.zeros(COUNT))
 
 
-def gather(stage: str, data: StageData, context: SolveContext, before: FloatArray, parameters: FloatArray) -> Evidence:
-    """Collect the evidence of a stage; `before` and `parameters` are as in `Evidence`, SI, shape (30,) each."""
+def gather(
+    stage: str,
+    data: StageData,
+    context: SolveContext,
+    before: FloatArray,
+    parameters: FloatArray,
+    noise: RestNoise | None = None,
+) -> Evidence:
+    """Collect the evidence of a stage; `before` and `parameters` are as in `Evidence`, SI, shape (30,) each.
+
+    `noise` is that at the rests; without it, it is measured if there are gyros.
+    """
     still, noisy = find_stillness(data, context.imu), context
     if data.has_gyros:
-        noisy = with_measured_noise(context, rest_noise(data, context, (group_vector(parameters, "gyro_bias"), 0.0)))
+        measured = noise or rest_noise(data, context, (group_vector(parameters, "gyro_bias"), 0.0))
+        noisy = with_measured_noise(context, measured)
     rests = []
     for a, b in still.rests:
         force, variance = rest_force(data, context, a, b)
