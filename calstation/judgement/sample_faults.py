@@ -191,19 +191,17 @@ def _deviations(values: FloatArray, broken: BoolArray, count: int) -> FloatArray
 
 def _spikes(counts: FloatArray, broken: BoolArray, noise: _Noise) -> Iterator[SampleFault]:
     """Yield single samples of a channel that deviate from the samples on both sides."""
+    window = noise.at(np.arange(len(counts)))
+    neighbours = np.concatenate([np.arange(-_SPIKE_NEAR, 0), np.arange(1, _SPIKE_NEAR + 1)])
     for channel in range(counts.shape[1]):
         values = np.ascontiguousarray(counts[:, channel])
         deviation = _deviations(values, broken, _SPIKE_FIT)
-        sigma = noise.sigma[noise.at(np.arange(len(values))), channel]
-        large = deviation > np.maximum(_SPIKE_SIGMAS * sigma, _SPIKE_STEPS * noise.step[channel])
-        at = []
-        for k in np.flatnonzero(large).tolist():
-            near = deviation[max(k - _SPIKE_NEAR, 0) : k + _SPIKE_NEAR + 1].copy()
-            near[min(k, _SPIKE_NEAR)] = 0.0
-            if deviation[k] > _SPIKE_RATIO * near.max():
-                at.append(k)
-        if at:
-            yield _spike_fault(values, np.array(at), channel, float(np.max(deviation[at] / sigma[at])))
+        sigma = noise.sigma[window, channel]
+        large = np.flatnonzero(deviation > np.maximum(_SPIKE_SIGMAS * sigma, _SPIKE_STEPS * noise.step[channel]))
+        near = np.pad(deviation, _SPIKE_NEAR)[large[:, None] + _SPIKE_NEAR + neighbours].max(axis=1)
+        at = large[deviation[large] > _SPIKE_RATIO * near]
+        if len(at):
+            yield _spike_fault(values, at, channel, float(np.max(deviation[at] / sigma[at])))
 
 
 def _spike_fault(values: FloatArray, at: IntArray, channel: int, size: float) -> SampleFault:
