@@ -132,6 +132,8 @@ _PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 _AXES = tuple(AXES)
 #: Rarity of terms of fifth order, which hardly occur without terms of third order.
 _FIFTH_ORDER = 6.0
+#: Rarity of delays of single channels, of which a delay of all accelerometers is a special case.
+_SPECIAL_CASE = 15.0
 
 
 def _off_axis(m: Motion) -> FloatArray:
@@ -227,7 +229,7 @@ EFFECTS: tuple[Effect, ...] = (
         "channel_delay", "s", 0.02, ("gyro_x", "gyro_y", "gyro_z", "accel_y", "accel_z"), _channel_delay,
         tuple(Term(s + j, i, 6 * i + s + j) for i in range(3) for s in (0, 3) for j in range(3) if j != i)
         + tuple(Term(3 + i, 2 + i, 18 + i) for i in (1, 2)),
-        between_sensors=True, on_table=True,
+        between_sensors=True, on_table=True, rarity=_SPECIAL_CASE,
     ),
     Effect(
         "low_pass", "s²", 1e-3, ("",), _low_pass, tuple(Term(i, 0, i) for i in range(6)),
