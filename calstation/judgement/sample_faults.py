@@ -200,7 +200,9 @@ def _spikes(counts: FloatArray, broken: BoolArray, noise: _Noise) -> Iterator[Sa
         large = np.flatnonzero(deviation > np.maximum(_SPIKE_SIGMAS * sigma, _SPIKE_STEPS * noise.step[channel]))
         near = np.pad(deviation, _SPIKE_NEAR)[large[:, None] + _SPIKE_NEAR + neighbours].max(axis=1)
         at = large[deviation[large] > _SPIKE_RATIO * near]
-        if len(at):
+        if len(at) and np.mean((counts[at] == counts[at - 1]).all(axis=1)) > 0.5:
+            yield SampleFault("samples_repeated", at)
+        elif len(at):
             yield _spike_fault(values, at, channel, float(np.max(deviation[at] / sigma[at])))
 
 
