@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from PySide6.QtCore import QCoreApplication, QEvent, Qt
+from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
@@ -202,6 +202,34 @@ class Operator:
         """Return the texts of all visible labels."""
         labels = [w for w in self.window.findChildren(QLabel) if w.isVisible()]
         return "\n".join(label.text() for label in labels)
+
+
+class ShownWindows(QObject):
+    """Records the widgets that are shown as windows of their own; the user would see them flash and lose the focus."""
+
+    def __init__(self, application: QApplication) -> None:
+        super().__init__()
+        self._application = application
+        self.names: list[str] = []
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.Show and isinstance(watched, QWidget) and watched.isWindow():
+            self.names.append(f"{type(watched).__name__} {watched.objectName()}")
+        return False
+
+    def __enter__(self) -> "ShownWindows":
+        self._application.installEventFilter(self)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._application.removeEventFilter(self)
+
+
+@pytest.fixture
+def shown_windows(window: MainWindow, qapp: QApplication) -> Iterator[ShownWindows]:
+    """The windows that are shown after the main window."""
+    with ShownWindows(qapp) as made:
+        yield made
 
 
 @pytest.fixture

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 import tomli_w
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QListWidget, QProgressBar, QPushButton
+from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QListWidget, QProgressBar, QPushButton, QTabBar
 
 from calstation.config import library
 from calstation.gui import create_window
 from calstation.gui.shell.main_window import MainWindow
-from tests.gui.conftest import SERIAL, Operator, SiteFolder
+from tests.gui.conftest import SERIAL, Operator, ShownWindows, SiteFolder
 from tests.site_folder import PRODUCT, QUICK, STATION
 
 ONE_STAGE = {"stages": ["six_position"]}
@@ -28,7 +28,24 @@ def results(site_folder: SiteFolder) -> list[dict[str, Any]]:
     return [json.loads(p.read_text(encoding="utf-8")) for p in sorted(site_folder.runs.glob("SN-*.json"))]
 
 
-def test_run_passes_after_one_click_despite_language_changes(operator: Operator) -> None:
+def visit_views(window: MainWindow) -> None:
+    """Show every page, and every view and section of it."""
+    for number in range(window.page_tabs.count()):
+        window.page_tabs.setCurrentIndex(number)
+        QApplication.processEvents()
+        page = window.page_tabs.currentWidget()
+        assert page is not None
+        for bar in page.findChildren(QTabBar):
+            for tab in range(bar.count()):
+                bar.setCurrentIndex(tab)
+                QApplication.processEvents()
+        sections = page.findChild(QListWidget, "station_sections")
+        for row in range(0 if sections is None else sections.count()):
+            sections.setCurrentRow(row)
+            QApplication.processEvents()
+
+
+def test_run_passes_after_one_click_despite_language_changes(operator: Operator, shown_windows: ShownWindows) -> None:
     serial = operator.widget("serial_edit", QLineEdit).text()
     assert serial == "SN-000001"
     assert "virtual bench" in operator.says()
@@ -56,6 +73,10 @@ def test_run_passes_after_one_click_despite_language_changes(operator: Operator)
     (result,) = results(operator.site_folder)
     assert (result["unit"]["serial"], result["outcome"], result["passed"]) == (serial, "passed", True)
     assert operator.widget("serial_edit", QLineEdit).text() == "SN-000002"
+    operator.press("details_button")
+    operator.until_no_job()
+    visit_views(operator.window)
+    assert shown_windows.names == []
 
 
 @pytest.mark.long

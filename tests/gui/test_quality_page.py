@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import tomli_w
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QLineEdit, QPushButton, QTabBar, QTableView
+from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTabBar, QTableView
 from synthetic.run_history import synthesise_runs
 
 from calstation.cli.app import run_app
@@ -262,7 +262,7 @@ def test_gauge_study_is_planned_run_and_judged(
     assert f"12 of 12 runs are missing. Next: {first.operator} calibrates unit {first.unit}." in operator.says()
     assert [row[-1] for row in cells(operator, "study_order_table")] == ["next", *["waiting"] * 11]
     made = next((operator.site_folder.runs / "studies").glob("*.json"))
-    monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(made), ""))
+    monkeypatch.setattr(study_view, "ask_open", lambda parent, title, folder, kinds, then: then(made))
     operator.press("study_open_button")
     until_read(operator, page)
     assert "10 units × 3 operators, 3 times each" in operator.says()

@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFileDialog
 
 from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
 from calstation.errors import CalstationError
@@ -23,6 +22,7 @@ from calstation.gui.widgets import (
     Choice,
     ElidedLabel,
     ViewTabs,
+    ask_open,
     button,
     column,
     enable,
@@ -275,11 +275,8 @@ class EngineerPage(Page):
     # ---- finished run
 
     def _ask_file(self) -> None:
-        dialog = QFileDialog(self, say("engineer.open_result_or_log"), str(self.app.runs_folder))
-        dialog.setNameFilters([say("engineer.results_and_logs"), say("common.all_files")])
-        dialog.fileSelected.connect(lambda name: self.analysis.open(Path(name)))
-        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        dialog.open()
+        kinds = [say("engineer.results_and_logs"), say("common.all_files")]
+        ask_open(self, say("engineer.open_result_or_log"), self.app.runs_folder, kinds, self.analysis.open)
 
     def _loaded(self, run: FinishedRun) -> None:
         self.registers.show_run(run)

@@ -5,11 +5,11 @@ from pathlib import Path
 
 from PySide6.QtCore import QSettings, QTimer, Signal
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QFileDialog, QMenu, QWidget
+from PySide6.QtWidgets import QMenu, QWidget
 
 from calstation.gui.state import FileExport
 from calstation.gui.text import on_language_change, say
-from calstation.gui.widgets import button, enable, label, line_edit, row
+from calstation.gui.widgets import ask_open, button, enable, label, line_edit, row
 from calstation.records import LOG_SUFFIXES
 from calstation.results import Result, export_log, export_result
 from calstation.results.plots import LogIndex
@@ -20,13 +20,8 @@ MAX_RECENT = 8
 
 
 def ask_log(parent: QWidget, title: str, folder: Path, then: Callable[[Path], object]) -> None:
-    """Ask for a log without blocking the window, and call `then` with its path."""
-    dialog = QFileDialog(parent, title, str(folder if folder.is_dir() else Path()))
-    dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
-    dialog.setNameFilters([say("logs.logs_filter"), say("common.all_files")])
-    dialog.fileSelected.connect(lambda name: then(Path(name)))
-    dialog.finished.connect(dialog.deleteLater)
-    dialog.open()
+    """Ask for a log, and call `then` with its path."""
+    ask_open(parent, title, folder, [say("logs.logs_filter"), say("common.all_files")], then)
 
 
 class SourceBar(QWidget):

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtWidgets import QFileDialog, QSpinBox, QWidget
+from PySide6.QtWidgets import QSpinBox, QWidget
 
 from calstation.config import load_product
 from calstation.errors import CalstationError
@@ -19,6 +19,7 @@ from calstation.gui.widgets import (
     EmptyState,
     StateBadge,
     ask_file,
+    ask_open,
     box,
     button,
     column,
@@ -109,9 +110,7 @@ class StudyView(QWidget):
     # ---- plan
 
     def _open(self) -> None:
-        name, _ = QFileDialog.getOpenFileName(self, say("quality.open_study_plan"), "", "JSON (*.json)")
-        if name:
-            self.open_plan(Path(name))
+        ask_open(self, say("quality.open_study_plan"), Path(), ["JSON (*.json)"], self.open_plan)
 
     def open_plan(self, path: Path) -> None:
         """Open a plan and evaluate it from the runs."""

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QSignalBlocker
-from PySide6.QtWidgets import QFileDialog, QFrame, QSizePolicy, QWidget
+from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
 from calstation.config import editing, field_spec
 from calstation.connection import SerialPortInfo
@@ -17,6 +17,7 @@ from calstation.gui.widgets import (
     FormField,
     Item,
     TextEdit,
+    ask_folder,
     box,
     button,
     choices_of,
@@ -182,8 +183,8 @@ def folder_row(name: str, draft: Draft, key_path: KeyPath) -> Row:
 
     def choose() -> None:
         title = say(f"setting.{key_path[-1]}")
-        if folder := QFileDialog.getExistingDirectory(folder_button, title, str(draft.value(key_path) or "")):
-            draft.set({key_path: str(Path(folder))})
+        folder = Path(str(draft.value(key_path) or ""))
+        ask_folder(folder_button, title, folder, lambda chosen: draft.set({key_path: str(chosen)}))
 
     folder_button = button(name, "settings.choose_folder", choose)
     return Row(folder_button)

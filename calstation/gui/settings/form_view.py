@@ -302,7 +302,6 @@ class FormView(QWidget):
         self._reason = label(kind="error", name=f"{form.name}_form_reason", wrap=True)
         self._name_box = ChoiceBox(self._names_to_add, f"{form.name}_add_combo")
         self._name_box.setMinimumWidth(28 * theme.GRID)
-        self._name_box.setVisible(bool(form.offered))
         actions = {
             "add": ("settings.add", lambda: self._add()),
             "remove": ("settings.remove", lambda: self._remove()),
@@ -310,11 +309,12 @@ class FormView(QWidget):
             "down": ("settings.move_down", lambda: self._move(1)),
         }
         self._buttons = {name: button(f"{form.name}_{name}_button", *action) for name, action in actions.items()}
-        for name, each in self._buttons.items():
-            each.setVisible(form.listed or (bool(form.offered) and name in ("add", "remove")))
         hint = label("form.edit_hint", "muted", wrap=True)
         below = row(self._name_box, *self._buttons.values(), (hint, 1))
         column(self._reason, (self.table, 1), below, on=self, margins=(0, theme.GRID, 0, 0))
+        self._name_box.setVisible(bool(form.offered))
+        for name, each in self._buttons.items():
+            each.setVisible(form.listed or (bool(form.offered) and name in ("add", "remove")))
         self.table.selectionModel().currentChanged.connect(lambda *_: self._enable())
         self.model.modelReset.connect(self._enable)
         on_language_change(self, self.refresh)

@@ -377,5 +377,6 @@ def _finding_row(finding: Finding) -> QWidget:
     icon.set_kind(_SYMBOLS[finding.state])
     text = label(lambda: rendered(finding.message).text, wrap=True, selectable=True)
     remedy = label(lambda: rendered(finding.message).remedy, "muted", wrap=True, selectable=True)
-    remedy.setVisible(bool(remedy.text()))
-    return box(row((icon, 0, Qt.AlignmentFlag.AlignTop), (column(text, remedy, spacing=2), 1)))
+    finding_row = box(row((icon, 0, Qt.AlignmentFlag.AlignTop), (column(text, remedy, spacing=2), 1)))
+    remedy.setVisible(bool(remedy.text()))  # not before it has a parent, or it would be a window
+    return finding_row

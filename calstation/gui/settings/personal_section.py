@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from PySide6.QtCore import QSignalBlocker
-from PySide6.QtWidgets import QFileDialog, QLineEdit, QWidget
+from PySide6.QtWidgets import QLineEdit, QWidget
 
 from calstation.config import access
 from calstation.errors import ConfigurationError
@@ -11,7 +11,19 @@ from calstation.gui.settings.drafts import default_author
 from calstation.gui.settings.fields import Row, panel
 from calstation.gui.state import AppContext
 from calstation.gui.text import bind, language, on_language_change, say
-from calstation.gui.widgets import ChoiceBox, FlagBox, button, choices_of, column, enable, label, line_edit, row, theme
+from calstation.gui.widgets import (
+    ChoiceBox,
+    FlagBox,
+    ask_folder,
+    button,
+    choices_of,
+    column,
+    enable,
+    label,
+    line_edit,
+    row,
+    theme,
+)
 
 
 class PersonalSection(QWidget):
@@ -97,11 +109,11 @@ class PersonalSection(QWidget):
         return self._pin_badge.text().strip()
 
     def _choose_runs(self) -> None:
-        current = str(self._app.runs_folder.absolute())
-        folder = QFileDialog.getExistingDirectory(self, say("setting.runs_folder"), current)
-        if folder:
-            self._app.set_runs_folder(Path(folder))
+        def use(folder: Path) -> None:
+            self._app.set_runs_folder(folder)
             self.refresh()
+
+        ask_folder(self, say("setting.runs_folder"), self._app.runs_folder.absolute(), use)
 
     def _change_pin(self) -> None:
         if self._new.text() != self._again.text():

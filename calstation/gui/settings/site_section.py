@@ -43,7 +43,7 @@ class SiteSection(Section):
         latitude.warning = lambda: self._warning_text("null_island", "azimuth_hopeless")
         gravity.warning = lambda: self._warning_text("gravity_off")
         self._optional = {_AZIMUTH: (azimuth_box, azimuth), _GRAVITY: (gravity_box, gravity)}
-        self._confirmation = _Confirmation(draft)
+        self._confirmation = _Confirmation(draft, self)
         left = column(
             label("settings.site", "section"),
             latitude,
@@ -110,8 +110,8 @@ class SiteSection(Section):
 class _Confirmation(QWidget):
     """A list of the computers on which the site was confirmed, and a button to confirm it; hidden for a bench."""
 
-    def __init__(self, draft: Draft) -> None:
-        super().__init__()
+    def __init__(self, draft: Draft, parent: QWidget) -> None:
+        super().__init__(parent)
         self._draft = draft
         self._text = label(name="site_confirmed_on_message", wrap=True)
         self.button = button("confirm_place_button", "settings.confirm_site", self._confirm)

@@ -15,6 +15,7 @@ from PySide6.QtWidgets import QLabel, QMainWindow, QStackedWidget, QTabWidget, Q
 from calstation.config import load_station
 from calstation.errors import CalstationError
 from calstation.gui.operator import OperatorPage
+from calstation.gui.shell.stop_guard import StopGuard
 from calstation.gui.state import AppContext, Page, RolePanel, RunStrip
 from calstation.gui.text import bind, language, on_language_change, say
 from calstation.gui.widgets import PANEL, PageArea, button, column, label, padlock_icon, row, theme, theme_icon
@@ -133,6 +134,7 @@ class MainWindow(QMainWindow):
     def _connect(self) -> None:
         app = self.app
         QShortcut(QKeySequence(Qt.Key.Key_Escape), self, app.run.stop)
+        StopGuard(app.run, self.stop_button)
         self.operator_page.header.guard(self.language_combo)
         self.page_tabs.currentChanged.connect(self._page_changed)
         app.station_changed.connect(self._show_station)

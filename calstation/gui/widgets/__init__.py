@@ -12,6 +12,7 @@ from calstation.gui.widgets.badge import (
     theme_icon,
 )
 from calstation.gui.widgets.drawing import VIEWER, Drawing, basis, circle, depth, screen
+from calstation.gui.widgets.file_dialog import ask_file, ask_folder, ask_open
 from calstation.gui.widgets.form import FormField, FormValues, NameBar, choices_of, make_input, problem_text
 from calstation.gui.widgets.inputs import (
     ChoiceBox,
@@ -34,7 +35,6 @@ from calstation.gui.widgets.layout import (
     Item,
     PageArea,
     ViewTabs,
-    ask_file,
     box,
     button,
     clear,

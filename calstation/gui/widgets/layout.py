@@ -1,8 +1,7 @@
 """Functions that build layouts, labels, buttons, bars and file dialogs, whose texts change with the language."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from PySide6.QtCore import QEvent, QObject, QSignalBlocker, QSize, Qt, SignalInstance
@@ -10,7 +9,6 @@ from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QBoxLayout,
     QComboBox,
-    QFileDialog,
     QFrame,
     QGridLayout,
     QHBoxLayout,
@@ -304,6 +302,7 @@ def clear(layout: QLayout) -> None:
     while (item := layout.takeAt(0)) is not None:
         widget = item.widget()
         if widget is not None:
+            widget.hide()  # otherwise a widget that has not been shown yet would be shown as a window of its own
             widget.setParent(None)
             widget.deleteLater()
 
@@ -422,24 +421,3 @@ def _filled(box: Box, items: tuple[Item, ...], on: QWidget | None, spacing: int,
     if on is not None:
         on.setLayout(box)
     return box
-
-
-def ask_file(
-    parent: QWidget, title: str, proposed: Path, kinds: Sequence[str], write: Callable[[Path], object]
-) -> None:
-    """Ask for a file and call `write` with it; `kinds` are name filters such as ``CSV (*.csv)``, the default first."""
-    dialog = QFileDialog(parent, title, str(proposed.parent))
-    dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
-    dialog.setFileMode(QFileDialog.FileMode.AnyFile)
-    dialog.setNameFilters(list(kinds))
-    dialog.selectFile(proposed.name)
-    dialog.filterSelected.connect(lambda kind: dialog.setDefaultSuffix(_suffix(kind)))
-    dialog.setDefaultSuffix(_suffix(kinds[0]))
-    dialog.fileSelected.connect(lambda name: write(Path(name)))
-    dialog.finished.connect(dialog.deleteLater)
-    dialog.open()
-
-
-def _suffix(kind: str) -> str:
-    """Return the suffix in the brackets of a name filter without its first dot."""
-    return kind.rpartition("*.")[2].rstrip(")")

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QMenu, QSizePolicy, QWidget
 from calstation.gui.text import say, with_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state
-from calstation.gui.widgets.layout import ask_file
+from calstation.gui.widgets.file_dialog import ask_file
 
 
 class ZoomBox(pg.ViewBox):  # type: ignore[misc]

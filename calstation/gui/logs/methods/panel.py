@@ -35,7 +35,6 @@ class MethodPanel(JobView):
         self.bench, self.exports = BenchBox(stage), Exports(self)
         self.solve_button = button(f"{stage}_solve_button", "logs.solve", self.solve, kind="primary")
         self.live_button = button("guide_live_button", "logs.guide_live", self._guide_live)
-        self.live_button.setVisible(stage == MULTI_POSITION)
         self.export_button = button(f"{stage}_export_button", "logs.export_result", self._export)
         self.views = SolutionViews(self, stage, self.export_button)
         idle = box(row(self.bench, None, self.live_button, self.solve_button))
@@ -47,6 +46,7 @@ class MethodPanel(JobView):
             JobRow(self.exports.watch, "", "logs.writing_result"),
         )
         column(jobs, self.notice, (self.views, 1), on=self)
+        self.live_button.setVisible(stage == MULTI_POSITION)  # not before it has a parent, or it would be a window
         self._connect()
         on_language_change(self, self._update)
 
