@@ -1,5 +1,6 @@
 """A schedule is saved in the product file as a new version; other entries are unchanged."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -77,3 +78,13 @@ def test_serial_number_example_must_match_the_pattern(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError) as caught:
         load_product(path)
     assert error_code(caught.value) == "serial_example product.example_unlike"
+
+
+@pytest.mark.parametrize("name", sorted(library.names("products")))
+def test_serial_pattern_of_a_shipped_product_accepts_one_number_only(name: str) -> None:
+    pattern = load_product(library.find("products", name))[1].serial_pattern
+    for serial in ("SN-000001", "SN-1", "SN-GIMBAL-1", "SN-PAIR-1", "A-2026-0001", "X1"):
+        assert re.fullmatch(pattern, serial), serial
+        assert not re.fullmatch(pattern, f"{serial}SN-000020"), serial
+    for text in ("", "SN 1!", "123456", "-1", "SN-", "https://x/SN-1"):
+        assert not re.fullmatch(pattern, text), text

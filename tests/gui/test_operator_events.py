@@ -389,3 +389,47 @@ def test_stop_message_states_only_what_was_done(simulated_run: Operator, *, comm
     end_run(simulated_run, "stopped")
     assert ("axes are off" in simulated_run.says()) == (commanded and not by_hand)
     assert ("was not commanded" in simulated_run.says()) != commanded
+
+
+def scan_after_click(operator: Operator, name: str, text: str, *, extend: bool = False) -> QLineEdit:
+    """Click into a field and scan, after the last character if `extend` is True."""
+    edit = operator.widget(name, QLineEdit)
+    operator.qtbot.mouseClick(edit, Qt.MouseButton.LeftButton)
+    if extend:
+        operator.qtbot.keyClick(edit, Qt.Key.Key_End)
+    operator.qtbot.keyClicks(edit, text)
+    operator.qtbot.keyClick(edit, Qt.Key.Key_Return)
+    assert isinstance(edit, QLineEdit)
+    return edit
+
+
+@pytest.mark.parametrize("pattern", [r"SN-\d{6}", ".*"])
+def test_scan_replaces_the_number_and_two_numbers_in_one_are_refused(operator: Operator, pattern: str) -> None:
+    operator.site_folder.write({"serial_pattern": pattern})
+    operator.window.app.product_changed.emit()
+    edit = operator.widget("serial_edit", QLineEdit)
+    assert edit.text() == "SN-000001"
+    operator.qtbot.mouseClick(edit, Qt.MouseButton.LeftButton)  # the field has the focus already
+    assert scan_after_click(operator, "serial_edit", "SN-000020").text() == "SN-000020"
+    assert "accepted" in operator.says()
+    scan_after_click(operator, "serial_edit", "SN-000021", extend=True)
+    assert "“SN-000020SN-000021” is two serial numbers in one" in operator.says()
+    operator.window.app.set_language("zh_CN")
+    assert "“SN-000020SN-000021”是连在一起的两个序列号" in operator.says()
+    operator.window.app.set_language("en")
+    operator.press("start_button")
+    assert not operator.window.app.engine_link.running
+    scan_into_focus(operator, "SN-000021")
+    assert edit.text() == "SN-000021"
+    assert operator.window.focusWidget() is operator.widget("start_button")
+
+
+def test_two_numbers_in_one_are_refused_on_the_engineer_page(operator: Operator) -> None:
+    operator.window.show_page("engineer_page")
+    scan_after_click(operator, "engineer_serial_edit", "SN-000020")
+    start = operator.widget("engineer_start_button", QPushButton)
+    assert scan_after_click(operator, "engineer_serial_edit", "SN-000021").text() == "SN-000021"
+    operator.widget("engineer_serial_edit", QLineEdit).setText("SN-000020")
+    scan_after_click(operator, "engineer_serial_edit", "SN-000021", extend=True)
+    assert not start.isEnabled()
+    assert "two serial numbers in one" in start.toolTip()

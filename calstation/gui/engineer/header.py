@@ -4,8 +4,8 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.state import EndStageButton, RunStatus, RunStrip
-from calstation.gui.text import on_language_change, say
-from calstation.gui.widgets import button, column, label, line_edit, row, theme
+from calstation.gui.text import bind, on_language_change, say
+from calstation.gui.widgets import ScanEdit, button, column, label, line_edit, row, theme
 
 
 class EngineerHeader(QWidget):
@@ -22,9 +22,9 @@ class EngineerHeader(QWidget):
     def __init__(self, run: RunStatus) -> None:
         super().__init__()
         self._next_unit, self._partial, self._slot = False, False, ""
-        self.serial_edit = line_edit(
-            "engineer_serial_edit", width=24 * theme.GRID, longest=80, hint="engineer.scan_or_type"
-        )
+        self.serial_edit = ScanEdit("engineer_serial_edit")
+        self.serial_edit.setFixedWidth(24 * theme.GRID)
+        bind(self.serial_edit.setPlaceholderText, "engineer.scan_or_type")
         self.engineer_edit = line_edit(
             "engineer_name_edit", width=25 * theme.GRID, longest=40, hint="engineer.name_tip"
         )

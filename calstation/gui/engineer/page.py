@@ -340,10 +340,13 @@ class EngineerPage(Page):
 
     def _why_no_serial(self) -> Text | None:
         """Return why the entered serial number is not valid for the product, or None."""
-        options = self._options
-        if options is None or re.fullmatch(options.serial_pattern, self._header.serial):
+        options, header = self._options, self._header
+        if options is None:
             return None
-        return Text.of("engineer.wrong_serial", example=options.serial_example)
+        valid = re.compile(options.serial_pattern).fullmatch
+        if header.serial_edit.holds_two(lambda serial: valid(serial) is not None):
+            return Text.of("question.two_serials", serial=header.serial)
+        return None if valid(header.serial) else Text.of("engineer.wrong_serial", example=options.serial_example)
 
     def _why_not_save(self) -> str:
         if self._options is None or not self._options.offered or self._saving.busy:

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QVBoxL
 
 from calstation.gui.operator.production import BadgeField
 from calstation.gui.text import bind, on_language_change, say
-from calstation.gui.widgets import StateIcon, button, column, enable, label, row, theme
+from calstation.gui.widgets import ScanEdit, StateIcon, button, column, enable, label, row, theme
 
 #: Size of the symbol that shows in the serial field whether a scan was accepted, px.
 _SYMBOL = 28
@@ -32,7 +32,7 @@ class RunHeader(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.badge_field, self.serial_edit, self.product_combo = BadgeField(), QLineEdit(), QComboBox()
+        self.badge_field, self.serial_edit, self.product_combo = BadgeField(), ScanEdit("serial_edit"), QComboBox()
         self.operator_edit = self.badge_field.edit
         self.start_button = button("start_button", pressed=self.start_pressed, kind="primary")
         self.pause_button = button("pause_button", pressed=self.pause_pressed)
@@ -53,7 +53,6 @@ class RunHeader(QWidget):
             spacing=2 * theme.GRID,
         )
         self.serial_edit.setFont(theme.font(theme.SECTION, bold=True))
-        self.serial_edit.setMaxLength(80)
         self.serial_edit.setTextMargins(0, 0, _SYMBOL + theme.GRID, 0)
         row(None, self._symbol, on=self.serial_edit, margins=(0, 0, theme.GRID, 0))
         self.product_combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
@@ -105,12 +104,14 @@ class RunHeader(QWidget):
         field.selectAll()
 
     @property
-    def _scan_field(self) -> QLineEdit:
+    def _scan_field(self) -> ScanEdit:
         return self.operator_edit if self.badge_field.required else self.serial_edit
 
     def note_serial(self, note: str, *, accepted: bool | None = None) -> None:
         """Show a note in the caption of the serial number, with a tick or a cross after a scan."""
         self._serial_note = note
+        if accepted:
+            self.serial_edit.keep()
         theme.set_kind(self._serial_caption, "error" if accepted is False else "")
         self._symbol.set_kind("good" if accepted else "bad")
         self._symbol.setVisible(accepted is not None)
@@ -158,8 +159,7 @@ class RunHeader(QWidget):
         if popup is not None:
             popup.close()
         field.setFocus()
-        field.clear()
-        field.insert(text)
+        field.begin(text)
         if field is self.serial_edit:
             self.serial_edited.emit()
         return True

@@ -24,6 +24,7 @@ from calstation.sound import play
 #: Note next to the serial field by the reason why a scan is refused.
 _NOTES = {
     "question.invalid_serial": "operator.not_valid",
+    "question.two_serials": "operator.not_valid",
     "question.missing_serial": "operator.not_valid",
     "question.serial_twice": "operator.twice",
     "question.no_slot_left": "operator.no_slot_left",
@@ -167,7 +168,9 @@ class RunStarter(QObject):
             return True
         code = "question.invalid_serial" if header.serial else "question.missing_serial"
         refusal: Text | None = Text.of(code, serial=header.serial, example=self.run_summary.serial_example)
-        if self._valid(header.serial):
+        if header.serial_edit.holds_two(self._valid):
+            refusal = Text.of("question.two_serials", serial=header.serial)
+        elif self._valid(header.serial):
             refusal = slots.refusal(header.serial) if slots else None
         if refusal is not None:
             header.note_serial(say(_NOTES[refusal.code]), accepted=False)

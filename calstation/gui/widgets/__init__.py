@@ -20,6 +20,7 @@ from calstation.gui.widgets.inputs import (
     Editor,
     FlagBox,
     NumberEdit,
+    ScanEdit,
     SpinEdit,
     TextEdit,
     VectorEdit,

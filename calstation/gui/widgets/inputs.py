@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from PySide6.QtCore import QLocale, QSignalBlocker, Qt, Signal
-from PySide6.QtGui import QWheelEvent
+from PySide6.QtGui import QMouseEvent, QWheelEvent
 from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit, QWidget
 
 from calstation.gui.text import on_language_change, with_minus, without_minus
@@ -30,6 +30,55 @@ class TextEdit(QLineEdit):
         """Show a value; an equivalent text, such as 1.50, is not replaced while the input has the focus."""
         if not self.hasFocus() or self.value() != value:
             self.setText(_value_text(value))
+
+
+#: Minimum length of a serial number that is recognised next to another one.
+_MIN_NUMBER = 3
+
+
+class ScanEdit(QLineEdit):
+    """An input for scans: a click selects the whole text, which a scan then replaces instead of extending it."""
+
+    def __init__(self, name: str, *, longest: int = 80) -> None:
+        super().__init__()
+        self.setObjectName(name)
+        self.setMaxLength(longest)
+        #: Number in the field to which characters may have been added.
+        self._number = ""
+        self._edited = False
+        self.textEdited.connect(self._note_edit)
+        self.textChanged.connect(self._note_change)
+
+    def begin(self, text: str) -> None:
+        """Replace the text with the first character of a scan."""
+        self.setText(text)
+        self._number = ""
+
+    def keep(self) -> None:
+        """Take the text for a complete serial number."""
+        self._number = self.text().strip()
+
+    def holds_two(self, valid: Callable[[str], bool]) -> bool:
+        """Return whether the text is a serial number, for which `valid` returns True, joined to the previous one."""
+        text, number = self.text().strip(), self._number
+        rest = text.removeprefix(number) if text.startswith(number) else text.removesuffix(number)
+        return bool(number) and len(rest) >= _MIN_NUMBER and valid(number) and valid(rest)
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        """Select the text unless a part of it has been selected."""
+        super().mouseReleaseEvent(event)
+        if not self.hasSelectedText():
+            self.selectAll()
+
+    def _note_edit(self, _: str) -> None:
+        self._edited = True
+
+    def _note_change(self, text: str) -> None:
+        edited, self._edited = self._edited, False
+        if not edited:
+            self.keep()
+        elif not (text.startswith(self._number) or text.endswith(self._number)):
+            self._number = ""
 
 
 class NumberEdit(TextEdit):

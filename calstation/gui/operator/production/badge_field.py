@@ -3,12 +3,12 @@
 from typing import cast
 
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, QTimer, Signal
-from PySide6.QtWidgets import QApplication, QLineEdit, QWidget
+from PySide6.QtWidgets import QApplication, QWidget
 
 from calstation.config import SignInSection, computer_user
 from calstation.errors import ConfigurationError
 from calstation.gui.text import bind, say
-from calstation.gui.widgets import button, column, enable, label, row, theme
+from calstation.gui.widgets import ScanEdit, button, column, enable, label, row, theme
 
 #: Events that restart the idle timeout.
 _ACTIVITY = (QEvent.Type.KeyPress, QEvent.Type.MouseButtonPress, QEvent.Type.TouchBegin)
@@ -31,10 +31,8 @@ class BadgeField(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.edit = QLineEdit()
-        self.edit.setObjectName("operator_edit")
+        self.edit = ScanEdit("operator_edit", longest=40)
         self.edit.setProperty("kind", "tall")
-        self.edit.setMaxLength(40)
         self._section: SignInSection | None = None
         self._badge = ""
         self._locked = False
