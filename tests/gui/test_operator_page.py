@@ -251,6 +251,7 @@ def test_interrupted_run_is_offered_at_startup_and_resumed(operator: Operator, s
     operator.press("start_button")
     assert not operator.window.app.engine_link.running
 
+    operator.window.app.close()
     again = create_window(site_folder.station)
     assert isinstance(again, MainWindow)
     operator.qtbot.addWidget(again)

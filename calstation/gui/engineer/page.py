@@ -101,6 +101,7 @@ class EngineerPage(Page):
         self._views.currentChanged.connect(lambda _: self.analysis.prepare(self._views.currentWidget()))
         app.engine_link.event.connect(self._follow)
         app.engine_link.running_changed.connect(self._running_changed)
+        app.windows.changed.connect(self._update)
         app.run.changed.connect(self._run_changed)
         app.role.changed.connect(self._role_changed)
         app.choice_changed.connect(self._choice_undone)
@@ -297,6 +298,8 @@ class EngineerPage(Page):
         busy = ""
         if self.app.engine_link.running:
             busy = say("window.busy_registers" if self.app.run.register_operation else "window.busy_run")
+        elif self.app.run.elsewhere is not None:
+            busy = say("question.other_window")
         name = "" if self._header.engineer else say("engineer.no_name")
         device = say("engineer.communicating") if self.registers.watch.busy else ""
         problem, choice = self._why_no_options(), self._why_no_choice()
@@ -329,7 +332,10 @@ class EngineerPage(Page):
 
     def _show_next(self) -> None:
         run, slot = self.app.run, self.app.slots.marked
-        self._header.show_next(run.ended or run.fault is not None, "" if slot is None or run.in_progress else slot.name)
+        other = run.in_progress and not slot and self._header.serial not in run.serials
+        self._header.show_next(
+            run.ended or run.fault is not None or other, "" if slot is None or run.in_progress else slot.name
+        )
 
     def _why_no_unit(self) -> str:
         slots, serial = self.app.slots, self._header.serial

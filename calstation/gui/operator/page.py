@@ -134,6 +134,7 @@ class OperatorPage(Page):
         app.station_changed.connect(self._change_station)
         app.product_changed.connect(self._show_product)
         app.choice_changed.connect(self._plan)
+        app.windows.changed.connect(self._plan)
 
     # ---- the next run
 
@@ -217,6 +218,9 @@ class OperatorPage(Page):
         """Return the summary of the next run or None, and choices of compatible products; set `_problem`."""
         app = self.app
         self._problem = None
+        if app.run.elsewhere is not None:
+            self._problem = Text("question.other_window")
+            return None, []
         try:
             request = RunRequest("-", app.station_path, app.product_path, app.stages, schedule=app.schedule)
             return run_summary(request), []

@@ -16,7 +16,7 @@ from calstation.config import load_station
 from calstation.errors import CalstationError
 from calstation.gui.operator import OperatorPage
 from calstation.gui.shell.stop_guard import StopGuard
-from calstation.gui.state import AppContext, Page, RolePanel, RunStrip
+from calstation.gui.state import AppContext, Page, RolePanel, RunStrip, run_title
 from calstation.gui.text import bind, language, on_language_change, say
 from calstation.gui.widgets import PANEL, PageArea, button, column, label, padlock_icon, row, theme, theme_icon
 
@@ -88,7 +88,6 @@ class MainWindow(QMainWindow):
         self._closing = False
         #: Index of the current page.
         self._current = 0
-        self.setWindowTitle("calstation")
         self.setFont(theme.font())
         self.page_tabs = QTabWidget(self)
         self.page_tabs.setObjectName("page_tabs")
@@ -115,7 +114,7 @@ class MainWindow(QMainWindow):
         self._role_panel = RolePanel(app.role, self)
         self._order_tabs()
         self._connect()
-        for show in (self._show_language, self._show_role, self._show_station):
+        for show in (self._show_language, self._show_role, self._show_station, self._show_title):
             on_language_change(self, show)
         self.setMinimumSize(_MINIMUM)
         self.resize(_DEFAULT)
@@ -138,6 +137,8 @@ class MainWindow(QMainWindow):
         self.operator_page.header.guard(self.language_combo)
         self.page_tabs.currentChanged.connect(self._page_changed)
         app.station_changed.connect(self._show_station)
+        app.station_changed.connect(self._join_windows)
+        app.run.changed.connect(self._show_title)
         app.role.changed.connect(self._show_role)
         app.role.pin_requested.connect(self._move_role_panel)
         theme.themes.changed.connect(self._set_icons)
@@ -150,11 +151,20 @@ class MainWindow(QMainWindow):
     def showEvent(self, event: QShowEvent) -> None:
         """Create the engineer page after the first paint."""
         super().showEvent(event)
-        QTimer.singleShot(_CREATION_DELAY_MS, self, self.create_engineer_page)
+        QTimer.singleShot(_CREATION_DELAY_MS, self, self._after_first_paint)
 
     def create_engineer_page(self) -> None:
         """Create the engineer page early, because it monitors runs; other pages are created when first shown."""
         _ = self._tabs["engineer_page"].page
+
+    def _after_first_paint(self) -> None:
+        self.create_engineer_page()
+        self._join_windows()
+
+    def _join_windows(self) -> None:
+        """Join the windows of the station once this window is visible."""
+        if self.isVisible():
+            self.app.windows.join(self.app.station_path)
 
     @property
     def operator_page(self) -> OperatorPage:
@@ -181,6 +191,11 @@ class MainWindow(QMainWindow):
     def _show_language(self) -> None:
         with QSignalBlocker(self.language_combo):
             self.language_combo.setCurrentIndex(max(0, self.language_combo.findData(language.current())))
+
+    def _show_title(self) -> None:
+        """Show the units of a run and its state in the title, which the task bar shows, too."""
+        shown = self.app.run.serials or self.app.run.elsewhere is not None
+        self.setWindowTitle(f"{run_title(self.app.run)}  –  calstation" if shown else "calstation")
 
     def _show_role(self) -> None:
         engineer = self.app.role.engineer

@@ -13,6 +13,7 @@ from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.state.role import RoleLock
 from calstation.gui.state.run_status import RunStatus
 from calstation.gui.state.slots import Slots
+from calstation.gui.state.station_windows import StationWindows
 from calstation.gui.text import language
 from calstation.gui.widgets import JobWatch, Slot, theme
 from calstation.jobs import JobQueue
@@ -48,6 +49,7 @@ class AppContext(QObject):
         self.job_queue = JobQueue(_warm_up)
         self.engine_link = EngineLink(self)
         self.run = RunStatus(self.engine_link, self)
+        self.windows = StationWindows(self.run, self)
         self.role = RoleLock(self)
         #: Units of the next run at a station with several slots.
         self.slots = Slots(self)
@@ -140,6 +142,7 @@ class AppContext(QObject):
     def close(self) -> None:
         """Stop a run in progress safely, and end the engine, the job process and the live monitoring."""
         self.closing.emit()
+        self.windows.leave()
         self.engine_link.close()
         self.job_queue.close()
 

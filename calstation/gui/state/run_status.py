@@ -66,6 +66,8 @@ class RunStatus(QObject):
         self.runnable = True
         #: Whether the sequencer may have moved the table; False while devices are opened and identified.
         self.commanded = False
+        #: Serial numbers and state of the run in the first window of the station; None in that window.
+        self.elsewhere: tuple[tuple[str, ...], str] | None = None
         #: Units of the run in the order of their slots.
         self.units: tuple[UnitStatus, ...] = (UnitStatus(""),)
         #: Unit that is displayed in detail.
@@ -87,6 +89,11 @@ class RunStatus(QObject):
     def in_progress(self) -> bool:
         """Whether a run is in progress."""
         return self.state in _IN_PROGRESS
+
+    @property
+    def serials(self) -> tuple[str, ...]:
+        """Serial numbers of the units of the run; empty while no run or verdict is displayed."""
+        return () if self.state == "idle" else tuple(unit.serial for unit in self.units)
 
     @property
     def by_hand(self) -> bool:
@@ -195,6 +202,12 @@ class RunStatus(QObject):
         """Set whether the station and the product are usable for the next run."""
         self.runnable = runnable
         self.changed.emit()
+
+    def set_elsewhere(self, elsewhere: tuple[tuple[str, ...], str] | None) -> None:
+        """Set the serial numbers and the state of the run in the first window of the station."""
+        if elsewhere != self.elsewhere:
+            self.elsewhere = elsewhere
+            self.changed.emit()
 
     def stop(self) -> None:
         """Stop a run in progress safely; the state is ``stopping`` even before the engine confirms the stop."""

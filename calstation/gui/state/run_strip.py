@@ -1,7 +1,7 @@
 """Widgets that show the status of the run and of the exchange with the shared database."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import datetime
 
 from PySide6.QtWidgets import QLabel, QPushButton, QWidget
@@ -31,10 +31,7 @@ class RunStrip(QWidget):
 
     def _refresh(self) -> None:
         run = self._run
-        kind, state = run_badge(run)
-        if (run.ended or run.fault is not None) and not run.in_slots:  # the page does not show the unit elsewhere
-            state = f"{run.unit.serial}  ·  {state}"
-        self._badge.show_state(kind, state)
+        self._badge.show_state(run_badge(run)[0], run_title(run))
         parts = []
         if run.stage is not None:
             parts = [term("stage", run.stage.name), f"{100.0 * run.stage.fraction:.0f} %"]
@@ -45,11 +42,28 @@ class RunStrip(QWidget):
         self._bar.setValue(round(STEPS * run.fraction))
 
 
+def run_title(run: RunStatus) -> str:
+    """Return the units and the state of the run in one line."""
+    state = run_badge(run)[1]
+    if run.elsewhere is not None or not run.serials or (run.in_slots and run.ended):
+        return state
+    return f"{_units_text(run.serials)}  ·  {state}"
+
+
+def _units_text(serials: Sequence[str]) -> str:
+    return serials[0] if len(serials) == 1 else say("operator.unit_count", count=len(serials))
+
+
 def run_badge(run: RunStatus) -> tuple[str, str]:
     """Return the shape and the text of the badge of a run.
 
-    The text states whether a run in progress is partial, and counts the outcomes after a run of several units.
+    In another window of the station, it is the run of the first one. The text states whether a run in progress is
+    partial, and counts the outcomes after a run of several units.
     """
+    if run.elsewhere is not None and not run.in_progress:
+        serials, elsewhere = run.elsewhere
+        text = "  ·  ".join([_units_text(serials), term("badge", elsewhere)] if serials else [term("badge", elsewhere)])
+        return KINDS.get(elsewhere, "none"), say("window.in_other_window", state=text)
     if run.in_slots and run.ended:
         counts = Counter(run.display_state_of(unit) for unit in run.units)
         texts = [term("unit_count", outcome, count=counts[outcome]) for outcome in _COUNTED if counts[outcome]]

@@ -1,0 +1,128 @@
+"""The windows of a station on this computer, of which only the first one starts runs."""
+
+import hashlib
+import json
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import QObject, Signal
+
+from calstation.config import DEFAULT_STATION, library
+from calstation.gui.state.run_status import RunStatus
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from PySide6.QtNetwork import QLocalServer, QLocalSocket
+
+#: Maximum time for the connection to the first window, ms; the operating system accepts it at once.
+_CONNECTION_TIMEOUT_MS = 500
+
+#: Message of another window that stops the run of the first one.
+_STOP = b"stop\n"
+
+
+class StationWindows(QObject):
+    """The link between the windows of a station.
+
+    The first window serves the others; they adopt its unit and state as `RunStatus.elsewhere`, send it their STOP, and
+    one of them takes its place when it is closed. `changed` is emitted when this window becomes the first or another
+    one.
+    """
+
+    changed = Signal()
+
+    def __init__(self, run: RunStatus, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._run = run
+        self._name = ""
+        self._server: QLocalServer | None = None
+        self._first: QLocalSocket | None = None
+        self._others: list[QLocalSocket] = []
+        self._sent = b""
+        run.changed.connect(self._send)
+        run.stop_pressed.connect(self._send_stop)
+
+    def join(self, station: "Path | None") -> None:
+        """Join the windows of a station file, by default of the virtual bench."""
+        from PySide6.QtNetwork import QLocalServer, QLocalSocket  # imported after the first paint
+
+        path = station or library.find("stations", DEFAULT_STATION)
+        key = f"{library.site_folder().absolute()}\n{path.absolute()}".encode()
+        name = f"calstation-{hashlib.sha256(key).hexdigest()[:24]}"
+        if name == self._name:
+            return
+        self.leave()
+        self._name = name
+        socket = QLocalSocket(self)
+        socket.connectToServer(name)
+        if socket.waitForConnected(_CONNECTION_TIMEOUT_MS):
+            self._first = socket
+            socket.readyRead.connect(self._read)
+            socket.disconnected.connect(lambda: self._first_closed(station))
+            self._run.set_elsewhere(((), "idle"))
+            self.changed.emit()
+            return
+        QLocalServer.removeServer(name)  # of a window that was killed
+        self._server = QLocalServer(self)
+        self._server.newConnection.connect(self._accept)
+        self._server.listen(name)
+
+    def leave(self) -> None:
+        """Leave the windows of the station."""
+        self._name, self._sent = "", b""
+        first, self._first = self._first, None
+        if first is not None:
+            first.disconnect(self)
+            first.abort()
+            first.deleteLater()
+        for socket in self._others:
+            socket.disconnect(self)
+            socket.abort()
+        self._others = []
+        if self._server is not None:
+            self._server.close()
+            self._server.deleteLater()
+            self._server = None
+        if self._run.elsewhere is not None:
+            self._run.set_elsewhere(None)
+            self.changed.emit()
+
+    # ---- first window
+
+    def _accept(self) -> None:
+        while self._server is not None and (socket := self._server.nextPendingConnection()) is not None:
+            self._others.append(socket)
+            socket.readyRead.connect(self._read_stop)
+            socket.write(self._status())
+
+    def _send(self) -> None:
+        """Send the unit and the state of the run to the other windows after a change."""
+        if self._others and self._status() != self._sent:
+            self._sent = self._status()
+            for socket in self._others:
+                socket.write(self._sent)
+
+    def _status(self) -> bytes:
+        return json.dumps([self._run.serials, self._run.display_state]).encode() + b"\n"
+
+    def _read_stop(self) -> None:
+        for socket in self._others:
+            if _STOP in bytes(socket.readAll().data()) and self._run.in_progress:
+                self._run.stop()
+
+    # ---- other windows
+
+    def _send_stop(self) -> None:
+        if self._first is not None:
+            self._first.write(_STOP)
+            self._first.flush()
+
+    def _read(self) -> None:
+        if self._first is not None:
+            *_, line = bytes(self._first.readAll().data()).decode().strip().split("\n")
+            serials, state = json.loads(line)
+            self._run.set_elsewhere((tuple(serials), state))
+
+    def _first_closed(self, station: "Path | None") -> None:
+        self.leave()
+        self.join(station)

@@ -1,0 +1,101 @@
+"""Several windows of one station: the first one starts runs, and the others show them."""
+
+from collections.abc import Iterator
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QLabel, QPushButton
+from pytestqt.qtbot import QtBot
+
+from calstation.config import RunRequest
+from calstation.gui import create_window
+from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.state import RunStrip
+from calstation.sequencer import Command, StateChanged
+from tests.gui.conftest import SERIAL, Operator, SiteFolder
+
+PAGES = ["engineer_page", "offline_page", "history_page", "quality_page", "station_page"]
+
+
+@pytest.fixture
+def second(operator: Operator, qtbot: QtBot, site_folder: SiteFolder) -> Iterator[Operator]:
+    """An operator at a second window of the same station."""
+    operator.until(lambda: operator.window.app.windows._server is not None)
+    window = create_window(site_folder.station)
+    assert isinstance(window, MainWindow)
+    qtbot.addWidget(window)
+    window.show()
+    yield Operator(window, qtbot, site_folder)
+    window.app.close()
+
+
+def begin_run(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> list[Command]:
+    """Begin a run that consists of emitted events; return the commands that are sent to it."""
+    link, commands = operator.window.app.engine_link, list[Command]()
+    monkeypatch.setattr(link, "send", commands.append)
+    link.request = RunRequest(SERIAL, operator.site_folder.station, operator.site_folder.product)
+    link.running_changed.emit(True)
+    link.event.emit(StateChanged("running", "preparing"))
+    return commands
+
+
+def strip_text(operator: Operator) -> str:
+    """Return the texts of the visible strip."""
+    strip = next(strip for strip in operator.window.findChildren(RunStrip) if strip.isVisible())
+    return "\n".join(label.text() for label in strip.findChildren(QLabel))
+
+
+def test_running_unit_is_in_the_title_and_in_the_strip_of_every_page(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert operator.window.windowTitle() == "calstation"
+    begin_run(operator, monkeypatch)
+    operator.until(lambda: operator.window.windowTitle() == f"{SERIAL}  ·  RUNNING  –  calstation")
+    for page in PAGES:
+        operator.window.show_page(page)
+        assert f"{SERIAL}  ·  RUNNING" in strip_text(operator), page
+    operator.window.app.set_language("zh_CN")
+    assert operator.window.windowTitle() == f"{SERIAL}  ·  标定中  –  calstation"
+    operator.window.show_page("engineer_page")
+    assert f"{SERIAL}  ·  标定中" in strip_text(operator)
+
+
+def test_number_for_the_next_run_is_named_so_on_the_engineer_page(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    operator.window.show_page("engineer_page")
+    operator.widget("engineer_serial_edit").setText("SN-000007")
+    begin_run(operator, monkeypatch)
+    operator.until(lambda: f"{SERIAL}  ·  RUNNING" in strip_text(operator))
+    assert "Serial number: next unit" in operator.says()
+
+
+def test_second_window_shows_the_run_of_the_first_one_and_stops_it(
+    operator: Operator, second: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    second.until(lambda: "This station is open in another window" in second.says())
+    assert "READY (other window)" in second.says()
+    second.scan(SERIAL)
+    for start in (second.widget("start_button", QPushButton), second.widget("engineer_start_button", QPushButton)):
+        assert not start.isEnabled()
+        assert "window" in start.toolTip()
+    commands = begin_run(operator, monkeypatch)
+    second.until(lambda: f"{SERIAL}  ·  RUNNING (other window)" in second.says())
+    assert second.window.windowTitle().startswith(f"{SERIAL}  ·  RUNNING (other window)")
+    for page in PAGES:
+        second.window.show_page(page)
+        assert f"{SERIAL}  ·  RUNNING (other window)" in strip_text(second), page
+    second.window.app.set_language("zh_CN")
+    assert f"{SERIAL}  ·  标定中（另一窗口）" in strip_text(second)
+    second.window.app.set_language("en")
+    second.qtbot.mouseClick(second.window.stop_button, Qt.MouseButton.LeftButton)
+    operator.until(lambda: commands == [Command.STOP])
+    second.until(lambda: f"{SERIAL}  ·  STOPPING (other window)" in strip_text(second))
+
+
+def test_second_window_takes_the_place_of_the_first_one(operator: Operator, second: Operator) -> None:
+    second.until(lambda: "This station is open in another window" in second.says())
+    operator.window.app.close()
+    second.until(lambda: second.widget("start_button").isEnabled())
+    assert "open in another window" not in second.says()
+    assert second.window.windowTitle() == "calstation"
