@@ -23,6 +23,9 @@ from calstation.sequencer.events import StageProgress
 
 _MAX_STEPS = 10_000
 
+#: Tolerance of sums of durations, s.
+_TIME_TOLERANCE = 1e-6
+
 #: Default settling time after a move if the table's profile does not specify one, s.
 SETTLE_TIME = 1.5
 
@@ -75,10 +78,13 @@ class StagePlan:
 
 
 class StageTracker:
-    """Progress of a stage, or of a round of an open-ended stage, whose planned `duration` is in s."""
+    """Progress of a stage, or of a round of an open-ended stage, whose planned `duration` is in s.
 
-    def __init__(self, stage: str, duration: float) -> None:
-        self._stage, self._duration = stage, duration
+    If the targets are not reached within it, the stage takes up to `longest` s.
+    """
+
+    def __init__(self, stage: str, duration: float, longest: float = 0.0) -> None:
+        self._stage, self._duration, self._longest = stage, duration, longest
         self._done = self._step_begin = self._step = 0.0
         self._sigma: dict[str, dict[str, float]] = {}
 
@@ -94,6 +100,11 @@ class StageTracker:
             slot: {group: float(np.max(values[group_indices(group)])) for group in GROUPS}
             for slot, values in sigma.items()
         }
+
+    def next_round(self) -> None:
+        """Continue after a round; after the planned duration, the rounds up to the longest duration follow."""
+        if self._done > self._duration - _TIME_TOLERANCE:
+            self._duration = max(self._duration, self._longest)
 
     def event(self, now: float, slot: str) -> StageProgress:
         """Return the progress of the stage at station time `now` for the unit in a slot."""

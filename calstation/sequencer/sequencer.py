@@ -187,7 +187,9 @@ class Sequencer:
         drive, clock, units = self._drive, self._context.clock, self._units
         begin = {unit: unit.acquisition.newest_time or 0.0 for unit in units}
         rounds = 0
-        track = self._track = StageTracker(stage.name, duration)
+        steps = planned(stage.steps(), stage.rule, drive.runner.position(), self._context.task.settle)
+        longest = sum(seconds for _, seconds in steps)
+        track = self._track = StageTracker(stage.name, duration, longest)
         self._show_progress()
         for step in stage.steps():
             if isinstance(step, RoundEnd):
@@ -197,8 +199,10 @@ class Sequencer:
                 reasons = [stage.rule.reason(rounds, elapsed, sigmas.get(unit.slot.name)) for unit in units]
                 if reasons[0] and all(reasons):
                     return reasons[0], rounds
+                track.next_round()
                 if stage.rule.open_ended:
                     track = self._track = StageTracker(stage.name, duration)
+                self._show_progress()
             else:
                 track.begin(clock.now(), step_time(step, drive.runner.position(), self._context.task.settle))
                 drive.runner.run(step)

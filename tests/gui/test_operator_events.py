@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -20,7 +21,7 @@ from calstation.records import Verdict
 from calstation.results import Delivery, History
 from calstation.runs import finish_incomplete
 from calstation.runs.incomplete import StartupRecovery
-from calstation.sequencer import Finalized, StageSolved, StageStarted, StateChanged
+from calstation.sequencer import Finalized, StageProgress, StageSolved, StageStarted, StateChanged
 from tests.check_rows import check_row
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.gui.test_history_page import write_dead_log
@@ -433,3 +434,62 @@ def test_two_numbers_in_one_are_refused_on_the_engineer_page(operator: Operator)
     scan_after_click(operator, "engineer_serial_edit", "SN-000021", extend=True)
     assert not start.isEnabled()
     assert "two serial numbers in one" in start.toolTip()
+
+
+def progress(operator: Operator, fraction: float, remaining: float, sigma: float) -> None:
+    """Report the progress of the current stage, with a sigma of the gyro bias as a multiple of its target."""
+    run = operator.run
+    assert run.run_summary is not None
+    targets = {"gyro_bias": sigma * run.run_summary.targets["gyro_bias"]}
+    operator.window.app.engine_link.event.emit(StageProgress("rate", fraction, remaining, targets))
+
+
+def test_pause_does_not_count_as_slowness(simulated_run: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [1000.0]
+    monkeypatch.setattr("calstation.gui.state.run_status.time", SimpleNamespace(monotonic=lambda: now[0]))
+    event = simulated_run.window.app.engine_link.event
+    event.emit(StateChanged("running", "preparing"))
+    event.emit(StageStarted("rate", 1, 4, 100.0))
+    now[0] += 5.0
+    progress(simulated_run, 0.5, 50.0, 3.0)
+    before = simulated_run.run.remaining
+    assert before is not None
+    event.emit(StateChanged("pausing", "running"))
+    now[0] += 2.0
+    event.emit(StateChanged("paused", "pausing"))
+    now[0] += 600.0
+    assert simulated_run.run.remaining == pytest.approx(before)
+    event.emit(StateChanged("running", "paused"))
+    now[0] += 1.0
+    progress(simulated_run, 0.6, 40.0, 3.0)
+    assert simulated_run.run.remaining == pytest.approx(before - 1.0)
+
+
+def test_reserve_moves_extend_the_time_left_and_the_convergence_plot(simulated_run: Operator) -> None:
+    live = simulated_run.window.operator_page._live._convergence
+    event = simulated_run.window.app.engine_link.event
+    event.emit(StateChanged("running", "preparing"))
+    event.emit(StageStarted("rate", 1, 4, 100.0))
+    progress(simulated_run, 1.0, 0.0, 1.3)
+    assert not live.lines["gyro_bias"].reached
+    progress(simulated_run, 0.5, 100.0, 1.3)  # the targets are not reached, and the reserve takes 100 s
+    stage = simulated_run.run.stages[0]
+    assert (stage.duration, stage.fraction, stage.remaining) == (200.0, 0.5, 100.0)
+    progress(simulated_run, 0.75, 50.0, 0.9)
+    live.draw()
+    line = live.lines["gyro_bias"]
+    assert line.reached
+    minutes, decades = line.curve.getData()
+    assert minutes[-1] == pytest.approx(150.0 / 60.0), "the line ends at the current time"
+    assert decades[-1] < 0.0, "below the target"
+    assert all(decade > 0.0 for minute, decade in zip(minutes, decades, strict=True) if minute < 2.5)
+
+
+def test_rounds_of_an_open_ended_stage_follow_each_other_in_the_convergence_plot(simulated_run: Operator) -> None:
+    live = simulated_run.window.operator_page._live._convergence
+    event = simulated_run.window.app.engine_link.event
+    event.emit(StateChanged("running", "preparing"))
+    event.emit(StageStarted("rate", 1, 4, 100.0, repeated=True))
+    for fraction, remaining, sigma in ((0.9, 10.0, 3.0), (0.0, 100.0, 2.0), (0.8, 20.0, 1.5)):
+        progress(simulated_run, fraction, remaining, sigma)
+    assert live.lines["gyro_bias"].times == pytest.approx([90.0, 90.0, 170.0])

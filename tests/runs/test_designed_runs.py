@@ -8,7 +8,7 @@ import pytest
 from calstation.config import RunRequest, library
 from calstation.records import open_log
 from calstation.results import resolve
-from calstation.sequencer import Command, Message, StageEnded, StateChanged, StepStarted
+from calstation.sequencer import Command, Message, StageEnded, StageProgress, StateChanged, StepStarted
 from tests.site_folder import SiteFolder
 
 MOVES = [
@@ -46,6 +46,9 @@ def test_stage_ends_when_the_limits_are_met_and_re_solves_bit_identically(design
     assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]
     (stage,) = designed.events_of(StageEnded)
     assert (stage.reason, len(MOVES) > stage.rounds) == ("targets", True)
+    progress = designed.events_of(StageProgress)
+    assert len(progress) > 20
+    assert sum(event.remaining == 0.0 for event in progress) <= 2, "moves after the planned ones are not the end"
     log = open_log(Path(ended.log))
     for first in (None, log.facts().first_seq + 100):
         again = resolve(Path(ended.log), first_seq=first).result.to_json()

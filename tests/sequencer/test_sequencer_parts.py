@@ -11,6 +11,7 @@ from calstation.estimation.common import SampleBlock
 from calstation.physics import COUNT, INDEX, Dwell, Move, RoundEnd, parameter_indices, targets_reached
 from calstation.sequencer import LastSample, StopRule, move_time, plan_time, planned
 from calstation.sequencer.acquisition import RESUME_GAP, Acquisition, SampleTags
+from calstation.sequencer.plan import StageTracker
 from tests.sequencer.fakes import MODEL, RATE, UNIT, FakeClock, FakeImu, FakeTable, endless
 
 
@@ -39,6 +40,20 @@ def test_planned_duration_uses_the_usual_rounds_but_all_steps_are_planned() -> N
     rule = StopRule(rounds=5, targets={"gyro_bias": 1.0}, usual=2)
     assert plan_time(endless(), rule, (0.0, 0.0)) == pytest.approx(2.0)
     assert sum(isinstance(step, RoundEnd) for step, _ in planned(endless(), rule, (0.0, 0.0))) == 5
+
+
+def test_progress_after_the_planned_duration_is_within_the_longest_one() -> None:
+    track = StageTracker("designed", 10.0, 25.0)
+    track.begin(0.0, 5.0)
+    assert (track.event(5.0, "").fraction, track.event(5.0, "").remaining) == (0.5, 5.0)
+    track.end({})
+    track.next_round()
+    assert track.event(5.0, "").remaining == 5.0
+    track.begin(5.0, 5.0)
+    track.end({})
+    assert track.event(10.0, "").fraction == 1.0, "the targets may have been reached"
+    track.next_round()
+    assert (track.event(10.0, "").fraction, track.event(10.0, "").remaining) == (0.4, 15.0)
 
 
 def test_targets_may_be_parameters_or_groups() -> None:

@@ -388,6 +388,8 @@ class OperatorPage(Page):
         run = self.app.run
         if run.fault is not None:
             return fault_text(run.fault).text
+        if run.elsewhere is not None:
+            return rendered(Text("question.other_window")).text
         if run.display_state == "idle" and self.header.badge_field.required:
             return say("operator.sign_in")
         if run.state in ("idle", "starting"):

@@ -80,6 +80,8 @@ class RunStatus(QObject):
         self.fault: Fault | None = None
         #: Host time at the start of the first stage, s, and completed device time at that time, s.
         self._started_at = self._done_before = 0.0
+        #: Host time of all completed pauses, s, and host time at the start of the current pause, s, or 0.
+        self._paused = self._paused_at = 0.0
         self._changed_timer = QTimer(self, singleShot=True, interval=0)
         self._changed_timer.timeout.connect(self.changed)
         link.running_changed.connect(self._running_changed)
@@ -158,6 +160,11 @@ class RunStatus(QObject):
         return max(sum(s.duration - self.stage_remaining(s) for s in stages) for stages in by_unit)
 
     @property
+    def elapsed(self) -> float:
+        """Device time of the stages so far, s, with all rounds of open-ended stages."""
+        return self.done + sum(stage.earlier for stage in self.stages)
+
+    @property
     def fraction(self) -> float:
         """Completed fraction of the planned time, 0 to 1."""
         total = sum(s.duration for s in self.stages)
@@ -168,7 +175,8 @@ class RunStatus(QObject):
         """Ratio of device time to host time, which is 1 on hardware; None while it is unknown."""
         if self.run_summary is not None and not self.run_summary.virtual:
             return 1.0
-        elapsed, done = time.monotonic() - self._started_at, self.done - self._done_before
+        paused = self._paused + (time.monotonic() - self._paused_at if self._paused_at else 0.0)
+        elapsed, done = time.monotonic() - self._started_at - paused, self.elapsed - self._done_before
         return done / elapsed if self._started_at and elapsed > _MIN_ELAPSED and done > 0.0 else None
 
     @property
@@ -291,6 +299,7 @@ class RunStatus(QObject):
         if isinstance(event, StageStarted) and not self._started_at:
             # the pace does not include stages completed before a resume
             self._started_at, self._done_before = time.monotonic(), self.done
+            self._paused = self._paused_at = 0.0
         if not isinstance(event, StateChanged) or self._change_state(event.state):
             for unit in self.units:
                 if unit.slot == event.slot if event.slot else unit.verdict is None:
@@ -319,7 +328,16 @@ class RunStatus(QObject):
         if state == "done" or (state == "stopped" and self.in_slots):
             return False  # the verdicts follow
         self.state = state
+        self._measure_pause()
         return True
+
+    def _measure_pause(self) -> None:
+        """Measure the host time of pauses, which do not make a run slower."""
+        now, paused = time.monotonic(), self.state in ("pausing", "paused")
+        if paused and not self._paused_at:
+            self._paused_at = now
+        elif not paused and self._paused_at:
+            self._paused, self._paused_at = self._paused + now - self._paused_at, 0.0
 
 
 def stage_rows(run_summary: RunSummary) -> list[StageState]:

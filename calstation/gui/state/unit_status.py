@@ -48,6 +48,8 @@ TRANSFER = "transfer"
 #: Messages that start and end the transfer.
 _TRANSFER_STARTS = ("registers_reading", "registers_transfer", "registers_writing")
 _TRANSFER_ENDS = ("registers_written", "registers_proved", "registers_read_back")
+#: Tolerance for the durations of stages, s.
+_TOLERANCE = 0.1
 #: Fraction of the transfer per move of the verification, which has 17 moves or, with repetitions, more.
 _VERIFICATION_STEP = 1.0 / 18.0
 
@@ -63,13 +65,28 @@ class StageState:
     fraction: float = 0.0
     remaining: float = 0.0  #: Remaining device time, s.
     elapsed: float | None = None  #: Host time from start to solution, s; None while unknown.
+    earlier: float = 0.0  #: Device time of completed rounds of an open-ended stage, s.
     repeated: bool = False  #: Whether the started stage can be ended early.
     started_at: float | None = field(default=None, repr=False)  #: Host time at the start, s; None if not in this run.
 
     def start(self) -> None:
         """Mark the stage as started at the current time."""
         self.state, self.started_at = "active", time.monotonic()
-        self.fraction, self.remaining = 0.0, self.duration
+        self.fraction, self.remaining, self.earlier = 0.0, self.duration, 0.0
+
+    def progress(self, fraction: float, remaining: float) -> None:
+        """Adopt the progress within the planned duration.
+
+        The duration is extended if the targets have not been reached, and starts again with every round of an
+        open-ended stage.
+        """
+        done, before = fraction * self.duration, self.fraction * self.duration
+        planned = remaining / (1.0 - fraction) if fraction < 1.0 else self.duration
+        if planned > self.duration + _TOLERANCE:
+            self.duration = planned
+        elif done < before - _TOLERANCE:
+            self.earlier += before
+        self.fraction, self.remaining = fraction, remaining
 
     def solve(self, state: str) -> None:
         """Mark the stage as solved at the current time, with its new state."""
@@ -142,7 +159,7 @@ class UnitStatus:
             case StageProgress():
                 row = self._row(event.stage)
                 if row.state == "active":
-                    row.fraction, row.remaining = event.fraction, event.remaining
+                    row.progress(event.fraction, event.remaining)
                 self.sigma |= event.sigma
             case StepStarted():
                 row = self._row(TRANSFER)

@@ -133,9 +133,9 @@ class LiveView(QWidget):
                 if event.slot in ("", self._run.unit.slot):
                     self._traces.add(event)
             case StageProgress():
-                self._convergence.add(self._run.done, event.sigma, event.slot)
+                self._convergence.add(self._run.elapsed, event.sigma, event.slot)
             case StageSolved():
-                self._convergence.add(self._run.done, largest_sigmas(event), event.slot)
+                self._convergence.add(self._run.elapsed, largest_sigmas(event), event.slot)
 
     def _show_unit(self) -> None:
         """Show the axes, traces and convergence of the selected unit."""
