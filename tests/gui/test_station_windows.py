@@ -86,6 +86,9 @@ def test_second_window_shows_the_run_of_the_first_one_and_stops_it(
     for page in PAGES:
         second.window.show_page(page)
         assert f"{SERIAL}  ·  RUNNING (other window)" in strip_text(second), page
+    test = second.widget("test_table_button", QPushButton)
+    assert not test.isEnabled()
+    assert test.toolTip().startswith("This station is open in another window")
     second.window.app.set_language("zh_CN")
     assert f"{SERIAL}  ·  标定中（另一窗口）" in strip_text(second)
     second.window.app.set_language("en")

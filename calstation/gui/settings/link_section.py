@@ -254,6 +254,7 @@ class TestPanel(QFrame):
         self._nothing = label("setting.not_tested", "muted", wrap=True)
         self._lay_out()
         app.engine_link.running_changed.connect(lambda _: self.refresh())
+        app.windows.changed.connect(self.refresh)
         app.product_changed.connect(self._follow_product)
         self._follow_product()
         on_language_change(self, self._show_running)
@@ -297,6 +298,8 @@ class TestPanel(QFrame):
         reason = ""
         if self._app.engine_link.running:
             reason = say("settings.test_after_run")
+        elif self._app.run.elsewhere is not None:
+            reason = say("question.other_window")
         elif self.watch.busy:
             reason = say("settings.test_running")
         elif self.reset.watch.busy:

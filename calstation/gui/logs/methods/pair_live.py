@@ -55,6 +55,7 @@ class PairLiveView(QWidget):
         column(head, self._explanation, self._failure, self._status, None, on=self, margins=(0, theme.GRID, 0, 0))
         app.station_changed.connect(self._refresh)
         app.engine_link.running_changed.connect(self._refresh)
+        app.windows.changed.connect(self._refresh)
         app.closing.connect(self.close_watch)
         on_language_change(self, self._refresh)
 
@@ -138,6 +139,8 @@ class PairLiveView(QWidget):
     def _why_not(self) -> str:
         if self._app.engine_link.running:
             return say("window.busy_run")
+        if self._app.run.elsewhere is not None:
+            return say("question.other_window")
         try:
             _, station = load_station(self._app.station_path)
         except CalstationError as error:
