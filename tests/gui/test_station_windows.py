@@ -103,3 +103,16 @@ def test_second_window_takes_the_place_of_the_first_one(operator: Operator, seco
     second.until(lambda: second.widget("start_button").isEnabled())
     assert "open in another window" not in second.says()
     assert second.window.windowTitle() == "calstation"
+
+
+def test_second_window_may_use_another_station(operator: Operator, second: Operator, site_folder: SiteFolder) -> None:
+    second.until(lambda: "This station is open in another window" in second.says())
+    other = site_folder.station.with_name("other.toml")
+    other.write_text(site_folder.station.read_text(encoding="utf-8"), encoding="utf-8")
+    second.window.app.set_station(other)
+    assert second.window.app.run.elsewhere is None
+    assert second.widget("start_button").isEnabled()
+    operator.until(lambda: not operator.window.app.windows._others)
+    second.window.app.set_station(site_folder.station)
+    second.until(lambda: not second.widget("start_button").isEnabled())
+    assert operator.widget("start_button").isEnabled()

@@ -35,6 +35,7 @@ class StationWindows(QObject):
         super().__init__(parent)
         self._run = run
         self._name = ""
+        self._station: Path | None = None
         self._server: QLocalServer | None = None
         self._first: QLocalSocket | None = None
         self._others: list[QLocalSocket] = []
@@ -52,13 +53,13 @@ class StationWindows(QObject):
         if name == self._name:
             return
         self.leave()
-        self._name = name
+        self._name, self._station = name, station
         socket = QLocalSocket(self)
         socket.connectToServer(name)
         if socket.waitForConnected(_CONNECTION_TIMEOUT_MS):
             self._first = socket
             socket.readyRead.connect(self._read)
-            socket.disconnected.connect(lambda: self._first_closed(station))
+            socket.disconnected.connect(self._first_closed)
             self._run.set_elsewhere(((), "idle"))
             self.changed.emit()
             return
@@ -71,14 +72,10 @@ class StationWindows(QObject):
         """Leave the windows of the station."""
         self._name, self._sent = "", b""
         first, self._first = self._first, None
-        if first is not None:
-            first.disconnect(self)
-            first.abort()
-            first.deleteLater()
-        for socket in self._others:
-            socket.disconnect(self)
+        others, self._others = self._others, []
+        for socket in filter(None, (first, *others)):
             socket.abort()
-        self._others = []
+            socket.deleteLater()
         if self._server is not None:
             self._server.close()
             self._server.deleteLater()
@@ -93,6 +90,7 @@ class StationWindows(QObject):
         while self._server is not None and (socket := self._server.nextPendingConnection()) is not None:
             self._others.append(socket)
             socket.readyRead.connect(self._read_stop)
+            socket.disconnected.connect(self._forget_closed)
             socket.write(self._status())
 
     def _send(self) -> None:
@@ -104,6 +102,9 @@ class StationWindows(QObject):
 
     def _status(self) -> bytes:
         return json.dumps([self._run.serials, self._run.display_state]).encode() + b"\n"
+
+    def _forget_closed(self) -> None:
+        self._others = [socket for socket in self._others if socket.isOpen()]
 
     def _read_stop(self) -> None:
         for socket in self._others:
@@ -118,11 +119,11 @@ class StationWindows(QObject):
             self._first.flush()
 
     def _read(self) -> None:
-        if self._first is not None:
-            *_, line = bytes(self._first.readAll().data()).decode().strip().split("\n")
-            serials, state = json.loads(line)
+        while self._first is not None and self._first.canReadLine():
+            serials, state = json.loads(bytes(self._first.readLine().data()))
             self._run.set_elsewhere((tuple(serials), state))
 
-    def _first_closed(self, station: "Path | None") -> None:
-        self.leave()
-        self.join(station)
+    def _first_closed(self) -> None:
+        if self._first is not None:  # otherwise this window has left
+            self.leave()
+            self.join(self._station)
