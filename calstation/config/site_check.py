@@ -23,6 +23,9 @@ from procedures import method
 #: summits and islands.
 MAX_GRAVITY_ANOMALY = 3e-4
 
+#: Difference from normal gravity below which a surveyed value was probably computed, m/s².
+_COMPUTED_GRAVITY = 1e-5
+
 #: Latitude above which the horizontal component of earth rate is too small to find an azimuth, degrees.
 _NEAR_POLE = 80.0
 
@@ -126,7 +129,8 @@ def site_advice(
 ) -> tuple[Finding, ...]:
     """Return warnings for values of a station file that are probably mistakes; non-numeric values are ignored.
 
-    ``gravity_off`` contains the resulting error of the accelerometer scale factors, ppm, and normal gravity, m/s².
+    ``gravity_off`` contains the resulting error of the accelerometer scale factors, ppm, and normal gravity, m/s²;
+    ``gravity_normal`` means a surveyed value that equals normal gravity.
     ``null_island`` means zero latitude and longitude, and ``azimuth_hopeless`` an unknown azimuth near a pole.
 
     Parameters
@@ -142,6 +146,8 @@ def site_advice(
         if abs(off) > MAX_GRAVITY_ANOMALY:
             values: dict[str, Value] = {"ppm": off * 1e6, "percent": off * 1e2, "normal": expected}
             warnings.append(Finding("gravity_off", "warning", values))
+        elif abs(gravity_mps2 - expected) < _COMPUTED_GRAVITY:
+            warnings.append(Finding("gravity_normal", "warning"))
     if latitude_deg == 0 and longitude_deg == 0:
         warnings.append(Finding("null_island", "warning"))
     if azimuth_deg is None and isinstance(latitude_deg, float | int) and 90.0 >= abs(latitude_deg) > _NEAR_POLE:

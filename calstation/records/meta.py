@@ -64,6 +64,10 @@ class SiteSection(StrictModel):
     gravity_mps2: float | None = Field(default=None, ge=9.7, le=9.9)
     #: Standard deviation of gravity; by default 1e-6 if gravity is given and 5e-4 if it is computed.
     gravity_sigma_mps2: float | None = Field(default=None, gt=0, le=0.1)
+    #: Who surveyed gravity, and in which report; None if it is not stated.
+    gravity_source: str | None = Field(
+        default=None, min_length=1, max_length=200, exclude_if=lambda source: source is None
+    )
 
 
 class ImuSection(StrictModel):

@@ -322,6 +322,7 @@ class _Document:
             "gravity": rounded(site.local_gravity, 2.0 * gravity_sigma),
             "gravity_expanded": rounded(2.0 * gravity_sigma, 2.0 * gravity_sigma),
             "gravity_source": "computed" if site.gravity is None else "surveyed",
+            "gravity_report": None if site.gravity is None else self._meta.site.gravity_source,
         }
 
     def _registers(self) -> dict[str, Any] | None:

@@ -241,6 +241,7 @@ def test_impossible_gravity_gives_a_warning_with_the_resulting_error() -> None:
     right = normal_gravity_at(34.25, 400.0)
     assert right is not None
     assert site_advice(34.25, 108.9, 400.0, 0.0, right * (1 + 2.9e-4)) == ()
+    assert [f.id for f in site_advice(34.25, 108.9, 400.0, 0.0, round(right, 5))] == ["gravity_normal"]
     (found,) = site_advice(34.25, 108.9, 400.0, 0.0, right * (1 + 1.2e-3))
     assert found.id == "gravity_off"
     assert found.values["ppm"] == pytest.approx(1200.0)

@@ -227,13 +227,67 @@ def test_gravity_is_compared_with_normal_gravity_while_typing(page_driver: PageD
     assert normal.text() == "9.81794 m/s²"
     page_driver.choose("gravity_way_combo", "surveyed")
     edit = page_driver.find(QLineEdit, "site_gravity_mps2_edit")
-    assert edit.text() == "9.7", "no site has this value, so the surveyed value must be typed"
     page_driver.type("site_gravity_mps2_edit", "9.80")
     assert "−0.18 % from normal gravity" in page_driver.message("site_gravity_mps2")
     assert "off by −1828 ppm" in page_driver.message("site_gravity_mps2")
+    page_driver.type("site_gravity_sigma_mps2_edit", "1e-4")
+    page_driver.type("site_gravity_source_edit", "Report 118")
     assert page_driver.find(QPushButton, "save_station_button").isEnabled(), "advice does not prevent saving"
     page_driver.choose("gravity_way_combo", "normal")
     assert not edit.isVisible()
+
+
+def test_surveyed_gravity_is_typed_with_sigma_and_source(page_driver: PageDriver, site_folder: Any) -> None:
+    page_driver.copy_station("line_8")
+    page_driver.show_section(SITE)
+    names = ["site_gravity_mps2", "site_gravity_sigma_mps2", "site_gravity_source"]
+    page_driver.choose("gravity_way_combo", "surveyed")
+    assert [page_driver.find(QLineEdit, f"{name}_edit").text() for name in names] == ["", "", ""]
+    assert [page_driver.message(name) for name in names] == ["Missing; fill it in."] * 3
+    save = page_driver.find(QPushButton, "save_station_button")
+    for name, text in zip(names, ("9.7961", "2e-5", "Gravity network, report 118"), strict=True):
+        assert not save.isVisible() or not save.isEnabled(), name
+        page_driver.type(f"{name}_edit", text)
+    page_driver.press("save_station_button")
+    site = saved(library.find("stations", "line_8"))["site"]
+    survey = {"gravity_mps2": 9.7961, "gravity_sigma_mps2": 2e-5, "gravity_source": "Gravity network, report 118"}
+    assert {name: value for name, value in site.items() if name in survey} == survey
+    page_driver.choose("gravity_way_combo", "normal")
+    page_driver.choose("gravity_way_combo", "surveyed")
+    assert page_driver.find(QLineEdit, "site_gravity_mps2_edit").text() == "9.7961", "the value of the file"
+    page_driver.choose("gravity_way_combo", "normal")
+    page_driver.press("save_station_button")
+    assert not survey.keys() & saved(library.find("stations", "line_8"))["site"].keys()
+
+
+def test_values_of_another_station_are_never_filled_in(page_driver: PageDriver) -> None:
+    page_driver.show_section(SITE)
+    page_driver.choose("station_combo", "virtual_bench")
+    assert page_driver.find(QLineEdit, "site_gravity_mps2_edit").text() == "9.79547"
+    assert "Is it surveyed" not in page_driver.message("site_gravity_mps2"), "a bench simulates this gravity"
+    page_driver.copy_station("line_9")
+    for box, choice, edit in (
+        ("gravity_way_combo", "surveyed", "site_gravity_mps2_edit"),
+        ("azimuth_way_combo", "given", "site_azimuth_deg_edit"),
+    ):
+        page_driver.choose(box, choice)
+        assert page_driver.find(QLineEdit, edit).text() == ""
+    page_driver.type("site_height_m_edit", "410")
+    assert not page_driver.find(QPushButton, "save_station_button").isEnabled()
+
+
+@pytest.mark.parametrize(("words", "question"), [("en", "Is it surveyed?"), ("zh_CN", "确为实测值吗？")])
+def test_surveyed_gravity_equal_to_normal_gravity_is_questioned(
+    page_driver: PageDriver, words: str, question: str
+) -> None:
+    page_driver.copy_station("line_9")
+    page_driver.show_section(SITE)
+    page_driver.choose("gravity_way_combo", "surveyed")
+    page_driver.type("site_gravity_mps2_edit", page_driver.find(QLabel, "normal_gravity_label").text().split()[0])
+    language.use(words)
+    assert question in page_driver.message("site_gravity_mps2")
+    page_driver.type("site_gravity_mps2_edit", "9.79600")
+    assert question not in page_driver.message("site_gravity_mps2")
 
 
 def test_sigmas_of_gravity_and_clock_are_saved_and_removed(page_driver: PageDriver, site_folder: Any) -> None:

@@ -1,7 +1,7 @@
 """The drafts of configuration files: the stored text, the edited text, and its problems."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,8 @@ from PySide6.QtCore import QObject, QSettings, Signal
 from calstation.config import computer_user, editing, library, versions
 from calstation.errors import ConfigurationError
 from calstation.gui.widgets import FormValues
-from calstation.schema import KeyPath, Problem
+from calstation.messages import Text
+from calstation.schema import KeyPath, Problem, value_at
 
 
 class Draft(FormValues):
@@ -26,6 +27,7 @@ class Draft(FormValues):
         self.path: Path | None = None
         #: The stored and the edited text.
         self.saved = self.text = ""
+        self._required: frozenset[KeyPath] = frozenset()
         self._state: tuple[Path | None, str, str, list[Problem]] | None = None
 
     @property
@@ -47,7 +49,7 @@ class Draft(FormValues):
 
     def open(self, path: Path) -> None:
         """Read a file and discard unsaved changes."""
-        self.path = path
+        self.path, self._required = path, frozenset()
         try:
             self.saved = editing.read_text(path)
         except ConfigurationError as error:
@@ -58,7 +60,24 @@ class Draft(FormValues):
 
     def rewrite(self, text: str) -> None:
         """Replace the whole text."""
-        self._show_text(text, editing.check(self.kind, text, self.path))
+        problems = editing.check(self.kind, text, self.path)
+        if not any(problem.kind == "toml" for problem in problems):
+            values = _parsed(text)
+            missing = [key_path for key_path in sorted(self._required) if value_at(values, key_path) is None]
+            problems += [Problem(key_path, "missing", Text("entry.missing"), data=values) for key_path in missing]
+        self._show_text(text, problems)
+
+    def require(self, key_paths: Iterable[KeyPath], required: bool = True) -> None:
+        """Require values that are optional in the model, or no longer, until the file is opened or saved."""
+        change = self._required.union if required else self._required.difference
+        changed = change(key_paths)
+        if changed != self._required:
+            self._required = changed
+            self.rewrite(self.text)
+
+    def requires(self, key_path: KeyPath) -> bool:
+        """Return whether a value that the model does not need is required."""
+        return key_path in self._required
 
     def discard(self) -> None:
         """Restore the stored text."""

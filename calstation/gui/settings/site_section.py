@@ -13,13 +13,12 @@ from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Field, Row, Section, panel
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import ChoiceBox, button, column, enable, label, row, theme
-from calstation.schema import KeyPath
+from calstation.schema import KeyPath, value_at
 
 _NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2")
 _AZIMUTH, _GRAVITY = ("site", "azimuth_deg"), ("site", "gravity_mps2")
+_SURVEY: tuple[KeyPath, ...] = (_GRAVITY, ("site", "gravity_sigma_mps2"), ("site", "gravity_source"))
 _CONFIRMED: KeyPath = ("site", "confirmed_on")
-#: Initial value of the surveyed gravity, m/s², which does not occur on earth, so that no run starts with it.
-_PLACEHOLDER_GRAVITY = 9.7
 _COMPASS_SIZE = 26 * theme.GRID
 
 
@@ -28,8 +27,6 @@ class SiteSection(Section):
 
     def __init__(self, draft: Draft) -> None:
         super().__init__(draft)
-        #: Last azimuth and gravity.
-        self._last: dict[tuple[str, str], Any] = {_AZIMUTH: 0.0, _GRAVITY: _PLACEHOLDER_GRAVITY}
         azimuth_box = ChoiceBox(
             lambda: [(True, say("settings.given_here")), (False, say("settings.found_from_data"))], "azimuth_way_combo"
         )
@@ -41,8 +38,16 @@ class SiteSection(Section):
             box.typed.connect(partial(self._choose, key_path))
         latitude, longitude, height, azimuth, gravity = (Field(draft, ("site", name)) for name in _NAMES)
         latitude.warning = lambda: self._warning_text("null_island", "azimuth_hopeless")
-        gravity.warning = lambda: self._warning_text("gravity_off")
-        self._optional = {_AZIMUTH: (azimuth_box, azimuth), _GRAVITY: (gravity_box, gravity)}
+        gravity.warning = lambda: self._warning_text(
+            "gravity_off", *(() if draft.value(("bench",)) is not None else ("gravity_normal",))
+        )
+        sigma, source = (Field(draft, key_path) for key_path in _SURVEY[1:])
+        sigma.hint = lambda: say(f"setting.about_gravity_sigma_{'surveyed' if gravity_box.value() else 'normal'}")
+        #: The choice, the fields shown if the value is given here, and the values that then must be typed.
+        self._optional: dict[KeyPath, tuple[ChoiceBox, tuple[Field, ...], tuple[KeyPath, ...]]] = {
+            _AZIMUTH: (azimuth_box, (azimuth,), (_AZIMUTH,)),
+            _GRAVITY: (gravity_box, (gravity, source), _SURVEY),
+        }
         self._confirmation = _Confirmation(draft, self)
         left = column(
             label("settings.site", "section"),
@@ -53,7 +58,8 @@ class SiteSection(Section):
             azimuth,
             Row(gravity_box, "gravity"),
             gravity,
-            Field(draft, ("site", "gravity_sigma_mps2")),
+            sigma,
+            source,
             self._confirmation,
             None,
         )
@@ -79,14 +85,15 @@ class SiteSection(Section):
 
     def refresh(self) -> None:
         """Show the values of the draft and the quantities derived from them."""
-        for key_path, (box, field) in self._optional.items():
+        for key_path, (box, fields, typed) in self._optional.items():
             value = self._draft.value(key_path)
-            if value is not None:
-                self._last[key_path] = value
-            # an input with the focus remains visible, because it is briefly empty while its value is replaced
-            has_value = value is not None or field.editor.hasFocus()
+            # a value that was removed with its field must be typed again, unless the other choice is made
+            if self._draft.differs(key_path) and (value is not None or fields[0].editor.hasFocus()):
+                self._draft.require(typed)
+            has_value = value is not None or self._draft.requires(key_path)
             box.show_value(has_value)
-            field.setVisible(has_value)
+            for field in fields:
+                field.setVisible(has_value)
         latitude, _, height, azimuth, _ = self._values()
         self._compass.show_azimuth(float(azimuth) if isinstance(azimuth, float | int) else None)
         self._compass_note.setText(say("settings.azimuth_tip" if azimuth is not None else "settings.about_azimuth"))
@@ -96,11 +103,14 @@ class SiteSection(Section):
     def _values(self) -> list[Any]:
         return [self._draft.value(("site", name)) for name in _NAMES]
 
-    def _choose(self, key_path: tuple[str, str]) -> None:
-        """Set an optional value to its last value, or remove it."""
-        box, field = self._optional[key_path]
-        field.editor.clearFocus()
-        self._draft.set({key_path: self._last[key_path] if box.value() else None})
+    def _choose(self, key_path: KeyPath) -> None:
+        """Require that an optional value is typed, unless the station file contains it, or remove it."""
+        box, fields, typed = self._optional[key_path]
+        fields[0].editor.clearFocus()
+        given = bool(box.value())
+        stored = given and value_at(self._draft.stored, key_path) is not None
+        self._draft.require(typed, given and not stored)
+        self._draft.set({each: value_at(self._draft.stored, each) if stored else None for each in typed})
 
     def _warning_text(self, *ids: str) -> str:
         """Return the first of these findings that applies to the values, or ""."""
