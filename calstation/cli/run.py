@@ -18,7 +18,7 @@ from calstation.cli.confirmation import confirm_override
 from calstation.cli.errors import command_options, complete_commands, print_error, station_options
 from calstation.cli.show import emit_json, on_interrupt, on_line, plain_console, result_table, show_line
 from calstation.cli.text import say, sentence, term
-from calstation.config import RegisterOperation, RunRequest, load_station
+from calstation.config import RegisterOperation, RunRequest, load_station, with_product
 from calstation.database import Claim, start_exchange
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.messages import Text, event_text, step_text
@@ -71,7 +71,7 @@ def run_command(
     confirmed_by : badge of the second person who confirms an override
     debug : whether to show the traceback of a programming error
     """
-    request = _ask_questions(request, answers, confirmed_by)
+    request = _ask_questions(with_product(request), answers, confirmed_by)
     finalized: list[Finalized] = []
     fault = None
     with shared_records(request) as new_claims:
@@ -222,7 +222,8 @@ def _show_batch(runs: Sequence[Finalized], json: str | None, request: RunRequest
     for code in ("cli.column_slot", "cli.column_serial", "cli.column_verdict", "cli.column_why", "cli.column_result"):
         table.add_column(say(code), overflow="fold")
     for run, result in zip(runs, results, strict=True):
-        verdict = say(f"cli.outcome_{run.verdict}")
+        partial_failure = result.partial and run.verdict is Verdict.FAILED
+        verdict = say("cli.outcome_partial_failed" if partial_failure else f"cli.outcome_{run.verdict}")
         table.add_row(run.slot, result.serial, verdict, _failure_reason(result), Path(run.result_file).name)
     console.print(table)
     longest = max((result.cycle_seconds for result in results), key=lambda cycle: sum(cycle.values()))
@@ -267,6 +268,8 @@ def outcome_text(result: Result) -> Text:
             t_squared=standard.t_squared,
             t_squared_limit=standard.t_squared_limit,
         )
+    if verdict is Verdict.FAILED and result.partial:
+        return Text.of("outcome.partial_failed", stages=result.stages, left=len(result.not_compared))
     if verdict is Verdict.PARTIAL:
         code = "outcome.partial" if written else "outcome.partial_not_written"
         return Text.of(code, stages=result.stages, left=len(result.not_compared))

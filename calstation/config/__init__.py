@@ -5,6 +5,7 @@ The package depends on no device, task or bench. It has more than 15 modules, on
 
 from calstation.config import access, editing, library, versions
 from calstation.config.blocks import arrange_entries
+from calstation.config.compatible import compatible_products, with_product
 from calstation.config.confirmation import (
     ConfirmationRequired,
     Person,
@@ -41,7 +42,6 @@ from calstation.config.run_configuration import (
     RunConfiguration,
     check_manual_rig,
     check_station,
-    compatible_products,
     load_configuration,
     new_batch_id,
     prepare_batch,

@@ -110,6 +110,8 @@ def _check_station(station: StationConfig) -> list[Problem]:
         bench: BenchSettings = load_bench()
         settings = {name: value for name, value in station.bench.items() if name not in STATION_ENTRIES}
         problems += _problems_at(("bench",), bench.model, settings)
+    if station.product is not None:
+        problems += _unknown_profile("products", station.product, "product")
     for number, slot in enumerate(station.slots):
         for kind, name in (("imus", slot.imu), ("products", slot.product)):
             problems += () if name is None else _unknown_profile(kind, name, "slots", number, kind.removesuffix("s"))

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -420,19 +419,3 @@ def _check_baud(setup: RunConfiguration) -> None:
             check_baud(serial, frame, setup.imu.stream.sample_rate_hz)
     except EntryError as exc:  # the error contains the entry of the profile
         raise EntryError(exc.code, "imu", "serial", "baud", **exc.values) from None
-
-
-def compatible_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
-    """Return the name and file of each product that the station can calibrate, products with the same IMU first."""
-    try:
-        imu = load_configuration(RunRequest("-", station, instead_of)).product.imu
-    except ConfigurationError:
-        imu = None
-    products = []
-    for name in library.names("products"):
-        path = library.find("products", name)
-        with suppress(ConfigurationError):
-            setup = load_configuration(RunRequest("-", station, path))
-            check_station(setup)
-            products.append((imu not in (None, setup.product.imu), name, path))
-    return [(name, path) for _, name, path in sorted(products)]

@@ -74,6 +74,8 @@ class StationConfig(StrictModel):
     imu3: SecondaryLinkSection | None = None
     #: Schedule of the cross-calibration of these IMUs; its values override the product's.
     cross_calibration: dict[str, JsonValue] = Field(default_factory=dict)
+    #: Name of the product with which the station starts; None for the first that it can calibrate.
+    product: str | None = None
     #: Settings of the virtual bench that replaces the devices, see `calstation.config.load_bench`.
     bench: dict[str, JsonValue] | None = None
     #: Largest error of the computer's clock, ppm; None for an unsynchronised quartz.

@@ -16,6 +16,7 @@ from calstation.devices.links import (
     PortLostError,
     TextRefusalError,
     UnexpectedReplyError,
+    host_and_port,
 )
 from calstation.devices.profiles import JOINTS, SerialSettings, TableProfile
 from calstation.devices.table import ModbusTable, RegisterTable, TextTable
@@ -26,6 +27,8 @@ from calstation.sequencer import MAX_POLL_DURATION
 
 _POLLS = 20
 _READ_HOLDING = 3
+#: Registered port of Modbus TCP.
+_MODBUS_PORT = 502
 #: Size of an RTU read request, bytes.
 _REQUEST_SIZE = 8
 #: Tolerance for comparing the travel set in the table with the profile's travel, degrees.
@@ -138,7 +141,11 @@ def _modbus_finding(
     unit = error.unit
     values: dict[str, Value] = {"unit": unit, "seconds": profile.timeout_s, "words": error.as_text}
     if port.startswith("tcp://"):
-        return Finding("not_modbus" if received else "silent_tcp", "error", {**values, "count": len(received)})
+        values["count"] = len(received)
+        if not received:
+            return Finding("silent_tcp", "error", values)
+        usual = (host_and_port(port) or ("", 0))[1] == _MODBUS_PORT
+        return Finding("not_modbus", "error", values, "not_modbus_502" if usual else "")
     line = line_values(port, settings)
     values |= {**line, "line": profile.serial.line}
     if not received:

@@ -182,6 +182,7 @@ class QualitySummary:
             "product": self.product,
             "yield": {
                 "overall": _share_json(yields.overall),
+                "units": _share_json(yields.units),
                 "first_pass": _share_json(yields.first_pass),
                 **{
                     kind: {name: _share_json(share) for name, share in getattr(yields, kind).items()}

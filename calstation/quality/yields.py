@@ -66,7 +66,8 @@ class FailedCheck:
 class Yields:
     """Yield of the runs that ended with PASS or FAIL, without partial runs."""
 
-    overall: Share | None  #: None without runs.
+    overall: Share | None  #: Runs that passed; None without runs.
+    units: Share | None  #: Units whose last run passed; None without units.
     first_pass: Share | None  #: Units whose first run passed; None without units.
     days: Mapping[str, Share]  #: By date on this computer, ISO 8601, in order.
     products: Mapping[str, Share]  #: By name, sorted, without runs that have no product.
@@ -84,7 +85,8 @@ def count_yields(runs: RunColumns, since: float = -math.inf, excluded: Collectio
     judged = production_runs(runs, excluded)
     units = runs.products.codes[judged] * len(runs.serials.values) + runs.serials.codes[judged]
     first = judged[np.unique(units, return_index=True)[1]]
-    selected, first = (rows[runs.started[rows] >= since] for rows in (judged, first))
+    last = judged[len(judged) - 1 - np.unique(units[::-1], return_index=True)[1]]
+    selected, first, last = (rows[runs.started[rows] >= since] for rows in (judged, first, last))
     passed = runs.verdicts.isin((Verdict.PASSED,))
     days: dict[date, Share] = _by(_days(runs.started[selected]), passed[selected])
     products, stations, operators = (
@@ -93,6 +95,7 @@ def count_yields(runs: RunColumns, since: float = -math.inf, excluded: Collectio
     failed = selected[~passed[selected]]
     return Yields(
         overall=_share(passed[selected]),
+        units=_share(passed[last]),
         first_pass=_share(passed[first]),
         days={day.isoformat(): share for day, share in days.items()},
         products=products,

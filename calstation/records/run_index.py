@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import secrets
 import sqlite3
 import time
@@ -24,7 +25,7 @@ from calstation.records.indexed_run import Categories, IndexedRun, RunChoices, R
 from calstation.records.verdict import Verdict
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 16
+_VERSION = 17
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -46,6 +47,8 @@ _DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
 #: Prefix of the table's quantities among the parameters of a row.
 _TABLE_PREFIX = "table."
+#: Time in the file name of a log or in the identifier of a batch.
+_TIME_STAMP = re.compile(r"_?\d{8}T\d{6,}", re.IGNORECASE)
 
 T = TypeVar("T")
 
@@ -390,8 +393,10 @@ def _conditions(run_filter: RunFilter) -> list[sa.ColumnElement[bool]]:
         conditions.append(_runs.c.started_utc < run_filter.before)
     if run_filter.names:
         conditions.append(_runs.c.name.in_(run_filter.names))
-    if run_filter.search.strip():
-        conditions.append(_runs.c.text.contains(run_filter.search.strip().casefold(), autoescape=True))
+    if search := run_filter.search.strip():
+        searched = [_runs.c.name, _runs.c.batch] if _TIME_STAMP.search(search) else [_runs.c.text]
+        text = search if _TIME_STAMP.search(search) else search.casefold()
+        conditions.append(sa.or_(*(column.contains(text, autoescape=True) for column in searched)))
     return conditions
 
 
@@ -399,7 +404,8 @@ def _row(run: IndexedRun) -> dict[str, Any]:
     record = run.record
     columns = {name: getattr(record, name) for name in _SEARCHED}
     texts = (record.serial, run.name, record.product, record.station, record.operator, record.batch)
-    columns["text"] = "\n".join(filter(None, texts)).casefold()
+    # the digits of the time would be found instead of a serial number; a whole name or identifier is found with them
+    columns["text"] = _TIME_STAMP.sub("", "\n".join(filter(None, texts))).casefold()
     columns["partial"] = record.partial
     columns["check_standard"] = record.check_standard
     return {"origin": record.origin, "name": run.name, "stamp": run.stamp, **columns, **to_columns(run)}

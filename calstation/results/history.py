@@ -28,7 +28,7 @@ from calstation.records import (
     resolve_file,
     solved_stages,
 )
-from calstation.results.result import SCHEMA, Result, load_result
+from calstation.results.result import SCHEMA, Parameter, Result, load_result
 
 if TYPE_CHECKING:
     from calstation.records import RunIndex
@@ -159,12 +159,13 @@ class History:
         runs = self._query(lambda: self._index.of_unit(serial, (Verdict.PASSED, Verdict.FAILED)))
         return sum(1 for _ in takewhile(lambda run: run.record.verdict is Verdict.FAILED, runs))
 
-    def previous(self, serial: str, before: str | None = None) -> Mapping[str, float]:
-        """Return the unit's latest solved value of each parameter, SI, from runs started before `before` (ISO 8601)."""
-        values: dict[str, float] = {}
+    def previous(self, serial: str, before: str | None = None) -> Mapping[str, Parameter]:
+        """Return the unit's latest estimate of each parameter from runs started before `before` (ISO 8601)."""
+        latest: dict[str, Parameter] = {}
         for run in self._query(lambda: self._index.of_unit(serial, _SOLVED, before)):
-            values = {**run.values, **values}
-        return values
+            sigmas = run.sigmas
+            latest = {n: Parameter(value=v, sigma=sigmas.get(n, 0.0)) for n, v in run.values.items()} | latest
+        return latest
 
     def solved(self, serial: str, limit: int) -> list[IndexedRun]:
         """Return the unit's solved runs with their values, at most the latest `limit`, the oldest first."""

@@ -41,7 +41,7 @@ from calstation.records import (
 from calstation.results.building import Ending, build_result, solved_parameters
 from calstation.results.diagnostics import stage_diagnostics
 from calstation.results.history import History
-from calstation.results.result import SCHEMA, DamagedRange, Result, load_result, online_difference
+from calstation.results.result import SCHEMA, DamagedRange, Parameter, Result, load_result, online_difference
 from calstation.results.solver_chain import SolveProgress, StageChain, one_blas_thread, solve
 
 
@@ -237,7 +237,7 @@ class FinishedRun:
 
     result: Result
     log: Path | None  #: The run's log; None if it is missing.
-    previous: Mapping[str, float]  #: The unit's latest earlier value of each parameter, SI.
+    previous: Mapping[str, Parameter]  #: The unit's latest earlier estimate of each parameter.
     #: Labels of the moves by the number of the step; empty if the log cannot be read or has none.
     step_labels: Mapping[int, tuple[str | float, ...]] = field(default_factory=dict)
 
@@ -262,7 +262,7 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
         report(0.1)
         result = stored or resolve(path).result
     report(0.9)
-    previous: Mapping[str, float] = {}
+    previous: Mapping[str, Parameter] = {}
     if runs.is_dir():
         history = History(runs)
         history.refresh()
@@ -293,5 +293,4 @@ def resolve_with_state(report: ProgressCallback, run: FinishedRun, state: Effect
 
     states = (*run.result.states_added, state)
     result = resolve(run.log, stages, log.first_seq, log.last_seq, watch, states=states).result
-    before = {name: row.value for name, row in run.result.parameters.items()}
-    return FinishedRun(result, run.log, before, run.step_labels)
+    return FinishedRun(result, run.log, run.result.parameters, run.step_labels)

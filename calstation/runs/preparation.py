@@ -90,7 +90,7 @@ class PreparedRun:
             return meta, message
         mounting = group_indices("outer_lever") if self.slot else ()  # another slot has a different lever arm
         previous = self.history.previous(serial).items()
-        values = {name: value for name, value in previous if name in INDEX and INDEX[name] not in mounting}
+        values = {name: each.value for name, each in previous if name in INDEX and INDEX[name] not in mounting}
         return meta.model_copy(update={"previous": values}), message
 
     def open(self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None = None) -> "OpenRun":

@@ -29,6 +29,7 @@ REGISTERS = {"old": {}, "new": {"gyro_bias_x": 0.0}, "verified": True}
         ({"registers": {**REGISTERS, "proved_on": "read_back"}}, "read_back"),
         ({"registers": REGISTERS, "partial": True}, "partial"),
         ({"registers": None, "partial": True}, "partial_not_written"),
+        ({"registers": None, "partial": True, "outcome": "failed", "passed": False}, "partial_failed"),
         ({"check_standard": {**STANDARD, "passed": True}}, "standard_agrees"),
         ({"check_standard": {**STANDARD, "passed": False}, "outcome": "failed", "passed": False}, "standard_differs"),
         ({"check_standard": {**STANDARD, "passed": True}, "outcome": "failed", "passed": False}, "failed"),

@@ -20,12 +20,13 @@ from calstation.connection import (
     discover_ports,
     incompatibilities,
     link_test_configuration,
+    table_test,
 )
 from calstation.connection import identify as who_answers
 from calstation.devices.links import SerialLink
 from calstation.devices.profiles import SerialSettings
 from calstation.errors import ConfigurationError
-from calstation.messages import Finding, Report
+from calstation.messages import Finding, Report, sentence
 from tests.connection import fake_links as wires
 from tests.connection.fake_links import FakeImu, FakeTable, english_texts, order, rtu, server, silent, terminal
 
@@ -194,6 +195,15 @@ def test_unresponsive_table_over_tcp_is_reported() -> None:
 def test_device_without_modbus_is_reported() -> None:
     with server(lambda _: b"HTTP/1.1 400 Bad Request\r\n\r\n") as address:
         assert wrong(table(port=f"tcp://{address}")).id == "not_modbus"
+
+
+def test_usual_port_of_modbus_is_not_recommended_where_it_is_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    with server(lambda _: b"HTTP/1.1 400 Bad Request\r\n\r\n") as address:
+        monkeypatch.setattr(table_test, "_MODBUS_PORT", int(address.rpartition(":")[2]))
+        finding = wrong(table(port=f"tcp://{address}"))
+    assert finding.message.code == "finding.not_modbus_502"
+    assert "address" in sentence(finding.message)
+    assert "地址" in sentence(finding.message, "zh_CN")
 
 
 class FakeDrives:

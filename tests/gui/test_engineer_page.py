@@ -4,6 +4,7 @@ import json
 import re
 import tomllib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,15 +26,22 @@ from PySide6.QtWidgets import (
     QToolButton,
     QToolTip,
 )
+from pytestqt.qtbot import QtBot
 
-from calstation.config import access, library, versions
+from calstation.config import RunRequest, access, library, versions
 from calstation.gui.engineer import EngineerPage
 from calstation.gui.engineer.observability_view import HeatMap
+from calstation.gui.engineer.preview import PreviewView
+from calstation.gui.engineer.result_analysis import ResultView
+from calstation.gui.state import AppContext, ReleaseBar
 from calstation.gui.text import language, say
+from calstation.gui.widgets import CellTable, ComparisonTable, JobWatch, ParameterSet
+from calstation.jobs import Job
 from calstation.messages import Text
 from calstation.records import audit_path, open_log, read_audit
 from calstation.registers import journal as register_journal
-from calstation.results import SCHEMA, FinishedRun, Result
+from calstation.results import SCHEMA, FinishedRun, Parameter, Preview, Result
+from calstation.results.preview import StagePreview
 from tests.check_rows import check_row
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
 from tests.site_folder import PRODUCT
@@ -521,6 +529,39 @@ def finished_run(found: dict[str, Any], **more: Any) -> FinishedRun:
         **more,
     }
     return FinishedRun(Result.from_json(result), None, {})
+
+
+def test_difference_in_sigmas_has_one_definition(app: AppContext, qtbot: QtBot) -> None:
+    parameters = {"gyro_bias_x": {"value": 3.0e-6, "sigma": 3.0e-7, "unit": "rad/s", "stage": "six_position"}}
+    before = {"gyro_bias_x": Parameter(value=1.0e-6, sigma=4.0e-7)}
+    comparison = ComparisonTable("comparison", "", independent=True)
+    result = finished_run(parameters).result
+    comparison.show_sets((ParameterSet("", before), ParameterSet("", result.parameters)))
+    analysis = ResultView(JobWatch(app, Job), ReleaseBar(app, "release"))
+    qtbot.addWidget(analysis)
+    analysis.show_run(replace(finished_run(parameters), previous=before))
+    shown = analysis.findChild(CellTable, "result_table").cells["gyro_bias_x"]["in_sigma"]
+    assert shown.strip() == comparison.cells["gyro_bias_x"]["in_sigma1"].strip() == "+4.00"
+
+
+@pytest.mark.parametrize(
+    ("limits", "words", "text"),
+    [
+        ({}, "en", "limits no sigma of these parameters"),
+        ({}, "zh_CN", "未对这些参数的标准差规定限差"),
+        ({"gyro_bias_x": 2.0}, "en", "every sigma limit reached"),
+    ],
+)
+def test_preview_without_limits_does_not_call_them_reached(
+    app: AppContext, qtbot: QtBot, limits: dict[str, float], words: str, text: str
+) -> None:
+    sigma, none = np.ones(30), np.zeros(0)
+    stage = StagePreview("rate", 0.0, 1.0, "plan", 1, 1, ("gyro_bias_x",), sigma)
+    view = PreviewView(app, lambda: RunRequest(""))
+    qtbot.addWidget(view)
+    language.use(words)
+    view._done(Preview((stage,), none, none, none, (), sigma, limits, {}, ((-1.0, 1.0), (-1.0, 1.0))))
+    assert any(text in label.text() for label in view.findChildren(QLabel))
 
 
 def ask_to_write(engineer: Engineer, *, of: Mapping[str, Any] | None = None, **bench: Any) -> None:

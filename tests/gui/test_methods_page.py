@@ -446,7 +446,15 @@ def test_live_watch_uses_the_selected_product(
     qtbot.addWidget(view)
     qtbot.mouseClick(view.start_button, Qt.MouseButton.LeftButton)
     assert [(request.station, request.product) for request in asked] == [(window.app.station_path, product)]
+    for code, ready, watching in (("en", "NOT READY", "LIVE"), ("zh_CN", "未就绪", "实时监视")):
+        language.use(code)
+        window.show_page("offline_page")
+        texts = [label.text() for label in window.findChildren(QLabel) if label.isVisible()]
+        assert watching in texts
+        assert ready not in texts
+    language.use("en")
     view.close_watch()
+    assert window.app.run.display_state == "not_ready"
 
 
 @pytest.mark.long

@@ -44,7 +44,7 @@ def test_state_is_added_on_the_engineer_page(operator: Operator, log: Path) -> N
     assert after is not None
     assert after.result.states_added == ["accel_cubic"]
     assert set(after.result.parameters) - set(before.result.parameters) == NAMES
-    assert after.previous == {name: row.value for name, row in before.result.parameters.items()}
+    assert after.previous == before.result.parameters
     assert "a trial that replaces neither the stored result nor any register" in operator.says()
     assert "+ accel cubic" in analysis.source()
     assert not operator.widget("add_state_button", QPushButton).isVisible()

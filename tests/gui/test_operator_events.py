@@ -25,7 +25,7 @@ from calstation.sequencer import Finalized, StageProgress, StageSolved, StageSta
 from tests.check_rows import check_row
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.gui.test_history_page import write_dead_log
-from tests.site_folder import STATION
+from tests.site_folder import STATION, SiteFolder
 
 ENDED: dict[str, Any] = {**RESULT, "attempt": 1, "duration_s": 60.0, "advice": "resume"}
 
@@ -167,6 +167,17 @@ def test_decisive_value_is_bold_and_shown_with_its_limit(simulated_run: Operator
     shown = [label for label in simulated_run.window.findChildren(QLabel) if label.isVisible() and label.font() == bold]
     assert "1.9" in [label.text() for label in shown]
     assert "−0.8" not in [label.text() for label in shown]
+
+
+def test_station_starts_with_the_product_that_it_names(operator: Operator, site_folder: SiteFolder) -> None:
+    combo, path = operator.widget("product_combo", QComboBox), site_folder.station.with_name("named.toml")
+    path.write_text(f'product = "tactical_b"\n{site_folder.station.read_text(encoding="utf-8")}', encoding="utf-8")
+    assert Path(combo.currentData()).stem == "short"
+    operator.window.app.set_station(path)
+    assert Path(combo.currentData()).stem == "tactical_b"
+    operator.choose("mems_c")
+    operator.window.app.station_changed.emit()
+    assert Path(combo.currentData()).stem == "mems_c", "the station was only saved"
 
 
 def test_compatible_products_are_listed_and_selected_by_a_button(

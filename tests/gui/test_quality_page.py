@@ -128,7 +128,8 @@ def test_capability_and_yield_are_shown(operator: Operator, page: QualityPage) -
     click_row(operator, "capability_table", 3)
     assert page.capability.plot.data.parameter == list(page.capability._charts)[3]
     click_tab(operator, "Yield")
-    assert "Yield 9" in operator.says()
+    assert "Units passed 9" in operator.says()
+    assert "runs passed" in operator.says()
     shares = cells(operator, "yield_table")
     assert {row[0] for row in shares} == {"Product", "Station", "Operator"}
     assert sum(int(row[3]) for row in shares if row[0] == "Station") == page._summary.yields.overall.count
@@ -137,8 +138,13 @@ def test_capability_and_yield_are_shown(operator: Operator, page: QualityPage) -
 def test_folder_without_runs_shows_an_explanation(operator: Operator) -> None:
     operator.window.show_page("quality_page")
     page = operator.window.findChild(QualityPage, "quality_page")
+    operator.site_folder.runs.mkdir(exist_ok=True)
+    page._read_all()
+    assert "Reading the runs" in operator.says()
+    assert "No runs yet" not in operator.says()
     until_read(operator, page)
     assert "No runs yet" in operator.says()
+    assert "Reading the runs" not in operator.says()
     click_tab(operator, "Check standards")
     assert "No check standards yet" in operator.says()
     click_tab(operator, "Repeatability")

@@ -11,9 +11,11 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTabWidget, QWidget
 from pytestqt.qtbot import QtBot
 
+from calstation.config import access
 from calstation.gui import create_window
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.text import language
 from calstation.gui.widgets import theme
 from calstation.records import open_log
 from calstation.runs import find_resumable
@@ -80,6 +82,11 @@ def test_first_pin_is_set_and_a_wrong_pin_refused(window: MainWindow, qtbot: QtB
 
     press(lock)
     assert again.isVisible()
+    shortest = access.MIN_PIN_LENGTH
+    for code, words in (("en", f"at least {shortest} characters"), ("zh_CN", f"至少 {shortest} 个字符")):
+        language.use(code)
+        assert any(words in label.text() for label in window.findChildren(QLabel) if label.isVisible())
+    language.use("en")
     qtbot.keyClicks(pin, "246813")
     qtbot.keyClicks(again, "246819")
     qtbot.keyClick(again, Qt.Key.Key_Return)

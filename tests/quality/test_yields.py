@@ -50,6 +50,7 @@ def test_yield_includes_only_judged_full_runs() -> None:
     found = count_yields(columns(ROWS))
     assert (found.overall.passed, found.overall.count) == (3, 6)
     assert (found.first_pass.passed, found.first_pass.count) == (2, 4)  # B and D, not A and C
+    assert (found.units.passed, found.units.count) == (2, 4)  # A and D passed in their last runs, B and C did not
     assert counts(found.days) == {"2026-11-02": (2, 3), "2026-11-03": (0, 1), "2026-11-04": (1, 2)}
     assert counts(found.products) == {"nav": (3, 6)}
     assert counts(found.stations) == {"s1": (2, 4), "s2": (1, 2)}
@@ -73,7 +74,7 @@ def test_runs_after_the_date_are_not_first_runs_if_a_unit_ran_before() -> None:
 
 def test_runs_without_a_verdict_have_no_yield() -> None:
     found = count_yields(columns([ROWS[4]]))
-    assert found.overall is found.first_pass is None
+    assert found.overall is found.units is found.first_pass is None
     assert (found.days, found.failed_checks) == ({}, ())
 
 

@@ -53,6 +53,15 @@ def index(tmp_path: Path) -> RunIndex:
     return made
 
 
+def test_search_does_not_find_digits_of_the_time_in_names(index: RunIndex) -> None:
+    name, batch = "SN-000042_20261127T101500000001", "B20261127T101501-AB12"
+    index.update([run(name, 5, serial="SN-000042", batch=batch)])
+    for digits in ("2026", "1015", "20261127"):
+        assert index.find(RunFilter(search=digits)) == []
+    for text in ("000042", "sn-0000", name, name.lower(), batch, "ab12"):
+        assert [each.name for each in index.find(RunFilter(search=text))] == [name], text
+
+
 def test_units_of_a_batch_are_found_by_its_id(index: RunIndex) -> None:
     index.update([run("e", 5, batch="B-7", slot="1"), run("f", 6, batch="B-7", slot="2"), run("g", 7, batch="B-70")])
     assert [each.name for each in index.find(RunFilter(batch="B-7"))] == ["f", "e"]

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from calstation.bench import BenchClock, BenchHost
-from calstation.config import RunRequest, compatible_products, library, prepare_run
+from calstation.config import RunRequest, check, compatible_products, library, prepare_run, with_product
 from calstation.connection import RealClock
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError, InsufficientDataError
 from calstation.physics import NAMES, compose, group_matrix, group_vector
 from calstation.results import solve
 from calstation.simulation import bench_config
+from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
 
@@ -72,6 +73,35 @@ def test_products_for_manual_rigs_and_tables_are_distinguished(home: Path) -> No
     assert [name for name, _ in compatible_products(None, positions)] == fit_a_table
     gimbal = library.find("stations", "virtual_gimbal")
     assert [name for name, _ in compatible_products(gimbal, positions)] == ["mems_gimbal"]
+
+
+@pytest.mark.parametrize(
+    ("station", "product"),
+    [
+        ("virtual_bench", None),
+        ("virtual_batch", None),
+        ("virtual_hand", "mems_hand"),
+        ("virtual_gimbal", "mems_gimbal"),
+    ],
+)
+def test_run_without_a_product_takes_one_that_the_station_can_calibrate(station: str, product: str | None) -> None:
+    request = with_product(RunRequest("", library.find("stations", station)))
+    assert request.product == (None if product is None else library.find("products", product))
+
+
+def test_station_names_the_product_with_which_it_starts(tmp_path: Path) -> None:
+    text = library.find("stations", "virtual_bench").read_text(encoding="utf-8")
+    (tmp_path / "stations").mkdir()
+    station = tmp_path / "stations" / "line.toml"
+    station.write_text(f'product = "tactical_b"\n{text}', encoding="utf-8")
+    assert with_product(RunRequest("", station)).product == library.find("products", "tactical_b")
+    given = library.find("products", "mems_c")
+    assert with_product(RunRequest("", station, given)).product == given
+    assert with_product(RunRequest("", station, resume=Path("log.h5"))).product is None
+    station.write_text(f'product = "unknown"\n{text}', encoding="utf-8")
+    assert [problem.name for problem in check("stations", station.read_text(encoding="utf-8"))] == ["product"]
+    with raises_code(ConfigurationError, "configuration.no_profile"):
+        with_product(RunRequest("", station))
 
 
 def test_composed_registers_equal_two_successive_corrections() -> None:

@@ -188,6 +188,8 @@ def _show_summary(console: Console, summary: QualitySummary, *, relative: bool) 
         show_line(console, say("quality.no_runs"))
     else:
         show_line(console, say("quality.yield_runs", share=_share_text(yields.overall)))
+    if yields.units is not None:
+        show_line(console, say("quality.yield_units", share=_share_text(yields.units)))
     if yields.first_pass is not None:
         show_line(console, say("quality.yield_first", share=_share_text(yields.first_pass)))
     groups = _table(say("cli.yield"), "", "", "passed", "runs", "percent", "interval")

@@ -179,6 +179,8 @@ def _verdict(preview: Preview) -> tuple[str, str]:
     missed = sum(_reached(preview, name) is False for name in _names(preview))
     if missed:
         return "caution", say("engineer.preview_missed", missed=missed)
+    if not any(name in preview.limits for name in _names(preview)):
+        return "none", say("engineer.preview_no_limits")
     return "good", say("engineer.preview_good")
 
 

@@ -43,6 +43,7 @@ from calstation.results import (
     Registers,
     Result,
     diagnose,
+    in_sigma,
     load_finished_run,
     resolve_with_state,
 )
@@ -57,7 +58,7 @@ _COLUMNS = (
     Cell("common.plus_minus_sigma", "sigma"),
     Cell("engineer.previous", "previous"),
     Cell("engineer.change", "change"),
-    Cell("engineer.in_sigma", "in_sigma", state="change_state"),
+    Cell("common.in_sigma", "in_sigma", state="change_state"),
     Cell("engineer.value_limit", "limit"),
     Cell("engineer.accepted", "accepted"),
     Cell("engineer.sigma_limit", "sigma_limit"),
@@ -180,11 +181,13 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
         "hint": _conformity_hint(result, name),
     }
     if previous is not None:
-        before, _ = _display(name, previous)
+        before, _ = _display(name, previous.value)
         cells["previous"] = number(before, sigma)
         cells["change"] = "0" if before == value else number(value - before, sigma)
-        cells["in_sigma"] = f"{(value - before) / sigma:+.2f}" if sigma > 0.0 else _NONE
-        if abs(parameter.value - previous) > NOTABLE_SIGMAS * parameter.sigma:
+        # a trial with an added state solves the same data again
+        sigmas = in_sigma(parameter, previous, independent=not result.states_added)
+        cells["in_sigma"] = "0" if before == value else f"{sigmas:+.2f}"
+        if abs(sigmas) > NOTABLE_SIGMAS:
             cells["change_state"] = "caution"
     if "within" in checks:
         check = checks["within"]

@@ -81,6 +81,7 @@ class HistoryPage(Page):
         wide = 2 * theme.GRID
         column(self.notice, (self._views, 1), on=self, margins=(wide, theme.GRID, wide, wide))
         self._connect()
+        self.busy_changed.connect(self._show_texts)
         on_language_change(self, self._show_texts)
 
     def refresh(self) -> None:
@@ -312,7 +313,7 @@ class HistoryPage(Page):
         if filtered:
             self._nothing.say("history.no_run_matches", "history.relax_filters")
         else:
-            self._nothing.say("history.no_runs_yet", "history.about_no_runs")
+            self._nothing.say(*(("chart.reading",) if self.busy else ("history.no_runs_yet", "history.about_no_runs")))
 
 
 def _result(run: RunRecord) -> Result | None:

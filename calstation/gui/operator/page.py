@@ -1,6 +1,7 @@
 """The operator page: loading, scan, START, live view and verdict."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -8,7 +9,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.config import DEFAULT_PRODUCT, ManualRigError, RunRequest, compatible_products
+from calstation.config import DEFAULT_PRODUCT, ManualRigError, RunRequest, compatible_products, load_station
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live import LiveView
@@ -68,6 +69,7 @@ class OperatorPage(Page):
         self._problem: Text | None = None
         self._opened = False
         self._products: list[tuple[str, Path]] = []
+        self._station = ""  #: Station file whose product has been selected.
         self.header: RunHeader = RunHeader()
         self._stages = StageList(app.run)
         self.closing, self.notice = NoticeBar(), NoticeBar("operator_notice")
@@ -174,6 +176,11 @@ class OperatorPage(Page):
         self._products = offered_products()
         paths = [path for _, path in self._products]
         selected = self.app.product_path
+        if self._station != str(self.app.station_path):
+            self._station = str(self.app.station_path)
+            with suppress(CalstationError):  # `_plan` shows the error
+                name = load_station(self.app.station_path)[1].product
+                selected = next((path for path in paths if path.stem == name), selected)
         if selected not in paths:
             last = str(self.app.settings.value("product", DEFAULT_PRODUCT)) if selected is None else selected.stem
             selected = next((path for path in paths if path.stem == last), paths[0] if paths else None)

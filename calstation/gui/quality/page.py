@@ -87,6 +87,7 @@ class QualityPage(Page):
         app.runs_folder_changed.connect(self._refresh_visible)
         for changed in (app.station_changed, app.product_changed):
             changed.connect(lambda: self._offer_products(app.product_path))
+        self.busy_changed.connect(self._show_view)
         on_language_change(self, self._show_texts)
 
     def read(self) -> None:
@@ -207,7 +208,10 @@ class QualityPage(Page):
             code = "no_limits" if summary.parameters else code
         elif view is self.standards:
             visible, code = not self.standards.empty, "no_standards"
-        self._empty.say(f"chart.{code}", Text.of(f"chart.{code}_about", least=MIN_VALUES))
+        if any(watch.busy for watch in (self._watch, self._station_watch, self._refresher)):
+            self._empty.say("chart.reading")
+        else:
+            self._empty.say(f"chart.{code}", Text.of(f"chart.{code}_about", least=MIN_VALUES))
         self._stack.setCurrentWidget(view if visible else self._empty)
         overall = None if summary is None else summary.yields.overall
         self.count_label.setText("" if overall is None else say("chart.judged_runs", count=overall.count))

@@ -53,10 +53,13 @@ class YieldView(QWidget, DataView[Yields]):
 
     def draw(self, data: Yields) -> None:
         """Show the yields."""
-        if data.overall is None or data.first_pass is None:
+        if data.overall is None or data.units is None:
             return
-        self.overall_label.setText(say("quality.overall_yield", percent=_text(data.overall)))
-        self.first_label.setText(say("quality.first_pass", percent=_text(data.first_pass)))
+        # the yield and the first-pass yield count units, so that repeated runs of a unit do not lower only one of them
+        first, runs = data.first_pass, say("quality.runs_passed", percent=_text(data.overall))
+        self.overall_label.setText(say("quality.overall_yield", percent=_text(data.units)))
+        first_pass = "" if first is None else say("quality.first_pass", percent=_text(first))
+        self.first_label.setText("  ·  ".join(filter(None, (first_pass, runs))))
         groups = (
             (say("common.product"), {product_text(name): share for name, share in data.products.items()}),
             (say("common.station"), data.stations),

@@ -316,5 +316,5 @@ class MainWindow(QMainWindow):
         with suppress(CalstationError):  # the operator page and the station page show the error
             _, station = load_station(self.app.station_path)
             virtual, name = station.bench is not None, station.name
-        self._station.setText(say("window.virtual_bench") if virtual else name)
+        self._station.setText(say("window.virtual_station", name=name) if virtual else name)
         self._station.setToolTip(say("window.virtual_tip") if virtual else "")

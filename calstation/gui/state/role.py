@@ -111,7 +111,8 @@ class RolePanel(QFrame):
         new = self._role.new
         self._again_edit.setVisible(new)
         self._title.setText(say("window.choose_pin" if new else "window.engineer"))
-        self._text.setText(say("window.about_choosing_pin" if new else "window.about_pin"))
+        about = "window.about_choosing_pin" if new else "window.about_pin"
+        self._text.setText(say(about, least=access.MIN_PIN_LENGTH))
         self.pin_edit.setPlaceholderText(say("window.new_pin" if new else "window.pin"))
         self._unlock.setText(say("window.set_pin" if new else "window.unlock"))
         self.adjustSize()

@@ -64,6 +64,7 @@ class RunStatus(QObject):
         self.register_operation = False
         #: Whether the station and the product are usable for the next run.
         self.runnable = True
+        self.monitoring = False  #: Whether the IMUs of the station are followed live.
         #: Whether the sequencer may have moved the table; False while devices are opened and identified.
         self.commanded = False
         #: Serial numbers and state of the run in the first window of the station; None in that window.
@@ -119,7 +120,9 @@ class RunStatus(QObject):
 
     @property
     def display_state(self) -> str:
-        """`state`, or ``writing`` during a register operation, or ``not_ready`` if no run can start."""
+        """`state`, or ``writing`` during a register operation, ``monitoring``, or ``not_ready`` if no run can start."""
+        if self.state == "idle" and self.monitoring:
+            return "monitoring"
         if self.state == "idle" and not self.runnable:
             return "not_ready"
         return "writing" if self.register_operation and self.state == "running" else self.state
@@ -215,6 +218,12 @@ class RunStatus(QObject):
         """Set the serial numbers and the state of the run in the first window of the station."""
         if elsewhere != self.elsewhere:
             self.elsewhere = elsewhere
+            self.changed.emit()
+
+    def set_monitoring(self, monitoring: bool) -> None:
+        """Set whether the IMUs of the station are followed live, outside a run."""
+        if monitoring != self.monitoring:
+            self.monitoring = monitoring
             self.changed.emit()
 
     def stop(self) -> None:

@@ -24,6 +24,7 @@ Words = str | Text | Callable[[], str]
 KINDS = {
     "idle": "none",
     "not_ready": "caution",
+    "monitoring": "active",
     "starting": "waiting",
     "preparing": "active",
     "running": "active",

@@ -69,6 +69,7 @@ class PairLiveView(QWidget):
         if self._watch is not None:
             self._watch.close()
         self._watch = None
+        self._app.run.set_monitoring(False)
 
     def _start_or_stop(self) -> None:
         if self._watch is not None:
@@ -99,6 +100,7 @@ class PairLiveView(QWidget):
         self._refresh()
 
     def _refresh(self) -> None:
+        self._app.run.set_monitoring(self.watching)
         self.start_button.setText(say("logs.stop" if self.watching else "logs.watch_live"))
         enable(self.start_button, "" if self.watching else self._why_not())
         enable(self.check_button, "" if self.status is not None and self.watching else say("logs.start_watch"))

@@ -16,7 +16,7 @@ _LEAST_SQUARES = (
     Cell("logs.least_squares", "other"),
     Cell("common.plus_minus_sigma", "other_sigma"),
     Cell("logs.difference", "apart"),
-    Cell("logs.in_sigma", "other_in_sigma", state="other_state"),
+    Cell("common.in_sigma", "other_in_sigma", state="other_state"),
 )
 _TRUTH = (
     Cell("logs.bench_truth", "truth"),
