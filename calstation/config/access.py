@@ -57,7 +57,7 @@ def has_pin(badge: str = "") -> bool:
     return _file(badge).exists()
 
 
-def set_pin(old: str, new: str, badge: str = "") -> None:
+def set_pin(old: str, new: str, badge: str = "", by: str = "") -> None:
     """Set a new PIN after writing the audit trail to disk. Raises ConfigurationError.
 
     Parameters
@@ -65,6 +65,7 @@ def set_pin(old: str, new: str, badge: str = "") -> None:
     old : current PIN, or the site's PIN if the badge has no PIN yet; ignored for the site's first PIN
     new : new PIN
     badge : badge of the engineer; "" for the site's PIN
+    by : name of the person who sets it, by default the user of this computer
     """
     if len(new) < MIN_PIN_LENGTH:
         raise ConfigurationError("access.pin_too_short", shortest=MIN_PIN_LENGTH)
@@ -79,7 +80,7 @@ def set_pin(old: str, new: str, badge: str = "") -> None:
                 raise ConfigurationError("access.wrong_pin_wait", seconds=seconds)
             raise ConfigurationError("access.wrong_pin")
         details = {"badge": badge} if badge else {}
-        append_audit(library.site_folder(), event, computer_user() or "engineer", **details)
+        append_audit(library.site_folder(), event, by or computer_user() or "engineer", **details)
         salt = os.urandom(16)
         _store(_Stored(salt=salt.hex(), hash=_hash(new, salt, _N, _R, _P).hex(), n=_N, r=_R, p=_P), badge)
 

@@ -299,7 +299,10 @@ def prepare_run(request: RunRequest, adjust: Adjustment = lambda setup: setup) -
     """
     setup = load_configuration(request, adjust)
     sign_in = setup.station.sign_in
-    operator = request.operator or computer_user() if sign_in is None else sign_in.operator(request.operator)
+    if sign_in is not None:
+        operator: str | None = sign_in.operator(request.operator)
+    else:  # the window passes "" if nobody has entered a name
+        operator = computer_user() if request.operator is None else request.operator or None
     setup = replace(setup, request=replace(setup.request, operator=operator))
     pattern, path = setup.product.serial_pattern, setup.sources["product"].path
     if not re.fullmatch(pattern, request.serial):

@@ -99,6 +99,7 @@ from calstation.physics.units import (
     display_by_unit,
     from_unit,
     in_unit,
+    limit_number,
     number,
     unit_of,
     unit_of_parameter,

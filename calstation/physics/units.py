@@ -1,5 +1,6 @@
 """Units for display: degrees, ppm, µg, °/h and arcseconds."""
 
+import math
 from collections.abc import Sequence
 from decimal import Decimal
 
@@ -89,6 +90,22 @@ def in_unit(value: float, size: float) -> str:
     digits = len(Decimal(repr(float(value))).normalize().as_tuple().digits)
     text = f"{value / size:.{min(12, max(6, digits))}g}"
     return f"{Decimal(text):f}" if "e+" in text else text
+
+
+def limit_number(limit: float, size: float, value: float = math.nan) -> str:
+    """Format an SI limit in a unit of `size` in SI, with as many digits as it was entered with, from two to four.
+
+    It has more digits if the rounded limit contradicts the comparison of `value`, SI, with the limit.
+    """
+    shown, compared = limit / size, value / size
+    entered = len(Decimal(repr(float(limit))).normalize().as_tuple().digits)
+    exponent = math.floor(math.log10(abs(shown))) if shown else 0
+    text = ""
+    for digits in (min(max(entered, 2), 4), 4, 7, 12):
+        text = f"{shown:.{max(0, digits - 1 - exponent)}f}"
+        if math.isnan(compared) or (compared <= shown) == (compared <= float(text)):
+            break
+    return text.rstrip("0").rstrip(".") if "." in text else text
 
 
 def from_unit(value: float, size: float) -> float:

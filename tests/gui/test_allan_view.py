@@ -114,8 +114,8 @@ def test_engineer_saves_the_values_in_the_profile(page: OfflinePage, operator: O
     assert not take.isEnabled()
     assert "Only an engineer" in take.toolTip()
     operator.window.app.role.ask()
-    for name in ("pin_edit", "pin_again_edit"):
-        qtbot.keyClicks(operator.widget(name, QLineEdit), "246813")
+    for name, text in (("role_person_edit", "wang"), ("pin_edit", "246813"), ("pin_again_edit", "246813")):
+        qtbot.keyClicks(operator.widget(name, QLineEdit), text)
     operator.press("unlock_button")
     operator.press("take_noise_button")
     assert page.notice.title_label.text() == "Save as a new version of the IMU profile bench_nav?"

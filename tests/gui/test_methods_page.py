@@ -396,10 +396,10 @@ def test_operator_page_verdict_shows_the_product_checks() -> None:
     assert "Between rests the unit turns by the angle of the reference (1856 ″, allowed ≤ 1238 ″)" in advice.reason(
         "failed", result_with(checks=checks)
     )
-    assert advice.reason("passed", result_with(checks=checks[:1])).endswith("Near the limit: force at rest.")
-    assert advice.brief_reason("passed", result_with(checks=checks[:1])) == "Near the limit: force at rest."
+    assert advice.reason("passed", result_with(checks=checks[:1])).endswith("Close to the limit: force at rest.")
+    assert advice.brief_reason("passed", result_with(checks=checks[:1])) == "Close to the limit: force at rest."
     named = [check("sigma_below", "gyro_bias_x", 0.99, 1.0, "rad/s"), *checks[:1]]
-    assert advice.brief_reason("passed", result_with(checks=named)) == "Near the limit: gyro bias x, +1."
+    assert advice.brief_reason("passed", result_with(checks=named)) == "Close to the limit: gyro bias x and 1 more."
 
 
 @pytest.mark.long

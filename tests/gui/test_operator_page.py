@@ -56,7 +56,7 @@ def test_run_passes_after_one_click_despite_language_changes(operator: Operator,
 
     language = operator.widget("language_combo", QComboBox)
     language.setCurrentIndex(1)
-    operator.until(lambda: operator.widget("start_button", QPushButton).text() == "开始全参数标定")
+    operator.until(lambda: operator.widget("start_button", QPushButton).text() == "开始")
     assert "六位置" in stages.item(1).data(Qt.ItemDataRole.AccessibleTextRole)
     operator.until(lambda: operator.run.stages[2].fraction > 0.3)
     language.setCurrentIndex(0)

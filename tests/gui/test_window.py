@@ -87,6 +87,7 @@ def test_first_pin_is_set_and_a_wrong_pin_refused(window: MainWindow, qtbot: QtB
         language.use(code)
         assert any(words in label.text() for label in window.findChildren(QLabel) if label.isVisible())
     language.use("en")
+    qtbot.keyClicks(window.findChild(QLineEdit, "role_person_edit"), "wang")
     qtbot.keyClicks(pin, "246813")
     qtbot.keyClicks(again, "246819")
     qtbot.keyClick(again, Qt.Key.Key_Return)
@@ -118,6 +119,7 @@ def test_damaged_pin_file_is_explained(window: MainWindow, qtbot: QtBot, site_fo
     (site_folder.home / "engineer.json").write_text("{", encoding="utf-8")
     qtbot.mouseClick(window.findChild(QPushButton, "role_button"), Qt.MouseButton.LeftButton)
     pin = window.findChild(QLineEdit, "pin_edit")
+    qtbot.keyClicks(window.findChild(QLineEdit, "role_person_edit"), "wang")
     qtbot.keyClicks(pin, "246813")
     qtbot.keyClick(pin, Qt.Key.Key_Return)
     assert not window.app.role.engineer

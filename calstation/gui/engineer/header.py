@@ -1,6 +1,6 @@
 """Header of the engineer page in the strip next to STOP: serial number, engineer, START and status of the run."""
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.state import EndStageButton, RunStatus, RunStrip
@@ -56,13 +56,15 @@ class EngineerHeader(QWidget):
         """The entered serial number."""
         return self.serial_edit.text().strip()
 
-    @property
-    def engineer(self) -> str:
-        """The entered name of the engineer."""
-        return self.engineer_edit.text().strip()
+    def show_person(self, name: str, *, signed_in: bool) -> None:
+        """Show the person at the window, who is entered here only at a station without badges."""
+        if name != self.engineer_edit.text().strip() and not self.engineer_edit.hasFocus():
+            with QSignalBlocker(self.engineer_edit):
+                self.engineer_edit.setText(name)
+        self.engineer_edit.setReadOnly(signed_in)
 
     def _show_start(self) -> None:
-        self.start_button.setText(say("common.start_partial" if self._partial else "engineer.start"))
+        self.start_button.setText(say("common.start_partial" if self._partial else "common.start"))
 
     def show_next(self, next_unit: bool, slot: str) -> None:
         """Show whether the field is for the next unit, and the slot for the next scan or ""."""

@@ -50,14 +50,13 @@ class EngineerPage(Page):
         self._problem: CalstationError | None = None
         self._faulty = False
         self.header = self._header = EngineerHeader(app.run)
-        self._header.engineer_edit.setText(str(app.settings.value("engineer_name", "")))
         self.choice = ChoicePanel()
         self._start_dialog = StartDialog(app, self.notice, "engineer_override", self._header.serial_edit.setFocus)
         self._slots = SlotsPanel(app.slots, "engineer_")
         self.preview = PreviewView(app, self._request)
         self.registers = RegistersView(app, self._register_request)
         self.analysis = ResultAnalysis(app, self)
-        self.design = DesignView(app, self.notice, lambda: self._header.engineer)
+        self.design = DesignView(app, self.notice, lambda: self.app.person)
         self._saving = app.job(self, save_schedule, self._saved, failed=self._save_failed, cancellable=False)
         self._lay_out()
         self._connect()
@@ -106,6 +105,7 @@ class EngineerPage(Page):
         app.role.changed.connect(self._role_changed)
         app.choice_changed.connect(self._choice_undone)
         self.app.operator_changed.connect(self._update)
+        self._header.engineer_edit.textEdited.connect(lambda text: self.app.identified.emit(text.strip()))
         app.station_changed.connect(self._read_options)
         app.product_changed.connect(self._read_options)
         app.open_run.connect(self.analysis.open)
@@ -189,7 +189,7 @@ class EngineerPage(Page):
             app.product_path,
             self.choice.selector.stages,
             app.runs_folder,
-            header.engineer or None,
+            app.person,
             schedule=self.choice.schedule,
         )
 
@@ -209,14 +209,14 @@ class EngineerPage(Page):
         file, changes = self._options.product, {stage: self.choice.form.deviations}
 
         def save() -> None:
-            self._saving.start(file, changes, self._header.engineer)
+            self._saving.start(file, changes, self.app.person)
 
         confirm = Choice("confirm_save_button", "engineer.save_to_product", save, primary=True)
         choices = Choice("cancel_save_button", "common.cancel", lambda: None), confirm
         self.notice.ask(
             "caution",
             lambda: say("engineer.ask_save", stage=stage, product=product_text(product)),
-            Text.of("engineer.about_save", engineer=self._header.engineer),
+            Text.of("engineer.about_save", engineer=self.app.person),
             choices,
         )
 
@@ -253,7 +253,6 @@ class EngineerPage(Page):
 
     def _start(self) -> None:
         self.notice.dismiss()
-        self.app.settings.setValue("engineer_name", self._header.engineer)
         request, serials = self._request(), self.app.slots.serials
         self._start_dialog.begin(replace(request, serials=serials) if serials else request)
 
@@ -300,7 +299,9 @@ class EngineerPage(Page):
             busy = say("window.busy_registers" if self.app.run.register_operation else "window.busy_run")
         elif self.app.run.elsewhere is not None:
             busy = say("question.other_window")
-        name = "" if self._header.engineer else say("engineer.no_name")
+        badges = self.app.badge is not None or self.app.badge_required
+        self._header.show_person(self.app.person, signed_in=badges)
+        name = "" if self.app.person else say("engineer.no_name")
         device = say("engineer.communicating") if self.registers.watch.busy else ""
         problem, choice = self._why_no_options(), self._why_no_choice()
         stages = self.choice.selector.stages

@@ -31,7 +31,7 @@ from calstation.gui.widgets import (
     theme,
     time_unit,
 )
-from calstation.physics import INDEX, NAMES, display
+from calstation.physics import INDEX, NAMES, display, limit_number
 from calstation.results import Preview, Violation, compute_preview
 
 
@@ -232,7 +232,7 @@ def _cells(preview: Preview, name: str) -> dict[str, str]:
     cells = {
         "unit": display(name, 0.0)[1],
         "before": _sigma_text(name, float(preview.before[INDEX[name]])),
-        "limit": _sigma_text(name, preview.limits.get(name)),
+        "limit": "" if name not in preview.limits else _limit_text(preview, name),
         "target": _sigma_text(name, preview.targets.get(name)),
         "verdict": say(f"engineer.expected_{verdict}"),
         "state": {None: "", True: "good", False: "bad"}[reached],
@@ -266,6 +266,13 @@ def _reached(preview: Preview, name: str) -> bool | None:
     sigma = preview.stages[-1].sigma if preview.stages else None
     limit = preview.limits.get(name)
     return None if sigma is None or limit is None else float(sigma[INDEX[name]]) <= limit
+
+
+def _limit_text(preview: Preview, name: str) -> str:
+    """Return the sigma limit of a parameter, rounded as it was entered."""
+    sigma = preview.stages[-1].sigma if preview.stages else None
+    expected = float("nan") if sigma is None else float(sigma[INDEX[name]])
+    return limit_number(preview.limits[name], 1.0 / display(name, 1.0)[0], expected)
 
 
 def _sigma_text(name: str, sigma: float | None) -> str:

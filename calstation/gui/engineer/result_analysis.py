@@ -35,7 +35,7 @@ from calstation.gui.widgets import (
 )
 from calstation.judgement import Check
 from calstation.messages import local_time
-from calstation.physics import NAMES, EffectName, display, further_parameter, number
+from calstation.physics import NAMES, EffectName, display, further_parameter, limit_number, number
 from calstation.results import (
     Diagnostics,
     FinishedRun,
@@ -171,6 +171,7 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
     verdict = "lost" if name in result.undetermined else _verdict(checks)
     value, unit = _display(name, parameter.value)
     sigma, _ = _display(name, parameter.sigma)
+    size = 1.0 / _display(name, 1.0)[0]
     cells = {
         "unit": unit or parameter.unit,
         "value": number(value, sigma),
@@ -193,12 +194,14 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
         check = checks["within"]
         for key, interval in (("limit", check.limit), ("accepted", check.acceptance)):
             if isinstance(interval, tuple):
-                low, high = (_display(name, bound)[0] for bound in interval)
-                cells[key] = f"±{_limit(high)}" if low == -high else f"{_limit(low)} … {_limit(high)}"
+                low, high = (limit_number(bound, size, parameter.value) for bound in interval)
+                magnitude = interval[0] == -interval[1]
+                bound = limit_number(interval[1], size, abs(parameter.value))
+                cells[key] = f"±{bound}" if magnitude else f"{low} … {high}"
         if check.acceptance is not None and check.acceptance[0] > check.acceptance[1]:
             cells["accepted"] = _NONE
     if "sigma_below" in checks and not isinstance(checks["sigma_below"].limit, tuple):
-        cells["sigma_limit"] = _limit(_display(name, checks["sigma_below"].limit)[0], 3)
+        cells["sigma_limit"] = limit_number(checks["sigma_below"].limit, size, parameter.sigma)
     return cells
 
 
@@ -233,11 +236,6 @@ def _verdict(checks: dict[str, Check]) -> str:
     if any(check.near_miss for check in checks.values()):
         return "near"
     return "good" if checks else "none"
-
-
-def _limit(value: float, digits: int = 4) -> str:
-    """Format a limit with `digits` significant digits; large values are written as integers."""
-    return f"{value:.0f}" if abs(value) >= 10.0 ** (digits - 1) else f"{value:.{digits}g}"
 
 
 def _display(name: str, value: float) -> tuple[float, str]:

@@ -7,7 +7,6 @@ from PySide6.QtCore import Qt, QUrl, SignalInstance
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QWidget
 
-from calstation.config import computer_user
 from calstation.database import export_shared_runs, fetch_log, fetch_result, load_shared_results, note_use
 from calstation.errors import InputError
 from calstation.gui.history.comparison import MAX_COMPARED, RunComparison
@@ -252,7 +251,7 @@ class HistoryPage(Page):
         if self.app.badge_required:
             self.notice.inform("caution", "common.run_not_closed", "operator.sign_in", self.table.setFocus)
         elif self.table.run is not None:
-            self._closer.start(self.table.run.log, self.app.operator or computer_user())
+            self._closer.start(self.table.run.log, self.app.person or None)
             self._update()
 
     # ---- actions on several runs

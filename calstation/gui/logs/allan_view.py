@@ -9,7 +9,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QWidget
 
-from calstation.config import Version, computer_user, save_noise
+from calstation.config import Version, save_noise
 from calstation.gui.logs.methods import SENSOR_UNITS, MethodPlot
 from calstation.gui.state import Page
 from calstation.gui.text import duration_text, say, term
@@ -217,9 +217,8 @@ class AllanView(QWidget, DataView[AllanDeviation]):
         )
 
     def _save(self, data: AllanDeviation, values: dict[str, float]) -> None:
-        author = str(self._app.settings.value("author", "")).strip() or computer_user() or "engineer"
         source = f"Allan deviation of {data.serial}, {data.seconds:.0f} s"
-        self.saving.start(data.profile, values, source, author)
+        self.saving.start(data.profile, values, source, self._app.person or "engineer")
 
     def _show_saved(self, version: Version) -> None:
         self._app.product_changed.emit()

@@ -83,7 +83,7 @@ def brief_reason(outcome: str, result: Result | None) -> str:
         return say("advice.no_stage")
     worst, count = failing[0], len(result.failed_checks)
     text = f"{worst.name} σ" if worst.by_sigma else worst.name
-    return text if count == 1 else f"{text}, +{count - 1}"
+    return text if count == 1 else say("advice.and_more", names=text, more=count - 1)
 
 
 def brief_action(outcome: str, result: Result | None) -> str:
@@ -172,7 +172,7 @@ def _near(checks: Sequence[Check]) -> str:
         return ""
     nearest = max(near, key=_ratio)
     name = parameter_text(nearest.subject) if is_parameter_check(nearest) else check_name(nearest)
-    return say("advice.near", names=name if len(near) == 1 else f"{name}, +{len(near) - 1}")
+    return say("advice.near" if len(near) == 1 else "advice.near_more", names=name, more=len(near) - 1)
 
 
 def _ratio(check: Check | None) -> float:

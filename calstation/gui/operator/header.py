@@ -175,7 +175,7 @@ class RunHeader(QWidget):
         return super().eventFilter(watched, event)
 
     def _show_texts(self) -> None:
-        self.start_button.setText(say("common.start_partial" if self._partial else "operator.start"))
+        self.start_button.setText(say("common.start_partial" if self._partial else "common.start"))
         self._show_caption()
 
     def _show_caption(self) -> None:

@@ -5,10 +5,9 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject
 
-from calstation.config import computer_user
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
-from calstation.gui.operator.questions import ask
+from calstation.gui.operator.questions import ask, refusal
 from calstation.gui.state import AppContext
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
@@ -84,7 +83,7 @@ class InterruptedRuns(QObject):
             ask(self._notice, "caution", Text.of("question.nothing_to_resume"), {})
 
     def _search_failed(self, error: CalstationError) -> None:
-        ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
+        ask(self._notice, "caution", refusal("cannot_resume", error, engineer=self._app.role.engineer), {})
 
     def _offer(self, runs: list[Resumable]) -> None:
         """Ask whether to resume or close the first run, then ask about the others."""
@@ -102,5 +101,5 @@ class InterruptedRuns(QObject):
         if self._app.badge_required:
             ask(self._notice, "caution", Text("station.badge_missing"), {})
             return
-        self._closing.start(run.log, self._app.operator or computer_user())
+        self._closing.start(run.log, self._app.person or None)
         self._offer(others)

@@ -15,7 +15,7 @@ from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live import LiveView
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.production import ShiftCounter
-from calstation.gui.operator.questions import ClaimNotice, ask
+from calstation.gui.operator.questions import ClaimNotice, ask, refusal
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.units import SlotsPanel, VerdictGrid
@@ -119,8 +119,10 @@ class OperatorPage(Page):
         header.product_selected.connect(app.set_product)
         header.product_selected.connect(header.focus_scan)
         header.enter_refused.connect(lambda: self._message.setText(say("operator.enter_refused")))
-        for changed in (header.badge_field.signed_in, header.badge_field.signed_out):
+        field = header.badge_field
+        for changed in (field.named, field.signed_in, field.signed_out):
             changed.connect(self._operator_changed)
+        app.identified.connect(field.identify)
         header.badge_field.signed_out.connect(self.await_scan)
         self._live.finish_requested.connect(lambda: app.engine_link.send(Command.END_STAGE))
         self._verdict.acknowledged.connect(self._acknowledge)
@@ -137,16 +139,20 @@ class OperatorPage(Page):
         app.product_changed.connect(self._show_product)
         app.choice_changed.connect(self._plan)
         app.windows.changed.connect(self._plan)
+        app.role.changed.connect(self._role_changed)
 
     # ---- the next run
 
     def _operator_changed(self) -> None:
         field = self.header.badge_field
-        signing = field.section is not None
-        self.app.operator, self.app.badge = (field.name, field.operator) if signing else (None, None)
+        self.app.operator, self.app.badge = field.name, None if field.section is None else field.operator
         self.app.badge_required = field.required
         self.app.operator_changed.emit()
         self._refresh()
+
+    def _role_changed(self) -> None:
+        if self._problem is not None:  # only an engineer is told the file and its entry
+            self._plan()
 
     def _change_station(self) -> None:
         self._clear_verdict()
@@ -246,7 +252,7 @@ class OperatorPage(Page):
                 choices.append(Choice(f"product_choice_{name}", words, partial(app.set_product, path)))
             return None, choices
         except CalstationError as error:
-            self._problem = Text.of("question.cannot_run", why=error.as_text)
+            self._problem = refusal("cannot_run", error, engineer=app.role.engineer)
             return None, []
 
     # ---- during the run

@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from calstation.config import Person, RunRequest, computer_user
+from calstation.config import Person, RunRequest
 from calstation.database import Claim
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, PeoplePanel
-from calstation.gui.text import rendered, say
+from calstation.gui.text import for_operator, rendered, say
 from calstation.gui.widgets import Choice, NoticeBar
 from calstation.messages import Text, event_text
 from calstation.runs import Question, Role, RunStart
@@ -48,6 +48,15 @@ def ask(
     bar.ask(kind, lambda: rendered(question).text, lambda: rendered(question).remedy, [*others, *choices])
 
 
+def refusal(code: str, error: CalstationError, *, engineer: bool) -> Text:
+    """Return why a run cannot start: a term of the family ``question``; operators read no names of files and keys."""
+    message = error.as_text
+    plain = None if engineer else for_operator(message)
+    if plain is None:
+        return Text.of(f"question.{code}", why=message)
+    return Text.of(f"question.{code}_settings", why=plain, ask=Text("advice.engineer_corrects"))
+
+
 class StartDialog:
     """Dialog that asks the questions of a `RunStart` in a notice bar, then starts the engine.
 
@@ -62,7 +71,7 @@ class StartDialog:
     def begin(self, request: RunRequest) -> None:
         """Ask the questions about a requested run, then start it or show why it cannot start."""
         role: Role = "engineer" if self._app.role.engineer else "operator"
-        request = replace(request, operator=self._app.badge or request.operator)
+        request = replace(request, operator=self._app.badge or self._app.person)
         self._attempt(lambda: self._continue(RunStart(request, role)), resume=request.resume is not None)
 
     def drop(self) -> None:
@@ -111,7 +120,7 @@ class StartDialog:
             self._attempt(lambda: self._continue(start))
 
         required, app, request = start.override_required, self._app, start.request
-        by = (app.badge if required.badge else app.operator or request.operator or computer_user()) or ""
+        by = (app.badge if required.badge else app.person) or ""
         units = ", ".join(filter(None, request.serials or (request.serial,)))
         self.people.ask(Text.of("operator.ask_calibrate", serial=units), required, confirmed, by=by)
 
@@ -124,7 +133,7 @@ class StartDialog:
         elif app.job_queue.uses_device:
             self._ask(Text.of("question.device_busy"), {"clear": lambda: self._launch(request)})
         elif not app.engine_link.running:
-            app.engine_link.start(replace(request, operator=app.badge or request.operator))
+            app.engine_link.start(replace(request, operator=app.badge or app.person))
 
     def _ask(self, question: Text, answers: Mapping[str, Callable[[], None]], kind: str = "caution") -> None:
         """Ask a question with an additional answer that cancels it."""

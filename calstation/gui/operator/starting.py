@@ -230,8 +230,8 @@ class RunStarter(QObject):
         )
 
     def _request(self, serial: str, product: Path | None, stages: tuple[str, ...] | None, **more: Any) -> RunRequest:
-        app, operator = self._app, self._header.badge_field.operator
-        return RunRequest(serial, app.station_path, product, stages, app.runs_folder, operator, **more)
+        app = self._app
+        return RunRequest(serial, app.station_path, product, stages, app.runs_folder, **more)
 
     def _attempts(self, serial: str) -> int:
         """Return the number of earlier runs of a unit."""

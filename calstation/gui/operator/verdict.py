@@ -15,9 +15,9 @@ from calstation.gui.operator import advice
 from calstation.gui.operator.production import CertificateButton, LabelButton
 from calstation.gui.operator.units import Banner
 from calstation.gui.state import AppContext, ResetBar
-from calstation.gui.text import duration_text, fault_text, say
+from calstation.gui.text import duration_text, fault_text, for_operator, rendered, say
 from calstation.gui.widgets import NoticeBar, StateIcon, button, clear, column, grid, label, row, show_text, theme
-from calstation.messages import entry, event_text, known
+from calstation.messages import Text, entry, event_text, known
 from calstation.physics import aligned
 from calstation.results import Result, load_result
 from calstation.sequencer import Fault, Finalized
@@ -117,6 +117,7 @@ class VerdictPanel(QFrame):
             margins=(2 * theme.GRID,) * 4,
         )
         app.released.connect(self._released)
+        app.role.changed.connect(self._refresh)
         theme.on_appearance_change(self, self._refresh)
 
     def show_end(self) -> None:
@@ -138,7 +139,9 @@ class VerdictPanel(QFrame):
         fault, result = self._current_fault, self._run.unit.result
         if result is not None and result.released:
             return say("advice.released")
-        return advice.next_action(self._display_state, result) if fault is None else fault_text(fault).remedy
+        if fault is None:
+            return advice.next_action(self._display_state, result)
+        return self._fault_texts(fault)[1]
 
     @property
     def _current_fault(self) -> Fault | None:
@@ -163,7 +166,7 @@ class VerdictPanel(QFrame):
         self.details_button.setVisible(self._finalized is not None)
         misconfigured = fault is not None and known(fault.code) and entry(fault.code).source == "configuration"
         self._station_button.setVisible(misconfigured)
-        reason = advice.reason(state, result, self._stopped_code()) if text is None else text.text
+        reason = advice.reason(state, result, self._stopped_code()) if fault is None else self._fault_texts(fault)[0]
         self.reason_label.setText(reason)
         notes = dict.fromkeys(say(event_text(*remark)) for remark in unit.remarks)
         for widget, content in (
@@ -174,6 +177,14 @@ class VerdictPanel(QFrame):
         ):
             show_text(widget, content)
         self._figures.show_result(result if text is None else None)
+
+    def _fault_texts(self, fault: Fault) -> tuple[str, str]:
+        """Return the text and the remedy of a fault; operators read no names of files and keys."""
+        text = fault_text(fault)
+        plain = None if self._app.role.engineer else for_operator(Text(fault.code, fault.values))
+        if plain is None:
+            return text.text, text.remedy
+        return rendered(plain).text, say("advice.engineer_corrects")
 
     def _released(self, path: Path) -> None:
         """Show that the displayed unit has been released."""

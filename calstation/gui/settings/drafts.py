@@ -1,14 +1,14 @@
 """The drafts of configuration files: the stored text, the edited text, and its problems."""
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
-from PySide6.QtCore import QObject, QSettings, Signal
+from PySide6.QtCore import QObject, Signal
 
-from calstation.config import computer_user, editing, library, versions
+from calstation.config import editing, library, versions
 from calstation.errors import ConfigurationError
 from calstation.gui.widgets import FormValues
 from calstation.messages import Text
@@ -111,9 +111,9 @@ class Drafts(QObject):
     changed = Signal()
     saved = Signal(str)
 
-    def __init__(self, window_settings: QSettings, parent: QObject | None = None) -> None:
+    def __init__(self, person: Callable[[], str], parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._settings = window_settings
+        self._person = person
         self._all: list[Draft] = []
         self.station, self.table = self._new("stations"), self._new("tables")
 
@@ -157,8 +157,8 @@ class Drafts(QObject):
 
     @property
     def author(self) -> str:
-        """The author of new versions: the name in the settings or, without one, the user of this computer."""
-        return str(self._settings.value("author", "")).strip() or default_author()
+        """The author of new versions: the person at the window."""
+        return self._person() or "engineer"
 
     def save(self) -> None:
         """Store all changes in the site folder as new versions, with the station last.
@@ -197,11 +197,6 @@ class Drafts(QObject):
         draft.changed.connect(self.changed)
         self._all.append(draft)
         return draft
-
-
-def default_author() -> str:
-    """Return the login name of the user of this computer, or "engineer" if it is unknown."""
-    return computer_user() or "engineer"
 
 
 def _parsed(text: str) -> dict[str, Any]:

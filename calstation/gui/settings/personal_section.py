@@ -7,7 +7,6 @@ from PySide6.QtWidgets import QLineEdit, QWidget
 
 from calstation.config import access
 from calstation.errors import ConfigurationError
-from calstation.gui.settings.drafts import default_author
 from calstation.gui.settings.fields import Row, panel
 from calstation.gui.state import AppContext
 from calstation.gui.text import bind, language, on_language_change, say
@@ -41,8 +40,6 @@ class PersonalSection(QWidget):
         self._sounds.setChecked(bool(app.settings.value("sounds", True, type=bool)))
         self._sounds.typed.connect(lambda: app.settings.setValue("sounds", self._sounds.value()))
         bind(self._sounds, "settings.after_every_scan")
-        self._author = line_edit("author_edit", lambda text: app.settings.setValue("author", text.strip()))
-        self._author.setPlaceholderText(default_author())
         self._runs = label(name="runs_folder_label", wrap=True, selectable=True)
         self._folder_button = button("runs_folder_button", "settings.choose_folder", self._choose_runs)
         left = column(
@@ -50,7 +47,6 @@ class PersonalSection(QWidget):
             Row(self._language, "language"),
             Row(self._theme, "theme"),
             Row(self._sounds, "sounds"),
-            Row(self._author, "author"),
             Row(self._runs, "runs_folder"),
             Row(label("setting.about_runs", "muted", wrap=True)),
             Row(self._folder_button),
@@ -86,7 +82,7 @@ class PersonalSection(QWidget):
 
     def lock(self, reason: str) -> None:
         """Disable the inputs that require the engineer role and show `reason` in tooltips; "" enables them."""
-        for widget in (self._author, self._folder_button, self._pin_badge, *self._pins, self._pin_button):
+        for widget in (self._folder_button, self._pin_badge, *self._pins, self._pin_button):
             enable(widget, reason)
         self.refresh()
 
@@ -97,7 +93,6 @@ class PersonalSection(QWidget):
             self._theme.show_value(theme.current())
         self._runs.setText(str(self._app.runs_folder.absolute()))
         self._runs.setToolTip(self._runs.text())
-        self._author.setText(str(self._app.settings.value("author", "")))
         known = access.has_pin(self._badge)
         self._old_row.setVisible(access.has_pin())
         self._old.setPlaceholderText("" if known else say("settings.site_pin"))
@@ -123,7 +118,7 @@ class PersonalSection(QWidget):
             self._show_pin_error(say("settings.pin_too_short", least=access.MIN_PIN_LENGTH), self._new)
             return
         try:
-            access.set_pin(self._old.text(), self._new.text(), self._badge)
+            access.set_pin(self._old.text(), self._new.text(), self._badge, self._app.person)
         except ConfigurationError as error:
             self._show_pin_error(say(error.as_text), self._old)
             self._old.selectAll()

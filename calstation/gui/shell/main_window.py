@@ -111,7 +111,7 @@ class MainWindow(QMainWindow):
             tab.installEventFilter(self)
             bind(partial(self.page_tabs.setTabText, self.page_tabs.addTab(tab, "")), f"window.tab_{key}")
             self._headers.addWidget(tab.header)
-        self._role_panel = RolePanel(app.role, self)
+        self._role_panel = RolePanel(app, self)
         self._order_tabs()
         self._connect()
         for show in (self._show_language, self._show_role, self._show_station, self._show_title):

@@ -7,8 +7,9 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QSettings, Signal
 
-from calstation.config import library
+from calstation.config import library, load_station
 from calstation.database import ExchangeState
+from calstation.errors import CalstationError
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.state.role import RoleLock
 from calstation.gui.state.run_status import RunStatus
@@ -32,6 +33,7 @@ class AppContext(QObject):
     product_changed = Signal()
     choice_changed = Signal()
     operator_changed = Signal()
+    identified = Signal(str)  #: Badge or name of the person at the window, entered outside the operator page.
     open_log = Signal(object)
     open_run = Signal(object)
     resume_run = Signal(object)
@@ -50,13 +52,13 @@ class AppContext(QObject):
         self.engine_link = EngineLink(self)
         self.run = RunStatus(self.engine_link, self)
         self.windows = StationWindows(self.run, self)
-        self.role = RoleLock(self)
+        self.role = RoleLock(self, lambda: self.engine_link.running or self.job_queue.busy)
         #: Units of the next run at a station with several slots.
         self.slots = Slots(self)
         #: Station file; None for the virtual bench.
         self.station_path = station or self._last_station()
         self.product_path: Path | None = None
-        #: Name and badge of the operator; None if nobody is signed in.
+        #: Name and badge of the person at the window; None if nobody is signed in or has entered a name.
         self.operator: str | None = None
         self.badge: str | None = None
         self.badge_required = False  #: Whether an operator must sign in before a run.
@@ -98,6 +100,22 @@ class AppContext(QObject):
         if work is not None:
             submit = partial(submit, work)
         return JobWatch(owner, submit, done, failed, cancelled)
+
+    @property
+    def person(self) -> str:
+        """Name of the person in records: whoever is at the window or unlocked the engineer role; "" if unknown."""
+        return self.operator or self.role.person
+
+    def name_of(self, entered: str) -> str:
+        """Return the name of the person who entered a badge or, at a station without badges, a name.
+
+        Raises ConfigurationError if the badge is not accepted.
+        """
+        try:
+            sign_in = load_station(self.station_path)[1].sign_in
+        except CalstationError:  # an engineer must be able to correct the file
+            return entered
+        return entered if sign_in is None else sign_in.operator(entered)
 
     def set_station(self, path: Path | None) -> None:
         """Use another station file."""

@@ -7,7 +7,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtGui import QHideEvent, QShowEvent
 from PySide6.QtWidgets import QFrame, QLabel, QLineEdit, QWidget
 
-from calstation.config import ConfirmationRequired, Person, computer_user
+from calstation.config import ConfirmationRequired, Person
 from calstation.errors import CalstationError
 from calstation.gui.state.context import AppContext
 from calstation.gui.text import Words, bind, on_language_change, say
@@ -167,7 +167,7 @@ class ReleaseBar(QWidget):
         self._opening.start(self._path)
 
     def _open(self, required: ConfirmationRequired) -> None:
-        by = (self._app.badge if required.badge else self._app.operator or computer_user()) or ""
+        by = (self._app.badge if required.badge else self._app.person) or ""
         self._panel.ask(Text.of("window.ask_release", serial=self._serial), required, self._release, by=by)
 
     def _release(self, reason: str, first: Person, second: Person | None) -> None:

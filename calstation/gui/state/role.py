@@ -1,6 +1,9 @@
 """The role of the user, and the panel in which the engineer's PIN is set or entered."""
 
-from PySide6.QtCore import QObject, Qt, QTimer, Signal
+from collections.abc import Callable
+from typing import TYPE_CHECKING, cast
+
+from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QPushButton, QWidget
 
 from calstation.config import access
@@ -8,16 +11,30 @@ from calstation.errors import ConfigurationError
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import button, column, grid, label, row, show_text, theme
 
+if TYPE_CHECKING:
+    from calstation.gui.state.context import AppContext
+
+#: Time without a key press, click or touch after which the engineer role is locked, min.
+_IDLE_MINUTES = 15
+_ACTIVITY = (QEvent.Type.KeyPress, QEvent.Type.MouseButtonPress, QEvent.Type.Wheel, QEvent.Type.TouchBegin)
+
 
 class RoleLock(QObject):
-    """The current role, which is operator at the start."""
+    """The current role, which is operator at the start.
+
+    The engineer role is locked when nobody has used the window for a while, but not while `busy` returns True.
+    """
 
     changed = Signal(str)
     pin_requested = Signal()  #: Emitted by `ask`.
 
-    def __init__(self, parent: QObject | None = None) -> None:
+    def __init__(self, parent: QObject | None = None, busy: Callable[[], bool] = lambda: False) -> None:
         super().__init__(parent)
         self.role = "operator"
+        self.person = ""  #: Name of the person who unlocked the engineer role.
+        self._busy = busy
+        self._idle = QTimer(self, singleShot=True, interval=60_000 * _IDLE_MINUTES)
+        self._idle.timeout.connect(self._lock_idle)
 
     @property
     def engineer(self) -> bool:
@@ -33,46 +50,74 @@ class RoleLock(QObject):
         """Ask the user for the PIN."""
         self.pin_requested.emit()
 
-    def unlock(self, pin: str) -> bool:
-        """Switch to the engineer role and return True if `pin` is correct.
+    def unlock(self, pin: str, person: str = "") -> bool:
+        """Switch to the engineer role for a person and return True if `pin` is correct.
 
         Raises ConfigurationError if the PIN file cannot be read.
         """
         if not access.check(pin):
             return False
-        self._set("engineer")
+        self._set("engineer", person)
         return True
 
-    def set_first_pin(self, pin: str) -> None:
-        """Set the first PIN and switch to the engineer role.
+    def set_first_pin(self, pin: str, person: str = "") -> None:
+        """Set the first PIN and switch to the engineer role for a person.
 
         Raises ConfigurationError if the PIN is not allowed or cannot be stored.
         """
-        access.set_pin("", pin)
-        self._set("engineer")
+        access.set_pin("", pin, by=person)
+        self._set("engineer", person)
 
     def lock(self) -> None:
         """Switch to the operator role."""
         self._set("operator")
 
-    def _set(self, role: str) -> None:
-        if role != self.role:
-            self.role = role
-            self.changed.emit(role)
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Restart the idle time on a key press, click or touch."""
+        if event.type() in _ACTIVITY:
+            self._idle.start()
+        return super().eventFilter(watched, event)
+
+    def _lock_idle(self) -> None:
+        if self._busy():
+            self._idle.start()
+        else:
+            self.lock()
+
+    def _set(self, role: str, person: str = "") -> None:
+        self.person = person
+        if role == self.role:
+            return
+        self.role = role
+        application = cast("QCoreApplication", QCoreApplication.instance())
+        if self.engineer:
+            application.installEventFilter(self)
+            self._idle.start()
+        else:
+            application.removeEventFilter(self)
+            self._idle.stop()
+        self.changed.emit(role)
 
 
 class RolePanel(QFrame):
-    """Panel with a touch keypad that asks for the PIN and closes when the engineer role is unlocked."""
+    """Panel with a touch keypad that asks for a person and the PIN, and closes when the engineer role is unlocked."""
 
-    def __init__(self, role: RoleLock, parent: QWidget) -> None:
+    def __init__(self, app: "AppContext", parent: QWidget) -> None:
         super().__init__(parent)
+        self._app, role = app, app.role
         self.setProperty("kind", "panel")
         self.setAutoFillBackground(True)
         self._role = role
         self._error_text = ""
         self._title, self._text = label(kind="section"), label(wrap=True)
         self._error = label(kind="error", wrap=True)
-        self.pin_edit, self._again_edit = QLineEdit(), QLineEdit()
+        self._person_edit, self.pin_edit, self._again_edit = QLineEdit(), QLineEdit(), QLineEdit()
+        self._person_edit.setObjectName("role_person_edit")
+        self._person_edit.setMaxLength(40)
+        self._person_edit.setProperty("kind", "tall")
+        self._person_edit.returnPressed.connect(self.pin_edit.setFocus)
+        bind(self._person_edit.setPlaceholderText, self._person_hint)
+        bind(self._person_edit.setAccessibleName, self._person_hint)
         for edit, name in ((self.pin_edit, "pin_edit"), (self._again_edit, "pin_again_edit")):
             edit.setObjectName(name)
             edit.setEchoMode(QLineEdit.EchoMode.Password)
@@ -83,7 +128,7 @@ class RolePanel(QFrame):
         self._unlock = button("unlock_button", pressed=self._enter, kind="primary")
         cancel = button("", "common.cancel", self.hide)
         column(
-            *(self._title, self._text, self.pin_edit, self._again_edit, self._error, self._keys()),
+            *(self._title, self._text, self._person_edit, self.pin_edit, self._again_edit, self._error, self._keys()),
             row((self._unlock, 1), (cancel, 1)),
             on=self,
             margins=(2 * theme.GRID,) * 4,
@@ -101,10 +146,11 @@ class RolePanel(QFrame):
         self.pin_edit.clear()
         self._again_edit.clear()
         self._error_text = ""
+        self._person_edit.setText(self._app.badge or self._app.person)
         self._refresh()
         self.show()
         self.raise_()
-        self.pin_edit.setFocus()
+        (self.pin_edit if self._person_edit.text() else self._person_edit).setFocus()
         self._show_wait()
 
     def _refresh(self) -> None:
@@ -136,21 +182,34 @@ class RolePanel(QFrame):
             field.insert(text)
 
     def _enter(self) -> None:
-        pin, again = self.pin_edit.text(), self._again_edit.text()
+        pin, again, person = self.pin_edit.text(), self._again_edit.text(), self._person_edit.text().strip()
         try:
-            if self._role.new and again != pin:
+            name = self._app.name_of(person) if person else ""
+            if not name:
+                self._show_error(say("window.no_person"))
+                self._person_edit.setFocus()
+            elif self._role.new and again != pin:
                 self._show_error(say("window.pins_differ"))
                 self._again_edit.setFocus()
             elif self._role.new:
-                self._role.set_first_pin(pin)
-                self.hide()
-            elif self._role.unlock(pin):
-                self.hide()
+                self._role.set_first_pin(pin, name)
+                self._accept(person)
+            elif self._role.unlock(pin, name):
+                self._accept(person)
             else:
                 self._show_error(say("window.wrong_pin"))
                 self.pin_edit.selectAll()
         except ConfigurationError as error:
             self._show_error(say(error.as_text))
+
+    def _accept(self, person: str) -> None:
+        """Close the panel; the person who unlocked the role is the person at the window."""
+        self.hide()
+        if person not in (self._app.badge, self._app.person if self._app.operator else None):
+            self._app.identified.emit(person)
+
+    def _person_hint(self) -> str:
+        return say("operator.scan_badge" if self._app.badge or self._app.badge_required else "window.your_name")
 
     def _show_error(self, text: str) -> None:
         self._error_text = text

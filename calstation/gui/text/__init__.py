@@ -8,6 +8,7 @@ from calstation.gui.text.messages import (
     bind,
     duration_text,
     fault_text,
+    for_operator,
     offered_products,
     on_language_change,
     product_text,

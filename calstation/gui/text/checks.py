@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass
+from decimal import Decimal
 
 from calstation.gui.text import language
 from calstation.gui.text.messages import say, term, with_minus
 from calstation.judgement import Check, Where
 from calstation.messages import parameter_name
-from calstation.physics import ARCSECOND, DEGREE, INDEX, MICRO_G, PARAMETERS, display, further_parameter
+from calstation.physics import ARCSECOND, DEGREE, INDEX, MICRO_G, PARAMETERS, display, further_parameter, limit_number
 from calstation.records import CheckId
 
 #: Kinds of checks in the ``[checks]`` section of a product.
@@ -24,6 +25,9 @@ _PRODUCT_KINDS = (
     "excitation",
     "previous",
 )
+
+#: Smallest and largest value that is shown as a number.
+_SMALLEST, _LARGEST = 1e-6, 1e9
 
 #: Display unit and its size by the unit of a check that does not compare a parameter.
 _DISPLAY_UNITS = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma": ("σ", 1.0), "1": ("", 1.0)}
@@ -50,7 +54,7 @@ def check_text(check: Check) -> CheckText:
     return CheckText(
         sentence=_sentence(check),
         value=_number(check.value, size),
-        limit=_limit(check.compared_with, size),
+        limit=_limit(check.compared_with, size, check.value),
         margin=_number(check.margin, size),
         unit=unit,
         verdict=term("check_verdict", verdict),
@@ -94,6 +98,8 @@ def _unit(check: Check) -> tuple[str, float]:
     """Return the display unit of a check and its size in the unit of the check."""
     if check.kind == "latitude":
         return "°", DEGREE
+    if check.kind == "sample_clock":
+        return "ppm", 1e-6
     name = check.subject
     if check.kind == "previous":
         name = next((p.name for p in PARAMETERS if p.group == name), name)
@@ -104,18 +110,36 @@ def _unit(check: Check) -> tuple[str, float]:
 
 
 def _number(value: float, size: float) -> str:
-    """Format a value in a unit of the given size."""
+    """Format a value in a unit of the given size, without an exponent."""
     if not math.isfinite(value):
         return "–"
     value /= size
-    return with_minus(f"{value:.0f}" if 1000.0 <= abs(value) < 1e9 else f"{value:.4g}")
+    if 0.0 < abs(value) < _SMALLEST:
+        return f"< {_SMALLEST:.6f}"
+    if abs(value) >= _LARGEST:
+        return f"> {_LARGEST:.0f}"
+    return with_minus(f"{value:.0f}" if abs(value) >= 1000.0 else _plain(f"{value:.4g}"))
 
 
-def _limit(limit: float | tuple[float, float], size: float) -> str:
+def _plain(text: str) -> str:
+    """Return a number without an exponent."""
+    return f"{Decimal(text):f}"
+
+
+def _limit(limit: float | tuple[float, float], size: float, value: float) -> str:
+    """Format a limit in a unit of the given size, rounded as it was entered."""
     if not isinstance(limit, tuple):
-        return f"≤ {_number(limit, size)}"
+        return f"≤ {_limit_number(limit, size, value)}"
     low, high = limit
-    return f"±{_number(high, size)}" if low == -high else f"{_number(low, size)} … {_number(high, size)}"
+    if low == -high:
+        return f"±{_limit_number(high, size, abs(value))}"
+    if high == 1.0 and 0.0 < low < 1.0 and size == 1.0:  # a probability
+        return f"≥ {_limit_number(low, size, value)}"
+    return f"{_limit_number(low, size, value)} … {_limit_number(high, size, value)}"
+
+
+def _limit_number(limit: float, size: float, value: float) -> str:
+    return with_minus(limit_number(limit, size, value)) if math.isfinite(limit) else "–"
 
 
 def _location_text(where: Where) -> str:

@@ -20,6 +20,16 @@ from calstation.sequencer import Fault
 #: Source of a text: a code of the catalogue, a message, or a function that returns the text; "" is no text.
 Words = str | Text | Callable[[], str]
 
+#: Messages that name a file or an entry of a file before the message `what`.
+_ABOUT_FILES = frozenset(
+    f"{family}.{name}"
+    for family, names in {
+        "entry": ("at", "in_file", "in_file_and_more"),
+        "configuration": ("line", "line_and_more"),
+    }.items()
+    for name in names
+)
+
 #: Badge shape (`widgets.badge.KINDS`) of each state and outcome of a run.
 KINDS = {
     "idle": "none",
@@ -74,6 +84,21 @@ def fault_text(fault: Fault) -> Rendered:
     if fault.code:
         return rendered(Text(fault.code, fault.values))
     return Rendered("", fault.text, "", language.current())
+
+
+def for_operator(message: Text) -> Text | None:
+    """Return a message about an entry of a file without the file and its key; None for any other message.
+
+    The name of the field in the window replaces the key.
+    """
+    if message.code not in _ABOUT_FILES:
+        return None
+    while message.code in _ABOUT_FILES and isinstance(what := message.values["what"], Text):
+        name = f"setting.{str(message.values.get('field', '')).rpartition('.')[2]}"
+        if known(name) and what.code not in _ABOUT_FILES:
+            return Text.of("entry.at", field=Text(name), what=what)
+        message = what
+    return message
 
 
 def without_minus(text: str) -> str:

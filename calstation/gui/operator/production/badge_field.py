@@ -5,7 +5,7 @@ from typing import cast
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, QTimer, Signal
 from PySide6.QtWidgets import QApplication, QWidget
 
-from calstation.config import SignInSection, computer_user
+from calstation.config import SignInSection
 from calstation.errors import ConfigurationError
 from calstation.gui.text import bind, say
 from calstation.gui.widgets import ScanEdit, button, column, enable, label, row, theme
@@ -18,13 +18,15 @@ _MIN_WIDTH = 28 * theme.GRID
 
 
 class BadgeField(QWidget):
-    """The field for the operator, who signs in with a badge if the station has a `SignInSection`.
+    """The field for the person at the window, who signs in with a badge if the station has a `SignInSection`.
 
-    The operator is signed out by a button or after an idle timeout. Signals: `entered()` on Enter in the field if no
-    badge is required; `signed_in()` and `signed_out()`; `refused(error)` if a badge is not accepted.
+    The person is signed out by a button or after an idle timeout. Signals: `entered()` on Enter in the field if no
+    badge is required; `named()` after a change of the name at a station without badges; `signed_in()` and
+    `signed_out()`; `refused(error)` if a badge is not accepted.
     """
 
     entered = Signal()
+    named = Signal()
     signed_in = Signal()
     signed_out = Signal()
     refused = Signal(object)
@@ -45,6 +47,7 @@ class BadgeField(QWidget):
         caption.setFixedHeight(theme.BIG_BUTTON - theme.BUTTON)  # Chinese characters are taller
         column(caption, row((self.edit, 1), self.sign_out_button), on=self, spacing=0)
         self.edit.returnPressed.connect(self._entered)
+        self.edit.textChanged.connect(self._text_changed)
         bind(self.edit.setPlaceholderText, self._placeholder)
 
     @property
@@ -59,10 +62,8 @@ class BadgeField(QWidget):
 
     @property
     def operator(self) -> str | None:
-        """The operator for a request: the badge or, without sign-in, the entered name or the computer's user."""
-        if self._section is not None:
-            return self._badge or None
-        return self.edit.text().strip() or computer_user()
+        """The operator for a request: the badge or, without sign-in, the entered name; None without either."""
+        return (self.edit.text().strip() if self._section is None else self._badge) or None
 
     @property
     def name(self) -> str | None:
@@ -77,6 +78,13 @@ class BadgeField(QWidget):
             self.edit.clear()
             self.sign_out()
             self.edit.setPlaceholderText(self._placeholder())
+
+    def identify(self, entered: str) -> None:
+        """Sign in the operator with a badge or, at a station without badges, show a name."""
+        if self._section is None:
+            self.edit.setText(entered)
+        else:
+            self.sign_in(entered)
 
     def sign_in(self, badge: str) -> None:
         """Sign in the operator with a badge in place of the previous operator."""
@@ -123,6 +131,10 @@ class BadgeField(QWidget):
             self._idle.start()
         else:
             self.sign_out()
+
+    def _text_changed(self) -> None:
+        if self._section is None:
+            self.named.emit()
 
     def _entered(self) -> None:
         if self._section is None or self._badge:

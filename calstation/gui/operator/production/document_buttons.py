@@ -9,7 +9,7 @@ from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QPushButton
 
-from calstation.config import Person, computer_user
+from calstation.config import Person
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, PeoplePanel
 from calstation.gui.text import Words, bind, language, say
@@ -108,7 +108,7 @@ class CertificateButton(_DocumentButton):
         if state.last is None and state.required.second:
             self._ask_people("operator.ask_certificate", state)
         elif state.last is None or (state.pdf is None and not state.changed):
-            self._issue(state, Person(self._by(state) or computer_user() or "-"))
+            self._issue(state, Person(self._by(state) or "-"))
         else:
             self._show_issued(state, state.last)
 
@@ -133,7 +133,7 @@ class CertificateButton(_DocumentButton):
         self.panel.ask(title, state.required, confirmed, by=self._by(state), reason=reason)
 
     def _by(self, state: IssueState) -> str:
-        return (self._app.badge if state.required.badge else self._app.operator or computer_user()) or ""
+        return (self._app.badge if state.required.badge else self._app.person) or ""
 
     def _issue(self, state: IssueState, first: Person, second: Person | None = None, revise: str | None = None) -> None:
         self.watch.start(replace(state.request, first=first, second=second, revise=revise))

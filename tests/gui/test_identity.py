@@ -1,0 +1,137 @@
+"""One person per window: runs, versions, releases and certificates have the same name, and never the login name."""
+
+from typing import Any
+
+import pytest
+import tomli_w
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QLabel, QLineEdit, QPushButton
+from pytestqt.qtbot import QtBot
+
+from calstation.config import access, computer_user, library, prepare_run, versions
+from calstation.gui.settings import StationPage
+from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.state.engine_link import EngineLink
+from calstation.gui.text import language
+from calstation.records import audit_path, read_audit
+from tests.gui.conftest import SERIAL, Operator
+from tests.site_folder import BENCH, STATION, SiteFolder
+
+PIN = "246813"
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The requests of the runs that would be started."""
+    requests: list[Any] = []
+    monkeypatch.setattr(EngineLink, "start", lambda _, request: requests.append(request))
+    return requests
+
+
+def enter(operator: Operator, name: str, text: str) -> None:
+    """Replace the text of an input by typing."""
+    edit = operator.widget(name, QLineEdit)
+    edit.setFocus()
+    edit.selectAll()
+    operator.qtbot.keyClick(edit, Qt.Key.Key_Delete)
+    operator.qtbot.keyClicks(edit, text)
+
+
+def unlock(operator: Operator, person: str | None, *, first: bool = True) -> None:
+    """Enter the PIN, and a person unless the panel shows one."""
+    operator.press("role_button")
+    if person is not None:
+        enter(operator, "role_person_edit", person)
+    for name in ("pin_edit", "pin_again_edit") if first else ("pin_edit",):
+        operator.qtbot.keyClicks(operator.widget(name, QLineEdit), PIN)
+    operator.press("unlock_button")
+
+
+def sign_in_station(site_folder: SiteFolder) -> None:
+    """Write the station with badges."""
+    badges = {"badge_pattern": r"B\d{4}", "names": {"B1234": "Li Na", "B5678": "Wang Fang"}}
+    station = {**STATION, "bench": BENCH, "sign_in": badges}
+    site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+
+
+def test_entered_name_stands_in_every_record(operator: Operator, started: list[Any]) -> None:
+    enter(operator, "operator_edit", "Li Na")
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    assert [request.operator for request in started] == ["Li Na"]
+    unlock(operator, None)
+    assert operator.window.app.role.engineer, "the name need not be entered twice"
+    operator.window.show_page("engineer_page")
+    assert operator.widget("engineer_name_edit", QLineEdit).text() == "Li Na"
+    page = operator.window._tabs["station_page"].page
+    assert isinstance(page, StationPage)
+    page.drafts.station.set({("name",): "line 9"})
+    assert page.save()
+    assert versions.list_versions("stations", operator.site_folder.station.stem)[0].author == "Li Na"
+    events = read_audit(audit_path(library.site_folder())).entries
+    assert "pin_set" in [event.event for event in events]
+    assert {event.by for event in events} == {"Li Na"}
+    enter(operator, "engineer_name_edit", "Wang Fang")
+    assert operator.widget("operator_edit", QLineEdit).text() == operator.window.app.person == "Wang Fang"
+
+
+def test_login_name_is_not_the_operator_of_a_run(operator: Operator, started: list[Any]) -> None:
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    (request,) = started
+    assert prepare_run(request).request.operator is None
+    assert computer_user() is not None
+
+
+def test_engineer_role_is_unlocked_by_a_person(operator: Operator) -> None:
+    unlock(operator, None)
+    assert not operator.window.app.role.engineer
+    for code, words in (("en", "Enter your name or badge"), ("zh_CN", "请填写姓名或工牌")):
+        language.use(code)
+        operator.press("unlock_button")
+        assert words in operator.says()
+    language.use("en")
+    enter(operator, "role_person_edit", "Wang Fang")
+    operator.press("unlock_button")
+    assert operator.window.app.role.engineer
+    assert operator.widget("operator_edit", QLineEdit).text() == "Wang Fang"
+
+
+def test_sign_out_of_the_operator_does_not_lock_the_engineer(operator: Operator) -> None:
+    sign_in_station(operator.site_folder)
+    app = operator.window.app
+    app.set_station(operator.site_folder.station)
+    unlock(operator, "B9999")
+    assert not app.role.engineer
+    assert any("B9999" in label.text() for label in operator.window.findChildren(QLabel) if label.isVisible())
+    enter(operator, "role_person_edit", "B5678")
+    operator.press("unlock_button")
+    assert app.role.engineer
+    assert (app.operator, app.badge, app.person) == ("Wang Fang", "B5678", "Wang Fang")
+    operator.press("sign_out_button")
+    assert (app.operator, app.badge) == (None, None)
+    assert (app.role.engineer, app.person) == (True, "Wang Fang")
+    operator.scan("B1234")
+    assert app.person == "Li Na"
+    app.role.lock()
+    operator.press("sign_out_button")
+    assert app.person == ""
+
+
+def test_engineer_role_is_locked_only_while_nobody_works(
+    window: MainWindow, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    access.set_pin("", PIN)
+    role, busy = window.app.role, [True]
+    monkeypatch.setattr(role, "_busy", lambda: busy[0])
+    role._idle.setInterval(300)
+    assert role.unlock(PIN, "Wang Fang")
+    for _ in range(8):
+        qtbot.wait(60)
+        qtbot.keyClick(window, Qt.Key.Key_Shift)
+    assert role.engineer, "a person types"
+    qtbot.wait(400)
+    assert role.engineer, "a run is in progress"
+    busy[0] = False
+    qtbot.waitUntil(lambda: not role.engineer, timeout=3000)
+    assert window.findChild(QPushButton, "role_button").text() == "Operator"

@@ -1,0 +1,105 @@
+"""Texts for operators: no names of files and keys, numbers without exponents, limits as they were entered."""
+
+import re
+import tomllib
+
+import pytest
+import tomli_w
+from PySide6.QtWidgets import QPushButton
+
+from calstation.gui.operator import advice
+from calstation.gui.text import check_text, language, rendered, say
+from calstation.judgement import Check
+from calstation.messages import Text
+from calstation.physics import limit_number
+from calstation.sequencer import Fault
+from tests.check_rows import check_row
+from tests.gui.conftest import Operator, result_with
+from tests.gui.station_driver import PIN
+from tests.site_folder import SiteFolder
+
+#: Names of files and keys of entries.
+_TECHNICAL = re.compile(r"\.toml|[a-z]+\.[a-z]+_|[a-z]+_(?:deg|mps2|m)\b|/")
+
+
+@pytest.mark.parametrize(
+    ("limit", "value", "text"),
+    [
+        (1.5e-5, 1.0e-5, "3.1"),
+        (1.5e-5, 1.501e-5, "3.094"),  # 3.096 °/h exceeds the limit, but not 3.1
+        (9.7e-8, 5.0e-8, "0.02"),
+        (1.21203420277384e-05, 1.0e-5, "2.5"),  # entered as 2.5 °/h
+        (1e-3, 1.0, "206"),
+    ],
+)
+def test_limits_have_as_many_digits_as_were_entered(limit: float, value: float, text: str) -> None:
+    assert limit_number(limit, 4.84813681109536e-06, value) == text
+
+
+@pytest.mark.parametrize(
+    ("check", "value", "limit", "unit"),
+    [
+        (
+            Check.compare("agreement", 2.543e-109, (1e-6, 1.0), "1", subject="excitation"),
+            "< 0.000001",
+            "≥ 0.000001",
+            "",
+        ),
+        (Check.compare("sample_clock", 1.339e-5, 9.579e-5, "1"), "13.39", "≤ 95.79", "ppm"),
+        (Check.compare("prior", 4.6e12, 5.0, "sigma"), "> 1000000000", "≤ 5", "σ"),
+        (Check.compare("within", 1e-5, (-1.5e-5, 1.5e-5), "rad/s", subject="gyro_bias_x"), "2.063", "±3.1", "°/h"),
+    ],
+)
+def test_checks_have_units_and_numbers_without_exponents(check: Check, value: str, limit: str, unit: str) -> None:
+    text = check_text(check)
+    assert (text.value, text.limit, text.unit) == (value, limit, unit)
+
+
+def test_reason_names_further_checks_in_words() -> None:
+    near = [
+        {**check_row("within", name, 0.95, 1.0, passed=True), "near_miss": True}
+        for name in ("gyro_bias_x", "gyro_bias_y")
+    ]
+    result = result_with(checks=near)
+    assert advice.brief_reason("passed", result) == "Close to the limit: gyro bias x and 1 more."
+    language.use("zh_CN")
+    assert advice.brief_reason("passed", result) == "接近限差：陀螺零偏 x，另有 1 项。"
+    language.use("en")
+
+
+def test_operator_reads_no_file_and_key_of_a_wrong_entry(operator: Operator, site_folder: SiteFolder) -> None:
+    station = tomllib.loads(site_folder.station.read_text(encoding="utf-8"))
+    del station["site"]["latitude_deg"]
+    site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+    window = operator.window
+    window.app.station_changed.emit()
+    notice = window.operator_page.notice
+    for code, words, ask in (("en", "Latitude: ", "Ask an engineer"), ("zh_CN", "纬度：", "请工程师")):
+        language.use(code)
+        assert words in notice.text_label.text()
+        assert ask in notice.text_label.text()
+        assert not _TECHNICAL.search(notice.text_label.text()), notice.text_label.text()
+    language.use("en")
+    window.app.role.set_first_pin(PIN)
+    assert f"{site_folder.station.name}: site.latitude_deg" in notice.text_label.text()
+    window.app.role.lock()
+    assert not _TECHNICAL.search(notice.text_label.text())
+
+
+def test_operator_reads_no_file_and_key_of_a_fault(operator: Operator, site_folder: SiteFolder) -> None:
+    what = Text.of("entry.at", field="site.gravity_mps2", what=Text("site.gravity_missing"))
+    panel = operator.window.operator_page._verdict
+    texts = panel._fault_texts(Fault("", "", 2, "entry.in_file", {"file": "/srv/line_7.toml", "what": what}))
+    assert texts[0].startswith("Surveyed gravity: Surveyed gravity is required")
+    assert not any(_TECHNICAL.search(text) for text in texts)
+
+
+def test_start_is_one_word_in_chinese(operator: Operator) -> None:
+    language.use("zh_CN")
+    operator.window.show_page("engineer_page")
+    buttons = [operator.widget(name, QPushButton).text() for name in ("start_button", "engineer_start_button")]
+    texts = [rendered(Text(f"advice.{name}")).sentences for name in ("next_partial",)]
+    texts += [say(f"operator.message_{name}") for name in ("idle", "idle_slots")]
+    language.use("en")
+    assert buttons == ["开始", "开始"]
+    assert all("“开始”" in text for text in texts)
