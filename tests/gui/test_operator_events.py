@@ -162,7 +162,7 @@ def test_decisive_value_is_bold_and_shown_with_its_limit(simulated_run: Operator
         check_row("sigma_below", "gyro_bias_x", 9e-6, 1e-5, passed=True),
     ]
     end_run(simulated_run, "passed", parameters={"gyro_bias_x": row}, checks=checks)
-    simulated_run.until(lambda: "σ ≤ 2.06" in simulated_run.says())
+    simulated_run.until(lambda: "σ ≤ 2.1" in simulated_run.says())
     bold = theme.font(theme.SECTION, bold=True)
     shown = [label for label in simulated_run.window.findChildren(QLabel) if label.isVisible() and label.font() == bold]
     assert "1.9" in [label.text() for label in shown]
