@@ -48,7 +48,7 @@ def visit_views(window: MainWindow) -> None:
 def test_run_passes_after_one_click_despite_language_changes(operator: Operator, shown_windows: ShownWindows) -> None:
     serial = operator.widget("serial_edit", QLineEdit).text()
     assert serial == "SN-000001"
-    assert "test bench (virtual)" in operator.says()
+    assert "test bench (simulated)" in operator.says()
     operator.press("start_button")
     stages = operator.widget("stage_list", QListWidget)
     operator.until(lambda: operator.run.stages and operator.run.stages[1].state == "active")
@@ -277,7 +277,7 @@ def test_real_table_moves_only_after_confirmation(operator: Operator, site_folde
     site_folder.station.write_text(tomli_w.dumps(hardware), encoding="utf-8")
     operator.window.app.set_station(site_folder.station)
     assert "station 7" in operator.says()
-    assert "(virtual)" not in operator.says()
+    assert "(simulated)" not in operator.says()
     operator.scan(SERIAL)
     operator.press("start_button")
     assert "The table of 'station 7' will move" in operator.says()

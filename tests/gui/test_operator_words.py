@@ -89,9 +89,10 @@ def test_operator_reads_no_file_and_key_of_a_wrong_entry(operator: Operator, sit
 def test_operator_reads_no_file_and_key_of_a_fault(operator: Operator, site_folder: SiteFolder) -> None:
     what = Text.of("entry.at", field="site.gravity_mps2", what=Text("site.gravity_missing"))
     panel = operator.window.operator_page._verdict
-    texts = panel._fault_texts(Fault("", "", 2, "entry.in_file", {"file": "/srv/line_7.toml", "what": what}))
-    assert texts[0].startswith("Surveyed gravity: Surveyed gravity is required")
-    assert not any(_TECHNICAL.search(text) for text in texts)
+    text = panel._fault_text(Fault("", "", 2, "entry.in_file", {"file": "/srv/line_7.toml", "what": what}))
+    assert text.text.startswith("Surveyed gravity: Surveyed gravity is required")
+    assert text.remedy == "Ask an engineer to correct it on the Station page."
+    assert not _TECHNICAL.search(text.sentences)
 
 
 def test_start_is_one_word_in_chinese(operator: Operator) -> None:

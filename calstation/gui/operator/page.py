@@ -400,7 +400,7 @@ class OperatorPage(Page):
     def _message_text(self) -> str:
         run = self.app.run
         if run.fault is not None:
-            return fault_text(run.fault).text
+            return fault_text(run.fault, engineer=self.app.role.engineer).text
         if run.elsewhere is not None:
             return rendered(Text("question.other_window")).text
         if run.display_state == "idle" and self.header.badge_field.required:

@@ -15,9 +15,9 @@ from calstation.gui.operator import advice
 from calstation.gui.operator.production import CertificateButton, LabelButton
 from calstation.gui.operator.units import Banner
 from calstation.gui.state import AppContext, ResetBar
-from calstation.gui.text import duration_text, fault_text, for_operator, rendered, say
+from calstation.gui.text import duration_text, fault_text, say
 from calstation.gui.widgets import NoticeBar, StateIcon, button, clear, column, grid, label, row, show_text, theme
-from calstation.messages import Text, entry, event_text, known
+from calstation.messages import Rendered, entry, event_text, known
 from calstation.physics import aligned
 from calstation.results import Result, load_result
 from calstation.sequencer import Fault, Finalized
@@ -141,7 +141,7 @@ class VerdictPanel(QFrame):
             return say("advice.released")
         if fault is None:
             return advice.next_action(self._display_state, result)
-        return self._fault_texts(fault)[1]
+        return self._fault_text(fault).remedy
 
     @property
     def _current_fault(self) -> Fault | None:
@@ -154,7 +154,7 @@ class VerdictPanel(QFrame):
 
     def _refresh(self) -> None:
         run, unit, fault, state = self._run, self._run.unit, self._current_fault, self._display_state
-        text = None if fault is None else fault_text(fault)
+        text = None if fault is None else self._fault_text(fault)
         result = unit.result
         released = state == "failed" and result is not None and result.released
         name = f"{unit.slot} · {unit.serial}" if unit.slot else unit.serial
@@ -166,7 +166,7 @@ class VerdictPanel(QFrame):
         self.details_button.setVisible(self._finalized is not None)
         misconfigured = fault is not None and known(fault.code) and entry(fault.code).source == "configuration"
         self._station_button.setVisible(misconfigured)
-        reason = advice.reason(state, result, self._stopped_code()) if fault is None else self._fault_texts(fault)[0]
+        reason = advice.reason(state, result, self._stopped_code()) if text is None else text.text
         self.reason_label.setText(reason)
         notes = dict.fromkeys(say(event_text(*remark)) for remark in unit.remarks)
         for widget, content in (
@@ -178,13 +178,8 @@ class VerdictPanel(QFrame):
             show_text(widget, content)
         self._figures.show_result(result if text is None else None)
 
-    def _fault_texts(self, fault: Fault) -> tuple[str, str]:
-        """Return the text and the remedy of a fault; operators read no names of files and keys."""
-        text = fault_text(fault)
-        plain = None if self._app.role.engineer else for_operator(Text(fault.code, fault.values))
-        if plain is None:
-            return text.text, text.remedy
-        return rendered(plain).text, say("advice.engineer_corrects")
+    def _fault_text(self, fault: Fault) -> Rendered:
+        return fault_text(fault, engineer=self._app.role.engineer)
 
     def _released(self, path: Path) -> None:
         """Show that the displayed unit has been released."""

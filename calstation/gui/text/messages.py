@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -79,11 +80,18 @@ def step_sentence(kind: str, label: tuple[str | float, ...]) -> str:
     return say(step_text(kind, label))
 
 
-def fault_text(fault: Fault) -> Rendered:
-    """Render the fault of a run, or return its text if it has no code, as for a programming error."""
-    if fault.code:
-        return rendered(Text(fault.code, fault.values))
-    return Rendered("", fault.text, "", language.current())
+def fault_text(fault: Fault, *, engineer: bool = True) -> Rendered:
+    """Render the fault of a run, or return its text if it has no code, as for a programming error.
+
+    Unless it is for an `engineer`, it contains no names of files and keys.
+    """
+    if not fault.code:
+        return Rendered("", fault.text, "", language.current())
+    message = Text(fault.code, fault.values)
+    plain = None if engineer else for_operator(message)
+    if plain is None:
+        return rendered(message)
+    return replace(rendered(plain), remedy=say("advice.engineer_corrects"))
 
 
 def for_operator(message: Text) -> Text | None:

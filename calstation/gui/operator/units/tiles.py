@@ -119,7 +119,7 @@ class UnitTiles(QWidget):
         """Return the badge shape and a short text of the state of a unit."""
         run = self._run
         if unit.fault is not None:
-            return "caution", f"{term('badge', 'fault')}: {fault_text(unit.fault).text}"
+            return "caution", f"{term('badge', 'fault')}: {fault_text(unit.fault, engineer=False).text}"
         if unit.verdict is not None:
             state = run.display_state_of(unit)
             return KINDS.get(state, "none"), term("badge", state)

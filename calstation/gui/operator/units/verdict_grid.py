@@ -53,7 +53,7 @@ class _VerdictTile(Tile):
         if released:
             brief, whole = (brief[0], say("advice.released")), (whole[0], say("advice.released"))
         if unit.fault is not None:
-            fault = fault_text(unit.fault)
+            fault = fault_text(unit.fault, engineer=False)
             brief = whole = (fault.text, fault.remedy)
         self._banner.show_state("released" if released else state, unit.slot)
         for widget, text in zip((self.reason, self._action), whole if self.roomy else brief, strict=True):
