@@ -182,6 +182,18 @@ def select_row(page: HistoryPage, row: int, qtbot: QtBot) -> None:
     qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=QPoint(point))
 
 
+def test_reading_the_folder_is_not_called_an_empty_history(page: HistoryPage, qtbot: QtBot) -> None:
+    for code, reading in (("en", "Reading the runs"), ("zh_CN", "正在读取标定")):
+        language.use(code)
+        page.hide()
+        page.show()
+        assert page.busy
+        assert reading in visible_texts(page)
+        qtbot.waitUntil(lambda: not page.busy, timeout=WAIT)
+        assert reading not in visible_texts(page)
+    language.use("en")
+
+
 def test_empty_page_explains_what_will_be_listed(page: HistoryPage, qtbot: QtBot) -> None:
     assert listed_runs(page, qtbot) == []
     assert "Every run will be listed here" in visible_texts(page)

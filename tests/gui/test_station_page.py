@@ -237,6 +237,18 @@ def test_gravity_is_compared_with_normal_gravity_while_typing(page_driver: PageD
     assert not edit.isVisible()
 
 
+def test_product_with_which_the_station_starts_is_chosen(page_driver: PageDriver, site_folder: Any) -> None:
+    page_driver.show_section(STATION)
+    page_driver.choose("product_edit", "tactical_b")
+    page_driver.press("save_station_button")
+    assert saved(site_folder.station)["product"] == "tactical_b"
+    language.use("zh_CN")
+    page_driver.choose("product_edit", "本工位可标定的第一个产品")
+    language.use("en")
+    page_driver.press("save_station_button")
+    assert "product" not in saved(site_folder.station)
+
+
 def test_surveyed_gravity_is_typed_with_sigma_and_source(page_driver: PageDriver, site_folder: Any) -> None:
     page_driver.copy_station("line_8")
     page_driver.show_section(SITE)

@@ -41,7 +41,7 @@ _NAV_WIDTH = 26 * theme.GRID
 _LINK_KEYS = ("port", "timeout_s", "serial")
 #: Key paths in the station file that the first five sections edit.
 _SECTION_KEYS: tuple[tuple[KeyPath, ...], ...] = (
-    (("name",), ("table", "profile"), ("handover",), ("bench",)),
+    (("name",), ("product",), ("table", "profile"), ("handover",), ("bench",)),
     (*(("table", key) for key in _LINK_KEYS), ("table", "unit")),
     (*(("imu", key) for key in _LINK_KEYS), ("slots",)),
     (("site",),),

@@ -21,6 +21,9 @@ class StationSection(Section):
     def __init__(self, draft: Draft) -> None:
         super().__init__(draft)
         profiles = ChoiceBox(lambda: [(name, name) for name in library.names("tables")])
+        products = ChoiceBox(
+            lambda: [(None, say("settings.first_compatible")), *((name, name) for name in library.names("products"))]
+        )
         units = NumberEdit()
         units.setPlaceholderText("1")
         self._bench_fields = [
@@ -31,6 +34,7 @@ class StationSection(Section):
             label("common.station", "section"),
             Field(draft, ("name",)),
             Field(draft, ("table", "profile"), profiles),
+            Field(draft, ("product",), products),
             Field(draft, _FOLDER),
             folder_row("handover_browse_button", draft, _FOLDER),
             Field(draft, ("clock_error_ppm",)),
