@@ -59,6 +59,12 @@ def configure(process: str, folder: Path | None = None, level: Level | None = No
     logger.setLevel(os.environ.get(LEVEL, "info").upper())
 
 
+def folder() -> Path | None:
+    """Return the folder of the log files, or None if nothing is written."""
+    name = os.environ.get(FOLDER)
+    return Path(name) if name else None
+
+
 @contextmanager
 def run(name: str) -> Iterator[None]:
     """Add a run's id to every line while the context is open."""

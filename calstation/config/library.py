@@ -31,6 +31,13 @@ def shipped_folder() -> Path:
     return beside if (beside / "stations").is_dir() else package / "data"
 
 
+def manual_folder() -> Path:
+    """Return the folder of the manual, which is next to the source package or inside the installed one."""
+    package = Path(__file__).resolve().parent.parent
+    beside = package.parent / "docs"
+    return beside if (beside / "index.md").is_file() else package / "docs"
+
+
 def fonts_folder() -> Path:
     """Return the folder of the font used by the window, certificates and labels."""
     return shipped_folder() / "fonts"

@@ -22,7 +22,7 @@ from calstation.runs import find_resumable
 from tests.gui.conftest import SiteFolder
 
 pytestmark = pytest.mark.usefixtures("job_queue")
-PAGES = ["operator_page", "engineer_page", "offline_page", "history_page", "quality_page", "station_page"]
+PAGES = ["operator_page", "engineer_page", "offline_page", "history_page", "quality_page", "station_page", "help_page"]
 
 
 def opened(site_folder: SiteFolder, qtbot: QtBot) -> MainWindow:

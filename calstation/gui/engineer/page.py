@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QWidget
 
 from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
 from calstation.errors import CalstationError
@@ -62,6 +63,20 @@ class EngineerPage(Page):
         self._connect()
         on_language_change(self, self._update)
         self._read_options()
+
+    @property
+    def manual(self) -> str:
+        """The place of the manual about the current view."""
+        analysis, view = self.analysis, self._views.currentWidget()
+        places: dict[QWidget | None, str] = {
+            self.preview: "explanation/estimation.md#partial-runs",
+            analysis.observability: "explanation/estimation.md#observability",
+            self.registers: "how-to/connect.md#what-a-transfer-verifies",
+            analysis.cycle: "how-to/production-line.md#cycle-time",
+            self.design: "how-to/design-a-schedule.md",
+            self._slots: "how-to/several-units.md#run-a-batch",
+        }
+        return places.get(view, "explanation/verdict.md#the-chain")
 
     def _lay_out(self) -> None:
         self._tabs = ViewTabs(

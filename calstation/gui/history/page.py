@@ -83,6 +83,12 @@ class HistoryPage(Page):
         self.busy_changed.connect(self._show_texts)
         on_language_change(self, self._show_texts)
 
+    @property
+    def manual(self) -> str:
+        """The place of the manual about the current view."""
+        places: dict[QWidget | None, str] = {self._comparison: "#compare", self.versions: "#versions"}
+        return "how-to/history.md" + places.get(self._views.currentWidget(), "#filter")
+
     def refresh(self) -> None:
         """Update the index from the folder, then list the runs."""
         if not self.app.runs_folder.is_dir():

@@ -69,6 +69,12 @@ class OfflinePage(Page):
         on_language_change(self, self._refresh)
 
     @property
+    def manual(self) -> str:
+        """The place of the manual about the selected method or the solution of a log."""
+        method = self.methods.method
+        return f"explanation/methods.md#{method}" if method else "how-to/resolve-a-log.md"
+
+    @property
     def panel(self) -> MethodPanel | None:
         """The panel of the selected method, or None for the stages of the log."""
         return self._panels.get(self.methods.method)

@@ -97,6 +97,15 @@ class OperatorPage(Page):
         for show in (self._show_names, self._refresh, self._show_serial):
             on_language_change(self, show)
 
+    @property
+    def manual(self) -> str:
+        """The place of the manual about a fault, a verdict, a batch or a calibration."""
+        if self.app.run.fault is not None or self._problem is not None:
+            return "reference/faults.md"
+        if self.app.run.ended:
+            return "explanation/verdict.md#the-verdict"
+        return "how-to/several-units.md#run-a-batch" if self._starting.slots else "tutorial.md#run-it"
+
     def showEvent(self, event: QShowEvent) -> None:
         """Prepare for a scan and, when the page is first shown, offer to resume interrupted runs."""
         super().showEvent(event)

@@ -90,6 +90,18 @@ class QualityPage(Page):
         self.busy_changed.connect(self._show_view)
         on_language_change(self, self._show_texts)
 
+    @property
+    def manual(self) -> str:
+        """The place of the manual about the current view."""
+        places: dict[QWidget, str] = {
+            self.control: "how-to/quality.md#control-charts",
+            self.capability: "how-to/quality.md#capability",
+            self.yields: "how-to/quality.md#yield",
+            self.standards: "how-to/check-standards.md",
+            self.study: "how-to/quality.md#gauge-study",
+        }
+        return places[self._views[self.tabs.currentIndex()]]
+
     def read(self) -> None:
         """Read the selected runs from the index, and show them."""
         folder, product = self.app.runs_folder, self.product.currentData()

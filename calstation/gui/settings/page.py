@@ -92,6 +92,18 @@ class StationPage(Page):
         on_language_change(self, self._fill)
         on_language_change(self, self._lock)
 
+    @property
+    def manual(self) -> str:
+        """The place of the manual about the current section."""
+        places: dict[type[QWidget], str] = {
+            SiteSection: "how-to/connect.md#the-station-file",
+            RecordsSection: "how-to/many-stations.md",
+            TableSection: "reference/profiles.md#table-profiles",
+            ProfilesSection: "reference/profiles.md",
+            PersonalSection: "how-to/production-line.md#sounds",
+        }
+        return places.get(type(self._sections[self.nav.currentRow()]), "how-to/connect.md#in-six-steps")
+
     def _make_header(self) -> QWidget:
         self.station_box = ChoiceBox(self._stations, "station_combo")
         self.station_box.setMinimumWidth(36 * theme.GRID)

@@ -21,6 +21,7 @@ from calstation.gui.text import bind, language, on_language_change, say
 from calstation.gui.widgets import PANEL, PageArea, button, column, label, padlock_icon, row, theme, theme_icon
 
 if TYPE_CHECKING:
+    from calstation.gui.help import HelpPage
     from calstation.gui.logs import OfflinePage
 
 #: Height of the strip with STOP at the top of every page, px.
@@ -44,6 +45,7 @@ _PAGES: dict[str, Callable[[AppContext], Page]] = {
     "history_page": _lazy_page("history", "HistoryPage"),
     "quality_page": _lazy_page("quality", "QualityPage"),
     "station_page": _lazy_page("settings", "StationPage"),
+    "help_page": _lazy_page("help", "HelpPage"),
 }
 #: Time from showing the window to the creation of the engineer page, ms, in which the window is painted.
 _CREATION_DELAY_MS = 50
@@ -111,6 +113,7 @@ class MainWindow(QMainWindow):
             tab.installEventFilter(self)
             bind(partial(self.page_tabs.setTabText, self.page_tabs.addTab(tab, "")), f"window.tab_{key}")
             self._headers.addWidget(tab.header)
+        bind(partial(self.page_tabs.setTabToolTip, self.page_tabs.count() - 1), "window.help_tip")
         self._role_panel = RolePanel(app, self)
         self._order_tabs()
         self._connect()
@@ -134,6 +137,7 @@ class MainWindow(QMainWindow):
         app = self.app
         QShortcut(QKeySequence(Qt.Key.Key_Escape), self, app.run.stop)
         StopGuard(app.run, self.stop_button)
+        QShortcut(QKeySequence(Qt.Key.Key_F1), self, self.show_help)
         self.operator_page.header.guard(self.language_combo)
         self.page_tabs.currentChanged.connect(self._page_changed)
         app.station_changed.connect(self._show_station)
@@ -179,6 +183,13 @@ class MainWindow(QMainWindow):
     def show_page(self, name: str) -> None:
         """Show the page with an object name."""
         self.page_tabs.setCurrentWidget(self._tabs[name])
+
+    def show_help(self) -> None:
+        """Open the manual at the place that fits the current page; a page that must not be left stays."""
+        target = list(self._tabs.values())[self._current].page.manual
+        self.show_page("help_page")
+        if target and self.page_tabs.currentWidget() is self._tabs["help_page"]:
+            cast("HelpPage", self._tabs["help_page"].page).open(target)
 
     def _open_log(self, log: Path) -> None:
         self.show_page("offline_page")

@@ -76,6 +76,11 @@ class Page(JobView):
 
     header: QWidget | None = None
 
+    @property
+    def manual(self) -> str:
+        """The place of the manual that fits the current view, as ``path#anchor``; "" for the Help page."""
+        return ""
+
     def __init__(self, app: AppContext, name: str = "") -> None:
         super().__init__(app, name)
         if name:

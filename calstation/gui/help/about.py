@@ -1,0 +1,83 @@
+"""Facts about the program as Markdown: version, licences of the program and its libraries, and folders."""
+
+import platform
+import re
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
+
+from PySide6.QtCore import QUrl, qVersion
+
+from calstation import __version__, applog
+from calstation.config import library
+from calstation.gui.text import say
+
+#: URL of this text, and start of the URLs of the licences.
+ABOUT, LICENCE = "help:about", "help:licence/"
+#: Name of the program, and of its font, in the URL of the licence.
+_PROGRAM, _FONT = "calstation", "font"
+_LONGEST = 40
+
+
+def about_text(runs_folder: Path) -> str:
+    """Return the facts about the program in the current language."""
+    logs = applog.folder() or library.site_folder() / "logs"
+    folders = (
+        ("help.logs_folder", logs),
+        ("help.site_folder", library.site_folder()),
+        ("help.runs_folder", runs_folder.absolute()),
+    )
+    lines = [
+        f"# calstation {__version__}",
+        say("help.about_program", licence=f"[MIT]({LICENCE}{_PROGRAM})", font=f"[OFL]({LICENCE}{_FONT})"),
+        f"Python {platform.python_version()}, Qt {qVersion()}, {platform.platform(terse=True)}",
+        f"## {say('help.folders')}",
+        *(f"- {say(code)}: [{folder}]({_url(folder)})" for code, folder in folders),
+        f"## {say('help.libraries')}",
+    ]
+    rows = [f"| {say('help.library')} | {say('help.version')} | {say('help.licence')} |", "|---|---|---|"]
+    for each in _libraries():
+        rows.append(f"| {each.name} | {each.version} | [{_licence_name(each)}]({LICENCE}{each.name}) |")
+    return "\n\n".join([*lines, "\n".join(rows)])
+
+
+def licence_text(name: str) -> str:
+    """Return the licence of the program, of its font or of a library as a block of Markdown."""
+    if name == _FONT:
+        files = [library.fonts_folder() / "OFL.txt"]
+    elif name == _PROGRAM:
+        files = [library.manual_folder().parent / "LICENSE"]
+    else:
+        listed = distribution(name).files or []
+        files = [Path(str(each.locate())) for each in listed if re.search(r"licen[cs]e|copying", each.name, re.I)]
+    texts = [file.read_text(encoding="utf-8", errors="replace") for file in files if file.suffix != ".py"]
+    return f"# {name}\n\n" + "\n\n".join(f"```\n{text}\n```" for text in texts or [_licence_name(distribution(name))])
+
+
+def _url(folder: Path) -> str:
+    return QUrl.fromLocalFile(str(folder)).toString(QUrl.ComponentFormattingOption.FullyEncoded)
+
+
+def _libraries() -> list[Distribution]:
+    """Return the installed libraries that the program requires, without those for its development."""
+    try:
+        required = distribution(_PROGRAM).requires or []
+    except PackageNotFoundError:  # run from a source tree that was never installed
+        return []
+    names = {re.split(r"[^\w.-]", each)[0].lower() for each in required if not re.search("extra == .dev.", each)}
+    installed = []
+    for name in sorted(names):
+        try:
+            installed.append(distribution(name))
+        except PackageNotFoundError:
+            continue
+    return installed
+
+
+def _licence_name(each: Distribution) -> str:
+    """Return the short name of the licence of a library, or a dash if its metadata do not contain it."""
+    metadata = each.metadata
+    classifiers = [
+        entry.rpartition(" :: ")[2] for entry in metadata.get_all("Classifier") or [] if "License ::" in entry
+    ]
+    names = [metadata["License-Expression"], metadata["License"], *classifiers]
+    return next((name for name in names if name and len(name) <= _LONGEST and "\n" not in name), "–")

@@ -1,0 +1,132 @@
+"""Help in the window: F1, the manual with its links and search, facts about the program, and its place in a package."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import QPoint, Qt, QUrl
+from PySide6.QtGui import QDesktopServices
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QLineEdit, QListWidget, QPushButton, QTextBrowser, QWidget
+
+import calstation
+from calstation.config import library
+from calstation.gui.help import manual
+from calstation.gui.help.page import HelpPage
+from calstation.gui.shell.main_window import MainWindow
+from tests.gui.conftest import SiteFolder
+
+pytestmark = pytest.mark.usefixtures("job_queue")
+#: What F1 shows on each page as it is first opened: the chapter and the heading at the top.
+PLACES = {
+    "operator_page": ("tutorial.md", "Run it"),
+    "engineer_page": ("explanation/estimation.md", "Partial runs"),
+    "offline_page": ("how-to/resolve-a-log.md", "Solve a stored log again"),
+    "history_page": ("how-to/history.md", "Filter"),
+    "quality_page": ("how-to/quality.md", "Control charts"),
+    "station_page": ("how-to/connect.md", "In six steps"),
+}
+DOCS = sorted(file for file in library.manual_folder().rglob("*.md") if file.parent.name != "changes")
+
+
+def press_f1(window: MainWindow) -> HelpPage:
+    """Press F1 at the focus of the window, and return the Help page."""
+    window.activateWindow()
+    QTest.keyClick(window.focusWidget() or window, Qt.Key.Key_F1)
+    page = window.findChild(HelpPage)
+    assert page is not None
+    assert page.isVisible()
+    return page
+
+
+def first_line(browser: QTextBrowser) -> str:
+    """Return the text of the line at the top of the view."""
+    return browser.cursorForPosition(QPoint(40, 12)).block().text()
+
+
+def test_f1_opens_the_manual_at_the_place_that_fits_the_page(window: MainWindow) -> None:
+    for name, (chapter, heading) in PLACES.items():
+        window.show_page(name)
+        page = press_f1(window)
+        assert page.target == chapter
+        scrolled = page.browser.verticalScrollBar()
+        assert first_line(page.browser) == heading or scrolled.value() == scrolled.maximum(), name
+        press_f1(window)
+        assert page.target == chapter  # F1 on the Help page leaves it as it is
+
+
+def test_links_lead_to_other_chapters_and_back_and_search_finds_sections(window: MainWindow) -> None:
+    page = press_f1(window)
+    page.open("how-to/history.md")
+    link = QUrl.fromLocalFile(str(library.manual_folder() / "how-to" / "many-stations.md"))
+    page.browser.anchorClicked.emit(link)
+    assert page.target == "how-to/many-stations.md"
+    back = window.findChild(QPushButton, "manual_back_button")
+    QTest.mouseClick(back, Qt.MouseButton.LeftButton)
+    assert page.target == "how-to/history.md"
+    edit, found = window.findChild(QLineEdit, "manual_search_edit"), window.findChild(QListWidget, "manual_list")
+    QTest.keyClicks(edit, "gauge study")
+    texts = [found.item(row).text() for row in range(found.count())]
+    assert texts[1] == "Gauge study  ·  Watch quality over time"
+    QTest.mouseClick(found.viewport(), Qt.MouseButton.LeftButton, pos=found.visualItemRect(found.item(1)).center())
+    assert page.target == "how-to/quality.md"
+    assert page.browser.extraSelections()
+    edit.clear()
+    QTest.keyClick(edit, Qt.Key.Key_Backspace)
+    QTest.keyClicks(edit, "no such words anywhere")
+    assert found.count() == 1
+
+
+def test_about_shows_version_licences_and_the_folder_of_logs(
+    window: MainWindow, site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("CALSTATION_LOG_FOLDER", raising=False)
+    opened: list[QUrl] = []
+    monkeypatch.setattr(QDesktopServices, "openUrl", lambda url: opened.append(url))
+    page = press_f1(window)
+    QTest.mouseClick(window.findChild(QPushButton, "about_button"), Qt.MouseButton.LeftButton)
+    for code, logs in (("zh_CN", "程序日志"), ("en", "Application logs")):
+        window.app.set_language(code)
+        text = page.browser.toPlainText()
+        assert calstation.__version__ in text
+        assert logs in text
+        assert str(site_folder.home / "logs") in text
+    page.browser.open(QUrl.fromLocalFile(str(site_folder.home / "logs")))
+    assert opened == [QUrl.fromLocalFile(str(site_folder.home / "logs"))]
+    for name, words in (("calstation", "MIT License"), ("font", "SIL OPEN FONT LICENSE"), ("numpy", "NumPy")):
+        page.browser.open(QUrl(f"help:licence/{name}"))
+        assert words.lower() in page.browser.toPlainText().lower(), name
+
+
+def test_every_place_and_every_link_of_the_manual_exists(window: MainWindow) -> None:
+    anchors = {file.resolve(): {manual.anchor(each.heading) for each in sections(file)} for file in DOCS}
+    links = [(library.manual_folder() / "x.md", page.manual) for page in opened_pages(window) if page.manual]
+    assert len(links) == len(PLACES)
+    for file in DOCS:
+        links += [(file, link) for link in re.findall(r"\]\(([^)\s]+)\)", file.read_text(encoding="utf-8"))]
+    missing = []
+    for file, link in links:
+        path, _, anchor = link.partition("#")
+        target = (file.parent / path).resolve() if path else file.resolve()
+        if not link.startswith("http") and (not target.exists() or (anchor and anchor not in anchors[target])):
+            missing.append((file.name, link))
+    assert missing == []
+
+
+def sections(file: Path) -> tuple[manual.Section, ...]:
+    return manual.sections(file.relative_to(library.manual_folder()).as_posix())
+
+
+def opened_pages(window: MainWindow) -> list[QWidget]:
+    return [tab.page for tab in window._tabs.values()]
+
+
+def test_an_installed_program_has_the_manual(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    project = (library.manual_folder().parent / "pyproject.toml").read_text(encoding="utf-8")
+    assert 'docs = "calstation/docs"' in project  # what the wheel contains besides the packages
+    assert 'LICENSE = "calstation/LICENSE"' in project
+    installed = tmp_path / "site-packages" / "calstation"
+    shutil.copytree(library.manual_folder(), installed / "docs")
+    monkeypatch.setattr(library, "__file__", str(installed / "config" / "library.py"))
+    assert library.manual_folder() == installed / "docs"
