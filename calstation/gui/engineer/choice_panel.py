@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QCheckBox, QFrame, QLabel, QToolButton, QVBoxLayou
 
 from calstation.config import ScheduleOptions
 from calstation.gui.engineer.schedule_form import ScheduleForm
-from calstation.gui.text import bind, on_language_change, say, term
+from calstation.gui.text import about, bind, on_language_change, say, term
 from calstation.gui.widgets import box, button, clear, column, enable, label, row, scroll_area, show_text, theme
 from calstation.messages import Text
 
@@ -178,9 +178,10 @@ class StageSelector(QWidget):
 
     def lock(self, reason: str) -> None:
         """Disable the check boxes for the given reason; "" enables them."""
-        for check in (*self._parts.values(), *(stage_row.check for stage_row in self._rows)):
+        for check in self._parts.values():
             enable(check, reason)
         for stage_row in self._rows:
+            enable(stage_row.check, reason, about("stage", stage_row.stage))
             stage_row.setEnabled(not reason)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from calstation.gui.text import (
+    about,
     check_name,
     check_text,
     is_parameter_check,
@@ -36,6 +37,7 @@ class Figure:
     passed: bool
     near: bool = False
     by_sigma: bool = False  #: Whether the sigma is decisive and `limit` is its limit.
+    about: str = ""  #: What is compared, for a tooltip.
 
 
 def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str:
@@ -134,7 +136,9 @@ def figures(result: Result) -> list[Figure]:
         if is_parameter_check(check) or not (is_product_check(check) if check.passed else judged):
             continue
         text = check_text(check)
-        figure = Figure(check_name(check), text.value, "", text.limit, text.unit, check.passed, check.near_miss)
+        figure = Figure(
+            check_name(check), text.value, "", text.limit, text.unit, check.passed, check.near_miss, about=text.about
+        )
         if check.passed:
             rows.append(figure)
         else:
@@ -203,4 +207,5 @@ def _figure(name: str, row: Parameter, within: Check | None, below: Check | None
         passed=all(check.passed for check in both),
         near=any(check.near_miss for check in both),
         by_sigma=by_sigma,
+        about=about("check", "sigma_below" if by_sigma else "within"),
     )

@@ -6,7 +6,7 @@ from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListWidget, QListWidgetItem
 
 from calstation.gui.state import EndStageButton, RunStatus, StageState, stage_rows
-from calstation.gui.text import duration_text, on_language_change, say, term
+from calstation.gui.text import about, duration_text, on_language_change, say, term
 from calstation.gui.widgets import PANEL, STEPS, StateIcon, column, label, progress_bar, row, show_text, theme
 from calstation.runs import RunSummary
 
@@ -119,7 +119,7 @@ class StageList(QFrame):
         cast("_Row", self.list.itemWidget(item)).show_stage(kind, name, state, time, stage.fraction)
         text = ", ".join(filter(None, (name, state, time)))
         item.setData(Qt.ItemDataRole.AccessibleTextRole, text)
-        item.setToolTip(text)
+        item.setToolTip("\n".join(filter(None, (text, about("stage", stage.name)))))
 
     def _time_text(self, stage: StageState, planning: bool) -> str:
         """Return the time from the start of a stage to its solution, or its remaining time."""

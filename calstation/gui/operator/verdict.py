@@ -58,6 +58,7 @@ class FiguresTable(QWidget):
             for at, text in enumerate((figure.name, value, sigma, figure.limit, figure.unit), start=1):
                 cell = QLabel(text)
                 cell.setFont(theme.font(self._size, bold=at == decisive))
+                cell.setToolTip(figure.about)
                 cell.setWordWrap(self._wrap and at == 1)
                 self._add_cell(cell, number, at)
             number += 1

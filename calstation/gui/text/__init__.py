@@ -5,6 +5,7 @@ from calstation.gui.text.checks import check_name, check_text, is_parameter_chec
 from calstation.gui.text.messages import (
     KINDS,
     Words,
+    about,
     bind,
     duration_text,
     fault_text,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 
 from calstation.gui.text import language
-from calstation.gui.text.messages import say, term, with_minus
+from calstation.gui.text.messages import about, say, term, with_minus
 from calstation.judgement import Check, Where
 from calstation.messages import parameter_name
 from calstation.physics import ARCSECOND, DEGREE, INDEX, MICRO_G, PARAMETERS, display, further_parameter, limit_number
@@ -35,7 +35,10 @@ _DISPLAY_UNITS = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma":
 
 @dataclass(frozen=True)
 class CheckText:
-    """Texts of a check for a table; `state` is the badge shape of its verdict (`widgets.badge.KINDS`)."""
+    """Texts of a check for a table; `state` is the badge shape of its verdict (`widgets.badge.KINDS`).
+
+    `about` explains the check.
+    """
 
     sentence: str
     value: str
@@ -45,6 +48,7 @@ class CheckText:
     verdict: str
     state: str
     where: str
+    about: str
 
 
 def check_text(check: Check) -> CheckText:
@@ -60,6 +64,7 @@ def check_text(check: Check) -> CheckText:
         verdict=term("check_verdict", verdict),
         state={"failed": "bad", "near_miss": "caution", "passed": "good"}[verdict],
         where=_location_text(check.where),
+        about=about("check", check.kind),
     )
 
 

@@ -73,6 +73,12 @@ def term(family: str, name: str, **values: Any) -> str:
     return rendering.term(family, name, language.current(), **values)
 
 
+def about(kind: str, name: str) -> str:
+    """Return what a ``stage``, a ``check`` or a ``column`` of a table is, or "" if the catalogue does not say it."""
+    codes = (f"about.{kind}_{name}", f"certificate.{kind}_{name}")
+    return next((say(code) for code in codes if known(code)), "")
+
+
 def step_sentence(kind: str, label: tuple[str | float, ...]) -> str:
     """Return a description of a step, which for a dwell includes the position if its move has a label."""
     if kind == "dwell" and label:

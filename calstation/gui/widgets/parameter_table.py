@@ -10,7 +10,7 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelInd
 from PySide6.QtGui import QColor, QContextMenuEvent, QGuiApplication, QKeyEvent, QKeySequence, QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QTableView, QWidget
 
-from calstation.gui.text import Words, bind, parameter_text, say, with_minus, without_minus
+from calstation.gui.text import Words, about, bind, parameter_text, say, with_minus, without_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import state_colour, state_icon
 from calstation.gui.widgets.file_dialog import ask_file
@@ -134,8 +134,12 @@ class ParameterModel(QAbstractTableModel):
             if role == Qt.ItemDataRole.ToolTipRole:
                 return name
             return parameter_text(name) if role == Qt.ItemDataRole.DisplayRole else None
+        heading = self.columns[section].heading
         if role == Qt.ItemDataRole.DisplayRole:
-            return say(self.columns[section].heading)
+            return say(heading)
+        if role == Qt.ItemDataRole.ToolTipRole:
+            name = heading if isinstance(heading, str) else ""
+            return about("column", name.rpartition(".")[2].removesuffix("_column")) or None
         return self.columns[section].alignment if role == Qt.ItemDataRole.TextAlignmentRole else None
 
 

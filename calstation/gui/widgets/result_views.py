@@ -18,7 +18,7 @@ from calstation.results import Parameter, Result, in_sigma
 _ROW = 28
 _ORDER = {"bad": 0, "caution": 1, "good": 2}
 _COLUMNS = (
-    Cell("common.check", "sentence", number=False),
+    Cell("common.check", "sentence", number=False, hint="about"),
     Cell("common.where", "where", number=False),
     Cell("common.unit", "unit", number=False),
     Cell("common.value", "value"),
