@@ -6,11 +6,13 @@ Code that computes or evaluates values belongs in `calstation.results`.
 from calstation.reports.content import Certificate, build_certificate, certificate_number
 from calstation.reports.dcc import write_dcc
 from calstation.reports.issue import (
+    IssuedCertificate,
     IssueState,
     ReportRequest,
     issue_certificate,
     issue_report,
     issue_state,
+    issued_certificates,
     station_request,
 )
 from calstation.reports.label import label_template, print_label

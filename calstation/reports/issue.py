@@ -139,6 +139,35 @@ def issue_state(report: ProgressCallback, result_file: Path, station: Path | Non
     return IssueState(request, required, issued[-1], changed, pdf if pdf.is_file() else None)
 
 
+@dataclass(frozen=True)
+class IssuedCertificate:
+    """A certificate that was issued, and its PDF, or None if the file is not in the folder of certificates."""
+
+    report: IssuedReport
+    pdf: Path | None
+
+
+def issued_certificates(
+    report: ProgressCallback, result_file: Path, station: Path | None, language: Language
+) -> list[IssuedCertificate]:
+    """Job: return the certificates of a result, the oldest first; their PDFs preferably in `language`.
+
+    Raises InputError or ConfigurationError.
+    """
+    path, config = load_station(station)
+    folder = station_request(path, config.report, result_file, language).out
+    result, log = read_source(result_file.absolute())
+    issued = [] if result is None else _find_issued(log, certificate_number(result))
+    languages: tuple[Language, ...] = (language, "zh_CN" if language == "en" else "en")
+    return [
+        IssuedCertificate(
+            each,
+            next((pdf for code in languages if (pdf := folder / pdf_name(each.identification, code)).is_file()), None),
+        )
+        for each in issued
+    ]
+
+
 def pdf_name(identification: str, language: Language) -> str:
     """Return the name of the PDF of a certificate in a language."""
     return f"{identification}{'_zh' if language == 'zh_CN' else ''}.pdf"

@@ -46,4 +46,5 @@ from calstation.results.result import (
     plain,
     write_json,
 )
+from calstation.results.run_events import TimedEvent, load_events
 from calstation.results.solver_chain import StageChain, one_blas_thread, solve

@@ -8,7 +8,7 @@ import pypdf
 import pytest
 from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
-from PySide6.QtWidgets import QLineEdit, QPushButton
+from PySide6.QtWidgets import QLineEdit, QPushButton, QTableView
 
 from calstation.config import ConfirmationRequired, access
 from calstation.config.library import shipped_folder
@@ -108,7 +108,12 @@ def test_certificate_is_issued_from_the_verdict_and_from_the_history(
     operator: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened: list[Path] = []
-    monkeypatch.setattr(QDesktopServices, "openUrl", lambda url: opened.append(Path(QUrl.toLocalFile(url))))
+
+    def open_url(url: QUrl) -> bool:
+        opened.append(Path(QUrl.toLocalFile(url)))
+        return True
+
+    monkeypatch.setattr(QDesktopServices, "openUrl", open_url)
     use(operator, {})
     operator.scan(SERIAL)
     operator.press("start_button")
@@ -125,9 +130,10 @@ def test_certificate_is_issued_from_the_verdict_and_from_the_history(
     operator.until(lambda: operator.widget("history_certificate_button").isVisible())
     operator.press("history_certificate_button")
     operator.until(lambda: f"Certificate {pdf.stem} was issued on" in operator.says())
+    assert opened == [pdf]
+    operator.press("certificate_open_button")
     assert opened == [pdf, pdf], "the certificate that was issued"
     assert pdf.read_bytes() == before
-    operator.press("certificate_close_button")
     operator.window.app.set_language("zh_CN")
     operator.press("history_certificate_button")
     operator.until(lambda: "证书已签发" in operator.says())
@@ -147,6 +153,17 @@ def test_certificate_is_issued_from_the_verdict_and_from_the_history(
     revised = " ".join(pypdf.PdfReader(pdf.with_name(f"{pdf.stem}-R1.pdf")).pages[0].extract_text().split())
     assert "Works certificate" in revised
     assert "new form" in revised
+    operator.press("certificate_close_button")
+    operator.press("history_record_button")
+    table = operator.widget("certificates_table", QTableView)
+    operator.until(lambda: table.model().rowCount() == 2)
+    states = [[table.model().index(row, column).data() for column in (0, 2)] for row in range(2)]
+    assert states == [[pdf.stem, "replaced"], [f"{pdf.stem}-R1", "valid"]]
+    operator.press("open_certificate_button")
+    assert opened[-1] == pdf.with_name(f"{pdf.stem}-R1.pdf")
+    listed = operator.widget("history_events_table", QTableView).model()
+    lines = [str(listed.index(row, 1).data()) for row in range(listed.rowCount())]
+    assert "Six positions ended: its plan is complete." in lines
     events = [each for each in events_of(operator) if each.event == "certificate"]
     assert [(each.by, each.values["pin"], each.why) for each in events][1:] == [("Li Na", None, "new form")]
 

@@ -157,6 +157,7 @@ class RunDetails(QFrame):
         self.trend.setMinimumHeight(22 * theme.GRID)
         self.result_button = button("history_result_button", "history.open_result")
         self.log_button = button("history_log_button", "history.open_log")
+        self.record_button = button("history_record_button", "history.record", tip="history.record_tip")
         self.folder_button = button("history_folder_button", "history.folder")
         self.resume_button = button("history_resume_button", "history.resume")
         self.close_button = button("history_close_button")
@@ -200,7 +201,8 @@ class RunDetails(QFrame):
             (self.trend, 3),
             self._release,
             row((self.resume_button, 1), (self.close_button, 1)),
-            row(*((each, 1) for each in (self.result_button, self.log_button, self.folder_button, self.batch_button))),
+            row(*((each, 1) for each in (self.result_button, self.log_button, self.record_button))),
+            row(*((each, 1) for each in (self.folder_button, self.batch_button))),
             row(*((each, 1) for each in self._documents)),
             self._people,
             on=self,

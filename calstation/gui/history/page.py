@@ -12,6 +12,7 @@ from calstation.errors import InputError
 from calstation.gui.history.comparison import MAX_COMPARED, RunComparison
 from calstation.gui.history.details import MAX_TREND, Actions, RunDetails
 from calstation.gui.history.filters import Filters
+from calstation.gui.history.record_view import RecordView
 from calstation.gui.history.run_table import RunTable
 from calstation.gui.history.versions_view import VersionsView
 from calstation.gui.operator import CertificateButton, LabelButton
@@ -76,7 +77,8 @@ class HistoryPage(Page):
         runs = box(self._filters, (self._stack, 1))
         self._comparison = RunComparison(self._show_list)
         self.versions = VersionsView(self, self._show_list)
-        self._views = stack(runs, self._comparison, self.versions)
+        self.record = RecordView(app, self._show_list)
+        self._views = stack(runs, self._comparison, self.versions, self.record)
         wide = 2 * theme.GRID
         column(self.notice, (self._views, 1), on=self, margins=(wide, theme.GRID, wide, wide))
         self._connect()
@@ -86,7 +88,11 @@ class HistoryPage(Page):
     @property
     def manual(self) -> str:
         """The place of the manual about the current view."""
-        places: dict[QWidget | None, str] = {self._comparison: "#compare", self.versions: "#versions"}
+        places: dict[QWidget | None, str] = {
+            self._comparison: "#compare",
+            self.versions: "#versions",
+            self.record: "#the-record-of-a-run",
+        }
         return "how-to/history.md" + places.get(self._views.currentWidget(), "#filter")
 
     def refresh(self) -> None:
@@ -142,6 +148,7 @@ class HistoryPage(Page):
         self.table.doubleClicked.connect(lambda _: self._open_result())
         details.result_button.clicked.connect(self._open_result)
         details.log_button.clicked.connect(self._open_log)
+        details.record_button.clicked.connect(self._show_record)
         details.folder_button.clicked.connect(self._open_folder)
         details.resume_button.clicked.connect(lambda: self._emit_log(app.resume_run))
         details.close_button.clicked.connect(self._close_run)
@@ -246,6 +253,12 @@ class HistoryPage(Page):
                 Choice("folder_close_button", "common.close", self.table.setFocus),
             )
             self.notice.ask("none", "history.run_folder", lambda: folder, choices)
+
+    def _show_record(self) -> None:
+        """Show the events and the certificates of the selected run."""
+        if (run := self.table.run) is not None:
+            self._views.setCurrentWidget(self.record)
+            self.record.open(run, _result(run))
 
     def _show_batch(self) -> None:
         """List the runs of the batch of the selected run."""

@@ -20,7 +20,7 @@ from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.units import SlotsPanel, VerdictGrid
 from calstation.gui.operator.verdict import VerdictPanel
-from calstation.gui.state import AppContext, ExchangeLabel, Page, run_badge
+from calstation.gui.state import AppContext, EventLog, ExchangeLabel, Page, run_badge
 from calstation.gui.text import (
     fault_text,
     offered_products,
@@ -36,6 +36,7 @@ from calstation.gui.widgets import (
     NoticeBar,
     PageArea,
     StateBadge,
+    button,
     column,
     label,
     panel,
@@ -87,11 +88,17 @@ class OperatorPage(Page):
         self._stages.setFixedWidth(38 * theme.GRID)
         right = column(self.closing, self._claimed, self.notice, self._starting.dialog.people, (self._views, 1))
         counts = row(self._shift, None, ExchangeLabel(app), spacing=3 * theme.GRID)
-        foot = panel(row((column(self._message, counts, spacing=0), 1), self._badge))
+        self._events = EventLog("events_table")
+        self._events.follow(app.engine_link)
+        self._events.setFixedHeight(24 * theme.GRID)
+        self._events.hide()
+        events = button("events_button", "event_log.show", self._show_events, tip="event_log.show_tip")
+        events.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the keys of a scan must not press it
+        foot = panel(row((column(self._message, counts, spacing=0), 1), events, self._badge, spacing=2 * theme.GRID))
         page_margins = (2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
         content = QWidget()
         row(self._stages, (right, 1), on=content)
-        column((PageArea(content), 1), self._progress, foot, on=self, margins=page_margins)
+        column((PageArea(content), 1), self._events, self._progress, foot, on=self, margins=page_margins)
         self._connect()
         self._read_products()
         for show in (self._show_names, self._refresh, self._show_serial):
@@ -149,6 +156,9 @@ class OperatorPage(Page):
         app.choice_changed.connect(self._plan)
         app.windows.changed.connect(self._plan)
         app.role.changed.connect(self._role_changed)
+
+    def _show_events(self) -> None:
+        self._events.setVisible(self._events.isHidden())
 
     # ---- the next run
 

@@ -4,6 +4,7 @@ Widgets that do not depend on runs belong in `calstation.gui.widgets`.
 """
 
 from calstation.gui.state.context import AppContext
+from calstation.gui.state.event_log import EventLog
 from calstation.gui.state.page import FileExport, JobView, Page
 from calstation.gui.state.people_panel import PeoplePanel, ReleaseBar
 from calstation.gui.state.reset_bar import ResetBar

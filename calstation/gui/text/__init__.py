@@ -2,6 +2,7 @@
 
 from calstation.gui.text import language
 from calstation.gui.text.checks import check_name, check_text, is_parameter_check, is_product_check, parameter_text
+from calstation.gui.text.events import event_line
 from calstation.gui.text.messages import (
     KINDS,
     Words,

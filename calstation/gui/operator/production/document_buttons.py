@@ -30,8 +30,10 @@ class _DocumentButton(QPushButton):
         self._result_file: Path | None = None
         self.hide()
 
-    def _open(self, pdf: Path) -> None:
-        QDesktopServices.openUrl(QUrl.fromLocalFile(str(pdf)))
+    def open(self, pdf: Path) -> None:
+        """Open a PDF; if this computer has no program for it, a notice names the file."""
+        if not QDesktopServices.openUrl(QUrl.fromLocalFile(str(pdf))):
+            self._notice.inform("caution", "operator.no_pdf_viewer", lambda: str(pdf), self._then)
 
 
 class LabelButton(_DocumentButton):
@@ -58,8 +60,8 @@ class LabelButton(_DocumentButton):
         if pdf is None:
             self._notice.ask("good", "operator.label_printed", "")
         else:
-            self._open(pdf)
             self._notice.inform("good", "operator.label_saved", lambda: str(pdf), self._then)
+            self.open(pdf)
         self._then()
 
 
@@ -113,16 +115,17 @@ class CertificateButton(_DocumentButton):
             self._show_issued(state, state.last)
 
     def _show_issued(self, state: IssueState, last: IssuedReport) -> None:
-        if state.pdf is not None:
-            self._open(state.pdf)
         why = Text.of("operator.why_revised", number=last.identification)
         ask = partial(self._ask_people, why, state, reason=True)
         revise = Choice("certificate_revise_button", "operator.issue_revision", ask)
+        choices = [Choice("certificate_close_button", "common.close", self._then), revise]
+        if (pdf := state.pdf) is not None:
+            choices.append(Choice("certificate_open_button", "common.open", lambda: self.open(pdf), primary=True))
         self._notice.ask(
             "none" if state.pdf is not None and not state.changed else "caution",
             Text.of("operator.certificate_issued_on", number=last.identification, date=last.issued),
             "operator.certificate_outdated" if state.changed else "",
-            (Choice("certificate_close_button", "common.close", self._then), revise),
+            choices,
         )
 
     def _ask_people(self, title: Words, state: IssueState, *, reason: bool = False) -> None:
@@ -145,6 +148,6 @@ class CertificateButton(_DocumentButton):
             lambda: str(pdf),
             (
                 Choice("certificate_close_button", "common.close", self._then),
-                Choice("certificate_open_button", "common.open", lambda: self._open(pdf), primary=True),
+                Choice("certificate_open_button", "common.open", lambda: self.open(pdf), primary=True),
             ),
         )

@@ -1,0 +1,125 @@
+"""The record of a run: its events, and its certificates, which can be opened, printed again or revised."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from calstation.gui.operator import CertificateButton
+from calstation.gui.state import AppContext, EventLog, JobView
+from calstation.gui.text import language, on_language_change, say
+from calstation.gui.widgets import Cell, CellTable, box, button, column, enable, label, row, show_text, split, theme
+from calstation.messages import local_time
+from calstation.records import RunRecord
+from calstation.reports import IssuedCertificate, issued_certificates
+from calstation.results import Result, TimedEvent, load_events
+
+_CERTIFICATES = (
+    Cell("history.certificate_number", "number", number=False, hint="file"),
+    Cell("history.certificate_issued", "issued", number=False),
+    Cell("history.certificate_state", "state_text", number=False, state="state"),
+    Cell("history.certificate_people", "people", number=False),
+    Cell("history.certificate_reason", "reason", number=False, hint="reason"),
+)
+
+
+class RecordView(JobView):
+    """The view of the record of one run; `back` is called to return to the list."""
+
+    def __init__(self, app: AppContext, back: Callable[[], None]) -> None:
+        super().__init__(app, "record")
+        self._run: RunRecord | None = None
+        self._result: Path | None = None
+        self._certificates: Sequence[IssuedCertificate] = ()
+        self._events_job = self.job(load_events, self._show_events, failure="history.events_not_read")
+        self._certificates_job = self.job(
+            issued_certificates, self._show_certificates, failure="history.certificates_not_read"
+        )
+        self.back_button = button("record_back_button", "history.back_to_list", back)
+        self.setFocusProxy(self.back_button)
+        self._title = label(kind="section")
+        self._no_events = label(kind="muted", wrap=True, name="no_events_label")
+        self.events = EventLog("history_events_table")
+        self.table = CellTable(
+            "certificates_table", "history.certificates", _CERTIFICATES, named=False, single=True, row=4 * theme.GRID
+        )
+        self.table.selectionModel().currentRowChanged.connect(lambda *_: self._update())
+        self.table.doubleClicked.connect(lambda _: self._open())
+        self._no_certificates = label(kind="muted", wrap=True, name="no_certificates_label")
+        self._open_button = button("open_certificate_button", "history.open_certificate", self._open)
+        self.certificate_button = CertificateButton(self.app, "record_certificate_button", self.notice, self.setFocus)
+        self.certificate_button.watch.done.connect(lambda _: self._read_certificates())
+        left = box(label("event_log.title", "section"), self._no_events, (self.events, 1))
+        right = box(
+            label("history.certificates", "section"),
+            self._no_certificates,
+            (self.table, 1),
+            row(self._open_button, self.certificate_button, None),
+            self.certificate_button.panel,
+        )
+        body = split((left, 1), (right, 1), handle=2 * theme.GRID)
+        column(row(self.back_button, self._title, None, spacing=2 * theme.GRID), self.notice, (body, 1), on=self)
+        on_language_change(self, self._show_texts)
+
+    def open(self, run: RunRecord, result: Result | None) -> None:
+        """Show the record of a run and, if it can have certificates, of its result."""
+        self.notice.dismiss()
+        self._run, self._result = run, run.result
+        self._certificates = ()
+        self.events.show_events(())
+        self.certificate_button.offer(result, run.result)
+        if run.log.exists():
+            self._events_job.start(run.log)
+        self._read_certificates()
+        self._show_texts()
+        self.back_button.setFocus()
+
+    def _read_certificates(self) -> None:
+        if self._result is not None and self._run is not None and self._run.log.exists():
+            self._certificates_job.start(self._result, self.app.station_path, language.current())
+
+    def _show_events(self, events: list[TimedEvent]) -> None:
+        self.events.show_events(events)
+
+    def _show_certificates(self, certificates: list[IssuedCertificate]) -> None:
+        self._certificates = certificates
+        self._show_texts()
+        if certificates:
+            self.table.selectRow(len(certificates) - 1)
+        self._update()
+
+    def _open(self) -> None:
+        number = self.table.currentIndex().row()
+        if 0 <= number < len(self._certificates) and (pdf := self._certificates[number].pdf) is not None:
+            self.certificate_button.open(pdf)
+
+    def _update(self) -> None:
+        """Enable the button that opens the selected certificate if its file exists."""
+        number = self.table.currentIndex().row()
+        self._open_button.setVisible(bool(self._certificates))
+        exists = 0 <= number < len(self._certificates) and self._certificates[number].pdf is not None
+        enable(self._open_button, "" if exists else say("history.certificate_file_missing"))
+
+    def _show_texts(self) -> None:
+        run = self._run
+        if run is None:
+            return
+        self._title.setText(f"{run.serial}  ·  {local_time(run.started_utc, zone=True)}")
+        there = run.log.exists()
+        show_text(self._no_events, "" if there else say("history.no_events"))
+        self.events.setVisible(there)
+        last = len(self._certificates) - 1
+        cells = {}
+        for number, each in enumerate(self._certificates):
+            report = each.report
+            cells[str(number)] = {
+                "number": report.identification,
+                "issued": report.issued,
+                "state": "good" if number == last else "none",
+                "state_text": say("history.certificate_valid" if number == last else "history.certificate_replaced"),
+                "people": say("common.comma").join(report.authorised),
+                "reason": report.reason or "",
+                "file": str(each.pdf or ""),
+            }
+        self.table.show_cells(cells)
+        self.table.setVisible(bool(cells))
+        show_text(self._no_certificates, "" if cells else say("history.no_certificates"))
+        self._update()

@@ -1,0 +1,81 @@
+"""The event log of a run: stages and why they ended, pauses, repeated steps, warnings and faults with their times."""
+
+import time
+from collections.abc import Sequence
+
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtGui import QShowEvent
+
+from calstation.gui.state.engine_link import EngineLink
+from calstation.gui.text import duration_text, event_line, on_language_change
+from calstation.gui.widgets import Cell, CellTable
+from calstation.results import TimedEvent
+from calstation.sequencer import LOSSY, Event
+
+#: Time from an event to its display, in which further events may follow, ms.
+_REFRESH_MS = 100
+_TIME, _SLOT, _EVENT = (
+    Cell("common.time", "time"),
+    Cell("history.slot", "slot", number=False),
+    Cell("event_log.column_event", "event", number=False, state="state", hint="event"),
+)
+
+
+class EventLog(CellTable):
+    """A table of the events of a run, the latest last, with the time since its first event."""
+
+    def __init__(self, name: str) -> None:
+        self._events: list[TimedEvent] = []
+        self._started_at = 0.0
+        self._timer = QTimer(singleShot=True, interval=_REFRESH_MS)
+        self._timer.timeout.connect(self._refresh)
+        super().__init__(name, "event_log.title", (_TIME, _EVENT), named=False)
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the keys of a scan must not go to the table
+        on_language_change(self, self._refresh)
+
+    def follow(self, link: EngineLink) -> None:
+        """Show the events of the current run as they happen."""
+        link.running_changed.connect(self._running_changed)
+        link.event.connect(self._add)
+
+    def show_events(self, events: Sequence[TimedEvent]) -> None:
+        """Show these events."""
+        self._events = list(events)
+        self._refresh()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Show the events that have happened while the table was hidden."""
+        super().showEvent(event)
+        self._refresh()
+
+    def fit_columns(self) -> None:
+        """Leave the free width to the sentences."""
+        self.resizeColumnsToContents()
+        last = self.parameters.columnCount() - 1
+        used = sum(self.columnWidth(i) for i in range(last))
+        self.setColumnWidth(last, max(self.columnWidth(last), self.viewport().width() - used))
+
+    def _running_changed(self, running: bool) -> None:
+        if running:
+            self._started_at = time.monotonic()
+            self.show_events(())
+
+    def _add(self, event: Event) -> None:
+        if not isinstance(event, LOSSY) and event_line(event)[1]:
+            self._events.append(TimedEvent(time.monotonic() - self._started_at, event))
+            if self.isVisible() and not self._timer.isActive():
+                self._timer.start()
+
+    def _refresh(self) -> None:
+        bar = self.verticalScrollBar()
+        at_end = bar.value() == bar.maximum()
+        columns = (_TIME, _SLOT, _EVENT) if any(each.event.slot for each in self._events) else (_TIME, _EVENT)
+        rows = {}
+        for number, each in enumerate(self._events):
+            state, sentence = event_line(each.event)
+            if sentence:
+                time_text = duration_text(each.seconds)
+                rows[str(number)] = {"time": time_text, "slot": each.event.slot, "event": sentence, "state": state}
+        self.show_cells(rows, columns=columns)
+        if at_end:
+            self.scrollToBottom()

@@ -1,0 +1,121 @@
+"""The event log of a run, live and in the history, and the certificates listed with their run."""
+
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt, QUrl
+from PySide6.QtGui import QDesktopServices
+from PySide6.QtWidgets import QTableView
+from pytestqt.qtbot import QtBot
+
+from calstation.gui.history import HistoryPage
+from calstation.gui.text import event_line
+from calstation.records import IssuedReport, Verdict
+from calstation.reports import IssuedCertificate
+from calstation.sequencer import Finalized, Message, StageEnded, StageSolved, StageStarted, StateChanged, StepStarted
+from tests.gui.conftest import RESULT, Operator
+from tests.gui.test_history_page import WAIT, button, folder, listed_runs, page, runs, select_row
+from tests.gui.test_operator_events import simulated_run
+
+__all__ = ["folder", "page", "runs", "simulated_run"]  # fixtures
+
+EVENTS = [
+    StateChanged("preparing", "idle"),
+    StageStarted("excitation", 0, 1, 240.0, repeated=True),
+    StepStarted("excitation", 3, "dwell"),
+    StateChanged("paused", "pausing"),
+    StateChanged("running", "paused"),
+    Message("step_repeated", {"reason": "gap", "attempt": 2}),
+    StageEnded("excitation", "targets", 3),
+    StageSolved("excitation", {}, {"passed": False}),
+]
+LINES = {
+    "en": [
+        "Preparing the table and the unit.",
+        "Excitation begins; planned: 4:00.",
+        "Paused.",
+        "Resumed.",
+        "Step repeated (samples lost), attempt 2.",
+        "Excitation ended after 3 rounds: every sigma has reached its target.",
+        "Excitation solved; its residuals are inconsistent.",
+    ],
+    "zh_CN": ["正在准备转台和产品。", "已暂停。", "继续标定。", "各标准差均达到目标"],
+}
+
+
+def sentences(table: QTableView) -> list[str]:
+    """Return the sentences of a table of events."""
+    last = table.model().columnCount() - 1
+    return [str(table.model().index(row, last).data()) for row in range(table.model().rowCount())]
+
+
+def test_events_of_the_run_are_listed_as_they_happen(simulated_run: Operator) -> None:
+    operator = simulated_run
+    table = operator.widget("events_table", QTableView)
+    assert not table.isVisible()
+    operator.press("events_button")
+    assert table.isVisible()
+    for event in EVENTS:
+        operator.window.app.engine_link.event.emit(event)
+    operator.until(lambda: sentences(table) == LINES["en"])
+    assert table.model().index(4, 1).data(Qt.ItemDataRole.UserRole) == "caution"
+    operator.window.app.set_language("zh_CN")
+    for text in LINES["zh_CN"]:
+        assert text in "\n".join(sentences(table))
+    operator.window.app.set_language("en")
+    operator.press("events_button")
+    assert not table.isVisible()
+    end = Finalized(Verdict.PASSED, "log.h5", "result.json", RESULT)
+    operator.window.app.engine_link.event.emit(end)
+    operator.press("events_button")
+    assert sentences(table)[-1] == "Verdict: PASS."
+
+
+@pytest.mark.parametrize("reason", ["plan", "rounds", "duration", "targets", "operator"])
+def test_each_rule_that_ends_a_stage_has_its_own_sentence(reason: str) -> None:
+    others = {event_line(StageEnded("rate", each, 2))[1] for each in ("plan", "rounds", "duration") if each != reason}
+    assert event_line(StageEnded("rate", reason, 2))[1].startswith("Rate ended")
+    assert event_line(StageEnded("rate", reason, 2))[1] not in others
+
+
+@pytest.mark.usefixtures("runs")
+def test_history_lists_the_events_of_a_log(page: HistoryPage, qtbot: QtBot) -> None:
+    rows = listed_runs(page, qtbot)
+    select_row(page, [serial for serial, _ in rows].index("SN-000003"), qtbot)
+    qtbot.mouseClick(button(page, "history_record_button"), Qt.MouseButton.LeftButton)
+    table = page.findChild(QTableView, "history_events_table")
+    qtbot.waitUntil(lambda: sentences(table) == ["Rate solved; its residuals are consistent."], timeout=WAIT)
+    qtbot.mouseClick(button(page, "record_back_button"), Qt.MouseButton.LeftButton)
+    assert page.table.isVisible()
+
+
+@pytest.mark.usefixtures("app")
+def test_certificates_are_listed_with_their_run_and_opened(
+    page: HistoryPage, runs: dict[str, Path], qtbot: QtBot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[QUrl] = []
+    succeeds = True
+    monkeypatch.setattr(QDesktopServices, "openUrl", lambda url: bool(opened.append(url) or succeeds))
+    listed_runs(page, qtbot)
+    qtbot.mouseClick(button(page, "history_record_button"), Qt.MouseButton.LeftButton)
+    first, second = (
+        IssuedReport("N-1", revision, "2026-11-20", reason, "0" * 64, "0.1", None, ("Li Na",))
+        for revision, reason in ((0, None), (1, "address of the customer"))
+    )
+    pdf = tmp_path / "N-1-R1.pdf"
+    page.record._show_certificates([IssuedCertificate(first, None), IssuedCertificate(second, pdf)])
+    table = page.findChild(QTableView, "certificates_table")
+    model = table.model()
+    cells = [[str(model.index(row, column).data()) for column in range(5)] for row in range(2)]
+    assert cells[0] == ["N-1", "2026-11-20", "replaced", "Li Na", "–"] or cells[0][4] == ""
+    assert cells[1] == ["N-1-R1", "2026-11-20", "valid", "Li Na", "address of the customer"]
+    open_button = button(page, "open_certificate_button")
+    qtbot.mouseClick(open_button, Qt.MouseButton.LeftButton)
+    assert opened == [QUrl.fromLocalFile(str(pdf))]
+    succeeds = False
+    qtbot.mouseClick(open_button, Qt.MouseButton.LeftButton)
+    assert page.record.notice.isVisible()
+    assert str(pdf) in page.record.notice.text_label.text()
+    qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=table.visualRect(model.index(0, 0)).center())
+    assert not open_button.isEnabled()
+    assert "prints the valid one again" in open_button.toolTip()
