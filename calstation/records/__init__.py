@@ -14,6 +14,7 @@ from calstation.records.audit import (
     audit_path,
     audit_writer,
     read_audit,
+    select_audit,
 )
 from calstation.records.chained_lines import Chain, ChainedFile
 from calstation.records.check_id import MODEL_KINDS, CheckId, CheckKind, read_check_ids

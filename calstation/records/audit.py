@@ -1,6 +1,6 @@
 """The audit trail of a site, a chained file that records every action that can change the meaning of a result."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -96,6 +96,17 @@ def append_audit(
     """
     with audit_writer(folder) as audit:
         return audit.append_event(event, by, why, confirmed_by=confirmed_by, **values)
+
+
+def select_audit(
+    entries: Iterable[AuditEvent], event: str | None = None, person: str | None = None, since: str = ""
+) -> list[AuditEvent]:
+    """Return the events with a name, of a person who acted or confirmed, and since a time in ISO 8601 (UTC)."""
+    return [
+        each
+        for each in entries
+        if event in (None, each.event) and person in (None, each.by, each.confirmed_by) and each.utc >= since
+    ]
 
 
 def read_audit(path: Path) -> AuditTrail:

@@ -12,7 +12,7 @@ from calstation.cli.text import say
 from calstation.config import site_folder
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
-from calstation.records import AUDIT_EVENTS, AuditEvent, AuditTrail, audit_path, read_audit
+from calstation.records import AUDIT_EVENTS, AuditEvent, AuditTrail, audit_path, read_audit, select_audit
 
 app = command_group()
 
@@ -37,11 +37,7 @@ def audit(
     path, trail = _read(file)
     names = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in trail.entries)))  # includes events of later versions
     check_choice("--event", event, tuple(names))
-    events = [
-        each
-        for each in trail.entries
-        if event in (None, each.event) and by in (None, each.by, each.confirmed_by) and each.utc >= first
-    ]
+    events = select_audit(trail.entries, event, by, first)
     emit(_row(path, trail, events), json, [*map(_line, events), *_state(path, trail)])
     return 0 if trail.damage is None else InputError.exit_code
 

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.database import export_shared_runs, fetch_log, fetch_result, load_shared_results, note_use
 from calstation.errors import InputError
+from calstation.gui.history.audit_view import AuditView
 from calstation.gui.history.comparison import MAX_COMPARED, RunComparison
 from calstation.gui.history.details import MAX_TREND, Actions, RunDetails
 from calstation.gui.history.filters import Filters
@@ -78,7 +79,8 @@ class HistoryPage(Page):
         self._comparison = RunComparison(self._show_list)
         self.versions = VersionsView(self, self._show_list)
         self.record = RecordView(app, self._show_list)
-        self._views = stack(runs, self._comparison, self.versions, self.record)
+        self.audit = AuditView(app, self._show_list)
+        self._views = stack(runs, self._comparison, self.versions, self.record, self.audit)
         wide = 2 * theme.GRID
         column(self.notice, (self._views, 1), on=self, margins=(wide, theme.GRID, wide, wide))
         self._connect()
@@ -89,11 +91,12 @@ class HistoryPage(Page):
     def manual(self) -> str:
         """The place of the manual about the current view."""
         places: dict[QWidget | None, str] = {
-            self._comparison: "#compare",
-            self.versions: "#versions",
-            self.record: "#the-record-of-a-run",
+            self._comparison: "how-to/history.md#compare",
+            self.versions: "how-to/history.md#versions",
+            self.record: "how-to/history.md#the-record-of-a-run",
+            self.audit: "how-to/audit-trail.md",
         }
-        return "how-to/history.md" + places.get(self._views.currentWidget(), "#filter")
+        return places.get(self._views.currentWidget(), "how-to/history.md#filter")
 
     def refresh(self) -> None:
         """Update the index from the folder, then list the runs."""
@@ -131,7 +134,8 @@ class HistoryPage(Page):
         versions = button(
             "history_versions_button", "history.versions", self._show_versions, tip="history.versions_tip"
         )
-        buttons = (self._clear_button, self._compare_button, versions, self._export_button)
+        audit = button("history_audit_button", "history.audit_trail", self._show_audit, tip="history.audit_tip")
+        buttons = (self._clear_button, self._compare_button, versions, audit, self._export_button)
         actions = box(row((self._count_label, 1), *buttons))
         return JobStack(
             actions,
@@ -289,6 +293,10 @@ class HistoryPage(Page):
     def _show_versions(self) -> None:
         self._views.setCurrentWidget(self.versions)
         self.versions.open()
+
+    def _show_audit(self) -> None:
+        self._views.setCurrentWidget(self.audit)
+        self.audit.open()
 
     def _show_list(self) -> None:
         self._views.setCurrentIndex(0)

@@ -1,0 +1,56 @@
+"""The audit trail of the site for the window: reading with verification, and export."""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from calstation.config import library
+from calstation.errors import ConfigurationError
+from calstation.jobs import ProgressCallback
+from calstation.messages import Text, os_reason
+from calstation.records import AuditEvent, AuditTrail, audit_path, read_audit, write_atomic
+
+
+@dataclass(frozen=True)
+class SiteTrail:
+    """The verified audit trail of the site, and what its verification has found."""
+
+    trail: AuditTrail
+    state: Text
+    intact: bool
+
+
+def read_site_trail(report: ProgressCallback) -> SiteTrail:
+    """Job: read and verify the audit trail of the site. Raises InputError if it cannot be read."""
+    path = audit_path(library.site_folder())
+    trail = read_audit(path)
+    if trail.damage is not None:
+        state = Text.of("audit.damaged", file=path, line=trail.damage.number)
+    elif not path.exists():
+        state = Text.of("audit.none", file=path)
+    else:
+        state = Text.of("audit.intact", file=path, lines=len(trail.entries), digest=trail.digest)
+    report(1.0)
+    return SiteTrail(trail, state, trail.damage is None)
+
+
+def export_trail(report: ProgressCallback, events: Sequence[AuditEvent], target: Path) -> Path:
+    """Job: write events to a ``.csv`` file, or as a JSON list. Raises ConfigurationError if it cannot be written."""
+    rows = [each.model_dump() for each in events]
+    if target.suffix == ".csv":
+        stream = io.StringIO(newline="")
+        writer = csv.DictWriter(stream, tuple(AuditEvent.model_fields))
+        writer.writeheader()
+        writer.writerows({**row, "values": json.dumps(row["values"], ensure_ascii=False)} for row in rows)
+        content = "\ufeff" + stream.getvalue()  # so that spreadsheets recognise UTF-8
+    else:
+        content = json.dumps(rows, indent=1, ensure_ascii=False) + "\n"
+    try:
+        write_atomic(target, content)
+    except OSError as exc:
+        raise ConfigurationError("result.unwritable", file=target, reason=os_reason(exc)) from exc
+    report(1.0)
+    return target

@@ -1,0 +1,159 @@
+"""The audit trail of the site: who changed, released, wrote and signed, with filter, verification and export."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from calstation.config import SiteTrail, export_trail, read_site_trail
+from calstation.gui.state import AppContext, FileExport, JobView
+from calstation.gui.text import Words, bind, on_language_change, say, term
+from calstation.gui.widgets import (
+    Cell,
+    CellTable,
+    JobRow,
+    JobStack,
+    StateIcon,
+    box,
+    button,
+    column,
+    combo_box,
+    enable,
+    fill_combo,
+    label,
+    line_edit,
+    row,
+    theme,
+)
+from calstation.messages import Text, local_time
+from calstation.records import AUDIT_EVENTS, AuditEvent, select_audit
+
+_COLUMNS = (
+    Cell("common.time", "time", number=False, hint="hint"),
+    Cell("history.audit_event", "event", number=False, hint="hint"),
+    Cell("history.audit_by", "by", number=False, hint="hint"),
+    Cell("history.audit_confirmed_by", "confirmed_by", number=False, hint="hint"),
+    Cell("history.audit_why", "why", number=False, hint="why"),
+    Cell("history.audit_values", "values", number=False, hint="hint"),
+)
+_PERIODS: dict[int | None, Words] = {
+    None: "history.any_time",
+    **{days: Text.of("common.last_days", days=days) for days in (7, 30, 365)},
+}
+#: Symbol of the state of the trail: not yet read, intact, damaged.
+_STATES = {None: "none", True: "good", False: "bad"}
+#: Value of an event that its line shows only in the tooltip.
+_DIGEST = "sha256"
+
+
+class AuditView(JobView):
+    """The view of the audit trail, the latest event first; `back` is called to return to the list of runs."""
+
+    def __init__(self, app: AppContext, back: Callable[[], None]) -> None:
+        super().__init__(app, "audit")
+        self._trail: SiteTrail | None = None
+        self._shown: list[AuditEvent] = []
+        self._reader = self.job(read_site_trail, self._show_trail, failure="history.audit_not_read")
+        self.exports = FileExport(self)
+        self.back_button = button("audit_back_button", "history.back_to_list", back)
+        self.setFocusProxy(self.back_button)
+        self._icon, self._state = StateIcon(20), label(wrap=True, name="audit_state_label", selectable=True)
+        self._search = line_edit("audit_search_edit", self._refresh, hint="history.audit_search")
+        self._event, self._person = (combo_box(f"audit_{name}_combo", characters=14) for name in ("event", "person"))
+        self._period = combo_box("audit_time_combo", _PERIODS, characters=10)
+        for combo, words in (
+            (self._event, "history.audit_event"),
+            (self._person, "history.audit_by"),
+            (self._period, "common.time"),
+        ):
+            combo.currentIndexChanged.connect(lambda _: self._refresh())
+            bind(combo.setAccessibleName, words)
+        bind(self._search.setAccessibleName, "history.audit_search")
+        self._verify_button = button(
+            "audit_verify_button", "history.audit_verify", self._read, tip="history.audit_verify_tip"
+        )
+        self._export_button = button("audit_export_button", "history.export_list", self._export)
+        self._count = label(kind="muted", name="audit_count_label")
+        self.table = CellTable(
+            "audit_table", "history.audit_trail", _COLUMNS, named=False, row=theme.BUTTON - theme.GRID
+        )
+        jobs = JobStack(
+            box(row(None, self._count, self._verify_button, self._export_button)),
+            JobRow(self._reader, "audit_cancel_button"),
+            JobRow(self.exports.watch, "audit_export_cancel_button"),
+        )
+        filters = ((self._search, 3), (self._event, 2), (self._person, 2), (self._period, 1))
+        column(
+            row(self.back_button, label("history.audit_trail", "section"), (jobs, 1), spacing=2 * theme.GRID),
+            self.notice,
+            row(self._icon, (self._state, 1)),
+            row(*filters),
+            (self.table, 1),
+            on=self,
+        )
+        on_language_change(self, self._show_texts)
+
+    def open(self) -> None:
+        """Read and verify the audit trail."""
+        self.notice.dismiss()
+        self._read()
+        self.back_button.setFocus()
+
+    def _read(self) -> None:
+        self._reader.start()
+
+    def _show_trail(self, trail: SiteTrail) -> None:
+        self._trail = trail
+        self._show_texts()
+
+    def _show_texts(self) -> None:
+        trail = self._trail
+        entries = () if trail is None else trail.trail.entries
+        people = sorted({name for each in entries for name in (each.by, each.confirmed_by) if name})
+        names = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in entries)))
+        events = [(term("audit_event", name), name) for name in names]
+        fill_combo(self._event, [(say("history.audit_every_event"), ""), *events])
+        fill_combo(self._person, [(say("history.audit_everyone"), ""), *((name, name) for name in people)])
+        self._icon.set_kind(_STATES[None if trail is None else trail.intact])
+        self._state.setText("" if trail is None else say(trail.state))
+        theme.set_kind(self._state, "error" if trail is not None and not trail.intact else "")
+        self._refresh()
+
+    def _refresh(self, _: object = None) -> None:
+        """List the events that meet the filters."""
+        entries = () if self._trail is None else self._trail.trail.entries
+        days = self._period.currentData()
+        since = "" if days is None else (datetime.now(UTC) - timedelta(days=days)).isoformat()
+        chosen = select_audit(entries, self._event.currentData() or None, self._person.currentData() or None, since)
+        words = self._search.text().lower().split()
+        rows = [(each, self._cells(each)) for each in reversed(chosen)]
+        rows = [
+            (each, cells) for each, cells in rows if all(word in " ".join(cells.values()).lower() for word in words)
+        ]
+        self._shown = [each for each, _ in rows]
+        self.table.show_cells({str(number): cells for number, (_, cells) in enumerate(rows)})
+        self._count.setText(say("history.audit_count", shown=len(rows), count=len(entries)))
+        enable(self._export_button, "" if rows else say("history.nothing_to_export"))
+
+    def _cells(self, each: AuditEvent) -> dict[str, str]:
+        values = {name: value for name, value in each.values.items() if not name.endswith(_DIGEST)}
+        lines = (local_time(each.utc, zone=True), *(f"{name} = {value}" for name, value in each.values.items()))
+        return {
+            "time": local_time(each.utc),
+            "event": term("audit_event", each.event),
+            "by": each.by or say("history.audit_program"),
+            "confirmed_by": each.confirmed_by or "",
+            "why": each.why,
+            "values": _values_text(values),
+            "hint": "\n".join(lines),
+        }
+
+    def _export(self) -> None:
+        events = tuple(self._shown)
+        proposed = self.app.runs_folder.absolute().parent / "audit.csv"
+        kinds = ["CSV (*.csv)", "JSON (*.json)"]
+        self.exports.ask(say("history.audit_export"), proposed, kinds, lambda target: (export_trail, events, target))
+
+
+def _values_text(values: dict[str, Any]) -> str:
+    """Return the values of an event on one line."""
+    return ", ".join(f"{name} {value}" for name, value in values.items() if value is not None)

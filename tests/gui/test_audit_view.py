@@ -1,0 +1,100 @@
+"""The audit trail in the window: filter, verification and export."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QTableView
+from pytestqt.qtbot import QtBot
+
+from calstation.gui.history import HistoryPage
+from calstation.gui.text import language
+from calstation.records import append_audit, audit_path
+from tests.gui.conftest import SiteFolder
+from tests.gui.test_history_page import WAIT, button, folder, page
+
+__all__ = ["folder", "page"]  # fixtures
+
+
+@pytest.fixture
+def trail(site_folder: SiteFolder) -> Path:
+    """The audit trail of the site with three events."""
+    home = site_folder.home
+    append_audit(home, "file_saved", "Li Na", kind="products", name="nav_a", sha256="0" * 64)
+    append_audit(home, "override", "Li Na", "customer agrees", confirmed_by="Zhang Min", serial="SN-000001")
+    append_audit(home, "pin_set", "")
+    return audit_path(home)
+
+
+def open_trail(page: HistoryPage, qtbot: QtBot) -> QTableView:
+    """Open the view from the list of runs, and return its table when it has been read."""
+    page.show()
+    qtbot.waitUntil(lambda: not page.busy, timeout=WAIT)
+    qtbot.mouseClick(button(page, "history_audit_button"), Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: page.audit._trail is not None and not page.audit.busy, timeout=WAIT)
+    return page.audit.findChild(QTableView, "audit_table")
+
+
+def events(table: QTableView) -> list[str]:
+    """Return the event of each row."""
+    return [str(table.model().index(row, 1).data()) for row in range(table.model().rowCount())]
+
+
+def test_events_are_listed_and_filtered(page: HistoryPage, trail: Path, qtbot: QtBot) -> None:
+    table = open_trail(page, qtbot)
+    assert events(table) == ["PIN set", "Failed unit released", "File saved"]
+    row = [table.model().index(1, column).data() for column in range(2, 6)]
+    assert row == ["Li Na", "Zhang Min", "customer agrees", "serial SN-000001"]
+    person = page.audit.findChild(QComboBox, "audit_person_combo")
+    person.setFocus()
+    qtbot.keyClicks(person, "Zhang")
+    assert events(table) == ["Failed unit released"]
+    person.setCurrentIndex(0)
+    search = page.audit.findChild(QLineEdit, "audit_search_edit")
+    qtbot.keyClicks(search, "nav_a")
+    assert events(table) == ["File saved"]
+    assert page.audit.findChild(QLabel, "audit_count_label").text() == "1 of 3 events"
+    search.clear()
+    kinds = page.audit.findChild(QComboBox, "audit_event_combo")
+    kinds.setCurrentIndex(kinds.findData("pin_set"))
+    assert events(table) == ["PIN set"]
+    language.use("zh_CN")
+    assert events(table) == ["设置密码"]
+    qtbot.mouseClick(button(page, "audit_back_button"), Qt.MouseButton.LeftButton)
+    assert not table.isVisible()
+
+
+def test_a_changed_line_is_found_by_verification(page: HistoryPage, trail: Path, qtbot: QtBot) -> None:
+    open_trail(page, qtbot)
+    state = page.audit.findChild(QLabel, "audit_state_label")
+    assert "is intact: 3 lines" in state.text()
+    trail.write_text(trail.read_text("utf-8").replace("customer agrees", "nobody knows"), "utf-8")
+    qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: "was changed at line 2" in state.text(), timeout=WAIT)
+    assert state.property("kind") == "error"
+
+
+@pytest.mark.parametrize("suffix", ["csv", "json"])
+def test_listed_events_are_exported(
+    page: HistoryPage, trail: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, suffix: str
+) -> None:
+    target = tmp_path / f"trail.{suffix}"
+    monkeypatch.setattr(
+        "calstation.gui.state.page.ask_file", lambda parent, title, proposed, kinds, write: write(target)
+    )
+    open_trail(page, qtbot)
+    qtbot.keyClicks(page.audit.findChild(QLineEdit, "audit_search_edit"), "customer")
+    qtbot.mouseClick(button(page, "audit_export_button"), Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: target.exists() and not page.audit.busy, timeout=WAIT)
+    text = target.read_text("utf-8-sig")
+    rows = list(csv.DictReader(text.splitlines())) if suffix == "csv" else json.loads(text)
+    assert [(row["event"], row["by"], row["why"]) for row in rows] == [("override", "Li Na", "customer agrees")]
+
+
+def test_without_a_trail_the_view_says_so(page: HistoryPage, qtbot: QtBot) -> None:
+    table = open_trail(page, qtbot)
+    assert events(table) == []
+    assert "There is no audit trail yet" in page.audit.findChild(QLabel, "audit_state_label").text()
+    assert not button(page, "audit_export_button").isEnabled()
