@@ -10,11 +10,12 @@ STATES = ("accent", "good", "bad", "caution")
 #: Text and its background: everywhere; on filled buttons and selected rows; on the verdict; on a pressed button.
 TEXT = [
     *((text, surface) for text in ("text", "muted", *STATES) for surface in SURFACES),
-    *(("on_accent", "accent"), ("text", "track")),
+    *(("on_accent", "accent"), ("text", "track"), ("on_alarm", "alarm")),
     *(("on_state", state) for state in ("muted", *STATES)),
 ]
 #: Lines, borders and symbols, and what they are drawn on; the filled part of a bar and the rest of it.
 LINES = [
+    *(("alarm", surface) for surface in ("window", "panel")),
     *((line, surface) for line in ("line", "muted", *STATES) for surface in SURFACES),
     *(("accent", "track"), ("good", "track"), ("text", "track"), ("muted", "track")),
 ]

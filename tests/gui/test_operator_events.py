@@ -163,8 +163,12 @@ def test_decisive_value_is_bold_and_shown_with_its_limit(simulated_run: Operator
     ]
     end_run(simulated_run, "passed", parameters={"gyro_bias_x": row}, checks=checks)
     simulated_run.until(lambda: "σ ≤ 2.1" in simulated_run.says())
-    bold = theme.font(theme.SECTION, bold=True)
-    shown = [label for label in simulated_run.window.findChildren(QLabel) if label.isVisible() and label.font() == bold]
+    bold = theme.font(bold=True).weight()
+    shown = [
+        label
+        for label in simulated_run.window.findChildren(QLabel)
+        if label.isVisible() and label.font().weight() == bold
+    ]
     assert "1.9" in [label.text() for label in shown]
     assert "−0.8" not in [label.text() for label in shown]
 

@@ -195,14 +195,14 @@ class RunDetails(QFrame):
         items = (self.reason_label, self.failed_label, self._figures, self._facts, self.resolves, None)
         column(*items, on=content, spacing=2 * theme.GRID, margins=(0, 0, theme.GRID, 0))
         self.content_area = scroll_area(content)
+        runs = (self.result_button, self.log_button, self.record_button, self.folder_button, self.batch_button)
         column(
             row((self._serial, 1), self.badge),
             (self.content_area, 5),
             (self.trend, 3),
             self._release,
             row((self.resume_button, 1), (self.close_button, 1)),
-            row(*((each, 1) for each in (self.result_button, self.log_button, self.record_button))),
-            row(*((each, 1) for each in (self.folder_button, self.batch_button))),
+            row(*((each, 1) for each in runs)),
             row(*((each, 1) for each in self._documents)),
             self._people,
             on=self,

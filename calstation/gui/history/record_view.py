@@ -54,6 +54,7 @@ class RecordView(JobView):
             (self.table, 1),
             row(self._open_button, self.certificate_button, None),
             self.certificate_button.panel,
+            None,
         )
         body = split((left, 1), (right, 1), handle=2 * theme.GRID)
         column(row(self.back_button, self._title, None, spacing=2 * theme.GRID), self.notice, (body, 1), on=self)

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import load_station
@@ -21,6 +22,11 @@ from calstation.messages import Rendered, entry, event_text, known
 from calstation.physics import aligned
 from calstation.results import Result, load_result
 from calstation.sequencer import Fault, Finalized
+
+#: Share of the panel's height for the texts below the banner, distance of lines as a multiple of the text size, number
+#: of lines besides the figures, width of the column beside the figures, px, width of the figures in text sizes, and
+#: maximum size, px.
+_TEXT_SHARE, _LINE, _OTHER_LINES, _BESIDE, _CHARACTERS, _MAX_TEXT = 0.6, 1.35, 4, 300, 33, theme.VERDICT
 
 
 class FiguresTable(QWidget):
@@ -49,6 +55,7 @@ class FiguresTable(QWidget):
                 for at, text in enumerate((title, *(columns if passing is None else ())), start=1):
                     heading = label(kind="muted")
                     heading.setText(text)
+                    heading.setFont(theme.font(max(theme.BODY, self._size * theme.BODY // theme.SECTION)))
                     self._add_cell(heading, number, at)
                 number, passing = number + 1, figure.passed
             icon = StateIcon(self._size)
@@ -62,6 +69,10 @@ class FiguresTable(QWidget):
                 cell.setWordWrap(self._wrap and at == 1)
                 self._add_cell(cell, number, at)
             number += 1
+
+    def set_size(self, size: int) -> None:
+        """Set the font size of the next result, px."""
+        self._size = size
 
     def _add_cell(self, cell: QLabel, row: int, column: int) -> None:
         side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
@@ -86,11 +97,11 @@ class VerdictPanel(QFrame):
         self._run = app.run
         self._finalized: Finalized | None = None
         self._fault: Fault | None = None
+        #: Number of figures, and size of the texts, px.
+        self._figure_count = self._shown_size = 0
         self._banner, self._figures = Banner("verdict", 17 * theme.GRID), FiguresTable(theme.SECTION)
         self._source, self._facts = label(kind="muted", wrap=True), label(kind="muted", wrap=True)
         self.reason_label, self.action_label, self._notes = label(wrap=True), label(wrap=True), label(wrap=True)
-        self.reason_label.setFont(theme.font(theme.SECTION))
-        self.action_label.setFont(theme.font(theme.SECTION, bold=True))
         self.reset = ResetBar(app, self._table_request, "verdict_reset_button")
         self.details_button = button("details_button", "operator.details", self._show_details)
         self.acknowledge_button = button("acknowledge_button", "operator.understood", self.acknowledged, kind="primary")
@@ -109,10 +120,10 @@ class VerdictPanel(QFrame):
         # a small screen does not have space for both
         people.open_changed.connect(lambda asking: values.setVisible(not asking))
         column(
-            (self._banner, 2),
+            (self._banner, 1),
             *(self._source, self.reason_label, self.action_label, self.reset),
-            (values, 3),
-            (column(people, None), 3),
+            values,
+            people,
             on=self,
             spacing=theme.GRID,
             margins=(2 * theme.GRID,) * 4,
@@ -134,6 +145,28 @@ class VerdictPanel(QFrame):
             for button in (self.label_button, self.certificate_button):
                 button.offer(unit.result, file)
         self._refresh()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Fit the texts to the panel."""
+        super().resizeEvent(event)
+        if self._text_size() != self._shown_size:
+            self._refresh()
+
+    def _text_size(self) -> int:
+        """Return the size of the texts, px, as large as the number of figures permits; the banner takes the rest."""
+        lines = self._figure_count + _OTHER_LINES
+        by_height = (_TEXT_SHARE * self.height() - theme.BIG_BUTTON) / (_LINE * lines)
+        by_width = (self.width() - _BESIDE) / _CHARACTERS
+        return max(theme.SECTION, min(int(by_height), int(by_width), _MAX_TEXT))
+
+    def _fit_texts(self) -> None:
+        """Set the size of the texts below the banner."""
+        self._shown_size = size = self._text_size()
+        self.reason_label.setFont(theme.font(size))
+        self.action_label.setFont(theme.font(size, bold=True))
+        for text in (self._source, self._facts, self._notes):
+            text.setFont(theme.font(size * theme.BODY // theme.SECTION))
+        self._figures.set_size(size)
 
     def next_action(self) -> str:
         """Return the next action for the operator, in the current language."""
@@ -177,7 +210,10 @@ class VerdictPanel(QFrame):
             (self._facts, "  ·  ".join(self._fact_texts())),
         ):
             show_text(widget, content)
-        self._figures.show_result(result if text is None else None)
+        shown = result if text is None else None
+        self._figure_count = 0 if shown is None else len(advice.figures(shown))
+        self._fit_texts()
+        self._figures.show_result(shown)
 
     def _fault_text(self, fault: Fault) -> Rendered:
         return fault_text(fault, engineer=self._app.role.engineer)

@@ -61,7 +61,7 @@ class EventLog(CellTable):
             self.show_events(())
 
     def _add(self, event: Event) -> None:
-        if not isinstance(event, LOSSY) and event_line(event)[1]:
+        if not isinstance(event, LOSSY):
             self._events.append(TimedEvent(time.monotonic() - self._started_at, event))
             if self.isVisible() and not self._timer.isActive():
                 self._timer.start()

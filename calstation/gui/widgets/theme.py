@@ -22,6 +22,9 @@ BODY, SECTION, VERDICT = 14, 18, 72
 #: Minimum height of a button, and of START and STOP, px.
 BUTTON, BIG_BUTTON = 44, 64
 
+#: Height of a page in a window with 768 px, px, from which its texts grow, and their maximum growth.
+_PAGE_HEIGHT, _MAX_GROWTH = 632, 2.5
+
 #: Height of the tab bar, px.
 TOP_BAR = 56
 
@@ -73,9 +76,11 @@ class Colours:
     on_accent: str
     good: str
     bad: str
+    alarm: str
     caution: str
     partial: str
     on_state: str
+    on_alarm: str
 
 
 #: The light and the dark colour of each role.
@@ -91,9 +96,11 @@ _ROLES = {
     "on_accent": ("#ffffff", "#0d1317"),
     "good": ("#1b7a43", "#4cc38a"),
     "bad": ("#b3261e", "#ff7a6e"),
+    "alarm": ("#b3261e", "#d32f2f"),  # STOP and FAIL are filled with it, and are red in both themes
     "caution": ("#8a5a00", "#f0b940"),
     "partial": ("#6a3fa0", "#c0a2f2"),
     "on_state": ("#ffffff", "#0d1317"),
+    "on_alarm": ("#ffffff", "#ffffff"),
 }
 
 #: Colours by theme name.
@@ -187,6 +194,14 @@ def palette(c: Colours) -> QPalette:
 def style_sheet(c: Colours) -> str:
     """Return the style sheet that sets heights, borders and fills, which a palette cannot set."""
     return Template(_STYLE_SHEET.read_text(encoding="utf-8")).substitute(_SIZES, **vars(c))
+
+
+def growth(height: int) -> float:
+    """Return the factor by which the texts of a page grow with its height, px, so that large screens show large texts.
+
+    It is 1 up to the page of a window with 768 px.
+    """
+    return min(max(height / _PAGE_HEIGHT, 1.0), _MAX_GROWTH)
 
 
 def font(size: int = BODY, *, bold: bool = False) -> QFont:

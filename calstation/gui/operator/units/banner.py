@@ -9,6 +9,8 @@ from calstation.gui.widgets import draw_state, label, state_colour, theme
 
 #: Margin at the right end, px, and minimum gap between the texts, as a multiple of the font size.
 _RIGHT_MARGIN, _MIN_GAP = 3 * theme.GRID, 0.4
+#: Maximum share of the width for the shape.
+_SHAPE_SHARE = 0.25
 #: Minimum enlargement of the verdict above which the unit is placed below it.
 _MIN_ENLARGEMENT = 1.3
 
@@ -40,29 +42,38 @@ class Banner(QWidget):
         self._kind = KINDS.get(state, "none")
         for widget, text in ((self.word, term("badge", state)), (self.serial, serial)):
             widget.setText(text)
-            widget.setStyleSheet(f"color: {theme.colours().on_state};")
+            widget.setStyleSheet(f"color: {self._colours()[1]};")
         self._fit()
         self.update()
+
+    def _colours(self) -> tuple[str, str]:
+        """Return the colours of the background and of the texts."""
+        c = theme.colours()
+        return (c.alarm, c.on_alarm) if self._kind == "bad" else (state_colour(self._kind).name(), c.on_state)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Fit the texts to the banner."""
         super().resizeEvent(event)
         self._fit()
 
+    def _shape_width(self) -> int:
+        """Return the width of the column with the shape, px."""
+        return min(self.height(), int(_SHAPE_SHARE * self.width()))
+
     def _fit(self) -> None:
         """Show both texts in one line or, if this makes the verdict much larger, the unit below the verdict."""
-        room = self.width() - self.height() - _RIGHT_MARGIN
+        room = self.width() - self._shape_width() - _RIGHT_MARGIN
         word, serial = (_width(widget.text()) for widget in (self.word, self.serial))
         size, alone = (
             min(0.55 * self.height(), room / (word + serial + _MIN_GAP)),
-            min(0.4 * self.height(), room / word),
+            min(0.4 * self.height(), room / max(word, serial, 1.0)),
         )
         below = alone > _MIN_ENLARGEMENT * size
         if below:
             size = alone
         self._texts.setDirection(QBoxLayout.Direction.TopToBottom if below else QBoxLayout.Direction.LeftToRight)
         self._texts.setStretch(1, int(below))  # each has half of the height
-        self._texts.setContentsMargins(self.height(), 0, _RIGHT_MARGIN, 0)
+        self._texts.setContentsMargins(self._shape_width(), 0, _RIGHT_MARGIN, 0)
         self.word.setFont(theme.font(int(size), bold=True))
         self.serial.setFont(theme.font(int(min(size, room / max(serial, 1.0))), bold=True))
 
@@ -70,8 +81,9 @@ class Banner(QWidget):
         """Draw the background and the shape."""
         painter = theme.painter(self)
         painter.setPen(Qt.PenStyle.NoPen)
-        painter.setBrush(state_colour(self._kind))
+        background, text = self._colours()
+        painter.setBrush(QColor(background))
         painter.drawRoundedRect(QRectF(self.rect()), 4.0, 4.0)
-        side = 0.6 * self.height()
-        margin = (self.height() - side) / 2.0
-        draw_state(painter, self._kind, QRectF(margin, margin, side, side), QColor(theme.colours().on_state))
+        side = 0.6 * self._shape_width()
+        left, top = (self._shape_width() - side) / 2.0, (self.height() - side) / 2.0
+        draw_state(painter, self._kind, QRectF(left, top, side, side), QColor(text))

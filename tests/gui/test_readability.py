@@ -1,0 +1,98 @@
+"""The operator page can be read from two metres: texts grow with the page, and STOP and FAIL are red in both themes."""
+
+from collections.abc import Callable
+
+import pytest
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QLabel, QListWidget, QPushButton, QWidget
+
+from calstation.gui.operator.page import OperatorPage
+from calstation.gui.widgets import theme
+from calstation.physics import DEGREE_PER_HOUR
+from tests.check_rows import check_row
+from tests.gui.conftest import Operator
+from tests.gui.test_operator_events import end_run, simulated_run
+
+__all__ = ["simulated_run"]  # fixture
+LIMIT = 3.0 * DEGREE_PER_HOUR
+FAILED = {
+    "checks": [check_row("within", "gyro_bias_x", 5 / 3 * LIMIT, [-LIMIT, LIMIT], passed=False, unit="rad/s")],
+    "parameters": {"gyro_bias_x": {"value": 5 / 3 * LIMIT, "sigma": 1e-8, "unit": "rad/s", "stage": "rate"}},
+    "passed": False,
+}
+
+
+def text_size(widget: QWidget) -> int:
+    return widget.font().pixelSize()
+
+
+@pytest.fixture
+def sizes(operator: Operator) -> Callable[[int, int], dict[str, int]]:
+    """Resize the window, and return the sizes of the texts of the page, px."""
+    page = operator.window.findChild(OperatorPage)
+
+    def measure(width: int, height: int) -> dict[str, int]:
+        operator.window.resize(width, height)
+        operator.qtbot.wait(20)
+        stage = operator.widget("stage_list", QListWidget)
+        row = stage.itemWidget(stage.item(0)).findChildren(QLabel)
+        return {
+            "message": text_size(operator.widget("message_label", QLabel)),
+            "stage": max(map(text_size, row)),
+            "loading": max(map(text_size, page._loading._titles)),
+        }
+
+    return measure
+
+
+def test_texts_grow_with_the_page_and_survive_a_change_of_the_theme(
+    operator: Operator, sizes: Callable[[int, int], dict[str, int]]
+) -> None:
+    small, full_hd, large = sizes(1366, 768), sizes(1920, 1080), sizes(3840, 2160)
+    assert set(small.values()) == {theme.SECTION}
+    assert all(1.3 * small[key] < full_hd[key] < 0.7 * large[key] for key in small), (small, full_hd, large)
+    operator.window.app.set_theme("dark")
+    assert sizes(3840, 2160) == large
+    operator.window.app.set_theme("light")
+
+
+def test_verdict_uses_its_space(simulated_run: Operator) -> None:
+    end_run(simulated_run, "failed", **FAILED)
+    panel = simulated_run.window.findChild(OperatorPage)._verdict
+    heights = {}
+    for size in ((902, 490), (1390, 830)):
+        panel.setFixedSize(*size)
+        panel.layout().activate()
+        simulated_run.qtbot.wait(20)
+        panel.layout().activate()
+        lowest = max(
+            child.mapTo(panel, child.rect().bottomLeft()).y()
+            for child in panel.findChildren(QWidget)
+            if child.isVisibleTo(panel)
+        )
+        assert lowest > 0.93 * panel.height()  # nothing is empty below
+        heights[size] = panel._banner.height(), text_size(panel.reason_label)
+    (small_banner, small_text), (large_banner, large_text) = heights.values()
+    assert large_banner > 1.4 * small_banner > 250
+    assert large_text > 1.5 * small_text
+
+
+def red(colour: QColor) -> bool:
+    """Whether a colour is a saturated red, not salmon."""
+    hue, saturation, value, _ = colour.getHsv()
+    return (hue < 12 or hue > 348) and saturation > 170 and value > 150
+
+
+@pytest.mark.parametrize("name", ["light", "dark"])
+def test_stop_and_fail_are_red_with_white_text(simulated_run: Operator, name: str) -> None:
+    simulated_run.window.app.set_theme(name)
+    end_run(simulated_run, "failed", **FAILED)
+    for widget in (
+        simulated_run.widget("stop_button", QPushButton),
+        simulated_run.window.findChild(OperatorPage)._verdict._banner,
+    ):
+        image = widget.grab().toImage()
+        assert red(image.pixelColor(image.width() // 2, 6)), widget
+        colours = {image.pixel(x, y) for x in range(0, image.width(), 2) for y in range(0, image.height(), 2)}
+        assert QColor("#ffffff").rgb() in colours, widget
+    simulated_run.window.app.set_theme("light")
