@@ -14,6 +14,7 @@ from calstation.judgement.limits import (
     acceptance_interval,
     check_limits,
     estimated_stage,
+    final_checks,
     undetermined,
     unobservable,
 )

@@ -128,21 +128,10 @@ def check_limits(
             limit = entry_of(limits, name)
             if limit is not None:
                 checks += _check_estimate(name, estimate, limit, limit.sigma_below, near, rule)
-    last = solutions[-1]  # the last solution's tests for effects use all stages
-    model = [
-        Check.of_model(s.stage, test)
-        for s in solutions
-        for test in s.tests
-        if test.kind not in ("effects", "alternatives") or s is last
-    ]
+    last = solutions[-1]
+    model = [check for s in solutions for check in _model_checks(s, last=s is last)]
     checks += sorted(model, key=lambda check: [*MODEL_KINDS].index(check.kind))
-    for s in solutions:
-        c = s.consistency
-        if c.count:
-            diagnosis = None if c.passed else s.diagnosis
-            checks.append(
-                Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed), diagnosis=diagnosis)
-            )
+    checks += [check for s in solutions for check in _consistency(s)]
     unknown = undetermined(prior, solutions, calibrated)
     checks.append(Check("unobservable", "", float(len(unknown)), 0.0, "1", not unknown))
     changes = _changes(prior, posterior, [n for n in estimated_stage(solutions) if n in calibrated])
@@ -150,6 +139,25 @@ def check_limits(
         worst = max(changes, key=lambda name: changes[name])
         checks.append(Check.compare("change", changes[worst], _CHANGED, "sigma", near=1.0, where=Where(worst)))
     return checks
+
+
+def final_checks(solution: Solution) -> list[Check]:
+    """Return the checks of a stage whose outcome no later stage changes: of its innovations, and of its data."""
+    return [*_consistency(solution), *_model_checks(solution, last=False)]
+
+
+def _model_checks(solution: Solution, *, last: bool) -> list[Check]:
+    """Return the checks of the data and the model of a stage; those of the last stage test effects in all stages."""
+    tests = [test for test in solution.tests if last or test.kind not in ("effects", "alternatives")]
+    return [Check.of_model(solution.stage, test) for test in tests]
+
+
+def _consistency(solution: Solution) -> list[Check]:
+    """Return the check of the innovations of a stage, if it has any."""
+    c = solution.consistency
+    diagnosis = None if c.passed else solution.diagnosis
+    check = Check("consistency", solution.stage, c.nis_mean, c.nis_high, "1", bool(c.passed), diagnosis=diagnosis)
+    return [check] if c.count else []
 
 
 def check_prior(prior: Posterior, solutions: Sequence[Solution], stated: Collection[str]) -> list[Check]:

@@ -12,11 +12,13 @@ from calstation.estimation.common import Posterior
 from calstation.judgement import (
     StandardComparison,
     estimated_stage,
+    final_checks,
     judge,
     judge_standard,
     require_latitude,
     unobservable,
 )
+from calstation.messages import Text
 from calstation.physics import EFFECT_PARAMETERS, NAMES, compose
 from calstation.records import context_from_meta
 from calstation.registers import (
@@ -49,6 +51,8 @@ class Finalization:
         self._target: Mapping[str, float] = {}
         self._transferred: TransferResult | None = None
         self._posterior: Posterior | None = None
+        #: Whether a check has failed that no later stage changes.
+        self.will_fail = False
         #: Sizes of the effects in the unit's model, SI, by parameter.
         self._effects: dict[str, float] = {}
 
@@ -65,9 +69,22 @@ class Finalization:
         run, solutions = self.run, tuple(self.run.chain.solutions)
         require_latitude(run.meta, solutions)
         if not self._setup.product.end_on_failure or judge(run.meta, run.chain.prior, solutions).passed:
+            self._note_failure(solution, len(solutions))
             return True
         run.emit(Message("stopped_early", {"stage": solution.stage}))
         return False
+
+    def _note_failure(self, solution: Solution, solved: int) -> None:
+        """Report that the unit will fail, if a check that no later stage changes has failed and stages remain."""
+        section = self.run.meta.run
+        if self.will_fail or section is None or solved >= len(section.stages):
+            return
+        failed = next((check for check in final_checks(solution) if not check.passed), None)
+        if failed is not None:
+            self.will_fail = True
+            values = {"stage": failed.subject, "value": failed.value, "limit": failed.limit}
+            why = failed.cause_text or Text.of("event.inconsistent", **values)
+            self.run.emit(Message("will_fail", {"why": why}))
 
     def judge(self, solutions: tuple[Solution, ...]) -> UnitDecision:
         """Judge the unit and, if it passes, determine the registers to write."""

@@ -192,6 +192,9 @@ class Evaluation(Protocol):
     stop request.
     """
 
+    #: Whether the unit will fail, because no later stage changes a check that failed.
+    will_fail: bool
+
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
         """Return a function that verifies registers written before the run, or None if none have to be verified."""
 

@@ -54,6 +54,7 @@ class Command(StrEnum):
     RESUME = "resume"
     STOP = "stop"
     END_STAGE = "end_stage"
+    END_FAILING = "end_failing"  #: End the run of units that will fail, and judge them from their solved stages.
 
 
 class StopReason(StrEnum):
@@ -88,6 +89,8 @@ class Control:
         self.pausing = False
         #: Whether to end and solve the current stage after the current move if its plan is repeated.
         self.ending_stage = False
+        #: Whether to end the run after the current step if every unit will fail.
+        self.ending_failing = False
 
     def send(self, command: Command, reason: StopReason = StopReason.OPERATOR) -> None:
         """Send a command, from any thread."""
@@ -106,6 +109,8 @@ class Control:
                 self.pausing = True
             elif command is Command.RESUME:
                 self.pausing = False
+            elif command is Command.END_FAILING:
+                self.ending_failing = True
             else:
                 self.ending_stage = True
 

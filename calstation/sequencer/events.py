@@ -76,7 +76,10 @@ class StepStarted(Event):
 
 @dataclass(frozen=True)
 class StageEnded(Event):
-    """The motion of a stage has ended; `reason` is "plan", "rounds", "duration", "targets" or "operator"."""
+    """The motion of a stage has ended; `reason` is "plan", "rounds", "duration", "targets", "operator" or "failing".
+
+    A stage with the reason "failing" is not solved, because the unit fails without it.
+    """
 
     stage: str
     reason: str

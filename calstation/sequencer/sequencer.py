@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 _Result = TypeVar("_Result")
 
+#: Reason for the end of a stage that is not solved, because the units fail without it.
+_FAILING = "failing"
+
 logger = logging.getLogger(__name__)
 
 
@@ -153,6 +156,8 @@ class Sequencer:
         drive.runner.gimbal.restore()
         self._track = None
         emit(StageEnded(stage.name, reason, rounds))
+        if reason == _FAILING:
+            return False
         with self._units.jobs(lambda unit: _solving(unit).finish()) as jobs:
             self._units.each(lambda unit: self._solved(unit, jobs[unit]))
         finished: list[Unit] = []
@@ -206,6 +211,8 @@ class Sequencer:
             else:
                 track.begin(clock.now(), step_time(step, drive.runner.position(), self._context.task.settle))
                 drive.runner.run(step)
+                if self._context.control.ending_failing and all(_evaluation(unit).will_fail for unit in units):
+                    return _FAILING, rounds
                 track.end(self._sigmas())
                 self._show_progress()
                 for unit in units:

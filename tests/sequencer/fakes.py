@@ -378,6 +378,8 @@ class Scene:
         (ended,) = self.ends
         return ended
 
+    will_fail = False
+
     def verify_earlier(self) -> Any:
         """Verify nothing, because nothing was written before the run."""
         return self.earlier

@@ -15,7 +15,7 @@ from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live import LiveView
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.production import ShiftCounter
-from calstation.gui.operator.questions import ClaimNotice, ask, refusal
+from calstation.gui.operator.questions import ClaimNotice, FailingNotice, ask, refusal
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.units import SlotsPanel, VerdictGrid
@@ -75,6 +75,7 @@ class OperatorPage(Page):
         self.header: RunHeader = RunHeader()
         self._stages = StageList(app.run)
         self.closing, self.notice = NoticeBar(), NoticeBar("operator_notice")
+        self._failing = FailingNotice(app.run)
         self._loading, self._live = Loading(), LiveView(app.run)
         self._verdict, self._shift = VerdictPanel(app, self.notice, self.await_scan), ShiftCounter(app)
         self._claimed = ClaimNotice(app)
@@ -86,7 +87,9 @@ class OperatorPage(Page):
         self._progress = progress_bar(theme.GRID, "run_progress")
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
-        right = column(self.closing, self._claimed, self.notice, self._starting.dialog.people, (self._views, 1))
+        right = column(
+            self.closing, self._failing, self._claimed, self.notice, self._starting.dialog.people, (self._views, 1)
+        )
         counts = row(self._shift, None, ExchangeLabel(app), spacing=3 * theme.GRID)
         self._events = EventLog("events_table")
         self._events.follow(app.engine_link)

@@ -7,7 +7,7 @@ from functools import partial
 from calstation.config import Person, RunRequest
 from calstation.database import Claim
 from calstation.errors import CalstationError
-from calstation.gui.state import AppContext, PeoplePanel
+from calstation.gui.state import AppContext, PeoplePanel, RunStatus
 from calstation.gui.text import for_operator, rendered, say
 from calstation.gui.widgets import Choice, NoticeBar
 from calstation.messages import Text, event_text
@@ -55,6 +55,27 @@ def refusal(code: str, error: CalstationError, *, engineer: bool) -> Text:
     if plain is None:
         return Text.of(f"question.{code}", why=message)
     return Text.of(f"question.{code}_settings", why=plain, ask=Text("advice.engineer_corrects"))
+
+
+class FailingNotice(NoticeBar):
+    """Says once that a run will fail, as soon as this is certain, and offers to end it."""
+
+    def __init__(self, run: RunStatus) -> None:
+        super().__init__("failing_notice")
+        self._run = run
+        self._asked = False
+        run.changed.connect(self._run_changed)
+
+    def _run_changed(self) -> None:
+        failing = self._run.failing
+        if failing is None:
+            self._asked = False
+            if self.asking:
+                self.dismiss()
+        elif not self._asked:
+            self._asked = True
+            answers = {"end_failing": self._run.end_failing, "stay": lambda: None}
+            ask(self, "bad", Text.of("question.will_fail", why=failing), answers)
 
 
 class StartDialog:

@@ -9,6 +9,7 @@ from calstation.config import RunRequest
 from calstation.errors import CalstationError
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus
+from calstation.messages import Text
 from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import (
@@ -240,6 +241,17 @@ class RunStatus(QObject):
             self.stage_ending = self.stage.name
             self._link.send(Command.END_STAGE)
             self.changed.emit()
+
+    @property
+    def failing(self) -> Text | None:
+        """Why every unit in progress will fail, as the message about the first of them, or None."""
+        units = [unit for unit in self.units if unit.verdict is None] if self.in_progress else []
+        reasons = [unit.failing for unit in units if unit.failing is not None]
+        return Text("event.will_fail", reasons[0]) if units and len(reasons) == len(units) else None
+
+    def end_failing(self) -> None:
+        """End the run of units that will fail after the current step; they are judged from their solved stages."""
+        self._link.send(Command.END_FAILING)
 
     @property
     def why_not_end_stage(self) -> str:

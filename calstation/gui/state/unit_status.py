@@ -117,6 +117,7 @@ class UnitStatus:
     remarks: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
     #: Values of an interrupted register transfer on which the operator has to decide, or None.
     transfer: Mapping[str, Any] | None = None
+    failing: Mapping[str, Any] | None = None  #: Values of the message that the unit will fail, or None.
     fault: Fault | None = None  #: Fault of the unit or of the table, at a station with several slots.
     finalized: Finalized | None = None
     result: Result | None = None  #: Result with the verdict.
@@ -167,7 +168,7 @@ class UnitStatus:
                     row.fraction = min(1.0, row.fraction + _VERIFICATION_STEP)
                     row.remaining = row.duration * (1.0 - row.fraction)
             case StageEnded():
-                self._row(event.stage).state = "solving"
+                self._row(event.stage).state = "stopped" if event.reason == "failing" else "solving"
             case StageSolved():
                 self._row(event.stage).solve("bad" if event.consistency["passed"] is False else "good")
                 self.sigma |= largest_sigmas(event)
@@ -196,7 +197,9 @@ class UnitStatus:
         row = self._row(TRANSFER)
         # with several units, the reference capture may be for another unit
         starts = _TRANSFER_STARTS if self.slot else (*_TRANSFER_STARTS, "reference")
-        if message == "transfer_open":
+        if message == "will_fail":
+            self.failing = values
+        elif message == "transfer_open":
             self.transfer = values
         elif message == "stopped_early":
             self._row(str(values.get("stage"))).state = "bad"

@@ -1,0 +1,59 @@
+"""A run that will fail is announced on the operator page with its reason, and can be ended there."""
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QFrame
+
+from calstation.messages import Text
+from calstation.sequencer import Command, Message, StageEnded, StageStarted, StateChanged
+from tests.gui.conftest import Operator
+from tests.gui.test_operator_events import end_run, simulated_run
+
+__all__ = ["simulated_run"]  # fixture
+WHY = Text.of("event.inconsistent", stage="rate", value=3.2, limit=1.1)
+
+
+@pytest.fixture
+def sent(simulated_run: Operator, monkeypatch: pytest.MonkeyPatch) -> list[Command]:
+    """Commands that the window sends to the engine."""
+    commands: list[Command] = []
+    monkeypatch.setattr(simulated_run.window.app.engine_link, "send", commands.append)
+    return commands
+
+
+def fail(operator: Operator) -> None:
+    """Emit the events of a run whose first stage is inconsistent."""
+    for event in (
+        StateChanged("running", "preparing"),
+        StageStarted("six_position", 1, 4, 60.0),
+        Message("will_fail", {"why": WHY}),
+    ):
+        operator.window.app.engine_link.event.emit(event)
+    operator.until(lambda: operator.widget("failing_notice", QFrame).isVisible())
+
+
+def test_reason_is_stated_and_the_run_is_ended(simulated_run: Operator, sent: list[Command]) -> None:
+    operator = simulated_run
+    fail(operator)
+    assert "The residuals of Rate are inconsistent (3.2; allowed: 1.1)." in operator.says()
+    operator.window.app.set_language("zh_CN")
+    assert "本次标定将判为不合格" in operator.says()
+    assert "速率的残差不一致（3.2，允许 1.1）" in operator.says()
+    operator.window.app.set_language("en")
+    operator.qtbot.keyClick(operator.window.focusWidget() or operator.window, Qt.Key.Key_Return)
+    assert sent == []  # Enter of a scan ends nothing
+    operator.press("end_failing_choice")
+    assert sent == [Command.END_FAILING]
+    operator.window.app.engine_link.event.emit(StageEnded("six_position", "failing", 0))
+    operator.until(lambda: operator.run.stage is None)
+    end_run(operator, "failed")
+    assert not operator.widget("failing_notice", QFrame).isVisible()
+
+
+def test_run_is_continued_and_not_asked_again(simulated_run: Operator, sent: list[Command]) -> None:
+    fail(simulated_run)
+    simulated_run.press("stay_choice")
+    simulated_run.window.app.engine_link.event.emit(StageStarted("excitation", 2, 4, 60.0))
+    simulated_run.qtbot.wait(50)
+    assert not simulated_run.widget("failing_notice", QFrame).isVisible()
+    assert sent == []
