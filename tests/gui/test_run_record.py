@@ -14,7 +14,7 @@ from calstation.records import IssuedReport, Verdict
 from calstation.reports import IssuedCertificate
 from calstation.sequencer import Finalized, Message, StageEnded, StageSolved, StageStarted, StateChanged, StepStarted
 from tests.gui.conftest import RESULT, Operator
-from tests.gui.test_history_page import WAIT, button, folder, listed_runs, page, runs, select_row
+from tests.gui.test_history_page import WAIT, button, folder, listed_runs, page, runs, select_row, visible_texts
 from tests.gui.test_operator_events import simulated_run
 
 __all__ = ["folder", "page", "runs", "simulated_run"]  # fixtures
@@ -84,7 +84,8 @@ def test_history_lists_the_events_of_a_log(page: HistoryPage, qtbot: QtBot) -> N
     select_row(page, [serial for serial, _ in rows].index("SN-000003"), qtbot)
     qtbot.mouseClick(button(page, "history_record_button"), Qt.MouseButton.LeftButton)
     table = page.findChild(QTableView, "history_events_table")
-    qtbot.waitUntil(lambda: sentences(table) == ["Rate solved; its residuals are consistent."], timeout=WAIT)
+    qtbot.waitUntil(lambda: not page.record.busy, timeout=WAIT)
+    assert sentences(table) == ["Rate solved; its residuals are consistent."], visible_texts(page)
     qtbot.mouseClick(button(page, "record_back_button"), Qt.MouseButton.LeftButton)
     assert page.table.isVisible()
 
