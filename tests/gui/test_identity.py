@@ -97,7 +97,7 @@ def test_engineer_role_is_unlocked_by_a_person(operator: Operator) -> None:
     assert operator.widget("operator_edit", QLineEdit).text() == "Wang Fang"
 
 
-def test_sign_out_of_the_operator_does_not_lock_the_engineer(operator: Operator) -> None:
+def test_sign_out_of_the_operator_locks_the_engineer_role(operator: Operator) -> None:
     sign_in_station(operator.site_folder)
     app = operator.window.app
     app.set_station(operator.site_folder.station)
@@ -110,10 +110,9 @@ def test_sign_out_of_the_operator_does_not_lock_the_engineer(operator: Operator)
     assert (app.operator, app.badge, app.person) == ("Wang Fang", "B5678", "Wang Fang")
     operator.press("sign_out_button")
     assert (app.operator, app.badge) == (None, None)
-    assert (app.role.engineer, app.person) == (True, "Wang Fang")
+    assert (app.role.engineer, app.person) == (False, "")
     operator.scan("B1234")
     assert app.person == "Li Na"
-    app.role.lock()
     operator.press("sign_out_button")
     assert app.person == ""
 

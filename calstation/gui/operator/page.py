@@ -156,7 +156,8 @@ class OperatorPage(Page):
         for changed in (field.named, field.signed_in, field.signed_out):
             changed.connect(self._operator_changed)
         app.identified.connect(field.identify)
-        header.badge_field.signed_out.connect(self.await_scan)
+        field.signed_out.connect(app.role.lock)
+        field.signed_out.connect(self.await_scan)
         theme.themes.changed.connect(self._grow)
         self._live.finish_requested.connect(lambda: app.engine_link.send(Command.END_STAGE))
         self._verdict.acknowledged.connect(self._acknowledge)

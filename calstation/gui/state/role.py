@@ -22,7 +22,8 @@ _ACTIVITY = (QEvent.Type.KeyPress, QEvent.Type.MouseButtonPress, QEvent.Type.Whe
 class RoleLock(QObject):
     """The current role, which is operator at the start.
 
-    The engineer role is locked when nobody has used the window for a while, but not while `busy` returns True.
+    The engineer role is locked when the person signs out, or when nobody has used the window for a while, but then not
+    while `busy` returns True.
     """
 
     changed = Signal(str)
