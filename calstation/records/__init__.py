@@ -71,10 +71,12 @@ from calstation.records.product import (
 )
 from calstation.records.raw_log import RESERVED_SPACE, SUFFIX, RawLogWriter, free_space, write_log
 from calstation.records.raw_read import (
+    END_FAILING,
     being_written,
     raw_rows,
     solved_stages,
     step_labels,
+    unsolved_stages,
 )
 from calstation.records.reports import IssuedReport, audit_values, issued_reports, read_reports, report_file
 from calstation.records.resolves import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolve_file

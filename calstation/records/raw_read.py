@@ -23,6 +23,9 @@ from calstation.records.meta import meta_from_json
 from calstation.records.raw_log import CHECKSUM_COLUMN, CHUNK_ROWS, FORMAT, row_checks
 from calstation.records.superblock import SUPERBLOCK, AsClosed, is_unclosed, superblock_end, superblock_valid
 
+#: Reason for the end of a stage that is not solved, because the units fail without it.
+END_FAILING = "failing"
+
 _READ_ROWS = 16 * CHUNK_ROWS
 #: Exceptions that h5py raises for a damaged file.
 _HDF5_ERRORS = (OSError, RuntimeError, KeyError)
@@ -72,6 +75,12 @@ def being_written(path: Path, within: float = TEST_TIMEOUT) -> bool:
 def solved_stages(events: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
     """Return the stages that were solved, in order, according to the events of a log."""
     return tuple(event["stage"] for event in events if event.get("event") == "StageSolved")
+
+
+def unsolved_stages(events: Iterable[Mapping[str, Any]]) -> frozenset[str]:
+    """Return the stages that the run ended without solving them, because the unit failed without them."""
+    ends = (event for event in events if event.get("event") == "StageEnded" and event.get("reason") == END_FAILING)
+    return frozenset(event["stage"] for event in ends)
 
 
 def step_labels(events: Iterable[Mapping[str, Any]]) -> dict[int, tuple[str | float, ...]]:

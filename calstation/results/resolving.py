@@ -1,6 +1,6 @@
 """Solving of a stored log with the same solver chain as a run, and loading of finished runs for analysis."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,7 +10,7 @@ from calstation import __version__
 from calstation.config import computer_user, gravity_contradiction
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation import Solution
-from calstation.estimation.common import PositionResidual
+from calstation.estimation.common import PositionResidual, SampleBlock
 from calstation.estimation.navigation import warm_up as compile_kernels
 from calstation.jobs import ProgressCallback
 from calstation.judgement import (
@@ -37,6 +37,7 @@ from calstation.records import (
     resolve_file,
     solved_stages,
     step_labels,
+    unsolved_stages,
 )
 from calstation.results.building import Ending, build_result, solved_parameters
 from calstation.results.diagnostics import stage_diagnostics
@@ -121,10 +122,15 @@ def resolve_log(
         raise ConfigurationError("solution.range_reversed", first=first_seq, last=last_seq)
     _check_range(log, first_seq, last_seq)
     chain = StageChain(meta, diagnostics=diagnostics)
-    solve(lambda: log.blocks(first_seq, last_seq), meta, stages, source=log.path, progress=progress, chain=chain)
+    unsolved = unsolved_stages(log.events) if stages is None else frozenset()
+
+    def blocks() -> Iterator[SampleBlock]:
+        return (block for block in log.blocks(first_seq, last_seq) if block.stage not in unsolved)
+
+    solve(blocks, meta, stages, source=log.path, progress=progress, chain=chain)
     facts = log.facts()
     if log.damaged_rows and stages is None and first_seq is None and last_seq is None:
-        _check_complete(log, [*(solution.stage for solution in chain.solutions), *chain.missing_data])
+        _check_complete(log, [*(solution.stage for solution in chain.solutions), *chain.missing_data, *unsolved])
     solutions, missing = tuple(chain.solutions), chain.missing_data
     if diagnostics:
         stored = stored_result(log) if meta == log.meta else None

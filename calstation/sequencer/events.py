@@ -78,7 +78,7 @@ class StepStarted(Event):
 class StageEnded(Event):
     """The motion of a stage has ended; `reason` is "plan", "rounds", "duration", "targets", "operator" or "failing".
 
-    A stage with the reason "failing" is not solved, because the unit fails without it.
+    A stage with the reason `END_FAILING` is not solved.
     """
 
     stage: str

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeVar, cast
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
 from calstation.physics import Dwell, FloatArray, ManualMove, Move, RoundEnd
+from calstation.records import END_FAILING
 from calstation.sequencer.context import Evaluation, Output, RunContext, Solving
 from calstation.sequencer.control import State, StopRequested
 from calstation.sequencer.driving import POLL, RunDriver
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from calstation.records import RawLogWriter
 
 _Result = TypeVar("_Result")
-
-#: Reason for the end of a stage that is not solved, because the units fail without it.
-_FAILING = "failing"
 
 logger = logging.getLogger(__name__)
 
@@ -156,7 +154,7 @@ class Sequencer:
         drive.runner.gimbal.restore()
         self._track = None
         emit(StageEnded(stage.name, reason, rounds))
-        if reason == _FAILING:
+        if reason == END_FAILING:
             return False
         with self._units.jobs(lambda unit: _solving(unit).finish()) as jobs:
             self._units.each(lambda unit: self._solved(unit, jobs[unit]))
@@ -212,7 +210,7 @@ class Sequencer:
                 track.begin(clock.now(), step_time(step, drive.runner.position(), self._context.task.settle))
                 drive.runner.run(step)
                 if self._context.control.ending_failing and all(_evaluation(unit).will_fail for unit in units):
-                    return _FAILING, rounds
+                    return END_FAILING, rounds
                 track.end(self._sigmas())
                 self._show_progress()
                 for unit in units:

@@ -1,11 +1,13 @@
 """A run that is certain to fail says so while stages remain, and can be ended with its verdict."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from calstation.estimation import Solution
 from calstation.judgement import Check, final_checks
+from calstation.results import resolve
 from calstation.sequencer import Command, Event, Message, StageEnded, StageSolved, StageStarted
 from tests.site_folder import SiteFolder
 
@@ -50,6 +52,11 @@ def test_failing_run_is_announced_and_ended_with_its_verdict(site_folder: SiteFo
     ended = site_folder.ended  # type: ignore[attr-defined]
     assert (ended.verdict, ended.result["stages"]) == ("failed", ["six_position"])
     assert any(m.id == "registers_kept" for m in site_folder.events_of(Message))
+    again = resolve(Path(ended.log)).result
+    assert (again.stages, again.passed) == (["six_position"], False)
+    assert {name: row.value for name, row in again.parameters.items()} == {
+        name: row["value"] for name, row in ended.result["parameters"].items()
+    }
 
 
 def test_run_that_may_pass_is_not_ended(site_folder: SiteFolder) -> None:
