@@ -76,8 +76,6 @@ def _libraries() -> list[Distribution]:
 def _licence_name(each: Distribution) -> str:
     """Return the short name of the licence of a library, or a dash if its metadata do not contain it."""
     metadata = each.metadata
-    classifiers = [
-        entry.rpartition(" :: ")[2] for entry in metadata.get_all("Classifier") or [] if "License ::" in entry
-    ]
-    names = [metadata["License-Expression"], metadata["License"], *classifiers]
+    names = [name for field in ("License-Expression", "License") for name in metadata.get_all(field) or []]
+    names += [entry.rpartition(" :: ")[2] for entry in metadata.get_all("Classifier") or [] if "License ::" in entry]
     return next((name for name in names if name and len(name) <= _LONGEST and "\n" not in name), "–")
