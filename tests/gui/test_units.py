@@ -422,7 +422,7 @@ def test_all_verdicts_are_shown_and_a_click_opens_its_result(operator: Operator)
     click(operator, "unit_2_verdict")
     assert operator.verdict == "FAIL"
     assert operator.widget("verdict_serial_label", QLabel).text() == "2 · SN-000002"
-    assert "outside its limit" in operator.says()
+    operator.until(lambda: "outside its limit" in operator.says())
     stages = operator.widget("stage_list", QListWidget)
     operator.until(lambda: "outside limits" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole))
     opened: list[object] = []

@@ -25,7 +25,8 @@ def test_result_and_log_give_the_same_run_with_earlier_values(site_folder: SiteF
     text = (Path(second.result_file)).read_text(encoding="utf-8")
     assert json.dumps(by_result.result.to_json(), indent=1, ensure_ascii=False) + "\n" == text
     assert by_result.log == by_log.log == Path(second.log)
-    assert by_result.previous == {n: row["value"] for n, row in first.result["parameters"].items()}
+    earlier = {name: row["value"] for name, row in first.result["parameters"].items()}
+    assert {name: row.value for name, row in by_result.previous.items()} == earlier
     assert load_finished_run(ignore_progress, Path(first.result_file), runs).previous == {}
 
 
