@@ -76,6 +76,7 @@ class Banner(QWidget):
         self._texts.setContentsMargins(self._shape_width(), 0, _RIGHT_MARGIN, 0)
         self.word.setFont(theme.font(int(size), bold=True))
         self.serial.setFont(theme.font(int(min(size, room / max(serial, 1.0))), bold=True))
+        self._texts.activate()  # the labels have the widths of their previous fonts until then
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the background and the shape."""
