@@ -204,7 +204,8 @@ def test_cancelled_search_for_another_product_keeps_the_previous_design(
     use(monkeypatch, "searching")
     designer.choose("mems_c")
     designer.press("design_button")
-    designer.until(lambda: "Best so far" in designer.says())
+    # a busy computer may end the search before a progress report is shown
+    designer.until(lambda: "Best so far" in designer.says() or designer.view._result is not None)
     designer.press("cancel_design_button")
     assert "short on test bench" in designer.widget("design_about", QLabel).text()
     designer.unlock()
@@ -316,7 +317,8 @@ def test_real_search_finds_a_shorter_schedule(window: Any, qtbot: Any, site_fold
     designer.choose("mems_c")
     designer.widget("design_search_spin", QDoubleSpinBox).setValue(5.0)
     designer.press("design_button")
-    designer.until(lambda: "Best so far" in designer.says())
+    # a busy computer may end the search before a progress report is shown
+    designer.until(lambda: "Best so far" in designer.says() or designer.view._result is not None)
     designer.until(lambda: not (designer.view.watch.busy or designer.view.path_job.busy), 300.0)
     assert "limits reached" in designer.says() or "random moves: search longer" in designer.says()
     assert designer.view._result is not None
