@@ -96,5 +96,5 @@ from calstation.config.station_sections import (
     has_password,
     missing_report_paths,
 )
-from calstation.config.trail import SiteTrail, export_trail, read_site_trail
+from calstation.config.trail import SiteTrail, export_trail, read_site_trail, verification
 from calstation.config.versions import Version, save_noise

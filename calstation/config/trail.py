@@ -19,7 +19,7 @@ class SiteTrail:
     """The verified audit trail of the site, and what its verification has found."""
 
     trail: AuditTrail
-    state: Text
+    state: tuple[Text, ...]
     intact: bool
 
 
@@ -27,14 +27,18 @@ def read_site_trail(report: ProgressCallback) -> SiteTrail:
     """Job: read and verify the audit trail of the site. Raises InputError if it cannot be read."""
     path = audit_path(library.site_folder())
     trail = read_audit(path)
-    if trail.damage is not None:
-        state = Text.of("audit.damaged", file=path, line=trail.damage.number)
-    elif not path.exists():
-        state = Text.of("audit.none", file=path)
-    else:
-        state = Text.of("audit.intact", file=path, lines=len(trail.entries), digest=trail.digest)
     report(1.0)
-    return SiteTrail(trail, state, trail.damage is None)
+    return SiteTrail(trail, verification(path, trail), trail.damage is None)
+
+
+def verification(path: Path, trail: AuditTrail) -> tuple[Text, ...]:
+    """Return what the verification of an audit trail has found."""
+    if not path.exists():
+        return (Text.of("audit.none", file=path),)
+    interrupted = (Text.of("audit.interrupted", file=path, line=number) for number in trail.incomplete)
+    if trail.damage is not None:
+        return (*interrupted, Text.of("audit.damaged", file=path, line=trail.damage.number))
+    return (*interrupted, Text.of("audit.intact", file=path, lines=len(trail.entries), digest=trail.digest))
 
 
 def export_trail(report: ProgressCallback, events: Sequence[AuditEvent], target: Path) -> Path:

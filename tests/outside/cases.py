@@ -42,6 +42,19 @@ class Row:
                 yield replace(case, simulator=simulator, **self.entries)
 
 
+#: Motions of a table, which no sound unit may be blamed for.
+MOTIONS = {
+    "sway of 0.3 mm/s at 8 Hz": {"sway_mm_s": 0.3},
+    "sway of 0.3 mm/s at 10.03 Hz": {"sway_mm_s": 0.3, "sway_hz": 10.03},
+    "sway of 0.5 mm/s at 50.02 Hz": {"sway_mm_s": 0.5, "sway_hz": 50.02},
+    "velocity of 0.5 mm/s, smoothed over 0.3 s": {"slow_mm_s": 0.5, "slow_s": 0.3},
+    "velocity of 0.5 mm/s, smoothed over 1 s": {"slow_mm_s": 0.5, "slow_s": 1.0},
+    "rocking of 1 µrad at 3 Hz": {"rocking_urad": 1.0},
+    "rocking of 20 µrad at 3 Hz": {"rocking_urad": 20.0},
+    "creep of 100 µrad within 10 s of a move": {"creep_urad": 100.0},
+}
+
+
 def rows() -> Iterator[Row]:
     """Yield all kinds of cases, in the order of the table."""
     yield from _tables()
@@ -51,17 +64,7 @@ def rows() -> Iterator[Row]:
 
 
 def _tables() -> Iterator[Row]:
-    motions = {
-        "sway of 0.3 mm/s at 8 Hz": {"sway_mm_s": 0.3},
-        "sway of 0.3 mm/s at 10.03 Hz": {"sway_mm_s": 0.3, "sway_hz": 10.03},
-        "sway of 0.5 mm/s at 50.02 Hz": {"sway_mm_s": 0.5, "sway_hz": 50.02},
-        "velocity of 0.5 mm/s, smoothed over 0.3 s": {"slow_mm_s": 0.5, "slow_s": 0.3},
-        "velocity of 0.5 mm/s, smoothed over 1 s": {"slow_mm_s": 0.5, "slow_s": 1.0},
-        "rocking of 1 µrad at 3 Hz": {"rocking_urad": 1.0},
-        "rocking of 20 µrad at 3 Hz": {"rocking_urad": 20.0},
-        "creep of 100 µrad within 10 s of a move": {"creep_urad": 100.0},
-    }
-    for title, motion in motions.items():
+    for title, motion in MOTIONS.items():
         for product in ("nav_a", "nav_a_fast", "mems_c_fast"):
             yield Row(title, product, entries={"settings": {"table_motion": motion}})
     for ratio in (1.03, 1.1, 1.3, 2.0, 2.9):

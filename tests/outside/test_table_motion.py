@@ -4,16 +4,8 @@ from typing import Literal
 
 import pytest
 
+from tests.outside.cases import MOTIONS
 from tests.outside.sweep import Case, run
-
-MOTIONS = {
-    "sway": {"sway_mm_s": 0.3, "sway_hz": 8.0},
-    "aliased sway": {"sway_mm_s": 0.3, "sway_hz": 10.03},
-    "mains": {"sway_mm_s": 0.5, "sway_hz": 50.02},
-    "slow": {"slow_mm_s": 0.5, "slow_s": 1.0},
-    "rocking": {"rocking_urad": 20.0},
-    "creep": {"creep_urad": 100.0},
-}
 
 
 @pytest.mark.parametrize("simulator", ["bench", "plain"])
@@ -28,7 +20,9 @@ def test_sound_unit_passes_on_a_moving_table(motion: str, simulator: Literal["be
 
 
 def test_short_rests_of_a_rocking_table_do_not_spoil_the_test_of_motions() -> None:
-    outcome = run(Case(seed=7018, settings={"table_motion": MOTIONS["rocking"]}, product="nav_a_fast"))
+    outcome = run(
+        Case(seed=7018, settings={"table_motion": MOTIONS["rocking of 20 µrad at 3 Hz"]}, product="nav_a_fast")
+    )
     assert outcome.passed, (outcome.failed, outcome.cause)
 
 

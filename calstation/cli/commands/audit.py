@@ -9,7 +9,7 @@ import typer
 from calstation.cli.options import JsonOption, check_choice, command_group
 from calstation.cli.show import emit
 from calstation.cli.text import say
-from calstation.config import site_folder
+from calstation.config import site_folder, verification
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
 from calstation.records import AUDIT_EVENTS, AuditEvent, AuditTrail, audit_path, read_audit, select_audit
@@ -38,7 +38,7 @@ def audit(
     names = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in trail.entries)))  # includes events of later versions
     check_choice("--event", event, tuple(names))
     events = select_audit(trail.entries, event, by, first)
-    emit(_row(path, trail, events), json, [*map(_line, events), *_state(path, trail)])
+    emit(_row(path, trail, events), json, [*map(_line, events), *_verified(path, trail)])
     return 0 if trail.damage is None else InputError.exit_code
 
 
@@ -48,7 +48,7 @@ def check_audit(file: Path | None, json: str | None) -> int:
     Raises InputError if `file` is missing.
     """
     path, trail = _read(file)
-    emit(_row(path, trail, []), json, _state(path, trail))
+    emit(_row(path, trail, []), json, _verified(path, trail))
     return 0 if trail.damage is None else InputError.exit_code
 
 
@@ -67,13 +67,8 @@ def _row(path: Path, trail: AuditTrail, events: list[AuditEvent]) -> dict[str, A
     }
 
 
-def _state(path: Path, trail: AuditTrail) -> list[str]:
-    if not path.exists():
-        return [say("audit.none", file=path)]
-    lines = [say("audit.interrupted", file=path, line=number) for number in trail.incomplete]
-    if trail.damage is not None:
-        return [*lines, say("audit.damaged", file=path, line=trail.damage.number)]
-    return [*lines, say("audit.intact", file=path, lines=len(trail.entries), digest=trail.digest)]
+def _verified(path: Path, trail: AuditTrail) -> list[str]:
+    return [say(each.code, **each.values) for each in verification(path, trail)]
 
 
 def _line(each: AuditEvent) -> str:

@@ -114,7 +114,7 @@ class AuditView(JobView):
         fill_combo(self._event, [(say("history.audit_every_event"), ""), *events])
         fill_combo(self._person, [(say("history.audit_everyone"), ""), *((name, name) for name in people)])
         self._icon.set_kind(_STATES[None if trail is None else trail.intact])
-        self._state.setText("" if trail is None else say(trail.state))
+        self._state.setText("" if trail is None else "\n".join(map(say, trail.state)))
         theme.set_kind(self._state, "error" if trail is not None and not trail.intact else "")
         self._refresh()
 

@@ -189,7 +189,7 @@ class OperatorPage(Page):
         self._refresh()
 
     def _role_changed(self) -> None:
-        if self._problem is not None:  # only an engineer is told the file and its entry
+        if self._problem is not None:  # only an engineer sees the file and its entry
             self._plan()
 
     def _change_station(self) -> None:
