@@ -8,6 +8,7 @@ import numpy as np
 from calstation.errors import ConfigurationError
 from calstation.estimation import Diagnosis, Solution
 from calstation.estimation.common import LatitudeEstimate, resolves_earth_rate
+from calstation.estimation.common.latitude import SIGMAS
 from calstation.judgement.check import Check
 from calstation.physics import DEGREE_PER_HOUR, RATE
 from calstation.records import LogMeta, context_from_meta
@@ -29,28 +30,51 @@ def unconfirmed_site(meta: LogMeta, solutions: Iterable[Solution]) -> dict[str, 
 
 
 def check_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> list[Check]:
-    """Compare the latitude measured in the latest rests with the file; return [] if it was not measured."""
+    """Compare the latitude measured in the latest rests with the file; return [] if it was not measured.
+
+    A wrong latitude is the same in every stage; if the stages contradict each other, a gyro bias has changed.
+    """
     measured = _measured_latitude(solutions)
     if measured is None:
         return []
     latitude = context_from_meta(meta).site.latitude
     limit = (latitude - measured.tolerance, latitude + measured.tolerance)
     check = Check.compare("latitude", measured.value, limit, "rad")
+    if check.passed:
+        return [check]
     values = {
         "measured": float(np.rad2deg(measured.value)),
         "latitude": meta.site.latitude_deg,
         "rate": RATE * float(np.sin(measured.value) - np.sin(latitude)) / DEGREE_PER_HOUR,
         "rate_sigma": RATE * float(np.cos(measured.value)) * measured.sigma / DEGREE_PER_HOUR,
     }
-    diagnosis = Diagnosis("latitude_unlike", measured.value - latitude, measured.sigma, "rad", values=values)
-    return [check if check.passed else replace(check, diagnosis=diagnosis)]
+    wrong = Diagnosis("latitude_unlike", measured.value - latitude, measured.sigma, "rad", values=values)
+    return [replace(check, diagnosis=_changed_bias(solutions, measured) or wrong)]
+
+
+def _changed_bias(solutions: Sequence[Solution], latest: LatitudeEstimate) -> Diagnosis | None:
+    """Return a change of a gyro bias as the cause if an earlier stage measured another latitude."""
+    for solution in solutions[:-1]:
+        earlier = solution.latitude
+        if earlier is None:
+            continue
+        change, sigma = latest.value - earlier.value, float(np.hypot(latest.sigma, earlier.sigma))
+        if abs(change) > SIGMAS * sigma:
+            values = {
+                "earlier": float(np.rad2deg(earlier.value)),
+                "during": solution.stage,
+                "later": float(np.rad2deg(latest.value)),
+                "stage": solutions[-1].stage,
+            }
+            return Diagnosis("gyro_bias_wanders", change, sigma, "rad", values=values)
+    return None
 
 
 def require_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> None:
     """Raise ConfigurationError if the latitude measured by the gyros contradicts the file's latitude."""
     for check in check_latitude(meta, solutions):
-        if check.diagnosis is not None:
-            diagnosis = check.diagnosis
+        diagnosis = check.diagnosis
+        if diagnosis is not None and diagnosis.cause == "latitude_unlike":
             values = {name: diagnosis.values[name] for name in ("latitude", "measured", "rate")}
             raise ConfigurationError("site.latitude_contradicts", sigma=float(np.rad2deg(diagnosis.sigma)), **values)
 

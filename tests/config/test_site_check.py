@@ -134,6 +134,15 @@ def test_measured_latitude_that_contradicts_the_site_ends_the_run() -> None:
         require_latitude(log_meta, solved(LatitudeEstimate(0.60, 1e-4)))
 
 
+def test_latitudes_that_differ_between_stages_are_a_change_of_a_gyro_bias() -> None:
+    log_meta, latest = meta(NAV, "six_position"), LatitudeEstimate(0.60, 1e-4)
+    for earlier, cause in ((0.6001, "latitude_unlike"), (0.5978, "gyro_bias_wanders")):
+        solutions = (*solved(LatitudeEstimate(earlier, 1e-4)), *solved(latest))
+        (check,) = check_latitude(log_meta, solutions)
+        assert check.diagnosis is not None and check.diagnosis.cause == cause
+    require_latitude(log_meta, solutions)  # the site is not wrong
+
+
 def test_no_latitude_check_without_a_latitude_estimate() -> None:
     log_meta = meta(NAV, "rate")
     for solutions in ((), solved(None)):
