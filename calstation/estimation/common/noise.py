@@ -373,6 +373,9 @@ def noise_tests(profile: SolveContext, used: SolveContext, measured: RestNoise) 
     if table == 1.0 and np.isfinite(measured.table):
         table = float(np.sqrt(np.clip(measured.table, 0.0, 1.0)))
     ratio, channel = measured.worst()
+    slow = float(np.sqrt(filter_noise(used).force / filter_noise(profile).force))
+    if slow > ratio:
+        ratio, channel = slow, "accel"
     vibrates = Diagnosis("table_vibrates", used.table.velocity_sigma, unit="m/s", values={"ratio": table})
     noisy = Diagnosis("imu_noise", values={"ratio": ratio, "channel": channel})
     return (

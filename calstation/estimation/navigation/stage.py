@@ -32,7 +32,7 @@ from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter
 from calstation.estimation.navigation.observability import ObservabilityAnalysis
 from calstation.estimation.navigation.relinearise import NavigationResult, first_pass
 from calstation.estimation.navigation.response import local_scores, result_sensitivity
-from calstation.estimation.navigation.table_noise import pass_with_actual_noise, solve_with_table_noise
+from calstation.estimation.navigation.measured_noise import pass_with_actual_noise, solve_with_measured_noise
 from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, targets_reached
 
 #: Shortest duration of the data after a start for which the live filter aligns, s.
@@ -155,7 +155,7 @@ class NavigationStage(StageSolver):
         mask = np.array([name in self.estimated for name in NAMES])
         measured = rest_noise(data, self.context, self.prior.gyro_bias)
         context = with_measured_noise(self.context, measured)
-        result, context = solve_with_table_noise(
+        result, context = solve_with_measured_noise(
             data,
             context,
             self.prior,

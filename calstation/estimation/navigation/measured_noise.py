@@ -1,0 +1,137 @@
+"""Noise of the observations and of the accelerometers of a stage, from its innovations, if it exceeds the profiles'."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from calstation.estimation.common import Posterior, SolveContext, StageData, filter_noise, nis_consistency
+from calstation.estimation.method import Progress
+from calstation.estimation.navigation.navigation_pass import History
+from calstation.estimation.navigation.relinearise import REST_RATE, NavigationResult, pass_about, solve_navigation
+from calstation.physics import BoolArray, FloatArray
+
+#: Ratio of the assumed variance to that of the innovations above which the model is tested with the latter.
+MAX_VARIANCE_RATIO = 1.25
+#: Median of the χ² distribution with 3 degrees of freedom, and relative sigma of the median of one value.
+_MEDIAN, _SCATTER = 2.366, 0.95
+MAX_ADJUSTMENTS = 4
+#: Smallest fraction of the profile's variance that is used: below it, other noise dominates and rounding errors grow.
+_MIN_RATIO = 0.01
+#: Smallest number of observations at rest, or in motion, whose median is used.
+_MIN_COUNT = 50
+#: Duration of the sums of innovations that show the noise of the accelerometers, in units of the time after which it
+#: exceeds that of the velocity, and the largest ratio of their variance that noise can have.
+_SUMMED, _LARGEST_SLOW = 2.0, 12.0
+#: Median of the χ² distribution with 1 degree of freedom, and its relative sigma for one value; significant excess in
+#: sigmas, at first and of what remains.
+_MEDIAN_OF_ONE, _SCATTER_OF_ONE, _SIGMAS = 0.4549, 1.75, (5.0, 1.0)
+
+
+def solve_with_measured_noise(
+    data: StageData,
+    context: SolveContext,
+    prior: Posterior,
+    estimated: BoolArray,
+    explained: Callable[[NavigationResult, SolveContext], float],
+    progress: Progress | None = None,
+) -> tuple[NavigationResult, SolveContext]:
+    """Solve a stage, and solve it again if its innovations indicate more noise than the profiles specify.
+
+    Return the result and the context with that noise; for a quieter table, see `pass_with_actual_noise`. What the
+    effects in the model explain is no noise: `explained` returns their part of the sum of squared innovations. Raises
+    InsufficientDataError if no segment contains a rest, numpy.linalg.LinAlgError if the solution diverges.
+    """
+    result, slow = solve_navigation(data, context, prior, estimated, progress), 1.0
+    for _ in range(MAX_ADJUSTMENTS):
+        if not np.isfinite(result.history.nis).all():
+            raise np.linalg.LinAlgError("innovations that are not finite")
+        ratio = _excess(result, data.dt, lambda: explained(result, context))
+        slow = 1.0 if ratio > 1.0 else _slow_excess(result.history, context, _SIGMAS[slow > 1.0])
+        if ratio == slow == 1.0:
+            break
+        context = _with_force(_with_variance(context, ratio), slow)
+        result = solve_navigation(data, context, prior, estimated, initial=result)
+    return result, context
+
+
+def _excess(result: NavigationResult, dt: float, explained: Callable[[], float]) -> float:
+    """Return the ratio by which the variance of the velocity must be increased; 1 if the innovations agree with it.
+
+    It is increased if the test of the innovations would fail. It is the larger of the medians of rests and motions,
+    because a median is insensitive to an effect in a part of the stage, or the mean if it agrees with them.
+    """
+    nis = result.history.nis
+    consistency = nis_consistency(float(np.sum(nis)), len(nis), 3)
+    largest = consistency.nis_high / 3.0
+    ratio, mean = _ratio(result.history, dt), consistency.nis_mean / 3.0
+    if mean < ratio * (1.0 + 4.0 * _SCATTER / np.sqrt(len(nis))):
+        ratio = max(ratio, mean)
+    if ratio > largest:
+        ratio *= max(0.0, 1.0 - explained() / float(np.sum(nis)))
+    return ratio if ratio > largest else 1.0
+
+
+def _slow_excess(history: History, context: SolveContext, sigmas: float) -> float:
+    """Return the ratio by which the noise density of the accelerometers must be increased, from slow innovations.
+
+    At rests shorter than the time after which it exceeds the noise of the velocity, it is not measurable. Sums of
+    innovations over this time have the variance 1 if the density is right, and otherwise approach its ratio. The
+    median is insensitive to an effect in a part of the stage. An excess of `sigmas` is significant.
+    """
+    noise = filter_noise(context)
+    width = round(_SUMMED * float(np.sqrt(noise.velocity / (noise.force * noise.interval))))
+    count = len(history.innovation) // max(width, 1)
+    if width < 2 or 3 * count < _MIN_COUNT:
+        return 1.0
+    sums = history.innovation[: count * width].reshape(count, width, 3).sum(axis=1) ** 2 / width
+    variance = min(float(np.mean(sums)), float(np.median(sums)) / _MEDIAN_OF_ONE)
+    is_excess = variance > 1.0 + sigmas * _SCATTER_OF_ONE / np.sqrt(3 * count)
+    return variance if is_excess and variance < _LARGEST_SLOW else 1.0
+
+
+def pass_with_actual_noise(
+    data: StageData,
+    context: SolveContext,
+    prior: Posterior,
+    estimated: BoolArray,
+    result: NavigationResult,
+    slow_variance: float,
+) -> NavigationResult:
+    """Return a pass about a solution with the actual noise if the table is quieter than `context` specifies.
+
+    The innovations show the variance of the velocity over an interval; the noise is at least that with the density at
+    low frequencies, `slow_variance`, (m/s)².
+
+    This pass is used to test the model. The estimate uses the profile's noise, which also covers disturbances that
+    occur only in some moves.
+    """
+    ratio = max(_ratio(result.history, data.dt), slow_variance / context.table.velocity_sigma**2)
+    if ratio > 1.0 / MAX_VARIANCE_RATIO:
+        return result
+    quieter = pass_about(result, data, _with_variance(context, max(ratio, _MIN_RATIO)), prior, estimated)
+    return quieter if np.isfinite(quieter.history.nis).all() else result
+
+
+def _with_variance(context: SolveContext, ratio: float) -> SolveContext:
+    """Return the context with the table's velocity variance multiplied by `ratio`."""
+    sigma = context.table.velocity_sigma * float(np.sqrt(ratio))
+    return replace(context, table=replace(context.table, velocity_sigma=sigma))
+
+
+def _with_force(context: SolveContext, ratio: float) -> SolveContext:
+    """Return the context with the noise density of the accelerometers multiplied by `ratio`."""
+    if ratio == 1.0:
+        return context
+    density = float(np.sqrt(ratio * filter_noise(context).force))
+    return replace(context, imu=replace(context.imu, accel_vrw=density))
+
+
+def _ratio(history: History, dt: float) -> float:
+    """Return the ratio of the innovations' variance to the predicted one."""
+    trace = np.einsum("nij,nij->n", history.attitude[1:], history.attitude[:-1])
+    angle: FloatArray = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
+    still = angle < REST_RATE * dt * np.maximum(np.diff(history.index), 1)
+    nis = history.nis[1:]
+    parts = [part for part in (nis[still], nis[~still]) if len(part) >= _MIN_COUNT]
+    return max((float(np.median(part)) / _MEDIAN for part in parts), default=1.0)
