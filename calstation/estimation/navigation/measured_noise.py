@@ -76,8 +76,8 @@ def _slow_excess(history: History, context: SolveContext, sigmas: float) -> floa
     """Return the ratio by which the noise density of the accelerometers must be increased, from slow innovations.
 
     At rests shorter than the time after which it exceeds the noise of the velocity, it is not measurable. Sums of
-    innovations over this time have the variance 1 if the density is right, and otherwise approach its ratio. The
-    median is insensitive to an effect in a part of the stage. An excess of `sigmas` is significant.
+    innovations over this time have the variance 1 if the density is right, and otherwise approach its ratio. An excess
+    of `sigmas` is significant; if the median does not agree with the mean, it is an effect in a part of the stage.
     """
     noise = filter_noise(context)
     width = round(_SUMMED * float(np.sqrt(noise.velocity / (noise.force * noise.interval))))
@@ -85,9 +85,10 @@ def _slow_excess(history: History, context: SolveContext, sigmas: float) -> floa
     if width < 2 or 3 * count < _MIN_COUNT:
         return 1.0
     sums = history.innovation[: count * width].reshape(count, width, 3).sum(axis=1) ** 2 / width
-    variance = min(float(np.mean(sums)), float(np.median(sums)) / _MEDIAN_OF_ONE)
-    is_excess = variance > 1.0 + sigmas * _SCATTER_OF_ONE / np.sqrt(3 * count)
-    return variance if is_excess and variance < _LARGEST_SLOW else 1.0
+    variance, median = float(np.mean(sums)), float(np.median(sums)) / _MEDIAN_OF_ONE
+    scatter = _SCATTER_OF_ONE / float(np.sqrt(3 * count))
+    is_noise = variance < min(median * (1.0 + _SIGMAS[0] * scatter), _LARGEST_SLOW)
+    return variance if is_noise and min(variance, median) > 1.0 + sigmas * scatter else 1.0
 
 
 def pass_with_actual_noise(
