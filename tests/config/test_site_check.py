@@ -139,7 +139,8 @@ def test_latitudes_that_differ_between_stages_are_a_change_of_a_gyro_bias() -> N
     for earlier, cause in ((0.6001, "latitude_unlike"), (0.5978, "gyro_bias_wanders")):
         solutions = (*solved(LatitudeEstimate(earlier, 1e-4)), *solved(latest))
         (check,) = check_latitude(log_meta, solutions)
-        assert check.diagnosis is not None and check.diagnosis.cause == cause
+        assert check.diagnosis is not None
+        assert check.diagnosis.cause == cause
     require_latitude(log_meta, solutions)  # the site is not wrong
 
 

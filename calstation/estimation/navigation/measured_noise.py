@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -46,7 +47,7 @@ def solve_with_measured_noise(
     for _ in range(MAX_ADJUSTMENTS):
         if not np.isfinite(result.history.nis).all():
             raise np.linalg.LinAlgError("innovations that are not finite")
-        ratio = _excess(result, data.dt, lambda: explained(result, context))
+        ratio = _excess(result, data.dt, partial(explained, result, context))
         slow = 1.0 if ratio > 1.0 else _slow_excess(result.history, context, _SIGMAS[slow > 1.0])
         if ratio == slow == 1.0:
             break

@@ -28,11 +28,11 @@ from calstation.estimation.common import (
 )
 from calstation.estimation.effects import EffectEstimate, EffectTests, Sensitivity, known_effects
 from calstation.estimation.method import Innovations, Progress, Ranking, Solution, StageSolver, with_diagnosis
+from calstation.estimation.navigation.measured_noise import pass_with_actual_noise, solve_with_measured_noise
 from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter
 from calstation.estimation.navigation.observability import ObservabilityAnalysis
 from calstation.estimation.navigation.relinearise import NavigationResult, first_pass
 from calstation.estimation.navigation.response import local_scores, result_sensitivity
-from calstation.estimation.navigation.measured_noise import pass_with_actual_noise, solve_with_measured_noise
 from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, targets_reached
 
 #: Shortest duration of the data after a start for which the live filter aligns, s.
