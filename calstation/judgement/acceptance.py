@@ -3,16 +3,18 @@
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from calstation.estimation import Solution
+from calstation.estimation import Diagnosis, Solution
 from calstation.estimation.common import Posterior, SolveContext
+from calstation.estimation.effects import effect_errors
 from calstation.estimation.positions import RestEvidence, angle_errors, turn_between
 from calstation.judgement.check import Check, Where
 from calstation.judgement.limits import estimated_stage
-from calstation.physics import INDEX, PARAMETERS, FloatArray
+from calstation.physics import EFFECTS, INDEX, PARAMETERS, FloatArray
 from calstation.records import (
     CheckKind,
     ChecksSection,
@@ -43,7 +45,8 @@ def acceptance(
     """
     if not solutions:
         return []
-    return list(_Acceptance(section, context, prior, solutions).checks(previous))
+    evaluated = _Acceptance(section, context, prior, solutions)
+    return [evaluated.with_cause(check) for check in evaluated.checks(previous)]
 
 
 def offline_online(section: ChecksSection, offline: Mapping[str, Any], online: Mapping[str, Any]) -> list[Check]:
@@ -73,6 +76,10 @@ _FLOORS: dict[CheckKind, CheckKind] = {
 }
 
 
+#: Checks of the magnitude of the force at one rest.
+_AT_REST: frozenset[CheckKind] = frozenset({"gravity_at_rest", "improvement_at_rest", "improvement_at_rest_floor"})
+
+
 class _Acceptance:
     """Acceptance checks of the solutions of a chain of stages."""
 
@@ -83,6 +90,8 @@ class _Acceptance:
         self._prior, self._after = prior, solutions[-1].posterior
         self._gravity = context.site.local_gravity
         self._evidence = [s.evidence for s in solutions if s.evidence is not None]
+        #: Sizes of the effects in the model, SI by component; the result's 30 parameters do not correct them.
+        self._effects = {name: e.value for s in solutions for name, e in s.estimates.items()}
 
     def checks(self, previous: Mapping[str, float]) -> Iterator[Check]:
         """Yield all checks that the product requires for the solved stages.
@@ -102,6 +111,22 @@ class _Acceptance:
             yield from self._previous(s.previous, previous)
         if s.excitation is not None:
             yield from self._excitation(s.excitation)
+
+    def with_cause(self, check: Check) -> Check:
+        """Return a failed check of the force at rest with the effect in the model that causes most of its error."""
+        if check.passed or check.where.rest is None or check.kind not in _AT_REST:
+            return check
+        rest = next(e for e in self._evidence if e.stage == check.where.stage).rests[check.where.rest]
+        omega, force = rest.compensated(self._after.mean)
+        errors = {}
+        for effect in EFFECTS:
+            sizes = {name: self._effects[name] for name in effect.names if name in self._effects}
+            corrected = force - effect_errors(sizes, omega[None], force[None])[0, 3:]
+            errors[effect.cause] = abs(float(np.linalg.norm(corrected)) - self._gravity)
+        error, cause = self._force_error(rest, self._after.mean), min(errors, key=lambda cause: errors[cause])
+        if not errors[cause] < 0.5 * error:
+            return check
+        return replace(check, diagnosis=Diagnosis("state_not_corrected", error, unit="m/s²", values={"state": cause}))
 
     def _check(self, kind: CheckKind, value: float, limit: float, unit: str, where: Where, subject: str = "") -> Check:
         near = self._section.near_miss_beyond

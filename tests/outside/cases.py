@@ -112,15 +112,15 @@ def _units() -> Iterator[Row]:
             if size is not None:
                 yield Row(title, product, causes, {"effect": effect, "magnitude": size})
     states = {
-        "gyro_square": ("gyro_square_ppm", 100.0),
-        "gyro_cubic": ("gyro_cubic_ppm", 1200.0),
-        "accel_asymmetry": ("accel_asymmetry_ppm", 60.0),
-        "accel_off_axis": ("accel_off_axis_mm", 5.0),
-        "accel_cross": ("accel_cross_ug_g2", 30.0),
+        "gyro_square": ("gyro_square_ppm", 100.0, ()),
+        "gyro_cubic": ("gyro_cubic_ppm", 1200.0, ("state_not_unique",)),
+        "accel_asymmetry": ("accel_asymmetry_ppm", 60.0, ("state_not_corrected",)),
+        "accel_off_axis": ("accel_off_axis_mm", 5.0, ("lever_x sigma below",)),
+        "accel_cross": ("accel_cross_ug_g2", 30.0, ()),
     }
-    for state, (effect, size) in states.items():
+    for state, (effect, size, causes) in states.items():
         entries = {"effect": effect, "magnitude": size, "states": (state,)}
-        yield Row(f"effect `{state}` as a state", "nav_a", entries=entries)
+        yield Row(f"effect `{state}` as a state", "nav_a", causes, entries)
     yield Row("state `accel_off_axis` without the effect", "nav_a", entries={"states": ("accel_off_axis",)})
 
 
