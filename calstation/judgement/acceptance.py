@@ -114,7 +114,7 @@ class _Acceptance:
 
     def with_cause(self, check: Check) -> Check:
         """Return a failed check of the force at rest with the effect in the model that causes most of its error."""
-        if check.passed or check.where.rest is None or check.kind not in _AT_REST:
+        if check.passed or check.kind not in _AT_REST or check.where.rest is None or math.isnan(check.value):
             return check
         rest = next(e for e in self._evidence if e.stage == check.where.stage).rests[check.where.rest]
         omega, force = rest.compensated(self._after.mean)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calstation.errors import ConfigurationError
-from calstation.estimation import Solution
+from calstation.estimation import Estimate, Solution
 from calstation.estimation.common import Consistency, ImuModel, Posterior, Site, SolveContext, TableModel
 from calstation.estimation.positions import Evidence, MotionEvidence, RestEvidence, turn_between
 from calstation.judgement import Check, Where, offline_online
@@ -124,6 +124,16 @@ def test_improvement_is_relative_to_the_uncalibrated_output():
     (checks,) = acceptance(section, context(), before, [solution(evidence, accel_bias_z=0.03)], {})
     assert (checks.name, checks.passed) == ("improvement_at_rest", True)
     assert checks.value < 1e-6
+
+
+def test_failed_check_at_rest_names_the_state_that_the_parameters_do_not_correct():
+    evidence = rests([0.0, 0.0, G * (1.0 + 5e-5)], [0.0, 0.0, -G * (1.0 - 5e-5)])
+    found = solution(evidence)
+    for state, cause in (("accel_asymmetry_z", "accel_asymmetry"), ("accel_cross_xy", None)):
+        with_state = replace(found, estimates={state: Estimate(5e-5, 1e-6, "1")})
+        (check,) = checked({"gravity_at_rest": {"within": 4e-4, "shortest_rest_s": 1.0}}, with_state).values()
+        assert not check.passed
+        assert (check.diagnosis.values["state"] if check.diagnosis else None) == cause
 
 
 def test_level_checks_horizontal_and_vertical_components():

@@ -6,7 +6,15 @@ from functools import partial
 
 import numpy as np
 
-from calstation.estimation.common import Posterior, SolveContext, StageData, filter_noise, nis_consistency
+from calstation.estimation.common import (
+    Posterior,
+    SolveContext,
+    StageData,
+    consider_update,
+    filter_noise,
+    nis_consistency,
+)
+from calstation.estimation.effects import EffectTests
 from calstation.estimation.method import Progress
 from calstation.estimation.navigation.navigation_pass import History
 from calstation.estimation.navigation.relinearise import REST_RATE, NavigationResult, pass_about, solve_navigation
@@ -34,21 +42,26 @@ def solve_with_measured_noise(
     context: SolveContext,
     prior: Posterior,
     estimated: BoolArray,
-    explained: Callable[[NavigationResult, SolveContext], float],
+    effects: Callable[[NavigationResult, SolveContext], EffectTests],
     progress: Progress | None = None,
 ) -> tuple[NavigationResult, SolveContext]:
     """Solve a stage, and solve it again if its innovations indicate more noise than the profiles specify.
 
-    Return the result and the context with that noise; for a quieter table, see `pass_with_actual_noise`. What the
-    effects in the model explain is no noise: `explained` returns their part of the sum of squared innovations. Raises
-    InsufficientDataError if no segment contains a rest, numpy.linalg.LinAlgError if the solution diverges.
+    Return the result and the context with that noise; for a quieter table, see `pass_with_actual_noise`. What effects
+    explain is no noise: `effects` returns their tests up to this stage. Raises InsufficientDataError if no segment
+    contains a rest, numpy.linalg.LinAlgError if the solution diverges.
     """
     result, slow = solve_navigation(data, context, prior, estimated, progress), 1.0
     for _ in range(MAX_ADJUSTMENTS):
         if not np.isfinite(result.history.nis).all():
             raise np.linalg.LinAlgError("innovations that are not finite")
-        ratio = _excess(result, data.dt, partial(explained, result, context))
-        slow = 1.0 if ratio > 1.0 else _slow_excess(result.history, context, _SIGMAS[slow > 1.0])
+        ratio = _excess(result, data.dt, partial(effects, result, context))
+        is_first = slow == 1.0
+        slow, gain = (1.0, 0.0) if ratio > 1.0 else _slow_excess(result.history, context, _SIGMAS[not is_first])
+        if is_first and slow > 1.0:
+            posterior = consider_update(prior, result.posterior, estimated)
+            if effects(result, context).evidence(posterior)[0].excess > gain:
+                slow = 1.0
         if ratio == slow == 1.0:
             break
         context = _with_force(_with_variance(context, ratio), slow)
@@ -56,7 +69,7 @@ def solve_with_measured_noise(
     return result, context
 
 
-def _excess(result: NavigationResult, dt: float, explained: Callable[[], float]) -> float:
+def _excess(result: NavigationResult, dt: float, effects: Callable[[], EffectTests]) -> float:
     """Return the ratio by which the variance of the velocity must be increased; 1 if the innovations agree with it.
 
     It is increased if the test of the innovations would fail. It is the larger of the medians of rests and motions,
@@ -69,12 +82,14 @@ def _excess(result: NavigationResult, dt: float, explained: Callable[[], float])
     if mean < ratio * (1.0 + 4.0 * _SCATTER / np.sqrt(len(nis))):
         ratio = max(ratio, mean)
     if ratio > largest:
-        ratio *= max(0.0, 1.0 - explained() / float(np.sum(nis)))
+        ratio *= max(0.0, 1.0 - effects().estimate().explained / float(np.sum(nis)))
     return ratio if ratio > largest else 1.0
 
 
-def _slow_excess(history: History, context: SolveContext, sigmas: float) -> float:
+def _slow_excess(history: History, context: SolveContext, sigmas: float) -> tuple[float, float]:
     """Return the ratio by which the noise density of the accelerometers must be increased, from slow innovations.
+
+    The second value is the increase of twice the logarithm of the likelihood, comparable with the χ² of an effect.
 
     At rests shorter than the time after which it exceeds the noise of the velocity, it is not measurable. Sums of
     innovations over this time have the variance 1 if the density is right, and otherwise approach its ratio. An excess
@@ -84,12 +99,14 @@ def _slow_excess(history: History, context: SolveContext, sigmas: float) -> floa
     width = round(_SUMMED * float(np.sqrt(noise.velocity / (noise.force * noise.interval))))
     count = len(history.innovation) // max(width, 1)
     if width < 2 or 3 * count < _MIN_COUNT:
-        return 1.0
+        return 1.0, 0.0
     sums = history.innovation[: count * width].reshape(count, width, 3).sum(axis=1) ** 2 / width
     variance, median = float(np.mean(sums)), float(np.median(sums)) / _MEDIAN_OF_ONE
     scatter = _SCATTER_OF_ONE / float(np.sqrt(3 * count))
     is_noise = variance < min(median * (1.0 + _SIGMAS[0] * scatter), _LARGEST_SLOW)
-    return variance if is_noise and min(variance, median) > 1.0 + sigmas * scatter else 1.0
+    if not (is_noise and min(variance, median) > 1.0 + sigmas * scatter):
+        return 1.0, 0.0
+    return variance, 3 * count * (variance - 1.0 - float(np.log(variance)))
 
 
 def pass_with_actual_noise(

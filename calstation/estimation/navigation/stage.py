@@ -26,7 +26,7 @@ from calstation.estimation.common import (
     starts,
     with_measured_noise,
 )
-from calstation.estimation.effects import EffectEstimate, EffectTests, Sensitivity, known_effects
+from calstation.estimation.effects import EffectTests, Sensitivity, known_effects
 from calstation.estimation.method import Innovations, Progress, Ranking, Solution, StageSolver, with_diagnosis
 from calstation.estimation.navigation.measured_noise import pass_with_actual_noise, solve_with_measured_noise
 from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter
@@ -131,16 +131,16 @@ class NavigationStage(StageSolver):
         if not np.isfinite(result.history.nis).all():
             return np.full(COUNT, np.inf)
         posterior = consider_update(self.prior, result.posterior, mask)
-        return self._estimated_effects(data, self.context, mask, result).correct(posterior).sigma
+        return self._effects_after(data, self.context, mask, result).estimate().correct(posterior).sigma
 
-    def _estimated_effects(
+    def _effects_after(
         self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult
-    ) -> EffectEstimate:
-        """Return the effects in the unit's model after a solution of this stage."""
+    ) -> EffectTests:
+        """Return the tests of effects after a solution of this stage."""
         priors = known_effects(self.prior.sigma, context)
         before = self.effects or EffectTests(np.zeros(COUNT), context.states, priors)
         sensitivity = result_sensitivity(result, data, context, mask)
-        return before.with_stage(self.stage, sensitivity, self.estimated).estimate()
+        return before.with_stage(self.stage, sensitivity, self.estimated)
 
     def ranking(self) -> Ranking | None:
         """Return the observability at the last call of `sigma`; None before the first observation."""
@@ -160,7 +160,7 @@ class NavigationStage(StageSolver):
             context,
             self.prior,
             mask,
-            lambda result, context: self._estimated_effects(data, context, mask, result).explained,
+            lambda result, context: self._effects_after(data, context, mask, result),
             progress,
         )
         nis = result.history.nis
