@@ -264,7 +264,7 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("gyro_hysteresis", "rad/s", 1e-2, _AXES, lambda m: m.last_turns, OF_GYROS, on_table=True),
     Effect("gyro_scale_hysteresis", "1", 1e-2, _AXES, lambda m: m.rate * m.last_turns, OF_GYROS, on_table=True),
     Effect(
-        "axis_offset", "m", 5e-3, ("hinge", "inner"), lambda m: np.empty((len(m.rate), 0)), (),
+        "axis_offset", "m", 1e-2, ("hinge", "inner"), lambda m: np.empty((len(m.rate), 0)), (),
         velocity=_axis_offset, is_state=True, on_table=True,
     ),
 )  # fmt: skip
