@@ -14,8 +14,8 @@ from calstation.config.confirmation import (
     confirmation_required,
 )
 from calstation.config.editing import check, detect_kind, edit_toml, line_of, read_text
+from calstation.config.file_forms import FORMS, reference_form
 from calstation.config.forms import (
-    FORMS,
     FieldSpec,
     Form,
     FormCell,
@@ -88,6 +88,7 @@ from calstation.config.station import (
     uses_manual_rig,
     virtual_serials,
 )
+from calstation.config.station_forms import BADGES, INSTRUMENTS, SIGNATORIES
 from calstation.config.station_sections import (
     InstrumentSection,
     ReportSection,

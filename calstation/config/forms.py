@@ -1,27 +1,17 @@
 """Forms for files and schedules, whose models describe the fields; values are in display units."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from datetime import date
 from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from calstation.config.editing import field_of, required_type
-from calstation.devices.codecs import SENSORS
-from calstation.devices.profiles import ImuProfile
-from calstation.physics import (
-    EFFECT_PARAMETERS,
-    EFFECT_STATES,
-    GROUPS,
-    NAMES,
-    PAIR_PARAMETERS,
-    from_unit,
-    in_unit,
-    unit_of,
-    unit_of_parameter,
-)
-from calstation.schema import KeyPath, Problem
+from calstation.physics import from_unit, in_unit
+from calstation.schema import KeyPath, Problem, value_at
 
 #: Function that returns the value at a key path of a file, or None.
 Get = Callable[[KeyPath], Any]
@@ -29,14 +19,10 @@ Get = Callable[[KeyPath], Any]
 #: Display unit and its size in SI.
 Unit = tuple[str, float]
 
-_NO_UNIT: Unit = ("", 1.0)
-_MIXED_UNITS: Unit = ("SI", 1.0)
+NO_UNIT: Unit = ("", 1.0)
 
 #: Kinds of problems that prevent the entries of a file from being shown in a form.
 _UNREADABLE = ("toml", "file", "model_type", "dict_type", "list_type")
-
-#: Number types offered for a register map; other types can be entered.
-_TYPES = ("f32", "f64", "i16", "i32", "u16", "u32", "q2.30", "q16.16")
 
 #: Kinds of fields by the type of their values.
 _KINDS: dict[Any, Any] = {bool: "flag", int: "count", float: "number", str: "text", list: "vector", Literal: "choice"}
@@ -97,25 +83,35 @@ class FormCell:
     """A value of a file in a table.
 
     key_path : key path of the value, or of the interval that it limits
-    kind : a number, a text, names separated by commas, or one of `choices`; the choice None omits the entry
+    kind : a number, a text, names separated by commas, a date as YYYY-MM-DD, one of `choices`, of which None omits the
+        entry, or the number of entries, which cannot be edited
     end : 0 for the lowest value of an interval, 1 for the highest
     magnitude : whether the interval may also be a single number, which means ± this number
     component : number of the component of a vector, 0 to 2; all components are 0 if the file has no vector
+    member : text whose presence in a list is the value, which is one of the choices True and False
     default : value if the file has none
     """
 
     key_path: KeyPath
-    unit: Unit = _NO_UNIT
-    kind: Literal["number", "text", "names", "choice"] = "number"
+    unit: Unit = NO_UNIT
+    kind: Literal["number", "text", "names", "date", "entries", "choice"] = "number"
     end: int | None = None
     magnitude: bool = False
     component: int | None = None
+    member: str | None = None
     choices: tuple[Any, ...] = ()
     default: Any = None
+
+    @property
+    def editable(self) -> bool:
+        """Whether the value can be edited in the table."""
+        return self.kind != "entries"
 
     def value(self, get: Get) -> Any:
         """Return the value in the file, or None."""
         value, part = get(self.key_path), self._part
+        if self.member is not None:
+            return isinstance(value, list) and self.member in value
         if part is None:
             return value
         if isinstance(value, list):
@@ -125,6 +121,8 @@ class FormCell:
     def is_set(self, get: Get) -> bool:
         """Return whether the file contains the value itself; False for a default and the lower end of a ± interval."""
         value = get(self.key_path)
+        if self.member is not None:
+            return bool(self.value(get))
         return value is not None and (self.end != 0 or isinstance(value, list))
 
     def displayed(self, get: Get) -> Any:
@@ -133,6 +131,8 @@ class FormCell:
         value = self.default if value is None else value
         if self.kind == "choice":
             return value
+        if self.kind == "entries":
+            return str(len(value)) if isinstance(value, Mapping) else "0"
         if value is None:
             return ""
         if isinstance(value, list):
@@ -147,6 +147,8 @@ class FormCell:
         A text that is not a number is stored unchanged, so that the validation of the file reports it.
         """
         value = self._parse(entered)
+        if self.member is not None:
+            return self._member_changes(get(self.key_path), present=bool(value))
         if self.component is not None and value is None:
             value = 0.0
         if value == self._parse(self.displayed(get)):
@@ -157,7 +159,7 @@ class FormCell:
                 return {(*self.key_path, self.component): value}
             return {self.key_path: [value if axis == self.component else 0.0 for axis in range(3)]}
         if self.end is None:
-            return {self.key_path: value}
+            return {self.key_path: "" if value is None and isinstance(self.key_path[-1], int) else value}
         if self.magnitude and not isinstance(present, list) and (self.end == 1 or value is None):
             return {self.key_path: value} if self.end == 1 else {}
         if isinstance(present, list) and len(present) == 2 and value is not None:
@@ -180,12 +182,21 @@ class FormCell:
         """Return whether a problem concerns this value."""
         length, part = len(self.key_path), self._part
         inside = problem.key_path[:length] == self.key_path
+        if self.member is not None and len(problem.key_path) > length:
+            return inside and value_at(problem.data, problem.key_path) == self.member
         return inside and (part is None or problem.key_path[length : length + 1] in ((), (part,)))
 
     @property
     def _part(self) -> int | None:
         """Number of the element of a list, or None for the whole value."""
         return self.end if self.component is None else self.component
+
+    def _member_changes(self, names: Any, *, present: bool) -> dict[KeyPath, Any]:
+        """Return the change that adds the member to a list or removes it; the last member is removed with the list."""
+        names = names if isinstance(names, list) else []
+        if present == (self.member in names):
+            return {}
+        return {self.key_path: [*names, self.member] if present else [n for n in names if n != self.member] or None}
 
     def _parse(self, entered: Any) -> Any:
         """Convert a text or choice to the value for the file, which is None for an empty text."""
@@ -195,6 +206,10 @@ class FormCell:
         if self.kind == "names":
             return [name.strip() for name in text.split(",")] if text else None
         if self.kind == "text":
+            return text or None
+        if self.kind == "date":
+            with suppress(ValueError):
+                return date.fromisoformat(text)
             return text or None
         try:
             return from_unit(float(text), self.unit[1]) if self.unit[1] != 1.0 else _number(text)
@@ -228,10 +243,11 @@ class Form:
     """A form for some of the entries of a kind of file.
 
     roots : entries that contain the values; new rows are added to the first one
-    names : kind of the names of the rows
+    names : kind of the names of the rows; a name of the kind ``text`` is typed to add its row
     offered : names of the rows that can be added
     new_entry : if the rows are the entries of an ordered list, function that returns a new entry; its last argument is
         the model of the file, or None for an invalid file
+    new_value : value of a new row that is not an entry of a list
     """
 
     name: str
@@ -239,9 +255,10 @@ class Form:
     roots: tuple[KeyPath, ...]
     columns: Callable[[Get], list[FormColumn]]
     rows: Callable[[Get], list[FormRow]]
-    names: Literal["parameter", "key", "number"]
+    names: Literal["parameter", "key", "number", "text"]
     offered: tuple[str, ...] = ()
-    new_entry: Callable[[Get, BaseModel | None], dict[str, Any]] | None = None
+    new_entry: Callable[[Get, BaseModel | None], Any] | None = None
+    new_value: Any = field(default_factory=dict)
 
     @property
     def listed(self) -> bool:
@@ -277,7 +294,7 @@ def _number(text: str) -> float:
         return float(text)
 
 
-def cell_of(kind: str, key_path: KeyPath, unit: Unit = _NO_UNIT, **options: Any) -> FormCell:
+def cell_of(kind: str, key_path: KeyPath, unit: Unit = NO_UNIT, **options: Any) -> FormCell:
     """Create the cell for an entry, with the choices and the default from the model of the file."""
     info = field_of(kind, key_path)
     if info is None:
@@ -290,171 +307,24 @@ def cell_of(kind: str, key_path: KeyPath, unit: Unit = _NO_UNIT, **options: Any)
     return FormCell(key_path, unit, "choice", choices=choices, default=spec.default)
 
 
-def _keys(table: Any) -> list[str]:
-    return list(table) if isinstance(table, Mapping) else []
-
-
-def _unit(name: str) -> Unit:
-    """Return the display unit of a parameter or group; an unknown name has no unit and is reported elsewhere."""
-    try:
-        return unit_of_parameter(name)
-    except KeyError:
-        return _NO_UNIT
-
-
-def _limit_stages(get: Get) -> list[str]:
-    """Return the stages for which a limit specifies a separate sigma for partial runs."""
-    limits = get(("limits",))
-    return list(dict.fromkeys(s for name in _keys(limits) for s in _keys(get(("limits", name, "sigma_below_after")))))
-
-
-def _limit_columns(get: Get) -> list[FormColumn]:
-    after = [FormColumn("sigma_below_after", stage) for stage in _limit_stages(get)]
-    return [*map(FormColumn, ("unit", "lowest", "highest", "sigma_below")), *after, FormColumn("target")]
-
-
-def _limit_rows(get: Get) -> list[FormRow]:
-    rows = []
-    for name in dict.fromkeys((*_keys(get(("limits",))), *_keys(get(("targets",))))):
-        unit, key_path = _unit(name), ("limits", name)
-        ends = (cell_of("products", (*key_path, "within"), unit, end=end, magnitude=True) for end in (0, 1))
-        after = ((*key_path, "sigma_below_after", stage) for stage in _limit_stages(get))
-        sigmas = ((*key_path, "sigma_below"), *after, ("targets", name))
-        cells: tuple[FormCell | str, ...] = (unit[0], *ends, *(cell_of("products", sigma, unit) for sigma in sigmas))
-        rows.append(FormRow(name, cells, (key_path, ("targets", name))))
-    return rows
-
-
-def _noise_rows(get: Get) -> list[FormRow]:
-    rate = get(("stream", "output")) == "rate"
-    gyro, accel = ("rad/s", "m/s²") if rate else ("rad", "m/s")
-    units = {
-        ("noise", "gyro_arw"): "rad/√s",
-        ("noise", "accel_vrw"): "m/s/√s",
-        ("noise", "gyro_bias_instability"): "rad/s",
-        ("noise", "accel_bias_instability"): "m/s²",
-        ("stream", "sample_rate_hz"): "Hz",
-        ("stream", "output"): "",
-        ("stream", "gyro_lsb"): gyro,
-        ("stream", "accel_lsb"): accel,
-        ("stream", "gyro_quantisation"): gyro,
-        ("stream", "accel_quantisation"): accel,
-        ("stream", "order"): "",
-    }
-    cells = [cell_of("imus", key_path, unit_of(unit)) for key_path, unit in units.items()]
-    return [FormRow(str(cell.key_path[-1]), (cell, cell.unit[0])) for cell in cells]
-
-
-def _prior_rows(get: Get) -> list[FormRow]:
-    rows = []
-    for name in dict.fromkeys((*_keys(get(("prior",))), *_keys(get(("stability",))))):
-        unit = _unit(name)
-        key_paths = (("prior", name, "sigma"), ("stability", name, "power_up"), ("stability", name, "year"))
-        cells: tuple[FormCell | str, ...] = (unit[0], *(cell_of("imus", key_path, unit) for key_path in key_paths))
-        rows.append(FormRow(name, cells, (("prior", name), ("stability", name))))
-    return rows
-
-
-#: Columns of a register; the last five are entries of its convention.
-_REGISTER = (
-    *("address", "page", "parameters", "type", "scale", "unit", "lowest", "highest", "tolerance", "major"),
-    *("byte_order", "word_order", "span", "matrix", "identity", "negated", "offset", "added"),
-)
-_CONVENTION = ("matrix", "identity", "negated", "offset", "added")
-
-
-def entry_rows(key: str, cells: Callable[[Get, KeyPath], Iterable[FormCell | str]]) -> Callable[[Get], list[FormRow]]:
-    """Return the `rows` function of a form whose rows are the entries of a list, numbered from 1."""
+def entry_rows(
+    root: KeyPath, cells: Callable[[Get, KeyPath], Iterable[FormCell | str]]
+) -> Callable[[Get], list[FormRow]]:
+    """Return the `rows` function of a form whose rows are the entries of the list at `root`, numbered from 1."""
 
     def rows(get: Get) -> list[FormRow]:
-        entries = get((key,))
-        key_paths: list[KeyPath] = [(key, i) for i in range(len(entries if isinstance(entries, list) else []))]
+        entries = get(root)
+        key_paths: list[KeyPath] = [(*root, i) for i in range(len(entries if isinstance(entries, list) else []))]
         return [FormRow(str(i), tuple(cells(get, key_path)), (key_path,)) for i, key_path in enumerate(key_paths, 1)]
 
     return rows
 
 
-def _register_cells(get: Get, key_path: KeyPath) -> Iterator[FormCell | str]:
-    content = get((*key_path, "parameters"))
-    unit = _content_unit(content)
-    formula = "matrix" in str(content) or "offset" in str(content) or get((*key_path, "convention")) is not None
-    for key in _REGISTER:
-        if key == "unit":
-            yield unit[0]
-        elif key in ("lowest", "highest"):
-            yield cell_of("imus", (*key_path, "range"), unit, end=int(key == "highest"))
-        elif not formula and key in ("major", *_CONVENTION):
-            yield ""
-        elif key in _CONVENTION:
-            yield cell_of("imus", (*key_path, "convention", key))
-        else:
-            cell = cell_of("imus", (*key_path, key), unit if key == "tolerance" else _NO_UNIT)
-            kind: Any = {"parameters": "names", "type": "text"}.get(key, cell.kind)
-            offers = {"parameters": _CONTENTS, "type": _TYPES}.get(key, cell.choices)
-            span = None if key == "span" else cell.default  # the default depends on the protocol
-            yield replace(cell, kind=kind, choices=offers, default=span)
-
-
-def _content_unit(names: Any) -> Unit:
-    """Return the display unit of the content of a register; "SI" if its numbers have different units."""
-    units = {_unit_of_content(str(name)) for name in names if name} if isinstance(names, list) else set()
-    return units.pop() if len(units) == 1 else _MIXED_UNITS
-
-
-def _unit_of_content(name: str) -> Unit:
-    sensor, _, slot = name.partition("_")
-    if slot.startswith("matrix"):
-        return _NO_UNIT
-    return _unit(f"{sensor}_bias" if slot.startswith("offset") else name)
-
-
-def _new_register(_: Get, profile: BaseModel | None) -> dict[str, Any]:
-    """Return a new entry of the register map at the next free address; it contains 0 until it is given a name."""
-    if not isinstance(profile, ImuProfile) or not profile.registers:
-        return {"address": 0, "parameters": [""], "range": [-1.0, 1.0]}
-    last = profile.registers[-1]
-    page = {"page": last.page} if last.page else {}
-    return {**page, "address": last.end, "parameters": [""], "range": list(last.range)}
-
-
-#: Names of groups and of matrices that are offered as register contents.
-_CONTENTS = (*GROUPS, *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")), *EFFECT_STATES)
-
-_OTHER_GROUPS = tuple(dict.fromkeys(p.group for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)))
-
-
-def _columns(*keys: str) -> Callable[[Get], list[FormColumn]]:
+def fixed_columns(*keys: str) -> Callable[[Get], list[FormColumn]]:
+    """Return the `columns` function of a form whose columns do not depend on the values."""
     return lambda _: [FormColumn(key) for key in keys]
 
 
-#: All forms, in the order in which they are offered.
-FORMS = (
-    Form(
-        "limits",
-        "products",
-        (("limits",), ("targets",)),
-        _limit_columns,
-        _limit_rows,
-        "parameter",
-        (*GROUPS, *NAMES, *_OTHER_GROUPS),
-    ),
-    Form("noise", "imus", (("noise",), ("stream",)), _columns("value", "unit"), _noise_rows, "key"),
-    Form(
-        "priors",
-        "imus",
-        (("prior",), ("stability",)),
-        _columns("unit", "sigma", "power_up", "year"),
-        _prior_rows,
-        "parameter",
-        (*GROUPS, *NAMES),
-    ),
-    Form(
-        "registers",
-        "imus",
-        (("registers",),),
-        _columns(*_REGISTER),
-        entry_rows("registers", _register_cells),
-        "number",
-        new_entry=_new_register,
-    ),
-)
+def keys_of(table: Any) -> list[str]:
+    """Return the keys of a table, or [] for another value."""
+    return list(table) if isinstance(table, Mapping) else []

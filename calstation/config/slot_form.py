@@ -58,7 +58,9 @@ def _new_slot(get: Get, _: BaseModel | None) -> dict[str, Any]:
 
 
 #: The form of the slots of a station.
-SLOTS = Form("slots", "stations", (("slots",),), _columns, entry_rows("slots", _cells), "number", new_entry=_new_slot)
+SLOTS = Form(
+    "slots", "stations", (("slots",),), _columns, entry_rows(("slots",), _cells), "number", new_entry=_new_slot
+)
 
 
 def with_slots(text: str) -> str:

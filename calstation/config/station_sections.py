@@ -85,12 +85,12 @@ class SignInSection(StrictModel):
     def _badges(self) -> "SignInSection":
         for badge in self.names:
             if not self.is_badge(badge):
-                raise EntryError("station.badge_unlike", "names", badge=badge, pattern=self.badge_pattern)
-        for badge in self.engineers:
+                raise EntryError("station.badge_unlike", "names", badge, badge=badge, pattern=self.badge_pattern)
+        for number, badge in enumerate(self.engineers):
             if not self.is_badge(badge):
-                raise EntryError("station.badge_unlike", "engineers", badge=badge, pattern=self.badge_pattern)
+                raise EntryError("station.badge_unlike", "engineers", number, badge=badge, pattern=self.badge_pattern)
             if self.names and badge not in self.names:
-                raise EntryError("station.engineer_unnamed", "engineers", badge=badge)
+                raise EntryError("station.engineer_unnamed", "engineers", number, badge=badge)
         return self
 
     def is_badge(self, text: str) -> bool:

@@ -50,7 +50,7 @@ def test_with_sign_in_only_a_registered_badge_is_accepted(site_folder: SiteFolde
     ("entries", "message"),
     [
         ({"sign_in": {"badge_pattern": "["}}, "sign_in.badge_pattern: “\\[” is not a regular expression"),
-        ({"sign_in": {**BADGES, "names": {"X1": "Li"}}}, "sign_in.names: The badge “X1” does not match"),
+        ({"sign_in": {**BADGES, "names": {"X1": "Li"}}}, "sign_in.names.X1: The badge “X1” does not match"),
         ({"sign_in": {**BADGES, "idle_minutes": 0.0}}, "sign_in.idle_minutes"),
         ({"shift_starts": ["6:00"]}, "shift_starts\\[1\\]: '6:00' does not match"),
         ({"shift_starts": ["24:00"]}, "shift_starts\\[1\\]"),

@@ -20,7 +20,7 @@ from tests.gui.station_driver import PIN, PageDriver, station_page
 
 pytestmark = pytest.mark.long
 
-PROFILES = 6
+PROFILES = 8
 
 
 class FormDriver(PageDriver):

@@ -45,7 +45,7 @@ from tests.site_folder import STATION as STATION_DATA
 
 pytestmark = pytest.mark.long
 
-STATION, TABLE_LINK, IMU_LINK, SITE, RECORDS, TABLE, PROFILES, PERSONAL = range(8)
+STATION, TABLE_LINK, IMU_LINK, SITE, RECORDS, LABORATORY, OPERATORS, TABLE, PROFILES, PERSONAL = range(10)
 LATCHED = DeviceFaultError("table.latched_interlock", fault="interlock", station_options="")
 
 

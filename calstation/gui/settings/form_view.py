@@ -1,4 +1,4 @@
-"""Forms for limits, noise, priors and register maps, which are editable tables of values in display units."""
+"""Forms for the lists and tables of a file, such as limits and registers, which are editable tables of values."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -15,6 +15,7 @@ from calstation.gui.widgets import (
     ChoiceBox,
     Column,
     EditableBox,
+    Item,
     ParameterModel,
     ParameterTable,
     TextEdit,
@@ -23,13 +24,14 @@ from calstation.gui.widgets import (
     column,
     enable,
     label,
+    line_edit,
     problem_text,
     row,
     show_text,
     theme,
 )
 from calstation.messages import known
-from calstation.schema import Problem
+from calstation.schema import KeyPath, Problem
 
 Index = QModelIndex | QPersistentModelIndex
 
@@ -97,7 +99,7 @@ class FormModel(ParameterModel):
         name = say("form.cell", row=name, column=heading) if heading else name
         name = say("form.in_unit", name=name, unit=unit) if unit else name
         what = problem_text(cells[0].in_display_unit(problem))
-        return say("form.problem", name=f"{name[0].upper()}{name[1:]}", what=what)
+        return say("form.problem", name=f"{name[:1].upper()}{name[1:]}", what=what)
 
     def lines(self, rows: Iterable[int]) -> list[list[str]]:
         """Return the headings and the rows for a spreadsheet."""
@@ -108,7 +110,8 @@ class FormModel(ParameterModel):
     def flags(self, index: Index) -> Qt.ItemFlag:
         """Return the flags of a cell, including whether it can be edited."""
         flags = super().flags(index)
-        can_change = not self.locked and isinstance(self.cell(index), FormCell)
+        cell = self.cell(index)
+        can_change = not self.locked and isinstance(cell, FormCell) and cell.editable
         return flags | Qt.ItemFlag.ItemIsEditable if can_change else flags
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
@@ -290,9 +293,9 @@ class FormTable(ParameterTable):
 
 
 class FormView(QWidget):
-    """A form, and buttons for actions on its rows."""
+    """A form with an explanation, buttons for actions on its rows, and further items below."""
 
-    def __init__(self, form: Form) -> None:
+    def __init__(self, form: Form, *further: Item) -> None:
         super().__init__()
         self.form = form
         self._draft = Draft(form.kind)
@@ -302,6 +305,11 @@ class FormView(QWidget):
         self._reason = label(kind="error", name=f"{form.name}_form_reason", wrap=True)
         self._name_box = ChoiceBox(self._names_to_add, f"{form.name}_add_combo")
         self._name_box.setMinimumWidth(28 * theme.GRID)
+        #: Input for the name of a new row, which can be scanned.
+        self._name_edit = line_edit(
+            f"{form.name}_add_edit", lambda _: self._enable(), width=28 * theme.GRID, hint="form.type_or_scan"
+        )
+        self._about = label(kind="muted", wrap=True)
         actions = {
             "add": ("settings.add", lambda: self._add()),
             "remove": ("settings.remove", lambda: self._remove()),
@@ -309,15 +317,22 @@ class FormView(QWidget):
             "down": ("settings.move_down", lambda: self._move(1)),
         }
         self._buttons = {name: button(f"{form.name}_{name}_button", *action) for name, action in actions.items()}
+        self._name_edit.returnPressed.connect(self._buttons["add"].click)
         hint = label("form.edit_hint", "muted", wrap=True)
-        below = row(self._name_box, *self._buttons.values(), (hint, 1))
-        column(self._reason, (self.table, 1), below, on=self, margins=(0, theme.GRID, 0, 0))
+        below = row(self._name_box, self._name_edit, *self._buttons.values(), (hint, 1))
+        column(self._about, self._reason, (self.table, 1), below, *further, on=self, margins=(0, theme.GRID, 0, 0))
         self._name_box.setVisible(bool(form.offered))
+        self._name_edit.setVisible(self._typed)
         for name, each in self._buttons.items():
-            each.setVisible(form.listed or (bool(form.offered) and name in ("add", "remove")))
+            each.setVisible(form.listed or ((self._typed or bool(form.offered)) and name in ("add", "remove")))
         self.table.selectionModel().currentChanged.connect(lambda *_: self._enable())
         self.model.modelReset.connect(self._enable)
         on_language_change(self, self.refresh)
+
+    @property
+    def _typed(self) -> bool:
+        """Whether the name of a new row is typed."""
+        return self.form.names == "text"
 
     @property
     def title(self) -> str:
@@ -329,6 +344,11 @@ class FormView(QWidget):
         self._draft = draft
         self.refresh()
 
+    def show_form(self, form: Form, draft: Draft) -> None:
+        """Show the values of a draft in another form of the same kind."""
+        self.form = self.model.form = form
+        self.show_draft(draft)
+
     def lock(self, reason: str) -> None:
         """Disable changes and show `reason` in tooltips; "" enables them."""
         self.model.locked = reason
@@ -337,6 +357,8 @@ class FormView(QWidget):
     def refresh(self) -> None:
         """Show the current values, or the reason why they cannot be shown."""
         self.table.setAccessibleName(say(self.title))
+        about = f"form.about_tab_{self.form.name}"
+        show_text(self._about, say(about) if known(about) else "")
         draft = self._draft
         current = self.table.currentIndex()
         line, number = current.row(), current.column()
@@ -352,6 +374,10 @@ class FormView(QWidget):
         self._name_box.setCurrentIndex(max(self._name_box.currentIndex(), 0))
         self._enable()
 
+    def describe(self, problem: Problem) -> str:
+        """Return a sentence on a problem with the names of its row and column, or "" if it is not in this form."""
+        return self.model.describe(problem)
+
     def go_to(self, problem: Problem) -> bool:
         """Select the cell of a problem, and return whether it belongs to this form."""
         cells = cells_with_problem(self.model.rows, problem)
@@ -365,11 +391,19 @@ class FormView(QWidget):
         number, last = self.table.currentIndex().row(), len(self.model.rows) - 1
         why_no_row = why_not or ("" if number >= 0 else say("settings.choose_row"))
         enable(self._name_box, why_not)
-        can_add = self.form.listed or self._name_box.count()
-        enable(self._buttons["add"], why_not or ("" if can_add else say("settings.all_listed")))
+        enable(self._name_edit, why_not)
+        enable(self._buttons["add"], why_not or self._why_not_add())
         enable(self._buttons["remove"], why_no_row)
         enable(self._buttons["up"], why_no_row or ("" if number > 0 else say("settings.is_first")))
         enable(self._buttons["down"], why_no_row or ("" if number < last else say("settings.is_last")))
+
+    def _why_not_add(self) -> str:
+        """Return why no row can be added, or ""."""
+        if self._typed:
+            name = self._name_edit.text().strip()
+            listed = name in (each.name for each in self.model.rows)
+            return say("settings.is_listed") if listed else "" if name else say("settings.type_or_scan")
+        return "" if self.form.listed or self._name_box.count() else say("settings.all_listed")
 
     def _names_to_add(self) -> list[tuple[str, str]]:
         present = {each.name for each in self.model.rows}
@@ -381,8 +415,9 @@ class FormView(QWidget):
             number = len(self.model.rows)
             self._arrange([*range(number), self.form.new_entry(draft.value, draft.model)])
         else:
-            name = self._name_box.value()
-            draft.set({(*self.form.roots[0], name): {}})
+            name = self._name_edit.text().strip() if self._typed else self._name_box.value()
+            self._name_edit.clear()
+            draft.set({(*self.form.roots[0], name): self.form.new_value})
             number = next(i for i, each in enumerate(self.model.rows) if each.name == name)
         first = next(i for i, cell in enumerate(self.model.rows[number].cells) if isinstance(cell, FormCell))
         self.table.setCurrentIndex(self.model.index(number, first))
@@ -393,7 +428,12 @@ class FormView(QWidget):
         if self.form.listed:
             self._arrange([i for i in range(len(self.model.rows)) if i != number])
         else:
-            self._draft.set(dict.fromkeys(self.model.rows[number].key_paths))
+            chosen = self.model.rows[number]
+            changes: dict[KeyPath, Any] = dict.fromkeys(chosen.key_paths)
+            for cell in chosen.cells:
+                if isinstance(cell, FormCell) and cell.member is not None:
+                    changes |= cell.changes(self._draft.value, False)
+            self._draft.set(changes)
 
     def _move(self, by: int) -> None:
         index = self.table.currentIndex()
@@ -403,5 +443,20 @@ class FormView(QWidget):
         self.table.setCurrentIndex(self.model.index(index.row() + by, index.column()))
 
     def _arrange(self, order: list[Any]) -> None:
-        (key,) = self.form.roots[0]
-        self._draft.rewrite(arrange_entries(self._draft.text, str(key), order))
+        root = self.form.roots[0]
+        if len(root) == 1:
+            self._draft.rewrite(arrange_entries(self._draft.text, str(root[0]), order))
+            return
+        present = self._draft.value(root)
+        self._draft.set({root: [present[each] if isinstance(each, int) else each for each in order] or None})
+
+
+class FittedForm(FormView):
+    """A form whose table is as high as its rows, for a section with other contents."""
+
+    def refresh(self) -> None:
+        """Show the current values, and make the table as high as its rows."""
+        super().refresh()
+        header, line = self.table.horizontalHeader(), self.table.verticalHeader().defaultSectionSize()
+        bar = self.table.horizontalScrollBar().sizeHint().height()
+        self.table.setFixedHeight(header.sizeHint().height() + len(self.model.rows) * line + bar + theme.GRID)

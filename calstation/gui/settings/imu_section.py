@@ -3,7 +3,7 @@
 from calstation.config import SLOTS, profile_takes_single_unit, with_one_unit, with_slots
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Section, problem_text_with_name
-from calstation.gui.settings.form_view import FormView
+from calstation.gui.settings.form_view import FittedForm
 from calstation.gui.settings.link_section import LinkSection
 from calstation.gui.state import AppContext
 from calstation.gui.text import say
@@ -13,15 +13,8 @@ from calstation.gui.widgets import box, button, column, enable, label, row, show
 _KEYS = ("slots", "imu", "imu2", "imu3")
 
 
-class _SlotsView(FormView):
+class _SlotsView(FittedForm):
     """The form of the slots; removing the last slot converts the station to a single unit."""
-
-    def refresh(self) -> None:
-        """Show the current values, and make the table as high as its rows."""
-        super().refresh()
-        header, line = self.table.horizontalHeader(), self.table.verticalHeader().defaultSectionSize()
-        bar = self.table.horizontalScrollBar().sizeHint().height()
-        self.table.setFixedHeight(header.sizeHint().height() + len(self.model.rows) * line + bar + theme.GRID)
 
     def _remove(self) -> None:
         if len(self.model.rows) > 1:

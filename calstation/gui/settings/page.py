@@ -12,6 +12,7 @@ from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Drafts
 from calstation.gui.settings.fields import problem_text_with_name
 from calstation.gui.settings.imu_section import ImuSection
+from calstation.gui.settings.laboratory_section import LaboratorySection, OperatorsSection
 from calstation.gui.settings.link_section import LinkSection
 from calstation.gui.settings.personal_section import PersonalSection
 from calstation.gui.settings.profiles_section import NewFileBar, ProfilesSection
@@ -39,18 +40,20 @@ from calstation.schema import KeyPath
 
 _NAV_WIDTH = 26 * theme.GRID
 _LINK_KEYS = ("port", "timeout_s", "serial")
-#: Key paths in the station file that the first five sections edit.
+#: Key paths in the station file that the first seven sections edit.
 _SECTION_KEYS: tuple[tuple[KeyPath, ...], ...] = (
     (("name",), ("product",), ("table", "profile"), ("handover",), ("bench",)),
     (*(("table", key) for key in _LINK_KEYS), ("table", "unit")),
     (*(("imu", key) for key in _LINK_KEYS), ("slots",)),
     (("site",),),
     (("records",),),
+    (("laboratory",), ("instruments",)),
+    (("sign_in",), ("label",)),
 )
 
 #: Catalogue codes of the names of the sections that follow the links.
 _OTHER_TITLES = (
-    *("settings.site", "settings.shared_records", "settings.table"),
+    *("settings.site", "settings.shared_records", "settings.laboratory", "settings.operators", "settings.table"),
     *("settings.profiles_and_products", "settings.this_computer"),
 )
 
@@ -76,6 +79,8 @@ class StationPage(Page):
             self.imus,
             SiteSection(self.drafts.station),
             RecordsSection(app, self.drafts.station),
+            LaboratorySection(self.drafts.station),
+            OperatorsSection(self.drafts.station),
             TableSection(self.drafts.table),
             self.profiles,
             self.personal,
@@ -98,6 +103,8 @@ class StationPage(Page):
         places: dict[type[QWidget], str] = {
             SiteSection: "how-to/connect.md#the-station-file",
             RecordsSection: "how-to/many-stations.md",
+            LaboratorySection: "how-to/certificates.md#entries-in-the-station-file",
+            OperatorsSection: "how-to/production-line.md#operators-sign-in",
             TableSection: "reference/profiles.md#table-profiles",
             ProfilesSection: "reference/profiles.md",
             PersonalSection: "how-to/production-line.md#sounds",

@@ -13,6 +13,7 @@ from calstation.config import FORMS, Version, editing, library, versions
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Draft, Drafts
 from calstation.gui.settings.form_view import FormView
+from calstation.gui.settings.standards_form import StandardsForm
 from calstation.gui.state import AppContext
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import ChoiceBox, NameBar, box, button, column, enable, label, row, show_text, theme
@@ -119,7 +120,7 @@ class ProfilesSection(QWidget):
         self._problems.setWordWrap(True)
         for signal in (self._problems.itemClicked, self._problems.itemActivated):
             signal.connect(lambda _: self._go_to_problem())
-        self.forms = [FormView(form) for form in FORMS]
+        self.forms = [StandardsForm(form) if form.name == "check_standards" else FormView(form) for form in FORMS]
         self.views = QTabWidget()
         self.views.setObjectName("profile_views")
         self.views.setDocumentMode(True)
@@ -230,7 +231,7 @@ class ProfilesSection(QWidget):
     def _problem_line(self, problem: Problem) -> str:
         """Return a sentence on a problem with its location in the current form or, if it is not there, in the text."""
         view = self.views.currentWidget()
-        text = view.model.describe(problem) if isinstance(view, FormView) else ""
+        text = view.describe(problem) if isinstance(view, FormView) else ""
         return text or say("settings.line", number=problem.line, problem=say(problem.as_text))
 
     def showEvent(self, event: QShowEvent) -> None:
