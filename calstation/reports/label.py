@@ -1,5 +1,6 @@
 """Labels for units that passed, from a ZPL template for a label printer or from a Typst template for a PDF."""
 
+import io
 import socket
 import string
 from datetime import datetime
@@ -11,6 +12,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import local_time, os_reason
 from calstation.records import Verdict, write_atomic
+from calstation.reports.content import certificate_number
 from calstation.reports.pdf import compile_template
 from calstation.results import History, Result, load_result
 
@@ -65,7 +67,8 @@ def _has_failed_later(result: Result, folder: Path) -> bool:
 
 
 def label_fields(result: Result) -> dict[str, str]:
-    """Return the texts for the fields of a template."""
+    """Return the texts for the fields of a template; ``code`` is the content of the two-dimensional code."""
+    certificate = certificate_number(result)
     date, _, time = local_time(result.started_utc or "").partition(" ")
     return {
         "serial": result.serial,
@@ -77,7 +80,18 @@ def label_fields(result: Result) -> dict[str, str]:
         "time": time,
         "attempt": str(result.attempt),
         "software": result.software.version if result.software is not None else "",
+        "certificate": certificate,
+        "code": f"{result.serial} {certificate}",
     }
+
+
+def qr_code(text: str) -> str:
+    """Return the QR code of a text as an SVG image, with the quiet zone."""
+    import segno
+
+    image = io.BytesIO()
+    segno.make_qr(text, error="m").save(image, kind="svg", xmldecl=False)
+    return image.getvalue().decode()
 
 
 def _fill_template(template: Path, result: Result) -> str:
@@ -114,6 +128,7 @@ def _compile_pdf(template: Path, result: Result) -> bytes:
         datetime.fromisoformat(result.started_utc) if result.started_utc else datetime.fromtimestamp(0).astimezone()
     )
     fields = label_fields(result)
+    fields["qr"] = qr_code(fields["code"])
     try:
         return compile_template(template, fields, started, template.parent)
     except TypstError as exc:

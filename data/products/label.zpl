@@ -1,12 +1,14 @@
 ^XA
-^FX Label 50 mm x 30 mm at 203 dpi. UTF-8. Fields: serial, product, station, operator, verdict, date, time, attempt, software.
+^FX Label 50 mm x 30 mm at 203 dpi. UTF-8. Fields: serial, product, station, operator, verdict, date, time, attempt, software, certificate,
+^FX code (serial number and certificate number, here as a QR code).
 ^CI28
 ^PW400
 ^LL240
 ^FO16,16^A0N,40,40^FD$serial^FS
 ^FO16,64^A0N,24,24^FD$product^FS
-^FO16,96^A0N,24,24^FD$date  $station^FS
-^FO16,128^A0N,44,44^FD$verdict^FS
-^FO16,184^A0N,20,20^FDOperator $operator^FS
-^FO284,112^BQN,2,4^FDQA,$serial^FS
+^FO16,92^A0N,24,24^FD$date^FS
+^FO16,120^A0N,24,24^FD$station^FS
+^FO16,150^A0N,44,44^FD$verdict^FS
+^FO16,204^A0N,20,20^FDOperator $operator^FS
+^FO272,96^BQN,2,3^FDMA,$code^FS
 ^XZ

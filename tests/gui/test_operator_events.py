@@ -440,6 +440,17 @@ def test_scan_replaces_the_number_and_two_numbers_in_one_are_refused(operator: O
     assert operator.window.focusWidget() is operator.widget("start_button")
 
 
+@pytest.mark.parametrize("pattern", [r"SN-\d{6}", ".*"])
+def test_scan_of_a_label_enters_its_serial_number(operator: Operator, pattern: str) -> None:
+    operator.site_folder.write({"serial_pattern": pattern})
+    operator.window.app.product_changed.emit()
+    code = "SN-000020 SN-000020_20261123T063000123456"
+    assert scan_after_click(operator, "serial_edit", code).text() == "SN-000020"
+    assert "accepted" in operator.says()
+    operator.window.show_page("engineer_page")
+    assert scan_after_click(operator, "engineer_serial_edit", code).text() == "SN-000020"
+
+
 def test_two_numbers_in_one_are_refused_on_the_engineer_page(operator: Operator) -> None:
     operator.window.show_page("engineer_page")
     scan_after_click(operator, "engineer_serial_edit", "SN-000020")

@@ -5,14 +5,17 @@ import socket
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import tomli_w
+import typst
+import zxingcpp
 
 from calstation.config.library import shipped_folder
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
 from calstation.messages import local_time, render
 from calstation.reports import label_template, print_label
-from calstation.reports.label import label_fields
+from calstation.reports.label import label_fields, qr_code
 from calstation.results import Result, load_result
 from tests.reports.test_fonts import RARE, fonts_of, write_font
 from tests.site_folder import BENCH, PRODUCT, STATION
@@ -94,6 +97,34 @@ def test_shipped_label_uses_no_installed_font(site: Path) -> None:
     pdf = printed(site)
     assert pdf is not None
     assert fonts_of(pdf.read_bytes()) == {"CalstationSans-Regular-Identity-H", "CalstationSans-Bold-Identity-H"}
+
+
+#: Content of the code of the label of `RESULT`.
+CODE = "SN-000042 SN-000042_1"
+
+
+def test_code_of_the_typst_label_is_readable(site: Path) -> None:
+    QImage = pytest.importorskip("PySide6.QtGui", exc_type=ImportError).QImage
+    fields = label_fields(Result.from_json(RESULT))
+    template = shipped_folder() / "products" / "label.typ"
+    inputs = {**fields, "qr": qr_code(fields["code"])}
+    png = typst.compile(template, format="png", ppi=300, sys_inputs=inputs, font_paths=[shipped_folder() / "fonts"])
+    image = QImage.fromData(png, "PNG").convertToFormat(QImage.Format.Format_Grayscale8)
+    pixels = np.frombuffer(image.constBits(), np.uint8).reshape(image.height(), image.bytesPerLine())
+    (code,) = zxingcpp.read_barcodes(pixels[:, : image.width()])
+    assert code.text == CODE
+    assert fields["certificate"] == "SN-000042_1"
+
+
+def test_printer_draws_the_same_code(site: Path) -> None:
+    use_template(site, "label.zpl", (shipped_folder() / "products" / "label.zpl").read_text(encoding="utf-8"))
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        write_station(site, label={"printer": f"tcp://127.0.0.1:{server.getsockname()[1]}"})
+        assert printed(site) is None
+        connection, _ = server.accept()
+        with connection, connection.makefile("rb") as stream:
+            # QR code model 2, 3 dots per module; error correction M, automatic choice of the mode
+            assert f"^BQN,2,3^FDMA,{CODE}^FS" in stream.read().decode()
 
 
 def test_character_without_a_font_is_reported_until_the_site_adds_a_font(site: Path) -> None:

@@ -1,5 +1,6 @@
 """Inputs for single values, with a signal `typed` for edits by the user and the methods `value` and `show_value`."""
 
+import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -34,10 +35,15 @@ class TextEdit(QLineEdit):
 
 #: Minimum length of a serial number that is recognised next to another one.
 _MIN_NUMBER = 3
+#: Content of the code of a label: the serial number and, after a space, the certificate number, which begins with it.
+_LABEL = re.compile(r"(?P<serial>.+) (?P=serial)_\d{8}T")
 
 
 class ScanEdit(QLineEdit):
-    """An input for scans: a click selects the whole text, which a scan then replaces instead of extending it."""
+    """An input for scans: a click selects the whole text, which a scan then replaces instead of extending it.
+
+    The scan of a label, which contains the serial number and the certificate number, enters the serial number.
+    """
 
     def __init__(self, name: str, *, longest: int = 80) -> None:
         super().__init__()
@@ -48,6 +54,7 @@ class ScanEdit(QLineEdit):
         self._edited = False
         self.textEdited.connect(self._note_edit)
         self.textChanged.connect(self._note_change)
+        self.returnPressed.connect(self._extract_number)
 
     def begin(self, text: str) -> None:
         """Replace the text with the first character of a scan."""
@@ -69,6 +76,10 @@ class ScanEdit(QLineEdit):
         super().mouseReleaseEvent(event)
         if not self.hasSelectedText():
             self.selectAll()
+
+    def _extract_number(self) -> None:
+        if label := _LABEL.match(self.text().strip()):
+            self.setText(label["serial"])
 
     def _note_edit(self, _: str) -> None:
         self._edited = True
