@@ -5,7 +5,7 @@ import json
 import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import cast
@@ -13,6 +13,7 @@ from typing import cast
 import tomlkit
 
 from calstation.config import editing, library
+from calstation.config.request import plain_text
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
@@ -30,6 +31,11 @@ class Version:
     saved_utc: str  #: ISO 8601 in UTC.
     author: str | None  #: None if the file was changed outside the program.
     sha256: str  #: Digest of the text.
+    reason: str = ""  #: Reason that the author gave, which the window requires for a change of `JUDGING`.
+
+
+#: Entries of a product that decide whether a unit passes.
+JUDGING = ("limits", "checks", "conformity")
 
 
 def list_versions(kind: str, name: str) -> tuple[Version, ...]:
@@ -67,7 +73,7 @@ def sha256(content: str) -> str:
     return hashlib.sha256(content.encode()).hexdigest()
 
 
-def save(kind: str, name: str, content: str, author: str) -> Version:
+def save(kind: str, name: str, content: str, author: str, reason: str = "") -> Version:
     """Check a text and save it as a file of the site, unless it equals the current version.
 
     Every new version is recorded in the audit trail on disk before the file is written. Raises ConfigurationError with
@@ -78,6 +84,7 @@ def save(kind: str, name: str, content: str, author: str) -> Version:
     kind, name : kind and name of the file, as in `library.find`
     content : new text
     author : author of the version
+    reason : reason for the change
     """
     if kind not in editing.MODELS or not editing.is_name(name):
         raise ConfigurationError("configuration.bad_name", name=name)
@@ -93,7 +100,7 @@ def save(kind: str, name: str, content: str, author: str) -> Version:
         versions = list_versions(kind, name)
         if versions and path.exists() and versions[0].sha256 == sha256(content):
             return versions[0]
-        version = _next(kind, name, content, author)
+        version = replace(_next(kind, name, content, author), reason=plain_text(reason))
         _audit("file_saved", version)
         path.parent.mkdir(parents=True, exist_ok=True)
         _add(version, content)
@@ -173,6 +180,7 @@ def _audit(event: AuditEventName, version: Version) -> None:
         library.site_folder(),
         event,
         version.author or "",
+        version.reason,
         kind=version.kind,
         name=version.name,
         version=version.number,

@@ -16,6 +16,7 @@ from calstation.config import library, versions
 from calstation.gui.settings.form_view import FormTable
 from calstation.gui.state import AppContext
 from calstation.gui.text import language
+from calstation.records import audit_path, read_audit
 from tests.gui.station_driver import PIN, PageDriver, station_page
 
 pytestmark = pytest.mark.long
@@ -93,7 +94,9 @@ class FormDriver(PageDriver):
         return [problem_list.item(i).text() for i in range(problem_list.count()) if problem_list.isVisible()]
 
     def save(self) -> str:
-        """Save, and return the text of the stored file."""
+        """Save, with a reason if one is required, and return the text of the stored file."""
+        if self.find(QLineEdit, "change_reason_edit").isVisible():
+            self.type("change_reason_edit", "customer requires it")
         self.press("save_station_button")
         draft = self.page.profiles._draft
         assert draft is not None
@@ -119,6 +122,33 @@ def shipped(kind: str, name: str) -> str:
 
 
 # Limits
+
+
+def test_a_reason_is_required_for_changed_limits(forms: FormDriver, site_folder: Any) -> None:
+    forms.open("products", "nav_a", "Limits")
+    save, reason = forms.find(QPushButton, "save_station_button"), forms.find(QLineEdit, "change_reason_edit")
+    assert not reason.isVisible()
+    forms.enter("gyro bias", "Highest", "2.5")
+    assert reason.isVisible()
+    assert not save.isEnabled()
+    assert save.toolTip() == "State why the limits change."
+    language.use("zh_CN")
+    assert save.toolTip() == "请填写修改限值的原因。"
+    language.use("en")
+    forms.type("change_reason_edit", "field returns")
+    forms._bot.keyClick(reason, Qt.Key.Key_Return)
+    assert versions.list_versions("products", "nav_a") == (), "Enter does not save"
+    forms.press("save_station_button")
+    assert not reason.isVisible()
+    assert versions.list_versions("products", "nav_a")[0].reason == "field returns"
+    *_, event = read_audit(audit_path(site_folder.home)).entries  # the first is that a PIN was set
+    assert (event.event, event.why, event.values["version"]) == ("file_saved", "field returns", 2)
+    forms.show_view("Text")
+    assert "field returns" in forms.find(QListWidget, "versions_list").item(0).text()
+    forms.page.profiles.editor.setPlainText(re.sub(r"turns = 2", "turns = 3", forms.text))
+    assert not reason.isVisible(), "only limits need a reason"
+    forms.press("save_station_button")
+    assert versions.list_versions("products", "nav_a")[0].reason == ""
 
 
 def test_limits_are_edited_in_display_units_and_saved_in_si(forms: FormDriver) -> None:

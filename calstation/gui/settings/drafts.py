@@ -41,6 +41,11 @@ class Draft(FormValues):
         return self.text != self.saved
 
     @property
+    def judges_differently(self) -> bool:
+        """Whether the limits of a product, or other entries that decide whether a unit passes, have changed."""
+        return self.kind == "products" and any(self.differs((name,)) for name in versions.JUDGING)
+
+    @property
     def model(self) -> BaseModel | None:
         """The validated model of `text`, or None while the text has problems."""
         if self.problems or self.path is None:
@@ -160,8 +165,15 @@ class Drafts(QObject):
         """The author of new versions: the person at the window."""
         return self._person() or "engineer"
 
-    def save(self) -> None:
+    @property
+    def needs_reason(self) -> bool:
+        """Whether a reason must be given for the unsaved changes."""
+        return any(draft.judges_differently for draft in self.dirty)
+
+    def save(self, reason: str = "") -> None:
         """Store all changes in the site folder as new versions, with the station last.
+
+        `reason` is stored with every file in which limits have changed.
 
         Raises
         ------
@@ -173,7 +185,8 @@ class Drafts(QObject):
             while name in library.names(draft.kind) and library.find(draft.kind, name) != draft.path:
                 number += 1
                 name = f"{draft.name}-{number}"
-            versions.save(draft.kind, name, draft.text, self.author)
+            why = reason if draft.judges_differently else ""
+            versions.save(draft.kind, name, draft.text, self.author, why)
             draft.open(library.find(draft.kind, name))
             self.saved.emit(draft.kind)
 

@@ -30,6 +30,7 @@ from calstation.gui.widgets import (
     column,
     enable,
     label,
+    line_edit,
     row,
     scroll_area,
     show_text,
@@ -123,7 +124,13 @@ class StationPage(Page):
         self._unsaved_label = label(name="unsaved_label", wrap=True)
         self._unsaved_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         buttons = self._discard_button, self._save_button
-        return box(row(caption, self.station_box, self._new_button, (self._unsaved_label, 1), *buttons))
+        hint = "settings.reason_placeholder"
+        self._reason_edit = line_edit("change_reason_edit", lambda _: self.refresh(), longest=200, hint=hint)
+        why = label("settings.reason_for_limits", buddy=self._reason_edit)
+        self._reason_row = box(row(why, (self._reason_edit, 1)))
+        self._reason_row.hide()
+        choice = row(caption, self.station_box, self._new_button, (self._unsaved_label, 1), *buttons)
+        return box(choice, self._reason_row)
 
     def _lay_out(self) -> None:
         self.nav = QListWidget()
@@ -156,7 +163,7 @@ class StationPage(Page):
         """
         if not self.drafts.dirty or self.app.engine_link.running:
             return True
-        cannot_save = bool(self.drafts.invalid) or not self.app.role.engineer
+        cannot_save = bool(self.drafts.invalid) or not self.app.role.engineer or bool(self._missing_reason())
 
         def save() -> None:
             if self.save():
@@ -177,16 +184,17 @@ class StationPage(Page):
 
     def save(self) -> bool:
         """Save all changes, show any error, and return whether the changes were saved."""
-        if self.drafts.invalid or self._why_not_save():
+        if self.drafts.invalid or self._why_not_save() or self._missing_reason():
             return False
         self.notice.dismiss()
         names = self._unsaved_names()
         try:
-            self.drafts.save()
+            self.drafts.save(self._reason_edit.text())
         except ConfigurationError as error:
             self.notice.ask("bad", "settings.not_saved", error.as_text)
             return False
         self._saved_names = names
+        self._reason_edit.clear()
         self.refresh()
         return True
 
@@ -208,7 +216,8 @@ class StationPage(Page):
         if invalid and not reason:
             first = problem_text_with_name(invalid[0].problems[0])
             reason = say("settings.correct_in", file=invalid[0].name, problem=first)
-        enable(self._save_button, reason)
+        self._reason_row.setVisible(self.drafts.needs_reason)
+        enable(self._save_button, reason or self._missing_reason())
         problems = self.drafts.station.problems
         without_field = [p for p in problems if not p.key_path or p.kind in ("toml", "file", "extra_forbidden")]
         show_text(self._problems, "\n".join(map(problem_text_with_name, without_field)))
@@ -235,6 +244,11 @@ class StationPage(Page):
         if self.app.engine_link.running:
             return say("settings.save_after_run")
         return self._role_reason()
+
+    def _missing_reason(self) -> str:
+        """Return that a reason for changed limits is missing, or ""."""
+        missing = self.drafts.needs_reason and not self._reason_edit.text().strip()
+        return say("settings.give_reason") if missing else ""
 
     def _unsaved_names(self) -> str:
         return ", ".join(draft.name for draft in self.drafts.dirty)

@@ -314,7 +314,8 @@ class ProfilesSection(QWidget):
             author = version.author if version.author is not None else say("settings.found_file")
             mark = say("settings.current_version") if version.number == stored else ""
             first = f"{version.number}  ·  {local_time(version.saved_utc)}{mark}"
-            self._list.addItem(f"{first}\n{author}  ·  {version.sha256[:12]}")
+            lines = (first, f"{author}  ·  {version.sha256[:12]}", version.reason)
+            self._list.addItem("\n".join(filter(None, lines)))
         self._list.setCurrentRow(min(current, len(self._versions) - 1))
         self._no_versions.setVisible(not self._versions)
         for widget in (self._list, self._compare_button, self._restore_button):
