@@ -164,7 +164,7 @@ def test_number_of_matching_runs_is_shown(
     monkeypatch.setattr("calstation.gui.history.page._MAX_RUNS", 2)
     listed_runs(page, qtbot)
     assert len(rows(page)) == 2
-    assert count(page) == "5 runs, 2 shown"
+    assert count(page) == "5 runs, the latest 2 shown"
     choose(page, "outcome", "PASS")
     assert count(page) == "2 runs"
     language.use("zh_CN")
@@ -375,7 +375,7 @@ def test_units_of_a_batch_are_listed_together(page: HistoryPage, folder: Path, q
         qtbot.waitUntil(lambda hidden=stages_hidden: table.isColumnHidden(stages) == hidden, timeout=WAIT)
         assert not table.isColumnHidden(batch)
         assert not table.horizontalScrollBar().isVisible()
-        assert table.columnWidth(batch) > needed
+        assert table.columnWidth(batch) > needed or stages_hidden
     select_row(page, 0, qtbot)
     assert {table.item(row, slot).text() for row in (0, 1)} == {"A", "B"}
     qtbot.waitUntil(lambda: "B20261101T000000-00FF" in visible_texts(page), timeout=WAIT)

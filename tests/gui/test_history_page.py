@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTableView, QWidget
+from PySide6.QtWidgets import QComboBox, QDateEdit, QLabel, QLineEdit, QPushButton, QTableView, QWidget
 from pytestqt.qtbot import QtBot
 
 from calstation.errors import DeviceFaultError
@@ -18,7 +18,7 @@ from calstation.estimation.common import SampleBlock
 from calstation.gui.history import HistoryPage
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.state import AppContext
-from calstation.gui.text import language
+from calstation.gui.text import language, say
 from calstation.physics import DEGREE_PER_HOUR
 from calstation.records import LogMeta, RawLogWriter, Verdict
 from calstation.results import SCHEMA
@@ -299,15 +299,111 @@ def test_folder_that_cannot_be_opened_is_shown_for_copying(
     assert QGuiApplication.clipboard().text() == folder
 
 
-def test_narrow_table_hides_other_columns_before_the_stages(
-    page: HistoryPage, runs: dict[str, Path], qtbot: QtBot
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_product_and_operator_are_visible_in_every_width(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str
 ) -> None:
+    language.use(code)
+    stages = ["rate", "six_position", "excitation", "azimuth_flips", "random_tumble"]
+    write_run(folder, "SN-000001", "passed", timedelta(hours=1), stages=stages, product="nav_a", operator="Zhang Min")
     listed_runs(page, qtbot)
     table = page.findChild(QTableView, "history_table")
-    for width, hidden in ((1440, True), (2400, False)):
+    headings = {heading: k for k in range(table.columnCount()) if (heading := table.horizontalHeaderItem(k).text())}
+    product, operator, attempt, shown = (
+        headings[say(each)] for each in ("common.product", "common.operator", "history.attempt", "common.stages")
+    )
+    for width, wide in ((1024, False), (1280, False), (1366, False), (1920, True)):
         page.resize(width, 640)
-        qtbot.waitUntil(lambda expected=hidden: table.isColumnHidden(4) == expected, timeout=WAIT)
-        qtbot.waitUntil(lambda: table.columnWidth(10) >= 200, timeout=WAIT)
+        qtbot.waitUntil(lambda expected=wide: table.isColumnHidden(attempt) != expected, timeout=WAIT)
+        assert not table.isColumnHidden(product)
+        assert not table.isColumnHidden(operator)
+        assert table.isColumnHidden(shown) or table.columnWidth(shown) >= 128
+        qtbot.waitUntil(lambda: not table.horizontalScrollBar().isVisible(), timeout=WAIT)
+    language.use("en")
+
+
+def click_heading(page: HistoryPage, heading: str, qtbot: QtBot) -> None:
+    """Click the heading of a column."""
+    table, header = page.table, page.table.horizontalHeader()
+    column = next(
+        k for k in range(table.columnCount()) if table.horizontalHeaderItem(k).text().split("  ")[0] == heading
+    )
+    at = QPoint(header.sectionViewportPosition(column) + 20, header.height() // 2)
+    qtbot.mouseClick(header.viewport(), Qt.MouseButton.LeftButton, pos=at)
+
+
+def column(page: HistoryPage, heading: str) -> list[str]:
+    """Return the texts of a column."""
+    table = page.table
+    column = next(
+        k for k in range(table.columnCount()) if table.horizontalHeaderItem(k).text().split("  ")[0] == heading
+    )
+    return [table.item(row, column).text() for row in range(table.rowCount())]
+
+
+def test_a_click_on_a_heading_sorts_by_its_column(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
+    units = (
+        ("SN-9", 2, 65.0, "passed"),
+        ("SN-10", 10, 3700.0, "failed"),
+        ("SN-9", 1, 600.0, "passed"),
+        ("SN-100", 9, 5.0, "failed"),
+    )
+    for hours, (serial, attempt, duration, outcome) in enumerate(units, 1):
+        write_run(folder, serial, outcome, timedelta(hours=hours), attempt=attempt, duration_s=duration)
+    page.resize(2600, 640)
+    listed_runs(page, qtbot)
+    assert column(page, "Serial number") == ["SN-9", "SN-10", "SN-9", "SN-100"]
+    select_row(page, 1, qtbot)
+    click_heading(page, "Serial number", qtbot)
+    assert column(page, "Serial number") == ["SN-9", "SN-9", "SN-10", "SN-100"], "numbers count as numbers"
+    assert column(page, "Attempt") == ["2", "1", "10", "9"], "equal ones remain in their order"
+    assert [run.serial for run in page.table.selected_runs] == ["SN-10"], "the selection is kept"
+    click_heading(page, "Serial number", qtbot)
+    assert column(page, "Attempt") == ["9", "10", "2", "1"]
+    assert page.table.horizontalHeaderItem(1).text() == "Serial number  ▼"
+    click_heading(page, "Attempt", qtbot)
+    assert column(page, "Attempt") == ["1", "2", "9", "10"]
+    click_heading(page, "Duration", qtbot)
+    assert column(page, "Attempt") == ["9", "2", "1", "10"]
+    click_heading(page, "Outcome", qtbot)
+    assert column(page, "Outcome") == ["FAIL", "FAIL", "PASS", "PASS"]
+    page.refresh()
+    qtbot.waitUntil(lambda: not page.busy, timeout=WAIT)
+    assert column(page, "Outcome") == ["FAIL", "FAIL", "PASS", "PASS"], "an update keeps the order"
+    click_heading(page, "Started", qtbot)
+    click_heading(page, "Started", qtbot)
+    assert column(page, "Attempt") == ["2", "10", "1", "9"]
+    page.table.selectAll()
+    assert [run.attempt for run in page.table.selected_runs] == [2, 10, 1, 9]
+
+
+def test_trend_shows_the_parameter_that_failed(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
+    limit = 3.0 * DEGREE_PER_HOUR
+    checks = [
+        check_row("within", "gyro_bias_x", 0.0, [-limit, limit], passed=True, unit="rad/s"),
+        check_row("within", "gyro_bias_y", 2 * limit, [-limit, limit], passed=False, unit="rad/s"),
+    ]
+    write_run(folder, "SN-000001", "failed", timedelta(hours=1), checks=checks)
+    write_run(folder, "SN-000001", "passed", timedelta(hours=2))
+    listed_runs(page, qtbot)
+    trend = page.findChild(QComboBox, "trend_combo")
+    assert trend.currentData() == "gyro_bias_y"
+    select_row(page, 1, qtbot)
+    assert trend.currentData() == "gyro_bias_y", "a choice is kept unless another parameter failed"
+    trend.setCurrentIndex(trend.findData("gyro_bias_x"))
+    page.show_runs()
+    assert trend.currentData() == "gyro_bias_x"
+    select_row(page, 0, qtbot)
+    assert trend.currentData() == "gyro_bias_y"
+
+
+def test_dates_that_are_not_in_effect_are_muted(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    listed_runs(page, qtbot)
+    time = page.findChild(QComboBox, "history_time_combo")
+    dates = page.findChildren(QDateEdit)
+    assert [edit.property("kind") for edit in dates] == ["muted", "muted"]
+    time.setCurrentIndex(time.findData(0))
+    assert [edit.property("kind") for edit in dates] == ["", ""]
 
 
 @pytest.mark.parametrize(

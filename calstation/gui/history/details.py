@@ -84,17 +84,25 @@ class Trend(QWidget):
         caption.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self._plot = ThemedPlot()
         self._plot.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        self._plot.getAxis("left").setWidth(8 * theme.GRID)
         self._plot.getAxis("bottom").setHeight(6 * theme.GRID)  # the date and the time are on two lines
         bind(self._plot.setAccessibleName, "history.parameter_over_runs")
         column(row((caption, 1), self._combo), (self._plot, 1), on=self, spacing=theme.GRID // 2)
         theme.themes.changed.connect(self.draw)
 
-    def show_runs(self, runs: Sequence[IndexedRun], selected: str, limits: Mapping[str, tuple[float, float]]) -> None:
-        """Show the solved runs of a unit, the oldest first; `selected` is the name of a run, `limits` are in SI."""
-        self._runs, self._selected, self._limits = tuple(runs), selected, limits
+    def show_runs(self, runs: Sequence[IndexedRun], selected: str, result: Result | None) -> None:
+        """Show the solved runs of a unit, the oldest first; `selected` is the name of the run with the result `result`.
+
+        If the run failed and the chosen parameter did not, the first parameter that failed is chosen.
+        """
+        other = selected != self._selected
+        self._runs, self._selected = tuple(runs), selected
+        self._limits = {} if result is None else limits_of(result)
         names = ordered({name: None for run in self._runs for name in run.values})
-        fill_combo(self._combo, [(parameter_text(name), name) for name in names])
+        failed = [check.subject for check in result.failed_checks if check.subject in names] if result and other else []
+        chosen = self._combo.currentData()
+        if failed and chosen not in failed:
+            chosen = failed[0]
+        fill_combo(self._combo, [(parameter_text(name), name) for name in names], chosen)
         self.setVisible(bool(names))
         self.draw()
 
@@ -154,7 +162,7 @@ class RunDetails(QFrame):
         self._facts.setVerticalSpacing(theme.GRID // 2)
         self.resolves = OfflineSolutionsTable()
         self.trend = Trend()
-        self.trend.setMinimumHeight(22 * theme.GRID)
+        self.trend.setMinimumHeight(20 * theme.GRID)
         self.result_button = button("history_result_button", "history.open_result")
         self.log_button = button("history_log_button", "history.open_log")
         self.record_button = button("history_record_button", "history.record", tip="history.record_tip")
@@ -166,6 +174,7 @@ class RunDetails(QFrame):
         self._people = certificate_button.panel
         for asking in (release.open_changed, self._people.open_changed):
             asking.connect(lambda open_: self.trend.setVisible(not open_ and self.has_parameters))
+        release.open_changed.connect(self._offer_documents)
         self._lay_out()
         on_language_change(self, self._show)
 
@@ -179,9 +188,9 @@ class RunDetails(QFrame):
     ) -> None:
         """Show a run, its result, the solved runs of its unit (the oldest first), and the possible actions."""
         self._run, self._result, self._actions = run, result, actions
-        for document in (*self._documents, self._release):
-            document.offer(result, run.result)
-        self.trend.show_runs(unit_runs, run.log.stem, {} if result is None else limits_of(result))
+        self._release.offer(result, run.result)
+        self._offer_documents()
+        self.trend.show_runs(unit_runs, run.log.stem, result)
         self._show()
 
     def set_actions(self, actions: Actions) -> None:
@@ -189,6 +198,11 @@ class RunDetails(QFrame):
         if actions != self._actions:
             self._actions = actions
             self._show()
+
+    def _offer_documents(self, releasing: bool = False) -> None:
+        """Show the buttons for documents; the inputs of a release take their space."""
+        for document in self._documents:
+            document.offer(self._result, None if releasing or self._run is None else self._run.result)
 
     def _lay_out(self) -> None:
         content = QWidget()
@@ -200,10 +214,9 @@ class RunDetails(QFrame):
             row((self._serial, 1), self.badge),
             (self.content_area, 5),
             (self.trend, 3),
-            self._release,
             row((self.resume_button, 1), (self.close_button, 1)),
             row(*((each, 1) for each in runs)),
-            row(*((each, 1) for each in self._documents)),
+            row(*((each, 1) for each in (*self._documents, self._release))),
             self._people,
             on=self,
             margins=(2 * theme.GRID,) * 4,

@@ -130,11 +130,14 @@ class Filters(QWidget):
                 other.setDate(changed.date())
         with QSignalBlocker(self._period):
             self._period.setCurrentIndex(list(_PERIODS).index(0))
+        self._show_dates()
         self._timer.start()
 
     def _show_dates(self) -> None:
-        """Show the dates of the selected period."""
+        """Show the dates of the selected period, muted unless they were entered."""
         days, today = self._period.currentData(), QDate.currentDate()
+        for edit in (self._from, self._to):
+            theme.set_kind(edit, "" if days == 0 else "muted")
         if days == 0:
             return
         earliest = QDate.fromString(local_time(self._choices.first_utc)[:10], _DATE)
