@@ -1,6 +1,11 @@
 """Several windows of one station: the first one starts runs, and the others show them."""
 
+import os
+import stat
+import subprocess
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from PySide6.QtCore import Qt
@@ -116,3 +121,31 @@ def test_second_window_may_use_another_station(operator: Operator, second: Opera
     second.window.app.set_station(site_folder.station)
     second.until(lambda: not second.widget("start_button").isEnabled())
     assert operator.widget("start_button").isEnabled()
+
+
+#: Connects to the socket of a window as another user of the computer.
+_INTRUDER = """
+import os, socket, sys
+os.setgroups([]), os.setgid(65534), os.setuid(65534)
+try:
+    socket.socket(socket.AF_UNIX).connect(sys.argv[1])
+except PermissionError:
+    print("refused")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="permissions of files")
+def test_other_users_of_the_computer_cannot_reach_the_window(operator: Operator) -> None:
+    operator.until(lambda: operator.window.app.windows._server is not None)
+    socket = Path(operator.window.app.windows._server.fullServerName())
+    for path in (socket, socket.parent):
+        assert path.stat().st_uid == os.getuid()
+        assert stat.S_IMODE(path.stat().st_mode) & 0o077 == 0, path
+    if os.getuid() == 0:
+        command = [sys.executable, "-c", _INTRUDER, str(socket)]
+        assert subprocess.run(command, capture_output=True, text=True, timeout=30).stdout == "refused\n"
+        socket.parent.chmod(0o755)  # the socket itself is closed to them, too
+        try:
+            assert subprocess.run(command, capture_output=True, text=True, timeout=30).stdout == "refused\n"
+        finally:
+            socket.parent.chmod(0o700)

@@ -4,7 +4,7 @@ import hashlib
 import json
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import QObject, QStandardPaths, Signal
 
 from calstation.config import DEFAULT_STATION, library
 from calstation.gui.state.run_status import RunStatus
@@ -22,7 +22,7 @@ _STOP = b"stop\n"
 
 
 class StationWindows(QObject):
-    """The link between the windows of a station.
+    """The link between the windows of a station, to which only windows of the same user of the computer can connect.
 
     The first window serves the others; they adopt its unit and state as `RunStatus.elsewhere`, send it their STOP, and
     one of them takes its place when it is closed. `changed` is emitted when this window becomes the first or another
@@ -49,7 +49,8 @@ class StationWindows(QObject):
 
         path = station or library.find("stations", DEFAULT_STATION)
         key = f"{library.site_folder().absolute()}\n{path.absolute()}".encode()
-        name = f"calstation-{hashlib.sha256(key).hexdigest()[:24]}"
+        folder = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.RuntimeLocation)  # of the user
+        name = f"{folder}/calstation-{hashlib.sha256(key).hexdigest()[:24]}"
         if name == self._name:
             return
         self.leave()
@@ -65,6 +66,7 @@ class StationWindows(QObject):
             return
         QLocalServer.removeServer(name)  # of a window that was killed
         self._server = QLocalServer(self)
+        self._server.setSocketOptions(QLocalServer.SocketOption.UserAccessOption)
         self._server.newConnection.connect(self._accept)
         self._server.listen(name)
 
