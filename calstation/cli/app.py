@@ -84,29 +84,38 @@ def _program(
     applog.configure("window" if window else "cli", site_folder() / "logs", log_level)
     if not window:
         return None
-    if has_screen():
+    screen = screen_size()
+    if screen is not None:
         from calstation.gui.shell import main
 
-        return main()
+        return main(screen)
     from calstation.cli.errors import print_error
 
     print_error(say("cli.no_screen"))
     return _run(["run"], debug=bool(context.obj))
 
 
-def has_screen() -> bool:
-    """Return whether a window can be opened on this computer."""
-    if sys.platform in ("win32", "darwin"):
-        return True
-    if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")):
-        return False
-    # Without a library or a screen, Qt aborts the process instead of raising, so it is tested in another process.
-    probed = "from PySide6.QtWidgets import QApplication; QApplication([])"
+#: Prints the available width and height of the screen. Without a library or a screen, Qt aborts the process instead of
+#: raising, and the scale of the window must be known before its application is created: hence another process.
+_SCREEN_SCRIPT = (
+    "from PySide6.QtWidgets import QApplication\n"
+    "size = QApplication([]).primaryScreen().availableSize()\n"
+    "print(size.width(), size.height())"
+)
+
+
+def screen_size() -> tuple[int, int] | None:
+    """Return the available width and height of the screen, logical px, or None if no window can be opened."""
+    always = sys.platform in ("win32", "darwin")
+    if not always and not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")):
+        return None
+    command = [sys.executable, "-c", _SCREEN_SCRIPT]
     try:
-        probe = subprocess.run([sys.executable, "-c", probed], capture_output=True, timeout=60.0, check=False)
-    except subprocess.TimeoutExpired:
-        return False
-    return probe.returncode == 0
+        probe = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=True)
+        width, height = map(int, probe.stdout.split())
+    except (subprocess.SubprocessError, ValueError):
+        return None
+    return width, height
 
 
 def run_app(arguments: list[str]) -> int:

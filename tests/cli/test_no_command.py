@@ -35,13 +35,13 @@ def test_without_a_screen_a_run_starts_after_a_message(
 @pytest.mark.skipif(not LINUX, reason="elsewhere there is always a screen")
 def test_unusable_screen_is_treated_as_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("QT_QPA_PLATFORM", "there-is-no-such-platform")
-    assert not app.has_screen()
+    assert app.screen_size() is None
 
 
 def test_with_a_screen_the_window_opens(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
-    monkeypatch.setattr(app, "has_screen", lambda: True)
-    monkeypatch.setattr("calstation.gui.shell.main", lambda: 0)
+    monkeypatch.setattr(app, "screen_size", lambda: (1366, 768))
+    monkeypatch.setattr("calstation.gui.shell.main", lambda screen: 0)
     assert run_app([]) == 0
 
 

@@ -1,12 +1,11 @@
-"""The operator page can be read from two metres: texts grow with the page, and STOP and FAIL are red in both themes."""
-
-from collections.abc import Callable
+"""The window can be read from two metres: it grows with the screen, and STOP and FAIL are red in both themes."""
 
 import pytest
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QLabel, QListWidget, QPushButton, QWidget
 
 from calstation.gui.operator.page import OperatorPage
+from calstation.gui.shell.scaling import growth
 from calstation.gui.widgets import theme
 from calstation.physics import DEGREE_PER_HOUR
 from tests.check_rows import check_row
@@ -26,34 +25,28 @@ def text_size(widget: QWidget) -> int:
     return widget.font().pixelSize()
 
 
-@pytest.fixture
-def sizes(operator: Operator) -> Callable[[int, int], dict[str, int]]:
-    """Resize the window, and return the sizes of the texts of the page, px."""
-    page = operator.window.findChild(OperatorPage)
-
-    def measure(width: int, height: int) -> dict[str, int]:
-        operator.window.resize(width, height)
-        operator.qtbot.wait(20)
-        stage = operator.widget("stage_list", QListWidget)
-        row = stage.itemWidget(stage.item(0)).findChildren(QLabel)
-        return {
-            "message": text_size(operator.widget("message_label", QLabel)),
-            "stage": max(map(text_size, row)),
-            "loading": max(map(text_size, page._loading._titles)),
-        }
-
-    return measure
+@pytest.mark.parametrize(
+    ("screen", "factor"),
+    [((1280, 720), 1.0), ((1366, 768), 1.0), ((1920, 1080), 1.4), ((3440, 1440), 1.87), ((3840, 2160), 2.5)],
+)
+def test_window_grows_with_the_screen(screen: tuple[int, int], factor: float) -> None:
+    assert growth(screen) == factor
 
 
-def test_texts_grow_with_the_page_and_survive_a_change_of_the_theme(
-    operator: Operator, sizes: Callable[[int, int], dict[str, int]]
-) -> None:
-    small, full_hd, large = sizes(1366, 768), sizes(1920, 1080), sizes(3840, 2160)
-    assert set(small.values()) == {theme.SECTION}
-    assert all(1.3 * small[key] < full_hd[key] < 0.7 * large[key] for key in small), (small, full_hd, large)
-    operator.window.app.set_theme("dark")
-    assert sizes(3840, 2160) == large
-    operator.window.app.set_theme("light")
+def test_texts_keep_their_sizes_after_a_change_of_the_theme_and_after_a_run(simulated_run: Operator) -> None:
+    page, stages = simulated_run.window.findChild(OperatorPage), simulated_run.widget("stage_list", QListWidget)
+
+    def sizes() -> list[int]:
+        row = stages.itemWidget(stages.item(0)).findChildren(QLabel)
+        return [*map(text_size, (*row, *page._loading._titles, page._message, page._live.table.badge._word))]
+
+    before = sizes()
+    assert theme.SECTION in before
+    for name in ("dark", "light"):
+        simulated_run.window.app.set_theme(name)
+        assert sizes() == before
+    end_run(simulated_run, "failed", **FAILED)
+    assert sizes() == before
 
 
 def test_verdict_uses_its_space(simulated_run: Operator) -> None:

@@ -50,18 +50,25 @@ if __name__ == "__main__":
 pytestmark = pytest.mark.long
 
 
-def shown(site_folder: SiteFolder, size: tuple[int, int], scale: float) -> dict[str, Any]:
-    """Show the window on a screen of this size, px, at this scale."""
+def on_screen(site_folder: SiteFolder, size: tuple[int, int], script: str) -> Any:
+    """Run a script on a screen of this size, px, and return what it prints."""
     screen = {"name": "one", "x": 0, "y": 0, "width": size[0], "height": size[1], "logicalDpi": 96}
     screens = {"screens": [{**screen, "logicalBaseDpi": 96, "dpr": 1}]}
     (site_folder.folder / "screens.json").write_text(json.dumps(screens), encoding="utf-8")
-    script = site_folder.folder / "on_screen.py"
-    script.write_text(SCRIPT, encoding="utf-8")
-    platform = {"QT_QPA_PLATFORM": "offscreen:configfile=screens.json", "QT_SCALE_FACTOR": str(scale)}
-    command = [sys.executable, str(script), str(site_folder.station)]
+    file = site_folder.folder / "on_screen.py"
+    file.write_text(script, encoding="utf-8")
+    command = [sys.executable, str(file), str(site_folder.station)]
+    platform = {"QT_QPA_PLATFORM": "offscreen:configfile=screens.json"}
     environment = {"PYTHONPATH": str(Path(__file__).parents[2]), **os.environ, **platform}
     done = subprocess.run(command, env=environment, cwd=site_folder.folder, capture_output=True, text=True, check=True)
-    return dict(json.loads(done.stdout.splitlines()[-1]))
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def shown(site_folder: SiteFolder, size: tuple[int, int], scale: float) -> dict[str, Any]:
+    """Show the window on a screen of this size, px, at this scale."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("QT_SCALE_FACTOR", str(scale))
+        return dict(on_screen(site_folder, size, SCRIPT))
 
 
 def fits(seen: dict[str, Any]) -> bool:
@@ -102,3 +109,41 @@ def test_window_saved_on_a_larger_screen_fits_the_current_screen(site_folder: Si
     assert isinstance(settings.value("geometry"), QByteArray)
     seen = shown(site_folder, (1366, 768), 1.0)
     assert fits(seen)
+
+
+#: Opens the window as the command does, and prints its scale and the one that other programs inherit.
+PROGRAM = """
+import json, os
+from PySide6.QtWidgets import QApplication, QWidget
+
+def report():
+    window = next(each for each in QApplication.topLevelWidgets() if each.windowTitle() == "calstation")
+    print(json.dumps([window.devicePixelRatio(), os.environ.get("QT_SCALE_FACTOR")]))
+    window.close()
+    return 0
+
+if __name__ == "__main__":
+    QApplication.exec = report
+    from calstation.cli.app import run_app
+    run_app([])
+"""
+
+
+@pytest.mark.parametrize(
+    ("size", "scale", "enlarged"),
+    [
+        ((1366, 768), None, 1.0),
+        ((1920, 1080), None, 1.4),
+        pytest.param((1920, 1080), "1.5", 1.5, marks=pytest.mark.exhaustive),
+        pytest.param((3840, 2160), "2", 2.8, marks=pytest.mark.exhaustive),
+    ],
+)
+def test_window_of_the_command_grows_with_the_screen(
+    site_folder: SiteFolder, size: tuple[int, int], scale: str | None, enlarged: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("QT_SCALE_FACTOR", raising=False)
+    if scale is not None:
+        monkeypatch.setenv("QT_SCALE_FACTOR", scale)
+    ratio, inherited = on_screen(site_folder, size, PROGRAM)
+    assert ratio == pytest.approx(enlarged)
+    assert inherited == scale  # a viewer that the window opens is not enlarged

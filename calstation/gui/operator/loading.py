@@ -65,11 +65,11 @@ class Loading(QFrame):
             picture.setMinimumSize(30 * theme.GRID, 30 * theme.GRID)
         self._titles = [label(wrap=True) for _ in range(4)]
         self._texts = [label(kind="muted", wrap=True) for _ in range(4)]
-        self._numbers: list[QLabel] = []
         steps = grid(across=2 * theme.GRID, down=0, stretch=1)
         for step, (title, text) in enumerate(zip(self._titles, self._texts, strict=True)):
             number = QLabel(str(step + 1))
-            self._numbers.append(number)
+            number.setFont(theme.font(theme.SECTION, bold=True))
+            title.setFont(theme.font(theme.SECTION))
             text.setContentsMargins(0, 0, 0, 2 * theme.GRID)
             steps.addWidget(number, 2 * step, 0, Qt.AlignmentFlag.AlignTop)
             steps.addWidget(title, 2 * step, 1)
@@ -83,14 +83,6 @@ class Loading(QFrame):
             margins=(3 * theme.GRID, 2 * theme.GRID, 3 * theme.GRID, 2 * theme.GRID),
         )
         on_language_change(self, self._refresh)
-
-    def grow(self, factor: float) -> None:
-        """Enlarge the texts; see `theme.growth`."""
-        section, body = round(factor * theme.SECTION), round(factor * theme.BODY)
-        for number, title, text in zip(self._numbers, self._titles, self._texts, strict=True):
-            number.setFont(theme.font(section, bold=True))
-            title.setFont(theme.font(section))
-            text.setFont(theme.font(body))
 
     def set_next_run(self, run_summary: RunSummary | None) -> None:
         """Show how to load a unit for the next run."""

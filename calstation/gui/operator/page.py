@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QResizeEvent, QShowEvent
+from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.config import DEFAULT_PRODUCT, ManualRigError, RunRequest, compatible_products, load_station
@@ -68,7 +68,6 @@ class OperatorPage(Page):
         #: Whether the serial field is for the next unit; the engine of the last run may still be running.
         self._next_awaited = True
         self._problem: Text | None = None
-        self._growth = 0.0
         self._opened = False
         self._products: list[tuple[str, Path]] = []
         self._station = ""  #: Station file whose product has been selected.
@@ -126,20 +125,6 @@ class OperatorPage(Page):
         self._shift.count()
         self.await_scan()
 
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        """Let the texts grow with the page, so that a large screen can be read from a distance."""
-        super().resizeEvent(event)
-        if theme.growth(self.height()) != self._growth:
-            self._grow()
-
-    def _grow(self) -> None:
-        """Enlarge the texts to the height of the page; a new style sheet has reset their fonts."""
-        self._growth = factor = theme.growth(self.height())
-        self._message.setFont(theme.font(round(factor * theme.SECTION)))
-        self._badge.set_size(round(factor * theme.SECTION))
-        for part in (self._stages, self._loading):
-            part.grow(factor)
-
     def await_scan(self) -> None:
         """Focus the serial number field for a scan, unless a run is in progress or a question is open."""
         run = self.app.run
@@ -158,7 +143,6 @@ class OperatorPage(Page):
         app.identified.connect(field.identify)
         field.signed_out.connect(app.role.lock)
         field.signed_out.connect(self.await_scan)
-        theme.themes.changed.connect(self._grow)
         self._live.finish_requested.connect(lambda: app.engine_link.send(Command.END_STAGE))
         self._verdict.acknowledged.connect(self._acknowledge)
         self._verdict.closed.connect(lambda: self._open_unit(opened=False))

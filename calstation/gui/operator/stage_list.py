@@ -10,8 +10,6 @@ from calstation.gui.text import about, duration_text, on_language_change, say, t
 from calstation.gui.widgets import PANEL, STEPS, StateIcon, column, label, progress_bar, row, show_text, theme
 from calstation.runs import RunSummary
 
-#: Width of the list, px.
-_WIDTH = 38 * theme.GRID
 _KINDS = {
     "waiting": "none",
     "kept": "none",
@@ -32,7 +30,6 @@ class _Row(QFrame):
         super().__init__()
         self.setProperty("kind", "")
         self._icon, self._bar = StateIcon(18), progress_bar(3)
-        self.growth = 1.0
         self._name, self._state, self._time = QLabel(), QLabel(), label(kind="muted")
         right = Qt.AlignmentFlag.AlignRight
         times = column(None, (self._state, 0, right), (self._time, 0, right), None, spacing=0)
@@ -47,9 +44,8 @@ class _Row(QFrame):
         self._icon.set_kind(kind)
         for widget, text in ((self._name, name), (self._state, state), (self._time, time)):
             show_text(widget, text)
-        self._name.setFont(theme.font(round(self.growth * theme.SECTION), bold=active))
-        self._state.setFont(theme.font(round(self.growth * theme.BODY), bold=active))
-        self._time.setFont(theme.font(round(self.growth * theme.BODY)))
+        self._name.setFont(theme.font(theme.SECTION, bold=active))
+        self._state.setFont(theme.font(bold=active))
         self._bar.setVisible(active)
         self._bar.setValue(round(STEPS * fraction))
 
@@ -61,7 +57,7 @@ class StageList(QFrame):
         super().__init__()
         self.setProperty("kind", "panel")
         self._run = run
-        self._growth = 1.0
+        self.setFixedWidth(38 * theme.GRID)
         self._next_run: RunSummary | None = None
         title = label("common.stages", "section")
         title.setContentsMargins(*PANEL)
@@ -94,15 +90,6 @@ class StageList(QFrame):
         run.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
 
-    def grow(self, factor: float) -> None:
-        """Enlarge the texts; see `theme.growth`."""
-        self._growth = factor
-        self.setFixedWidth(round(factor * _WIDTH))
-        self._remaining.setFont(theme.font(round(factor * theme.SECTION)))
-        for note in (self._partial, self._note):
-            note.setFont(theme.font(round(factor * theme.BODY)))
-        self.refresh()
-
     def set_next_run(self, run_summary: RunSummary | None) -> None:
         """Set the next run, whose stages are shown while no run is in progress."""
         self._next_run = run_summary
@@ -119,9 +106,9 @@ class StageList(QFrame):
         while self.list.count() < len(stages):
             item = QListWidgetItem(self.list)
             item.setFlags(Qt.ItemFlag.ItemIsEnabled)
+            item.setSizeHint(QSize(24 * theme.GRID, 7 * theme.GRID))
             self.list.setItemWidget(item, _Row())
         for number, stage in enumerate(stages):
-            self.list.item(number).setSizeHint(QSize(24 * theme.GRID, round(self._growth * 7 * theme.GRID)))
             self._fill(self.list.item(number), f"{number + 1}  {term('stage', stage.name)}", stage, planning)
         self._show_totals(stages, planning)
 
@@ -130,9 +117,7 @@ class StageList(QFrame):
         if kind == "active" and self._run.state in ("pausing", "paused"):
             kind = "paused"
         state, time = _state_text(stage), self._time_text(stage, planning)
-        line = cast("_Row", self.list.itemWidget(item))
-        line.growth = self._growth
-        line.show_stage(kind, name, state, time, stage.fraction)
+        cast("_Row", self.list.itemWidget(item)).show_stage(kind, name, state, time, stage.fraction)
         text = ", ".join(filter(None, (name, state, time)))
         item.setData(Qt.ItemDataRole.AccessibleTextRole, text)
         item.setToolTip("\n".join(filter(None, (text, about("stage", stage.name)))))

@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QApplication
 from calstation.database import ExchangeProcess, start_exchange
 from calstation.errors import CalstationError
 from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.shell.scaling import enlarged
 from calstation.gui.state import AppContext
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
@@ -82,12 +83,14 @@ def create_window(station: Path | None = None) -> MainWindow:
     return MainWindow(context)
 
 
-def main(station: Path | None = None) -> int:
+def main(screen: tuple[int, int]) -> int:
     """Open the window, and return the exit code after it has been closed.
 
-    Ctrl-C in the terminal stops a run safely, then closes the window.
+    The window grows with the available width and height of the screen, logical px. Ctrl-C in the terminal stops a run
+    safely, then closes the window.
     """
-    window = create_window(station)
+    with enlarged(screen):
+        window = create_window()
     signal.signal(signal.SIGINT, lambda number, frame: window.stop_and_close())
     signal_timer = QTimer(window, interval=200)  # lets Python run its signal handlers
     signal_timer.timeout.connect(lambda: None)

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from string import Template
 
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QColor, QFont, QFontDatabase, QPainter, QPalette
 from PySide6.QtWidgets import QApplication, QWidget
 
@@ -21,9 +21,6 @@ BODY, SECTION, VERDICT = 14, 18, 72
 
 #: Minimum height of a button, and of START and STOP, px.
 BUTTON, BIG_BUTTON = 44, 64
-
-#: Height of a page in a window with 768 px, px, from which its texts grow, and their maximum growth.
-_PAGE_HEIGHT, _MAX_GROWTH = 632, 2.5
 
 #: Height of the tab bar, px.
 TOP_BAR = 56
@@ -146,7 +143,13 @@ def apply(name: str) -> None:
         return  # a new style sheet polishes every widget again, which is slow
     _current = name
     app.setPalette(palette(colours()))
+    fonts = [
+        (widget, widget.font()) for widget in app.allWidgets() if widget.testAttribute(Qt.WidgetAttribute.WA_SetFont)
+    ]
     app.setStyleSheet(style_sheet(colours()))
+    for widget, before in fonts:
+        if widget.font() != before:  # a new style sheet resets the fonts of some widgets
+            widget.setFont(before)
     themes.changed.emit()
 
 
@@ -194,14 +197,6 @@ def palette(c: Colours) -> QPalette:
 def style_sheet(c: Colours) -> str:
     """Return the style sheet that sets heights, borders and fills, which a palette cannot set."""
     return Template(_STYLE_SHEET.read_text(encoding="utf-8")).substitute(_SIZES, **vars(c))
-
-
-def growth(height: int) -> float:
-    """Return the factor by which the texts of a page grow with its height, px, so that large screens show large texts.
-
-    It is 1 up to the page of a window with 768 px.
-    """
-    return min(max(height / _PAGE_HEIGHT, 1.0), _MAX_GROWTH)
 
 
 def font(size: int = BODY, *, bold: bool = False) -> QFont:
