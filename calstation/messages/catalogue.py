@@ -30,6 +30,7 @@ class Entry:
     #: one; empty if no location is shown.
     source: str = ""
     resettable: bool = False  #: Whether an operator may reset the fault on the device.
+    engineer: bool = False  #: Whether the remedy is for engineers, since it names entries of a profile or of a file.
     values: Sequence[str] = ()  #: Names of the values that follow the name of a step in its label.
 
 

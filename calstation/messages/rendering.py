@@ -19,6 +19,9 @@ Value = Any
 #: station and product, the run folder and the slot. Otherwise, and in the window, they are empty.
 COMMAND_OPTIONS = ("station_options", "out_option", "slot_option")
 
+#: Remedy for operators instead of one for engineers.
+_ASK = "advice.ask_about_device"
+
 #: Endings of complete sentences.
 _ENDS = (".", "?", "!", ".)", "。", "？", "！", "。）")
 
@@ -88,19 +91,24 @@ class Rendered:
         return f"{self.source}: {self.sentences}" if self.source else self.sentences
 
 
-def render(code: str, values: Mapping[str, Value], language: Language = "en", *, window: bool = False) -> Rendered:
+def render(
+    code: str, values: Mapping[str, Value], language: Language = "en", *, window: bool = False, operator: bool = False
+) -> Rendered:
     """Render a message in one language. Raises KeyError for an unknown code or a missing value.
 
-    With `window`, remedies may refer to elements of the window, such as buttons; in Chinese they always do.
+    With `window`, remedies may refer to elements of the window, such as buttons; in Chinese they always do. With
+    `operator`, remedies that are for engineers are replaced.
     """
     message = entry(code)
     options = {name: values[name] for name in COMMAND_OPTIONS if name in values}
-    form = _Formatter(language, window, options)
+    form = _Formatter(language, window, operator, options)
     source = term("source", message.source.format(**values), language) if message.source else ""
     if language == "zh_CN" and message.zh:
         text, remedy = message.zh, message.zh_remedy
     else:
         text, remedy = message.text, message.window if window and message.window else message.remedy
+    if operator and message.engineer:
+        remedy = render(_ASK, {}, language).text
     return Rendered(source, form.vformat(text, (), values), form.vformat(remedy, (), values), language)
 
 
@@ -204,12 +212,12 @@ class _Formatter(string.Formatter):
     """A `str.format` that also renders nested messages, the terms of a family (``{axis:@joint}``), times and names.
 
     ``{utc:local_time}`` shows a UTC time in this computer's time zone, and ``{name:parameter}`` a parameter
-    by its display name in the window, otherwise by its name in files.
+    by its display name in the window, otherwise by its name in files. In the window, times have no seconds and no zone.
     """
 
-    def __init__(self, language: Language, window: bool, options: Mapping[str, Value]) -> None:
+    def __init__(self, language: Language, window: bool, operator: bool, options: Mapping[str, Value]) -> None:
         self._language: Language = language
-        self._window = window
+        self._window, self._operator = window, operator
         self._options = options
 
     def get_value(self, key: int | str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
@@ -220,13 +228,13 @@ class _Formatter(string.Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
         if isinstance(value, Text):
             values = {**value.values, **self._options}
-            text = render(value.code, values, self._language, window=self._window)
+            text = render(value.code, values, self._language, window=self._window, operator=self._operator)
             return text.remedy if format_spec == "remedy" else text.text
         if isinstance(value, list | tuple):
             separator = "、" if self._language == "zh_CN" else ", "
             return separator.join(self.format_field(item, format_spec) for item in value) or "–"
         if format_spec == "local_time":
-            return local_time(str(value), zone=True)
+            return local_time(str(value), zone=not self._window)
         if format_spec == "parameter":
             return parameter_name(str(value), self._language) if self._window else str(value)
         if format_spec.startswith("@"):

@@ -1,11 +1,12 @@
 """File dialogs: an existing file is replaced only after a question, and a missing one is named."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QApplication, QLabel, QLineEdit, QPushButton, QWidget
+from PySide6.QtWidgets import QApplication, QLabel, QLineEdit, QPushButton, QTreeView, QWidget
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.text import language
@@ -84,3 +85,23 @@ def test_another_dialog_replaces_the_open_one(chooser: Chooser, tmp_path: Path) 
     ask_folder(chooser.widget, "Folder", tmp_path, chooser.chosen.append)
     assert chooser.dialog.windowTitle() == "Folder"
     assert not chooser.dialog.isModal()
+
+
+def test_dialog_is_chinese_in_chinese(chooser: Chooser, tmp_path: Path) -> None:
+    language.use("zh_CN")
+    (tmp_path / "folder").mkdir()
+    for ask in (
+        lambda: ask_file(chooser.widget, "", tmp_path / "a.csv", ["CSV (*.csv)"], chooser.chosen.append),
+        lambda: ask_open(chooser.widget, "", tmp_path, ["CSV (*.csv)"], chooser.chosen.append),
+        lambda: ask_folder(chooser.widget, "", tmp_path, chooser.chosen.append),
+    ):
+        ask()
+        parts = [*chooser.dialog.findChildren(QLabel), *chooser.dialog.findChildren(QPushButton)]
+        texts = [each.text() for each in parts if each.isVisible() and each.text()]
+        assert len(texts) >= 5
+        for text in texts:
+            assert not re.search("[A-Za-z]{2,}", text), text
+        files = chooser.dialog.findChild(QTreeView, "treeView")
+        assert isinstance(files, QTreeView)
+        shown = [i for i in range(files.model().columnCount()) if not files.isColumnHidden(i)]
+        assert "Folder" not in [files.model().index(0, i, files.rootIndex()).data() for i in shown]

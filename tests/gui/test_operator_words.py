@@ -8,9 +8,10 @@ import tomli_w
 from PySide6.QtWidgets import QPushButton
 
 from calstation.gui.operator import advice
-from calstation.gui.text import check_text, language, rendered, say
+from calstation.gui.operator.questions import ask as ask_notice
+from calstation.gui.text import check_text, fault_text, language, rendered, say
 from calstation.judgement import Check
-from calstation.messages import Text
+from calstation.messages import Text, catalogue
 from calstation.physics import limit_number
 from calstation.sequencer import Fault
 from tests.check_rows import check_row
@@ -57,13 +58,29 @@ def test_checks_have_units_and_numbers_without_exponents(check: Check, value: st
 
 def test_reason_names_further_checks_in_words() -> None:
     near = [
-        {**check_row("within", name, 0.95, 1.0, passed=True), "near_miss": True}
-        for name in ("gyro_bias_x", "gyro_bias_y")
+        {**check_row("within", name, value, 1.0, passed=True), "near_miss": True}
+        for name, value in (("gyro_bias_x", 0.959), ("gyro_bias_y", 0.9))
     ]
-    result = result_with(checks=near)
-    assert advice.brief_reason("passed", result) == "Close to the limit: gyro bias x and 1 more."
+    one, two = result_with(checks=near[:1]), result_with(checks=near)
+    nearest = "Close to the limit: gyro bias x, at 95 % of it"
+    assert advice.brief_reason("passed", one) == f"{nearest}."
+    assert advice.brief_reason("passed", two) == f"{nearest}; other values close to their limits: 1."
     language.use("zh_CN")
-    assert advice.brief_reason("passed", result) == "接近限差：陀螺零偏 x，另有 1 项。"
+    assert advice.brief_reason("passed", two) == "接近限差：陀螺零偏 x，已达限差的 95 %；另有 1 项也接近限差。"
+    language.use("en")
+
+
+def test_tooltip_explains_what_is_close_to_the_limit(operator: Operator) -> None:
+    row = {"value": 1.45e-5, "sigma": 1e-8, "unit": "rad/s", "stage": "rate"}
+    check = {**check_row("within", "gyro_bias_x", 1.45e-5, [-1.5e-5, 1.5e-5], passed=True), "near_miss": True}
+    figures = operator.window.operator_page._verdict._figures
+    for code, words in (("en", "80 % of the limit"), ("zh_CN", "限差的 80 %")):
+        language.use(code)
+        figures.show_result(result_with(parameters={"gyro_bias_x": row}, checks=[check]))
+        cells = [figures._grid.itemAt(i).widget() for i in range(figures._grid.count())]
+        tips = [cell.toolTip() for cell in cells if cell.toolTip()]
+        assert len(tips) == 6
+        assert all(words in tip for tip in tips), tips
     language.use("en")
 
 
@@ -95,6 +112,44 @@ def test_operator_reads_no_file_and_key_of_a_fault(operator: Operator, site_fold
     assert not _TECHNICAL.search(text.sentences)
 
 
+#: Words of remedies that only engineers understand.
+_FOR_ENGINEERS = re.compile(
+    r"profile|station file|product file|\b[a-z]+_[a-z]+\b|\[[a-z]+\]|\bbaud\b|parity|calstation [a-z]"
+)
+
+
+@pytest.mark.parametrize(
+    "name", ["connection", "imu", "link", "modbus", "motion", "preflight", "stream", "table", "verification"]
+)
+def test_operator_reads_no_entries_of_profiles_in_remedies_of_devices(name: str) -> None:
+    for code, entry in catalogue.family(name).items():
+        values = re.sub(r"\{[^}]*\}", "", entry.window or entry.remedy)  # without values
+        if _FOR_ENGINEERS.search(values):
+            assert entry.engineer, code
+
+
+def test_operator_is_sent_to_an_engineer_who_reads_the_remedy(operator: Operator) -> None:
+    fault = Fault("", "", 2, "imu.framed_2", {"detail": "", "register": "", "why": "", "reason": ""})
+    nested = Text.of("imu.framed_2", **fault.values)
+    for code, ask, key in (("en", "ask an engineer", "IMU profile"), ("zh_CN", "请找工程师", "型号文件")):
+        language.use(code)
+        assert ask in fault_text(fault, engineer=False).remedy
+        assert key in fault_text(fault, engineer=True).remedy
+        holds = Fault("", "", 2, "imu.holds_old", {"cause": nested})
+        assert ask in fault_text(holds, engineer=False).remedy
+        operator.window.operator_page.notice.dismiss()
+        ask_notice(operator.window.operator_page.notice, "caution", Text.of("question.cannot_run", why=nested), {})
+        assert ask in operator.window.operator_page.notice.text_label.text()
+        assert key not in operator.window.operator_page.notice.text_label.text()
+    language.use("en")
+
+
+def test_times_in_the_window_have_no_time_zone() -> None:
+    values = {"serial": "SN-1", "utc": "2026-11-28T01:02:03+00:00", "holds": "old"}
+    assert "UTC" in str(Text("event.transfer_open", values))
+    assert "UTC" not in say(Text("event.transfer_open", values))
+
+
 def test_start_is_one_word_in_chinese(operator: Operator) -> None:
     language.use("zh_CN")
     operator.window.show_page("engineer_page")
@@ -103,4 +158,8 @@ def test_start_is_one_word_in_chinese(operator: Operator) -> None:
     texts += [say(f"operator.message_{name}") for name in ("idle", "idle_slots")]
     language.use("en")
     assert buttons == ["开始", "开始"]
-    assert all("“开始”" in text for text in texts)
+    assert all("“开始”按钮" in text for text in texts)
+    for family in ("advice", "loading", "operator", "question"):
+        for entry in catalogue.family(family).values():
+            for english, chinese in ((entry.text, entry.zh), (entry.remedy, entry.zh_remedy)):
+                assert english.count("START") == chinese.count("“开始”按钮"), chinese

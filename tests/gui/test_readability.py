@@ -4,10 +4,11 @@ import pytest
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QLabel, QListWidget, QPushButton, QWidget
 
+from calstation.gui.operator import advice
 from calstation.gui.operator.page import OperatorPage
 from calstation.gui.shell.scaling import growth
-from calstation.gui.widgets import theme
-from calstation.physics import DEGREE_PER_HOUR
+from calstation.gui.widgets import PageArea, theme
+from calstation.physics import DEGREE_PER_HOUR, INDEX, PARAMETERS
 from tests.check_rows import check_row
 from tests.gui.conftest import Operator
 from tests.gui.test_operator_events import end_run, simulated_run
@@ -68,6 +69,29 @@ def test_verdict_uses_its_space(simulated_run: Operator) -> None:
     (small_banner, small_text), (large_banner, large_text) = heights.values()
     assert large_banner > 1.4 * small_banner > 250
     assert large_text > 1.5 * small_text
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+@pytest.mark.parametrize("size", [(1264, 672), (1366, 732)])
+def test_verdict_with_many_figures_needs_no_scroll_bar(
+    simulated_run: Operator, size: tuple[int, int], code: str
+) -> None:
+    window = simulated_run.window
+    window.app.set_language(code)
+    window.resize(*size)
+    names = {parameter.group: name for parameter, name in zip(PARAMETERS, INDEX, strict=True)}.values()
+    rows = {name: {"value": 1.2e-5, "sigma": 1e-8, "unit": "1", "stage": "rate"} for name in names}
+    checks = [{**check_row("within", name, 1.2e-5, [-1.4e-5, 1.4e-5], passed=True), "near_miss": True} for name in rows]
+    end_run(simulated_run, "passed", parameters=rows, checks=checks, passed=True)
+    panel = window.operator_page._verdict
+    panel.label_button.show()
+    panel.acknowledge_button.show()
+    simulated_run.qtbot.wait(50)
+    assert len(advice.figures(simulated_run.run.unit.result)) == 9
+    area = next(each for each in window.operator_page.findChildren(PageArea) if each.isAncestorOf(panel))
+    assert not area.horizontalScrollBar().isVisible()
+    assert not area.verticalScrollBar().isVisible()
+    assert text_size(panel.reason_label) >= theme.BODY
 
 
 def red(colour: QColor) -> bool:

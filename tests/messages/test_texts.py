@@ -35,7 +35,8 @@ SENTENCE = re.compile(r"[A-Za-z]{2,},? [A-Za-z]{2,}")
 NOT_SHOWN = {
     *("DejaVu Sans Mono", "WenQuanYi Micro Hei Mono", "a run is in progress", "Allan deviation of ,  s", "_fast"),
     *("bind needs a widget or a bound method of a Qt object", "the command ended with a programming error"),
-    "from PySide6.QtWidgets import QApplication; QApplication([])",
+    "from PySide6.QtWidgets import QApplication\nsize = QApplication([]).primaryScreen().availableSize()\n"
+    "print(size.width(), size.height())",
 }
 
 #: The style of the window.

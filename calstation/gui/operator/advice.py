@@ -176,7 +176,8 @@ def _near(checks: Sequence[Check]) -> str:
         return ""
     nearest = max(near, key=_ratio)
     name = parameter_text(nearest.subject) if is_parameter_check(nearest) else check_name(nearest)
-    return say("advice.near" if len(near) == 1 else "advice.near_more", names=name, more=len(near) - 1)
+    code, percent = "advice.near" if len(near) == 1 else "advice.near_more", int(100.0 * _ratio(nearest))
+    return say(code, name=name, percent=percent, more=len(near) - 1)
 
 
 def _ratio(check: Check | None) -> float:

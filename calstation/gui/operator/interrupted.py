@@ -83,7 +83,8 @@ class InterruptedRuns(QObject):
             ask(self._notice, "caution", Text.of("question.nothing_to_resume"), {})
 
     def _search_failed(self, error: CalstationError) -> None:
-        ask(self._notice, "caution", refusal("cannot_resume", error, engineer=self._app.role.engineer), {})
+        engineer = self._app.role.engineer
+        ask(self._notice, "caution", refusal("cannot_resume", error, engineer=engineer), {}, engineer=engineer)
 
     def _offer(self, runs: list[Resumable]) -> None:
         """Ask whether to resume or close the first run, then ask about the others."""

@@ -240,7 +240,8 @@ class OperatorPage(Page):
             self.header.badge_field.set_section(summary.sign_in)
         if self._problem is not None:
             open_station = partial(app.page_requested.emit, "station_page")
-            ask(self.notice, "caution", self._problem, {"station": open_station}, others=choices)
+            answers, engineer = {"station": open_station}, app.role.engineer
+            ask(self.notice, "caution", self._problem, answers, others=choices, engineer=engineer)
         else:
             self.notice.dismiss()
             if app.stages is not None and summary is not None:
@@ -365,7 +366,7 @@ class OperatorPage(Page):
         summary = self._starting.run_summary
         header.show_partial(partial=summary is not None and bool(summary.omitted))
         if self._problem is not None:
-            header.set_start(rendered(self._problem).remedy)
+            header.set_start(rendered(self._problem, engineer=self.app.role.engineer).remedy)
         else:
             slots = self._starting.slots
             missing = say("operator.no_unit") if slots and not slots.units and not header.serial else ""

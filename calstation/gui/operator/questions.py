@@ -25,6 +25,7 @@ def ask(
     *,
     primary: str = "",
     others: Sequence[Choice] = (),
+    engineer: bool = False,
 ) -> None:
     """Ask a question in a notice bar or, if there are no answers, show a notice.
 
@@ -40,12 +41,15 @@ def ask(
         Answer that receives the focus; "" for none.
     others
         Additional choices with their own texts, which are shown first.
+    engineer
+        Whether an engineer reads it; operators read no entries of profiles and files.
     """
     choices = [
         Choice(f"{name}_choice", Text(f"answer.{name}", question.values), act, name == primary)
         for name, act in answers.items()
     ]
-    bar.ask(kind, lambda: rendered(question).text, lambda: rendered(question).remedy, [*others, *choices])
+    title, text = (lambda: rendered(question).text), lambda: rendered(question, engineer=engineer).remedy
+    bar.ask(kind, title, text, [*others, *choices])
 
 
 def refusal(code: str, error: CalstationError, *, engineer: bool) -> Text:
@@ -105,8 +109,9 @@ class StartDialog:
         try:
             action()
         except CalstationError as error:
-            code = "question.cannot_resume" if resume else "question.cannot_run"
-            ask(self._notice, "caution", Text.of(code, why=error.as_text), {})
+            engineer = self._app.role.engineer
+            refused = refusal("cannot_resume" if resume else "cannot_run", error, engineer=engineer)
+            ask(self._notice, "caution", refused, {}, engineer=engineer)
 
     def _continue(self, start: RunStart) -> None:
         question = start.next_question()

@@ -24,9 +24,10 @@ from calstation.results import Result, load_result
 from calstation.sequencer import Fault, Finalized
 
 #: Share of the panel's height for the texts below the banner, distance of lines as a multiple of the text size, number
-#: of lines besides the figures, width of the column beside the figures, px, width of the figures in text sizes, and
-#: maximum size, px.
-_TEXT_SHARE, _LINE, _OTHER_LINES, _BESIDE, _CHARACTERS, _MAX_TEXT = 0.6, 1.35, 4, 300, 33, theme.VERDICT
+#: of lines besides the figures, width of the figures in text sizes, and maximum size, px.
+_TEXT_SHARE, _LINE, _OTHER_LINES, _CHARACTERS, _MAX_TEXT = 0.6, 1.35, 3, 31, theme.VERDICT
+#: Minimum height of the banner, margins and distances above and below the texts, and of the texts' columns, px.
+_BANNER, _DISTANCES, _BETWEEN = 17 * theme.GRID, 8 * theme.GRID, 7 * theme.GRID
 
 
 class FiguresTable(QWidget):
@@ -60,12 +61,14 @@ class FiguresTable(QWidget):
                 number, passing = number + 1, figure.passed
             icon = StateIcon(self._size)
             icon.set_kind("bad" if not figure.passed else "caution" if figure.near else "good")
+            hints = (figure.about, say("operator.near_tip") if figure.near else "")
+            icon.setToolTip(tip := "\n".join(filter(None, hints)))
             self._grid.addWidget(icon, number, 0)
             decisive = 3 if figure.by_sigma else 2
             for at, text in enumerate((figure.name, value, sigma, figure.limit, figure.unit), start=1):
                 cell = QLabel(text)
                 cell.setFont(theme.font(self._size, bold=at == decisive))
-                cell.setToolTip(figure.about)
+                cell.setToolTip(tip)
                 cell.setWordWrap(self._wrap and at == 1)
                 self._add_cell(cell, number, at)
             number += 1
@@ -99,7 +102,7 @@ class VerdictPanel(QFrame):
         self._fault: Fault | None = None
         #: Number of figures, and size of the texts, px.
         self._figure_count = self._shown_size = 0
-        self._banner, self._figures = Banner("verdict", 17 * theme.GRID), FiguresTable(theme.SECTION)
+        self._banner, self._figures = Banner("verdict", _BANNER), FiguresTable(theme.SECTION)
         self._source, self._facts = label(kind="muted", wrap=True), label(kind="muted", wrap=True)
         self.reason_label, self.action_label, self._notes = label(wrap=True), label(wrap=True), label(wrap=True)
         self.reset = ResetBar(app, self._table_request, "verdict_reset_button")
@@ -114,9 +117,9 @@ class VerdictPanel(QFrame):
             *(self.close_button, self.acknowledge_button, self.label_button, self.certificate_button),
             *(self.details_button, self._station_button, None),
         )
-        beside = column(self._facts, self._notes, None, buttons)
+        self._beside = column(self._facts, self._notes, None, buttons)
         people, values = self.certificate_button.panel, QWidget()
-        row(column(self._figures, None), (beside, 1), on=values, spacing=3 * theme.GRID)
+        row(column(self._figures, None), (self._beside, 1), on=values, spacing=3 * theme.GRID)
         # a small screen does not have space for both
         people.open_changed.connect(lambda asking: values.setVisible(not asking))
         column(
@@ -154,10 +157,11 @@ class VerdictPanel(QFrame):
 
     def _text_size(self) -> int:
         """Return the size of the texts, px, as large as the number of figures permits; the banner takes the rest."""
-        lines = self._figure_count + _OTHER_LINES
-        by_height = (_TEXT_SHARE * self.height() - theme.BIG_BUTTON) / (_LINE * lines)
-        by_width = (self.width() - _BESIDE) / _CHARACTERS
-        return max(theme.SECTION, min(int(by_height), int(by_width), _MAX_TEXT))
+        line = _LINE * (self._figure_count + _OTHER_LINES)
+        by_share = (_TEXT_SHARE * self.height() - theme.BIG_BUTTON) / line
+        fitting = (self.height() - _BANNER - _DISTANCES) / line
+        by_width = (self.width() - self._beside.minimumSize().width() - _BETWEEN) / _CHARACTERS
+        return max(theme.BODY, int(min(max(by_share, min(fitting, theme.SECTION)), by_width, _MAX_TEXT)))
 
     def _fit_texts(self) -> None:
         """Set the size of the texts below the banner."""
@@ -165,7 +169,7 @@ class VerdictPanel(QFrame):
         self.reason_label.setFont(theme.font(size))
         self.action_label.setFont(theme.font(size, bold=True))
         for text in (self._source, self._facts, self._notes):
-            text.setFont(theme.font(size * theme.BODY // theme.SECTION))
+            text.setFont(theme.font(max(theme.BODY, size * theme.BODY // theme.SECTION)))
         self._figures.set_size(size)
 
     def next_action(self) -> str:

@@ -63,9 +63,12 @@ def say(words: Words, /, **values: Any) -> str:
     return rendered(words).sentences if isinstance(words, Text) else words()
 
 
-def rendered(message: Text) -> Rendered:
-    """Render a message in the current language; the `remedy` of a question is its explanation."""
-    return rendering.render(message.code, message.values, language.current(), window=True)
+def rendered(message: Text, *, engineer: bool = True) -> Rendered:
+    """Render a message in the current language; the `remedy` of a question is its explanation.
+
+    Unless it is for an `engineer`, remedies name no entries of profiles and files.
+    """
+    return rendering.render(message.code, message.values, language.current(), window=True, operator=not engineer)
 
 
 def term(family: str, name: str, **values: Any) -> str:
@@ -96,7 +99,7 @@ def fault_text(fault: Fault, *, engineer: bool = True) -> Rendered:
     message = Text(fault.code, fault.values)
     plain = None if engineer else for_operator(message)
     if plain is None:
-        return rendered(message)
+        return rendered(message, engineer=engineer)
     return replace(rendered(plain), remedy=say("advice.engineer_corrects"))
 
 

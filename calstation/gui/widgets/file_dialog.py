@@ -7,10 +7,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QFileDialog, QGridLayout, QWidget
+from PySide6.QtWidgets import QFileDialog, QGridLayout, QTreeView, QWidget
 
+from calstation.gui.text import say
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.messages import Text
+
+#: Column of the list of files with their types.
+_TYPE_COLUMN = 2
 
 
 class FileDialog(QFileDialog):
@@ -25,6 +29,12 @@ class FileDialog(QFileDialog):
         delete_action = self.findChild(QAction, "qt_delete_action")
         if isinstance(delete_action, QAction):
             delete_action.setVisible(False)  # its question would block the window
+        # texts that Qt does not translate, or not into Chinese
+        self.setLabelText(QFileDialog.DialogLabel.LookIn, say("common.look_in"))
+        self.setLabelText(QFileDialog.DialogLabel.FileType, say("common.file_type"))
+        types = self.findChild(QTreeView, "treeView")
+        if isinstance(types, QTreeView):
+            types.setColumnHidden(_TYPE_COLUMN, True)
         self._notice = NoticeBar("file_dialog_notice")
         layout = self.layout()
         if isinstance(layout, QGridLayout):
