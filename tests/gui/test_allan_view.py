@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication
@@ -12,6 +13,7 @@ from pytestqt.qtbot import QtBot
 from calstation.config import library, versions
 from calstation.devices.profiles import load_imu_profile
 from calstation.gui.logs import OfflinePage
+from calstation.gui.logs.allan_view import AllanPlot
 from calstation.gui.shell.main_window import MainWindow
 from calstation.physics import DEGREE
 from calstation.sequencer import Finalized
@@ -81,6 +83,12 @@ def test_longest_rest_gives_the_random_walk(page: OfflinePage, window: MainWindo
         assert float(row[1]) == pytest.approx(WALK, rel=0.3)
         assert row[2] == "0.001 °/√h"
         assert row[3].startswith("≤ ")  # the rest is too short for a flat minimum
+    for plot in page.findChildren(AllanPlot):
+        names = [item for item in plot.getPlotItem().items if isinstance(item, pg.TextItem)]
+        inside = plot.getViewBox().sceneBoundingRect().adjusted(-2, -2, 2, 2)
+        assert len(names) >= 2
+        for name in names:
+            assert inside.contains(name.mapRectToScene(name.boundingRect())), name.toPlainText()
     first, last = page.range.range
     assert f"samples {first} to {last}" in page.findChild(QLabel, "allan_label").text()
     press(page, "copy_noise_button", qtbot)

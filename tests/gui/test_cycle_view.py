@@ -81,13 +81,13 @@ def test_bar_shows_the_phases_to_scale_in_both_languages(operator: Operator, qtb
         page = open_cycle(window, write(operator.site_folder.runs, "one", cycle=CYCLE), qtbot)
         bar = page.findChild(QWidget, "cycle_bar")
         for code, words in (
-            ("en", ("Cycle: 1000.0 s", "Rate", "Preparation", "All stages", "Everything else")),
-            ("zh_CN", ("节拍：1000.0 s", "速率", "准备", "全部标定阶段", "其余合计")),
+            ("en", ("Cycle: 16:40.0", "Rate", "Preparation", "All stages", "Everything else")),
+            ("zh_CN", ("节拍：16:40.0", "速率", "准备", "全部标定阶段", "其余合计")),
         ):
             language.use(code)
             qtbot.waitUntil(lambda words=words: set(words) <= set(texts(page)), timeout=WAIT)
             shown = texts(page)
-            for numbers in (["400.0 s", "40.0 %"], ["800.0 s", "80.0 %"], ["200.0 s", "20.0 %"], ["20.0 s", "2.0 %"]):
+            for numbers in (["6:40.0", "40.0 %"], ["13:20.0", "80.0 %"], ["3:20.0", "20.0 %"], ["0:20.0", "2.0 %"]):
                 assert any(shown[k : k + 2] == numbers for k in range(len(shown))), (numbers, shown)
             shares = [share for _, share in widths(bar)]
             assert shares == pytest.approx([0.02, 0.08, 0.3, 0.04, 0.1, 0.01, 0.4, 0.01, 0.04], abs=0.005)
@@ -110,7 +110,7 @@ def test_result_without_phases_shows_a_message(operator: Operator, qtbot: QtBot)
     new = write(operator.site_folder.runs, "new", cycle=CYCLE)
     with qtbot.waitSignal(page.analysis.loaded, timeout=WAIT):
         page.analysis.open(new)
-    assert "Cycle: 1000.0 s" in texts(page)
+    assert "Cycle: 16:40.0" in texts(page)
 
 
 def test_history_shows_the_cycle_times_of_a_run(operator: Operator, qtbot: QtBot) -> None:

@@ -8,6 +8,8 @@ from pytestqt.qtbot import QtBot
 
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, JobView
+from calstation.gui.text import language
+from calstation.gui.widgets import JobRow
 from calstation.jobs import ProgressCallback
 
 WAIT = 60_000
@@ -49,6 +51,20 @@ def test_result_is_delivered_and_the_view_is_busy_until_then(view: JobView, qtbo
     general = view.job(None, results.append)
     general.start(add, 4)
     qtbot.waitUntil(lambda: results == [5, 4], timeout=WAIT)
+
+
+def test_remaining_time_of_a_job_is_not_cut_in_a_narrow_row(view: JobView, qtbot: QtBot) -> None:
+    row = JobRow(view.job(add), words="engineer.solving")
+    qtbot.addWidget(row)
+    row.show()
+    for code in ("en", "zh_CN"):
+        language.use(code)
+        row.watch.progress.emit(0.999, 36_000.0)
+        row.resize(100, 44)
+        qtbot.wait(20)
+        for text in (row.remaining_label, row._text_label):
+            assert text.width() >= text.fontMetrics().horizontalAdvance(text.text()), text.text()
+    language.use("en")
 
 
 def test_failure_is_reported_under_its_title(view: JobView, qtbot: QtBot) -> None:

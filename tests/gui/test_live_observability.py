@@ -39,6 +39,23 @@ def test_observability_map_grows_with_every_step(qtbot: QtBot) -> None:
     assert view.map._strength.tolist() == [[1.0, 1.0, 2.0], [1.0, 3.0, 4.0]]
 
 
+def test_colour_scale_is_visible_without_scrolling_in_a_small_window(qtbot: QtBot) -> None:
+    view = ObservabilityView()
+    qtbot.addWidget(view)
+    view.follow(ranked(1, **{f"gyro_bias_{k}": 2.0 for k in range(40)}))
+    view.resize(860, 470)
+    view.show()
+    qtbot.waitExposed(view)
+    qtbot.wait(50)
+    scale = view.map._scale
+    low, high = (
+        scale.mapToScene(scale.boundingRect().topLeft()).y(),
+        scale.mapToScene(scale.boundingRect().bottomLeft()).y(),
+    )
+    assert view.map.height() > view._scroll.viewport().height()
+    assert 0.0 <= low < high <= view._scroll.viewport().height()
+
+
 def test_new_run_replaces_the_map_and_its_result_replaces_the_live_map(qtbot: QtBot) -> None:
     view = ObservabilityView()
     qtbot.addWidget(view)

@@ -9,8 +9,10 @@ from PySide6.QtWidgets import QPushButton
 from calstation.gui.engineer import EngineerPage
 from calstation.gui.logs import OfflinePage
 from calstation.gui.text import language
+from calstation.results import FinishedRun
+from tests.check_rows import check_row
 from tests.estimation.simulated_stages import log_with
-from tests.gui.conftest import Operator
+from tests.gui.conftest import Operator, result_with
 
 pytestmark = pytest.mark.timeout(120)
 NAMES = {f"accel_cubic_{axis}" for axis in "xyz"}
@@ -22,6 +24,20 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("cubic") / "log.h5"
     log_with(path, "six_position", accel_cubic_ug_g3=300.0)
     return path
+
+
+@pytest.mark.parametrize(("states", "noted"), [([], False), (["accel_cubic"], True)])
+def test_failed_check_at_rest_is_explained_after_a_state_was_added(
+    operator: Operator, states: list[str], noted: bool
+) -> None:
+    operator.window.show_page("engineer_page")
+    view = operator.window.findChild(EngineerPage, "engineer_page").analysis.result.view
+    failed = check_row("gravity_at_rest", "", 0.02, 0.01, passed=False, unit="m/s²")
+    for code, words in (("en", "without the added state"), ("zh_CN", "不含新加入的状态")):
+        language.use(code)
+        view.show_run(FinishedRun(result_with(checks=[failed], states_added=states), None, {}, {}))
+        assert (words in view._note.text()) is noted
+    language.use("en")
 
 
 @pytest.mark.long

@@ -114,6 +114,20 @@ def test_traces_keep_the_latest_rows_in_order(qtbot: QtBot) -> None:
     assert len(traces.rows) == 0
 
 
+def test_empty_traces_have_no_numbers(qtbot: QtBot) -> None:
+    traces = Traces()
+    qtbot.addWidget(traces)
+    traces.show()
+    axes = [plot.plot.getAxis("left") for plot in (traces._gyro, traces._accel)]
+    assert not any(axis.style["showValues"] for axis in axes)
+    traces.add(Trace((0.0, 1.0), (0.5,) * 12))
+    traces.start()
+    assert not any(axis.style["showValues"] for axis in axes)
+    traces.add(Trace((0.0, 1.0), (0.5,) * 12))
+    traces._draw()
+    assert all(axis.style["showValues"] for axis in axes)
+
+
 @pytest.mark.parametrize(("low", "high"), [(-11.0, 11.0), (-105.0, 105.0), (-1.0, 10.5)])
 @pytest.mark.parametrize("height", [36.0, 60.0, 200.0])
 def test_labels_of_a_short_vertical_axis_do_not_overlap(

@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
-from calstation.gui.text import Words, bind, say, term
+from calstation.gui.text import Words, bind, duration_text, say, term
 from calstation.gui.widgets import clear, column, grid, label, row, theme
 from calstation.results import Result
 
@@ -108,7 +108,7 @@ class CycleView(QWidget):
         self._others_bar.show_segments([(seconds, colours[part]) for part, seconds in segments if part in others])
         total = sum(durations.values())
         in_stages = sum(durations[part] for part in stages)
-        self.total_label.setText(say("engineer.cycle_time", seconds=total))
+        self.total_label.setText(say("engineer.cycle_time", time=duration_text(total, tenths=True)))
         clear(self._legend)
         rows = [(term("stage", part[1]), durations[part], colours[part]) for part in stages]
         rows += [(term("cycle", part[0]), durations[part], colours[part]) for part in others]
@@ -126,7 +126,7 @@ class CycleView(QWidget):
             swatch.show_segments([(1.0, colour)])
             self._legend.addWidget(swatch, number, 0)
         share = 100.0 * seconds / total if total > 0.0 else 0.0
-        for index, text in enumerate((name, f"{seconds:.1f} s", f"{share:.1f} %"), 1):
+        for index, text in enumerate((name, duration_text(seconds, tenths=True), f"{share:.1f} %"), 1):
             cell = QLabel(text)
             cell.setFont(theme.font(bold=colour is None))
             if index > 1:

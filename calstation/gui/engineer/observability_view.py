@@ -23,6 +23,8 @@ _OBSERVED = 1.0 / OBSERVABLE
 _DECADES = 5
 #: Width of the state names, height of a row, and height of the step axis, px.
 _NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 13 * theme.GRID
+#: Height of the colour scale, px.
+_BAR = 30 * theme.GRID
 #: Font size of the names, and minimum width of a step whose name is drawn, px.
 _FONT, _STEP_WIDTH = 11, 14
 
@@ -192,6 +194,8 @@ class HeatMap(ThemedPlot):
         bar.axis.setTicks([[(k, f"{10**k}") for k in range(_DECADES)]])  # a label at the top would be cut off
         bar.axis.setStyle(tickFont=theme.font())
         bar.axis.setWidth(11 * theme.GRID)
+        bar.setFixedHeight(_BAR)  # so that a small window shows it without scrolling
+        self.getPlotItem().layout.setAlignment(bar, Qt.AlignmentFlag.AlignTop)
         self.getViewBox().invertY()
         self.getAxis("left").setWidth(_NAMES_WIDTH)
         self.getAxis("left").setStyle(tickFont=theme.font(_FONT), tickLength=0)

@@ -36,6 +36,7 @@ from calstation.gui.widgets import (
 from calstation.judgement import Check
 from calstation.messages import local_time
 from calstation.physics import NAMES, EffectName, display, further_parameter, limit_number, number
+from calstation.records import CheckKind
 from calstation.results import (
     Diagnostics,
     FinishedRun,
@@ -52,6 +53,13 @@ from calstation.sequencer import Event, StageRanked, StateChanged, StepStarted
 _NONE = "–"
 #: Maximum height of the table of checks that do not refer to a single parameter, px.
 _MAX_CHECKS_HEIGHT = 26 * theme.GRID
+#: Kinds of checks of the output that the parameters correct, without added states.
+_COMPENSATED: frozenset[CheckKind] = frozenset(
+    {
+        *("gravity_at_rest", "improvement_at_rest", "improvement_at_rest_floor", "level_horizontal", "level_vertical"),
+        *("motion_angle", "motion_improvement", "motion_improvement_floor"),
+    }
+)
 _COLUMNS = (
     Cell("common.unit", "unit", number=False),
     Cell("common.numeric_value", "value"),
@@ -158,7 +166,10 @@ class ResultView(QWidget):
             names = [term("group", state) for state in result.states_added]
             texts.append(say("event.states_added", states=names))
         self._summary.setText("  ·  ".join(texts))
-        show_text(self._note, "\n".join(advice.override_notes(result)))
+        notes = advice.override_notes(result)
+        if result.states_added and any(check.kind in _COMPENSATED for check in result.failed_checks):
+            notes.append(say("engineer.compensated_without_states"))
+        show_text(self._note, "\n".join(notes))
 
 
 def _cells(finished: FinishedRun, name: str) -> dict[str, str]:

@@ -68,14 +68,18 @@ class AllanPlot(MethodPlot, DataView[AllanDeviation]):
         if curves:
             tau = next(iter(curves.values())).tau
             step = data.quantisation[self._sensor == "accel"] / size
+            self.span(np.array([walk / np.sqrt(tau[-1]), FLOOR * instability]))
+            low, high = self.limits
+            quantisation = step / (2.0 * tau)
+            visible = np.flatnonzero((quantisation >= low) & (quantisation <= high))
+            middle = int(visible[len(visible) // 2]) if len(visible) else None
             for name, values, at, anchor in (
                 (say("logs.random_walk_line"), walk / np.sqrt(tau), -1, (1.0, 0.0)),
                 (say("logs.bias_instability_line"), np.full(len(tau), FLOOR * instability), 0, (0.0, 1.0)),
-                (say("logs.quantisation"), step / (2.0 * tau), len(tau) // 2, (1.0, 0.0)),
+                (say("logs.quantisation"), quantisation, middle, (0.0, 1.0)),
             ):
                 if values[0] > 0.0:
                     self._profile_line(name, tau, values, at, anchor)
-            self.span(np.array([walk / np.sqrt(tau[-1]), FLOOR * instability]))
         self.setLabel("left", unit)
         self.setLabel("bottom", say("logs.averaging_time"))
         title = say("logs.gyro" if self._sensor == "gyro" else "logs.accel")
@@ -97,11 +101,13 @@ class AllanPlot(MethodPlot, DataView[AllanDeviation]):
         return {axis: curves[f"{self._sensor}_{axis}"] for axis in "xyz" if f"{self._sensor}_{axis}" in curves}
 
     def _profile_line(
-        self, name: str, tau: FloatArray, values: FloatArray, at: int, anchor: tuple[float, float]
+        self, name: str, tau: FloatArray, values: FloatArray, at: int | None, anchor: tuple[float, float]
     ) -> None:
-        """Draw a line for a value in the profile, with its name at the point with index `at`."""
+        """Draw a line for a value in the profile, with its name at the point with index `at`, None without a name."""
         colour = theme.colours().muted
         self.addItem(pg.PlotDataItem(tau, values, pen=dashed(colour), name=name))
+        if at is None:
+            return
         text = pg.TextItem(name, color=colour, anchor=anchor)
         text.setFont(theme.font(11))
         text.setPos(float(np.log10(tau[at])), float(np.log10(values[at])))

@@ -123,11 +123,14 @@ def without_minus(text: str) -> str:
     return text.replace("−", "-")
 
 
-def duration_text(seconds: float) -> str:
-    """Format a duration, s, as ``m:ss`` or ``h:mm:ss``."""
-    minutes, rest = divmod(max(0, round(seconds)), 60)
+def duration_text(seconds: float, *, tenths: bool = False) -> str:
+    """Format a duration, s, as ``m:ss`` or ``h:mm:ss``, with ``tenths`` of a second if they are asked for."""
+    count = max(0, round(10.0 * seconds if tenths else seconds))
+    whole, tenth = divmod(count, 10) if tenths else (count, 0)
+    minutes, rest = divmod(whole, 60)
     hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+    text = f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+    return f"{text}.{tenth}" if tenths else text
 
 
 def product_text(name: str) -> str:

@@ -17,6 +17,9 @@ _POLL_MS = 20
 #: Minimum progress, as a fraction, at which the remaining time is shown.
 _MIN_FRACTION = 0.05
 
+#: Minimum widths of the text and of the remaining time of a job, px.
+_TEXT_WIDTH, _REMAINING_WIDTH = 22 * theme.GRID, 15 * theme.GRID
+
 #: A function that receives the arguments of a signal, or None.
 Slot = Callable[..., object] | None
 
@@ -105,12 +108,10 @@ class JobRow(QWidget):
         self._remaining: float | None = None
         self._text_label, self.remaining_label = label(), label()
         self.bar = progress_bar(2 * theme.GRID)
-        self.remaining_label.setMinimumWidth(15 * theme.GRID)
         self.remaining_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.cancel_button = button(cancel_name, "common.cancel", watch.cancel)
         if not words:
             self._text_label.hide()
-        self._text_label.setMinimumWidth(22 * theme.GRID)
         row(self._text_label, (self.bar, 1), self.remaining_label, self.cancel_button, on=self)
         watch.progress.connect(self._show)
         on_language_change(self, self._refresh)
@@ -133,6 +134,8 @@ class JobRow(QWidget):
             remaining = say("common.time_left", time=duration_text(self._remaining))
             self.remaining_label.setText(f"{percent}, {remaining}")
         self.bar.setAccessibleName(self.remaining_label.text())
+        for text_label, width in ((self._text_label, _TEXT_WIDTH), (self.remaining_label, _REMAINING_WIDTH)):
+            text_label.setMinimumWidth(max(width, text_label.sizeHint().width()))  # the bar gives way, not a text
 
 
 class JobStack(QStackedWidget):

@@ -80,6 +80,13 @@ class MethodPlot(ThemedPlot):
         """Extend the vertical range to include these values."""
         self._values.append(values)
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The smallest and the largest value of the vertical range."""
+        values = np.concatenate(self._values)
+        values = values[np.isfinite(values)]
+        return float(values.min()), float(values.max())
+
     def shade(self, begin: float, end: float) -> None:
         """Shade a time range behind the curves."""
         colour = theme.faint(theme.colours().accent, 26)

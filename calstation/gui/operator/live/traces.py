@@ -26,6 +26,7 @@ class _Plot(QWidget):
         super().__init__()
         self._columns = slice(first, first + 3)
         self._factor = factor
+        self._numbered = True
         self.plot = ThemedPlot()
         self.plot.getAxis("left").setWidth(7 * theme.GRID)
         self.plot.getViewBox().setDefaultPadding(0.02)
@@ -40,6 +41,9 @@ class _Plot(QWidget):
 
     def show_rows(self, rows: FloatArray, span: float) -> None:
         """Draw rows of time, s, and six outputs, shape (n, 7), on an axis that covers the latest `span` s."""
+        if bool(len(rows)) is not self._numbered:  # without data, the numbers of the axis would mean nothing
+            self._numbered = bool(len(rows))
+            self.plot.getAxis("left").setStyle(showValues=self._numbered)
         self.plot.setXRange(-span, 0.0, padding=0.0)
         values = rows[:, 1:][:, self._columns] * self._factor
         times = rows[:, 0] - rows[-1:, 0]
