@@ -86,7 +86,7 @@ def _program(
         return None
     screen = screen_size()
     if screen is not None:
-        from calstation.gui.shell import main
+        from calstation.gui import main
 
         return main(screen)
     from calstation.cli.errors import print_error

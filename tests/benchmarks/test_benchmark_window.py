@@ -15,7 +15,7 @@ from PySide6.QtCore import QCoreApplication, QObject, Qt, QTimer
 from PySide6.QtWidgets import QApplication, QPushButton
 
 from calstation.config import library
-from calstation.gui import create_window
+from calstation.gui.shell import create_window
 from calstation.gui.shell.main_window import MainWindow
 from calstation.physics import GROUPS
 from calstation.sequencer import StageProgress, StageStarted, StepStarted, TableMoved, Trace

@@ -13,7 +13,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QListWidget, QProgressBar, QPushButton, QTabBar
 
 from calstation.config import library
-from calstation.gui import create_window
+from calstation.gui.shell import create_window
 from calstation.gui.shell.main_window import MainWindow
 from tests.gui.conftest import SERIAL, Operator, ShownWindows, SiteFolder
 from tests.site_folder import PRODUCT, QUICK, STATION

@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QLabel, QListWidget, QPushButton, QWidget
 
 from calstation.gui.operator import advice
 from calstation.gui.operator.page import OperatorPage
-from calstation.gui.shell.scaling import growth
+from calstation.gui.start import growth
 from calstation.gui.widgets import PageArea, theme
 from calstation.physics import DEGREE_PER_HOUR, INDEX, PARAMETERS
 from tests.check_rows import check_row

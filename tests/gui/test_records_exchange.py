@@ -5,7 +5,7 @@ from pathlib import Path
 from pytestqt.qtbot import QtBot
 
 from calstation.database import read_state
-from calstation.gui import create_window
+from calstation.gui.shell import create_window
 from tests.database.result_files import in_database, write_result
 from tests.gui.conftest import SiteFolder
 

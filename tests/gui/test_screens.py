@@ -17,7 +17,7 @@ SCRIPT = """
 import json, sys
 from pathlib import Path
 from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QWidget
-from calstation.gui import create_window
+from calstation.gui.shell import create_window
 from calstation.gui.state.run_strip import RunStrip
 
 def seen(widget):

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from calstation.config import RunRequest
-from calstation.gui import create_window
+from calstation.gui.shell import create_window
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.state import RunStrip
 from calstation.sequencer import Command, StateChanged

@@ -12,8 +12,8 @@ from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTabWid
 from pytestqt.qtbot import QtBot
 
 from calstation.config import access
-from calstation.gui import create_window
 from calstation.gui.operator.header import RunHeader
+from calstation.gui.shell import create_window
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
@@ -143,7 +143,7 @@ def test_killed_window_stops_the_table_and_leaves_a_complete_resumable_log(site_
     site_folder.write({"stages": ["six_position", "rate"]})
     script = site_folder.folder / "at_the_window.py"
     script.write_text(
-        "from calstation.gui import create_window\n"
+        "from calstation.gui.shell import create_window\n"
         "from calstation.config import library\n"
         "from PySide6.QtWidgets import QApplication\n"
         "from PySide6.QtCore import QTimer\n"
@@ -194,7 +194,7 @@ def test_tab_order_follows_reading_order(window: MainWindow, qtbot: QtBot) -> No
 def test_window_starts_without_importing_the_solvers() -> None:
     """Compiled kernels, scipy.stats and the shared database would delay the first paint by more than a second."""
     script = (
-        "import sys; from calstation.gui import create_window; from PySide6.QtWidgets import QApplication\n"
+        "import sys; from calstation.gui.shell import create_window; from PySide6.QtWidgets import QApplication\n"
         "window = create_window(); window.show(); QApplication.processEvents()\n"
         "window.create_engineer_page()\n"
         "late = {'scipy.stats', 'filterpy', 'psycopg', 'alembic', 'keyring', 'fsspec', 'distributed', 'pyarrow'}\n"

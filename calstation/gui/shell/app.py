@@ -1,6 +1,5 @@
 """Creation of the application and its main window, and the exchange of records while the window is open."""
 
-import signal
 import sys
 from pathlib import Path
 from typing import cast
@@ -12,7 +11,6 @@ from PySide6.QtWidgets import QApplication
 from calstation.database import ExchangeProcess, start_exchange
 from calstation.errors import CalstationError
 from calstation.gui.shell.main_window import MainWindow
-from calstation.gui.shell.scaling import enlarged
 from calstation.gui.state import AppContext
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
@@ -81,19 +79,3 @@ def create_window(station: Path | None = None) -> MainWindow:
     theme.apply(str(context.settings.value("theme", "dark" if dark else "light")))
     language.use(str(context.settings.value("language", language.system_language())))
     return MainWindow(context)
-
-
-def main(screen: tuple[int, int]) -> int:
-    """Open the window, and return the exit code after it has been closed.
-
-    The window grows with the available width and height of the screen, logical px. Ctrl-C in the terminal stops a run
-    safely, then closes the window.
-    """
-    with enlarged(screen):
-        window = create_window()
-    signal.signal(signal.SIGINT, lambda number, frame: window.stop_and_close())
-    signal_timer = QTimer(window, interval=200)  # lets Python run its signal handlers
-    signal_timer.timeout.connect(lambda: None)
-    signal_timer.start()
-    window.show()
-    return QApplication.exec()
