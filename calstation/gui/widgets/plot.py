@@ -18,6 +18,7 @@ from calstation.gui.text import say, with_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state
 from calstation.gui.widgets.file_dialog import ask_file
+from calstation.physics import FloatArray
 
 
 class ZoomBox(pg.ViewBox):  # type: ignore[misc]
@@ -148,6 +149,9 @@ class TimeBox(ZoomBox):
 
 pg.setConfigOptions(antialias=False)
 
+#: Smallest number of labels on a logarithmic axis, and largest exponent of a value on an axis with equal distances.
+_MIN_LABELS, _MAX_EXPONENT = 3, 300.0
+
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -167,11 +171,40 @@ class NumberAxis(pg.AxisItem):  # type: ignore[misc]
 
 
 class LogAxis(pg.AxisItem):  # type: ignore[misc]
-    """A logarithmic axis with labels such as 0.01, 1 and 100, and powers of ten for very large and small values."""
+    """A logarithmic axis with labels such as 0.01, 1 and 100, and powers of ten for very large and small values.
+
+    If its range contains fewer than three values of the form 1, 2 or 5 times a power of ten, its ticks have equal
+    distances.
+    """
+
+    _equal = False
+
+    def logTickValues(
+        self, low: float, high: float, size: float, standard: Sequence[tuple[float, Sequence[float]]]
+    ) -> list[tuple[float | None, Sequence[float]]]:
+        """Return the distances and the exponents of the ticks."""
+        labelled = [e for e in _labelled(low, high) if low <= e <= high]
+        self._equal = len(labelled) < _MIN_LABELS and -_MAX_EXPONENT < low < high < _MAX_EXPONENT
+        if not self._equal:
+            ticks: list[tuple[float | None, Sequence[float]]] = super().logTickValues(low, high, size, standard)
+            return ticks
+        first, last = 10.0**low, 10.0**high
+        widest = (last - first) / _MIN_LABELS
+        step = 10.0 ** np.floor(np.log10(widest))
+        step *= max(factor for factor in (1.0, 2.0, 5.0) if factor * step <= widest * (1.0 + 1e-9))
+        values = step * np.arange(np.ceil(first / step), np.floor(last / step) + 1.0)
+        return [(None, np.log10(values).tolist())]
 
     def logTickStrings(self, values: Sequence[float], scale: float, spacing: float) -> list[str]:
         """Return one label per tick."""
-        return [_plain(value) for value in values]
+        return [f"{10.0**value:.6g}" if self._equal else _plain(value) for value in values]
+
+
+def _labelled(low: float, high: float) -> FloatArray:
+    """Return the exponents of 1, 2 and 5 times all powers of ten around a range."""
+    decades = np.arange(np.floor(low), np.ceil(high) + 1.0)
+    exponents: FloatArray = np.add.outer(decades, np.log10([1.0, 2.0, 5.0])).ravel()
+    return exponents
 
 
 def _plain(exponent: float) -> str:

@@ -34,6 +34,8 @@ from calstation.results import Preview
 _STEP = np.deg2rad(4.0)
 #: Maximum displayed ratio relative to the smallest ratio; the ratios after the first moves are far larger.
 _MAX_RATIO = 30.0
+#: Top of the plot relative to the largest displayed ratio, for the note.
+_HEADROOM = 1.2
 #: Rotation of the sphere per press of an arrow key, degrees.
 _ROTATION_STEP = 10
 
@@ -80,7 +82,8 @@ class FrontPlot(ThemedPlot):
         diamond = {"symbol": "d", "symbolSize": 16, "symbolBrush": c.good, "symbolPen": c.panel}
         mark = pg.PlotDataItem([design.duration / size], [design.worst], pen=None, name="chosen", **diamond)
         low, high = float(front[:, 1].min()), float(front[:, 1].max())
-        self.setYRange(np.log10(0.8 * low), np.log10(min(high, _MAX_RATIO * low)), padding=0.0)
+        top = _HEADROOM * max(design.margin, min(high, _MAX_RATIO * low))
+        self.setYRange(np.log10(0.8 * low), np.log10(top), padding=0.0)
         self.addItem(line)
         self.addItem(pg.InfiniteLine(np.log10(design.margin), 0, pen=dashed(c.bad)))
         self.addItem(mark)
