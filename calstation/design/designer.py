@@ -75,6 +75,7 @@ class _Designer:
     def __init__(self, report: ProgressCallback, request: DesignRequest) -> None:
         self._report, self._request = report, request
         self._start_time = time.monotonic()
+        report(0.0, self._remaining)
         present = RunRequest(SERIAL, request.station, request.product)
         schedule = {STAGE: {"stop_at_limits": False}}
         setup = load_configuration(replace(present, stages=(STAGE,), schedule=schedule))
@@ -315,12 +316,19 @@ class _Designer:
         worst = float(problem.ratios(states(self._library, stops)[-1][None])[0, :COUNT].max())
         self._front.add(self._duration(stops), problem.margin * worst, stops)
 
+    @property
+    def _remaining(self) -> float | None:
+        """Remaining time with the verification, s; None for a search without a time limit."""
+        limit = self._request.time_limit
+        return None if limit is None else max(limit / _SEARCHED - (time.monotonic() - self._start_time), 0.0)
+
     def _progress(self, number: int, share: float, best: float) -> None:
         """Report the completed fraction of a beam, and the duration of the best schedule so far, s."""
         limit = self._request.time_limit
         spent = time.monotonic() - self._start_time
         done = (number + share) / _BEAMS if limit is None else min(spent / limit, 1.0)
-        self._report(_PROBE_END + (_SEARCHED - _PROBE_END) * done, note=f"{best:.1f}" if np.isfinite(best) else "")
+        note = f"{best:.1f}" if np.isfinite(best) else ""
+        self._report(_PROBE_END + (_SEARCHED - _PROBE_END) * done, self._remaining, note)
 
     def _corrected(self, stops: Stops) -> Stops:
         """Return a schedule that reaches the targets in the filter, which differs slightly from the segments."""

@@ -33,7 +33,7 @@ _DEVICE_JOB_TIMEOUT = 10.0
 _EXIT_TIMEOUT = 2.0
 
 #: Smallest fraction done at which the remaining time is estimated if the job does not report it.
-_ESTIMATE_FROM = 0.02
+_ESTIMATE_FROM = 0.05
 
 logger = logging.getLogger(__name__)
 

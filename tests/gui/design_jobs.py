@@ -79,6 +79,15 @@ def searching(report: ProgressCallback, request: DesignRequest) -> Design:
     return design()
 
 
+def begun(report: ProgressCallback, request: DesignRequest) -> Design:
+    """Report the begin of a search, and continue until the stop file exists."""
+    assert request.stop is not None
+    while not request.stop.exists():
+        report(0.01, None if request.time_limit is None else 100.0)
+        time.sleep(0.02)
+    return design()
+
+
 def unreachable(report: ProgressCallback, request: DesignRequest) -> Design:
     """Fail like a search whose limits are too small."""
     raise ConfigurationError("design.unreachable", parameter=NAMES[0], limit=1.0, least=2.5, unit="°/h")

@@ -25,6 +25,7 @@ from calstation.gui.engineer.designer import DesignView
 from calstation.gui.engineer.designer.form import DesignForm
 from calstation.gui.engineer.designer.plots import FrontPlot, Sphere
 from calstation.gui.engineer.designer.result import DesignResult
+from calstation.gui.text import language
 from calstation.gui.widgets import PageArea
 from tests.gui import design_jobs
 from tests.gui.conftest import SiteFolder
@@ -77,9 +78,10 @@ def use(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
 
 
 def test_design_is_shown_with_path_parameters_and_robustness(designer: Designer) -> None:
-    assert "The shortest schedule for this product" in designer.says()
+    assert "The shortest schedule for short" in designer.says()
+    assert "Goal for short" in designer.says()
     designer.design()
-    assert "The shortest schedule for this product" not in designer.says()
+    assert "The shortest schedule for short" not in designer.says()
     assert designer.headline == (
         "0:33 planned, 0:48 at most. The current stages take 5:30, 10 times as long.\n"
         "Limited by accel bias y: σ is 0.78 of its limit."
@@ -213,6 +215,37 @@ def test_cancelled_search_for_another_product_keeps_the_previous_design(
     assert designer.widget("design_name_edit", QLineEdit).text() == "short_fast"
 
 
+def test_time_left_is_shown_from_the_start_if_the_search_has_a_limit(
+    designer: Designer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    use(monkeypatch, "begun")
+    assert designer.widget("design_search_spin", QDoubleSpinBox).text() == "usual, 60 to 180"
+    designer.press("design_button")
+    designer.until(lambda: designer.view._job.remaining_label.text() == "1 %, usually one to three minutes")
+    language.use("zh_CN")
+    assert designer.view._job.remaining_label.text() == "1 %, 通常需一到三分钟"
+    language.use("en")
+    designer.press("stop_design_button")
+    designer.until(lambda: not designer.view.watch.busy)
+    designer.widget("design_search_spin", QDoubleSpinBox).setValue(90.0)
+    designer.press("design_button")
+    designer.until(lambda: designer.view._job.remaining_label.text().startswith("1 %, 1:"))
+    designer.press("stop_design_button")
+    designer.until(lambda: not designer.view.watch.busy)
+
+
+def test_duration_plot_has_at_least_three_labels(designer: Designer) -> None:
+    designer.design()
+    (front,) = designer.page.findChildren(FrontPlot)
+    axis = front.getAxis("left")
+    for low, high in ((-0.2, 0.1), (-0.11, -0.09), (0.0, 0.4), (-2.0, 3.0), (0.301, 0.698)):
+        ticks = axis.logTickValues(low, high, 300.0, [(1.0, list(range(-2, 4)))])
+        labels = [text for spacing, values in ticks for text in axis.logTickStrings(values, 1.0, spacing or 0.0)]
+        named = {float(text) for text in labels if text}
+        assert len(named) >= 3, (low, high)
+        assert all(10.0**low * 0.999 <= value <= 10.0**high * 1.001 for value in named), (low, high)
+
+
 def test_error_is_shown_below_the_form(designer: Designer, monkeypatch: pytest.MonkeyPatch) -> None:
     use(monkeypatch, "unreachable")
     designer.design()
@@ -248,12 +281,24 @@ def test_design_is_saved_as_a_product_and_selected(designer: Designer) -> None:
     designer.window.show_page("engineer_page")
     designer.press("select_product_button")
     assert designer.window.app.product_path == path
-    assert designer.page.choice.selector.stages == ("designed",)
-
+    selector = designer.page.choice.selector
+    assert selector.stages == ("designed",)
+    assert not any(check.isVisible() for check in selector._parts.values()), "no part consists of its stage"
+    assert "Stages, in this order:" in designer.says()
+    language.use("zh_CN")
+    assert "阶段，按以下次序：" in designer.says()
+    language.use("en")
+    assert "Goal for short, designed" in designer.says()
+    assert "Product: short, designed" in designer.says()
     designer.press("save_as_button")
+    assert name.text() == "short_fast-2"
+    designer.type("design_name_edit", "short_fast")
     assert "The product short_fast exists" in designer.says()
     designer.press("cancel_save_design_button")
     assert not name.isVisible()
+    designer.design()
+    designer.press("save_as_button")
+    assert name.text() == "short_fast-2", "a design of a designed product does not repeat the ending"
 
 
 def test_schedule_is_copied_and_the_design_exported(designer: Designer, tmp_path: Path) -> None:

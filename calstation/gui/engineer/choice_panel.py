@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QCheckBox, QFrame, QLabel, QToolButton, QVBoxLayou
 
 from calstation.config import ScheduleOptions
 from calstation.gui.engineer.schedule_form import ScheduleForm
-from calstation.gui.text import about, bind, on_language_change, say, term
+from calstation.gui.text import about, bind, on_language_change, product_text, say, term
 from calstation.gui.widgets import box, button, clear, column, enable, label, row, scroll_area, show_text, theme
 from calstation.messages import Text
 
@@ -33,8 +33,10 @@ class ChoicePanel(QFrame):
         super().__init__()
         self.setProperty("kind", "panel")
         self._forms: dict[str, ScheduleForm] = {}
+        self._options: ScheduleOptions | None = None
         self._new_pin = False
         self.selector = StageSelector()
+        self._product = label(kind="muted", name="choice_product_label", wrap=True)
         self._heading, self._lock_label = label(kind="section"), label(kind="muted", wrap=True)
         self._unlock_button = button("unlock_schedule_button", pressed=self.unlock_requested)
         self._reset_button = button("reset_schedule_button", "engineer.reset", lambda: self.form.reset())
@@ -47,6 +49,7 @@ class ChoicePanel(QFrame):
         for widget in (content, self._area.viewport()):
             widget.setAutoFillBackground(False)
         column(
+            self._product,
             self._lock_label,
             self._unlock_button,
             self.selector,
@@ -78,6 +81,7 @@ class ChoicePanel(QFrame):
 
     def show_options(self, options: ScheduleOptions) -> None:
         """List the stages of a product, and create the forms for their schedules."""
+        self._options = options
         clear(self._form_box)
         self._forms = {stage: ScheduleForm(stage, options) for stage in options.offered}
         for form in self._forms.values():
@@ -108,6 +112,9 @@ class ChoicePanel(QFrame):
         self._unlock_button.setText(say("engineer.set_pin" if self._new_pin else "engineer.enter_pin"))
         stage = self.selector.current
         self._heading.setText(say("engineer.schedule_of", stage=stage) if stage else "")
+        options = self._options
+        product = "" if options is None else product_text(options.name)
+        show_text(self._product, product and say("engineer.for_product", product=product))
 
     def _show_form(self, stage: str) -> None:
         for name, form in self._forms.items():
@@ -137,12 +144,15 @@ class StageSelector(QWidget):
             check.setMinimumHeight(_ROW_HEIGHT)
             check.setFont(theme.font(theme.SECTION))
             check.clicked.connect(lambda _=False, part=name: self._choose_part(part))
+        #: Stages of the product, of which the parts consist.
+        self._own: tuple[str, ...] = ()
+        self._single = label(self._list_title, "muted")
         self._list: QVBoxLayout = column(spacing=0)
         column(
             label("engineer.what_to_calibrate", "section"),
             *self._parts.values(),
             theme.GRID,
-            label("engineer.single_stages", "muted"),
+            self._single,
             self._list,
             label("engineer.parts_hold_once", "muted"),
             on=self,
@@ -155,7 +165,8 @@ class StageSelector(QWidget):
         return tuple(stage_row.stage for stage_row in self._rows if stage_row.check.isChecked())
 
     def offer(self, stages: tuple[str, ...], selected: tuple[str, ...]) -> None:
-        """List the `stages`, and check those in `selected`."""
+        """List the `stages`, and check those of the product, `selected`, of which the parts consist."""
+        self._own = selected
         clear(self._list)
         self._rows = [_StageRow(stage, self) for stage in stages]
         for stage_row in self._rows:
@@ -165,7 +176,8 @@ class StageSelector(QWidget):
             stage_row.moved.connect(self._move)
         self._arrange()
         for name, check in self._parts.items():
-            check.setVisible(any(stage in stages for stage in PARTS[name]))
+            check.setVisible(bool(self._stages_of(name)))
+        self._single.setText(self._list_title())
         self.select(self.current if self.current in selected else next(iter(selected), stages[0]))
         self._toggled()
 
@@ -192,19 +204,27 @@ class StageSelector(QWidget):
                     self.select(stage_row.stage)
         return super().eventFilter(watched, event)
 
+    def _stages_of(self, part: str) -> tuple[str, ...]:
+        """Return the stages of the product that calibrate a part."""
+        return tuple(stage for stage in PARTS[part] if stage in self._own)
+
+    def _list_title(self) -> str:
+        """Return the title of the list of stages, which are an alternative to the parts if there are any."""
+        return say("engineer.single_stages" if any(map(self._stages_of, PARTS)) else "engineer.stages_in_order")
+
     def _choose_part(self, part: str) -> None:
         checked = self._parts[part].checkState() != Qt.CheckState.Unchecked
         for stage_row in self._rows:
-            if stage_row.stage in PARTS[part]:
+            if stage_row.stage in self._stages_of(part):
                 stage_row.check.setChecked(checked)
         self._toggled()
 
     def _toggled(self) -> None:
         """Update the check boxes of the parts and the numbers of the stages."""
-        offered, selected = {stage_row.stage for stage_row in self._rows}, self.stages
+        selected = self.stages
         for name, check in self._parts.items():
-            stages = offered.intersection(PARTS[name])
-            count = len(stages.intersection(selected))
+            stages = self._stages_of(name)
+            count = len(set(stages).intersection(selected))
             if 0 < count < len(stages):
                 check.setCheckState(Qt.CheckState.PartiallyChecked)
             else:

@@ -14,9 +14,6 @@ from calstation.jobs import Job
 #: Interval between two polls, ms; short compared with the 0.2 s that a job started by a selection takes.
 _POLL_MS = 20
 
-#: Minimum progress, as a fraction, at which the remaining time is shown.
-_MIN_FRACTION = 0.05
-
 #: Minimum widths of the text and of the remaining time of a job, px.
 _TEXT_WIDTH, _REMAINING_WIDTH = 22 * theme.GRID, 15 * theme.GRID
 
@@ -98,12 +95,15 @@ class JobWatch(QObject):
 
 
 class JobRow(QWidget):
-    """A row with the text and progress of a `JobWatch`, and a Cancel button with the object name `cancel_name`."""
+    """A row with the text and progress of a `JobWatch`, and a Cancel button with the object name `cancel_name`.
 
-    def __init__(self, watch: JobWatch, cancel_name: str = "", words: Words = "") -> None:
+    `usual` states the usual duration, which is shown until the remaining time is known.
+    """
+
+    def __init__(self, watch: JobWatch, cancel_name: str = "", words: Words = "", *, usual: Words = "") -> None:
         super().__init__()
         self.watch = watch
-        self._words = words
+        self._words, self._usual = words, usual
         self._fraction = 0.0
         self._remaining: float | None = None
         self._text_label, self.remaining_label = label(), label()
@@ -128,8 +128,8 @@ class JobRow(QWidget):
         percent = f"{100 * self._fraction:.0f} %"
         if job is not None and job.state == "waiting":
             self.remaining_label.setText(say("common.waiting"))
-        elif self._remaining is None or self._fraction < _MIN_FRACTION:
-            self.remaining_label.setText(percent)
+        elif self._remaining is None:
+            self.remaining_label.setText(", ".join(filter(None, (percent, say(self._usual)))))
         else:
             remaining = say("common.time_left", time=duration_text(self._remaining))
             self.remaining_label.setText(f"{percent}, {remaining}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from PySide6.QtWidgets import QFrame
 
 from calstation.config import ScheduleOptions, editing, library
-from calstation.gui.text import Words, bind, say
+from calstation.gui.text import Words, bind, product_text, say
 from calstation.gui.widgets import (
     FormField,
     FormValues,
@@ -69,7 +69,9 @@ class DesignForm(QFrame):
         advanced_button.setCheckable(True)
         advanced_button.toggled.connect(advanced.setVisible)
         self._reason = label(kind="muted", name="design_reason_label", wrap=True)
-        goal_box = column(label("engineer.goal", buddy=self._goal), self._goal, spacing=0)
+        self._product = ""
+        self._caption = label(self._goal_text, buddy=self._goal)
+        goal_box = column(self._caption, self._goal, spacing=0)
         buttons = column(None, row(advanced_button, self.button))
         column(
             row((goal_box, 1), self._margin, self._minutes, search, buttons, spacing=2 * theme.GRID),
@@ -86,7 +88,9 @@ class DesignForm(QFrame):
         return str(self._goal.currentData())
 
     def offer(self, options: ScheduleOptions) -> None:
-        """Limit the speeds to those of the table."""
+        """Show the name of the product, and limit the speeds to those of the table."""
+        self._product = product_text(options.name)
+        self._caption.setText(self._goal_text())
         self._speeds["rate"].spin.setMaximum(options.rate)
         self._speeds["acceleration"].spin.setMaximum(options.acceleration)
 
@@ -112,6 +116,9 @@ class DesignForm(QFrame):
             acceleration_dps2=values["acceleration"] or None,
             stop=stop,
         )
+
+    def _goal_text(self) -> str:
+        return say("engineer.goal_for", product=self._product) if self._product else say("engineer.goal")
 
     def _show_goal(self) -> None:
         for field, goal in ((self._margin, SHORTEST), (self._minutes, GIVEN_TIME)):
@@ -146,7 +153,12 @@ class SaveBar(NameBar):
     def ask(self, source: str) -> None:
         """Ask for the name of a product derived from the product `source`; both names are without suffix."""
         self._source = source
-        self.ask_name(f"{source}_fast")
+        base, present, number = f"{source.removesuffix('_fast')}_fast", library.names("products"), 1
+        name = base
+        while name in present:
+            number += 1
+            name = f"{base}-{number}"
+        self.ask_name(name)
 
     def problem(self, name: str) -> str:
         """Return why a name is not allowed, or "" if it is allowed."""

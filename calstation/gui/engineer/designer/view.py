@@ -13,7 +13,7 @@ from calstation.config import RunRequest, ScheduleOptions, Version
 from calstation.errors import CalstationError
 from calstation.gui.engineer.designer.form import GIVEN_TIME, DesignForm, SaveBar
 from calstation.gui.state import AppContext
-from calstation.gui.text import duration_text, on_language_change, say
+from calstation.gui.text import duration_text, on_language_change, product_text, say
 from calstation.gui.widgets import (
     Choice,
     EmptyState,
@@ -62,12 +62,12 @@ class DesignView(QWidget):
         self.path_job = app.job(self, compute_preview, lambda preview: self.result_view.show_path(preview))
         self._saving = app.job(self, None, self._saved, cancellable=False)
         self.form = DesignForm(self._begin)
-        self._job = JobRow(self.watch, "cancel_design_button", self._progress_text)
+        self._job = JobRow(self.watch, "cancel_design_button", self._progress_text, usual="engineer.design_usually")
         self._stop_button = button("stop_design_button", "engineer.stop_with_best", self._stop)
         self._progress = box(row((self._job, 1), self._stop_button))
         self._problem = label(kind="error", name="design_problem", wrap=True)
         self.save_bar = SaveBar(self._save)
-        self._empty = EmptyState(title="engineer.design_empty", text="engineer.design_about")
+        self._empty = EmptyState(text="engineer.design_about")
         self._stack = stack(self._empty)
         above = self.form, self._progress, self._problem, self.save_bar
         column(*above, (self._stack, 1), on=self, margins=(0, theme.GRID, 0, 0))
@@ -92,6 +92,8 @@ class DesignView(QWidget):
     def offer(self, options: ScheduleOptions | None) -> None:
         """Set the options of the product and the station for the next search, or None if they are unusable."""
         self._options = options
+        product = "" if options is None else product_text(options.name)
+        self._empty.say(Text.of("engineer.design_empty", product=product), "engineer.design_about")
         if options is not None:
             self.form.offer(options)
 
