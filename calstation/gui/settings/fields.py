@@ -136,6 +136,11 @@ class Field(FormField):
         self.setMinimumWidth(LABEL + width + _UNIT + 3 * theme.GRID)
         self.refresh()
 
+    def problem_text(self, problem: Problem) -> str:
+        """Return the text of a problem; the hint describes the form that a text must have."""
+        hint = say(self.hint) if problem.kind == "string_pattern_mismatch" else ""
+        return hint or super().problem_text(problem)
+
     def hide_label(self, heading: str) -> None:
         """Hide the label in a table of fields; `heading` is the catalogue code of the column."""
         self.label.hide()
