@@ -257,12 +257,12 @@ def test_check_standards_and_their_references_are_edited_in_display_units(forms:
     forms.choose("reference_add_combo", "gyro scale factor x")
     forms.press("reference_add_button")
     assert forms.problems() == [
-        "Gyro scale factor x, Value (ppm): Missing; fill it in.",
-        "Gyro scale factor x, Sigma (ppm): Missing; fill it in.",
+        "Row 1, Gyro scale factor x, Value (ppm): Missing; fill it in.",
+        "Row 1, Gyro scale factor x, Sigma (ppm): Missing; fill it in.",
     ]
     forms.enter("gyro scale factor x", "Value", "120")
     forms.enter("gyro scale factor x", "Sigma", "-5")
-    assert forms.problems() == ["Gyro scale factor x, Sigma (ppm): Out of range; it must be at least 0."]
+    assert forms.problems() == ["Row 1, Gyro scale factor x, Sigma (ppm): Out of range; it must be at least 0."]
     assert not forms.can_save()
     forms.enter("gyro scale factor x", "Sigma", "5")
     forms.name = "check_standards"

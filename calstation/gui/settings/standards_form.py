@@ -40,7 +40,7 @@ class StandardsForm(FittedForm):
             return say("form.no_reference", number=number + 1)
         values = FormModel(reference_form(number))
         values.show_draft(self._draft)
-        return values.describe(problem)
+        return say("form.cell", row=say("form.row", number=number + 1), column=values.describe(problem))
 
     def go_to(self, problem: Problem) -> bool:
         """Select the cell of a problem, and return whether it belongs to this form."""
