@@ -10,9 +10,11 @@ from calstation.reports.issue import (
     IssueState,
     ReportRequest,
     issue_certificate,
+    issue_certificates,
     issue_report,
     issue_state,
     issued_certificates,
+    states_of_issue,
     station_request,
 )
-from calstation.reports.label import label_template, print_label
+from calstation.reports.label import label_template, print_label, print_labels

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, date, datetime
@@ -139,6 +139,17 @@ def issue_state(report: ProgressCallback, result_file: Path, station: Path | Non
     return IssueState(request, required, issued[-1], changed, pdf if pdf.is_file() else None)
 
 
+def states_of_issue(
+    report: ProgressCallback, result_files: Sequence[Path], station: Path | None, language: Language
+) -> list[IssueState]:
+    """Job: return how a station issues the certificates of several results; see `issue_state`."""
+    states = []
+    for number, result_file in enumerate(result_files):
+        report(number / len(result_files))
+        states.append(issue_state(lambda *_, **__: None, result_file, station, language))
+    return states
+
+
 @dataclass(frozen=True)
 class IssuedCertificate:
     """A certificate that was issued, and its PDF, or None if the file is not in the folder of certificates."""
@@ -184,6 +195,22 @@ def issue_certificate(report: ProgressCallback, request: ReportRequest) -> Path:
         except OSError as exc:
             raise InputError("report.unwritable", file=request.out, reason=os_reason(exc)) from exc
     return issue_report(report, request)[1]
+
+
+def issue_certificates(report: ProgressCallback, requests: Sequence[ReportRequest]) -> list[Path]:
+    """Job: issue several reports one after another, and return their PDFs; see `issue_certificate`.
+
+    After an error, the reports before it remain issued.
+    """
+    share = 1.0 / len(requests)
+    return [
+        issue_certificate(_part_of(report, number * share, share), request) for number, request in enumerate(requests)
+    ]
+
+
+def _part_of(report: ProgressCallback, start: float, share: float) -> ProgressCallback:
+    """Return a callback for a part of a job that begins at a fraction and has this share of the whole."""
+    return lambda done, *_, note="": report(start + share * done, note=note)
 
 
 def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Certificate, Path]:

@@ -3,6 +3,7 @@
 import io
 import socket
 import string
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -57,6 +58,15 @@ def print_label(report: ProgressCallback, result_file: Path, station: Path | Non
     except OSError as exc:
         raise InputError("label.unwritable", file=pdf, reason=os_reason(exc)) from exc
     return pdf
+
+
+def print_labels(report: ProgressCallback, result_files: Sequence[Path], station: Path | None) -> list[Path]:
+    """Job: print the labels of several runs, and return the PDF files; see `print_label`."""
+    pdfs = []
+    for number, result_file in enumerate(result_files):
+        report(number / len(result_files))
+        pdfs.append(print_label(report, result_file, station))
+    return [pdf for pdf in pdfs if pdf is not None]
 
 
 def _has_failed_later(result: Result, folder: Path) -> bool:

@@ -450,7 +450,7 @@ def test_next_units_are_scanned_while_verdicts_are_shown(operator: Operator) -> 
     end_mixed_run(operator)
     assert serials(operator) == ("SN-000004", "SN-000005", "SN-000006")
     assert "Serial number: next unit" in operator.says()
-    assert "Remove the units, scan the next." in operator.message
+    assert "Remove the units that passed; the tiles of the others say what to do." in operator.message
     operator.window.show_page("history_page")
     strip = next(strip for strip in operator.window.findChildren(RunStrip) if strip.isVisible())
     assert "1 passed, 1 failed, 1 fault" in [label.text() for label in strip.findChildren(QLabel)]

@@ -14,7 +14,7 @@ import zxingcpp
 from calstation.config.library import shipped_folder
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
 from calstation.messages import local_time, render
-from calstation.reports import label_template, print_label
+from calstation.reports import label_template, print_label, print_labels
 from calstation.reports.label import label_fields, qr_code
 from calstation.results import Result, load_result
 from tests.reports.test_fonts import RARE, fonts_of, write_font
@@ -179,6 +179,16 @@ def test_only_a_passed_full_run_has_a_label(site: Path, changes: dict[str, Any])
     assert label_template(load_result(write_result(site, **changes))) is None
     with pytest.raises(InputError, match="No label is printed for SN-000042"):
         printed(site, **changes)
+
+
+def test_labels_of_several_units_are_printed_one_after_another(site: Path) -> None:
+    use_template(site, "label.typ", "#set page(width: 50mm, height: 30mm)\n#sys.inputs.serial")
+    first = write_result(site)
+    second = first.rename(first.with_name("SN-000043_1.json"))
+    done: list[float] = []
+    pdfs = print_labels(lambda fraction, *_, **__: done.append(fraction), [write_result(site), second], None)
+    assert [pdf.name for pdf in pdfs] == ["SN-000042_1.pdf", "SN-000043_1.pdf"]
+    assert done == [0.0, 0.5]
 
 
 def test_no_label_is_printed_for_a_unit_that_failed_later(site: Path) -> None:

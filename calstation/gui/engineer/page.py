@@ -267,8 +267,12 @@ class EngineerPage(Page):
             self.notice.ask("caution", refusal or "", "")
 
     def _start(self) -> None:
+        """Ask the questions before a start; units in slots that are not displayed are shown first."""
         self.notice.dismiss()
         request, serials = self._request(), self.app.slots.serials
+        if serials and self._views.currentWidget() is not self._slots:
+            self._tabs.setCurrentIndex(self._views.indexOf(self._slots))
+            return
         self._start_dialog.begin(replace(request, serials=serials) if serials else request)
 
     def _run_changed(self) -> None:

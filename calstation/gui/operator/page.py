@@ -79,7 +79,8 @@ class OperatorPage(Page):
         self._verdict, self._shift = VerdictPanel(app, self.notice, self.await_scan), ShiftCounter(app)
         self._claimed = ClaimNotice(app)
         self._starting = RunStarter(app, self.header, self.notice)
-        self._slots, self._verdicts = SlotsPanel(self._starting.slots), VerdictGrid(app.run)
+        self._slots = SlotsPanel(self._starting.slots)
+        self._verdicts = VerdictGrid(app, self.notice, self.await_scan)
         #: Whether the verdict on one of several units is displayed.
         self._unit_opened = False
         self._views = stack(self._loading, self._slots, self._live, self._verdicts, self._verdict)
@@ -146,6 +147,7 @@ class OperatorPage(Page):
         self._live.finish_requested.connect(lambda: app.engine_link.send(Command.END_STAGE))
         self._verdict.acknowledged.connect(self._acknowledge)
         self._verdict.closed.connect(lambda: self._open_unit(opened=False))
+        self._verdicts.again.connect(self._starting.fill_again)
         self._verdicts.opened.connect(lambda: self._open_unit(opened=True))
         self._slots.clicked.connect(self._starting.edited)
         self._slots.clicked.connect(header.focus_scan)

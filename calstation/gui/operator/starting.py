@@ -1,8 +1,9 @@
 """Start of runs on the operator page, from a scan or an interrupted run to the start of the engine."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.interrupted import InterruptedRuns
 from calstation.gui.operator.questions import StartDialog, ask
-from calstation.gui.state import AppContext
+from calstation.gui.state import AppContext, UnitStatus
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
@@ -92,21 +93,29 @@ class RunStarter(QObject):
 
     def offer_same_units(self) -> None:
         """After an incomplete run of several units, offer to calibrate the unfinished units again."""
-        serials = {unit.slot: unit.serial for unit in self._app.run.units if unit.unfinished}
-        if not serials:
+        units = [unit for unit in self._app.run.units if unit.unfinished]
+        if not units:
             return
 
-        def fill() -> None:
-            self.slots.remove_units(only_suggested=True)
-            for slot in [slot for slot in self.slots if slot.name in serials]:
-                serial = serials[slot.name]
-                self.slots.fill(slot, serial, self._attempts(serial))
-            if self._app.run.ended:
-                self._app.run.acknowledge()
-            self._await_start()
-
-        question = Text.of("question.same_units", serials=list(serials.values()))
+        question = Text.of("question.same_units", serials=[unit.serial for unit in units])
+        fill = partial(self.fill_again, units)
         ask(self._notice, "paused", question, {"same_units": fill, "cancel": self._header.focus_scan})
+
+    def fill_again(self, units: Sequence[UnitStatus]) -> None:
+        """Assign units of the last run to their slots again, and wait for START."""
+        self._notice.dismiss()
+        self.slots.remove_units(only_suggested=True)
+        serials = {unit.slot: unit.serial for unit in units}
+        for slot in [slot for slot in self.slots if slot.name in serials]:
+            serial = serials[slot.name]
+            self.slots.fill(slot, serial, self._attempts(serial))
+        self._show_slots()
+
+    def _show_slots(self) -> None:
+        """Show the slots instead of the verdicts, and wait for START."""
+        if self._app.run.ended:
+            self._app.run.acknowledge()
+        self._await_start()
 
     def scan(self) -> None:
         """Check the entered serial number; if a run of the unit was interrupted, offer to resume it.
@@ -202,8 +211,15 @@ class RunStarter(QObject):
             self._header.start_button.setFocus()
 
     def start(self) -> None:
-        """Check the serial number, ask the questions before a start, then start the run."""
+        """Check the serial number, ask the questions before a start, then start the run.
+
+        While verdicts are displayed, show the units in the slots instead: no unit is calibrated that was not displayed.
+        """
+        displayed = not (self.slots and self._app.run.ended)
         if self._app.engine_link.running or not self.check():
+            return
+        if not displayed:
+            self._show_slots()
             return
         app, units = self._app, self.slots.units or (self._header.serial,)
         self.dialog.begin(

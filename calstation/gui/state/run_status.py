@@ -110,6 +110,11 @@ class RunStatus(QObject):
         return "" if self.run_summary is None else self.run_summary.joint_order
 
     @property
+    def slots(self) -> tuple[str, ...]:
+        """Names of all slots of the table in order, also of those without a unit; () for a single unit."""
+        return self.run_summary.slots if self.in_slots and self.run_summary is not None else ()
+
+    @property
     def in_slots(self) -> bool:
         """Whether the run is at a station with several slots."""
         return bool(self.unit.slot)

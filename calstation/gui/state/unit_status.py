@@ -136,6 +136,11 @@ class UnitStatus:
         return not own_fault and (self.verdict is None or not self.verdict.judged)
 
     @property
+    def failed(self) -> bool:
+        """Whether the unit failed or had its own fault, so that it may be calibrated again in its slot."""
+        return self.verdict is Verdict.FAILED or (self.fault is not None and bool(self.fault.slot))
+
+    @property
     def stage(self) -> StageState | None:
         """The current stage."""
         return next((s for s in self.stages if s.state in ("active", "solving")), None)

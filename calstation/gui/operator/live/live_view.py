@@ -161,5 +161,5 @@ class LiveView(QWidget):
         several = run.in_slots and not run.register_operation
         self._beside.setCurrentIndex(several and not started)
         self._units.setVisible(several)
-        room = self.window().height() >= _MIN_HEIGHT + _TILE_HEIGHT * ceil(len(run.units) / COLUMNS)
+        room = self.window().height() >= _MIN_HEIGHT + _TILE_HEIGHT * ceil(len(run.slots) / COLUMNS)
         self._lower.setVisible(not guiding and (not several or (started and room)))

@@ -1,6 +1,6 @@
 """Buttons that print the label of a unit and issue or open its calibration certificate."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,15 @@ from calstation.gui.text import Words, bind, language, say
 from calstation.gui.widgets import Choice, NoticeBar
 from calstation.messages import Text
 from calstation.records import IssuedReport
-from calstation.reports import IssueState, issue_certificate, issue_state, label_template, print_label
+from calstation.reports import (
+    IssueState,
+    issue_certificate,
+    issue_certificates,
+    issue_state,
+    label_template,
+    print_labels,
+    states_of_issue,
+)
 from calstation.results import Result
 
 
@@ -27,7 +35,6 @@ class _DocumentButton(QPushButton):
         super().__init__()
         self.setObjectName(name)
         self._app, self._notice, self._then = app, notice, then
-        self._result_file: Path | None = None
         self.hide()
 
     def open(self, pdf: Path) -> None:
@@ -37,31 +44,40 @@ class _DocumentButton(QPushButton):
 
 
 class LabelButton(_DocumentButton):
-    """Button that prints the label of a unit, visible if the unit has passed and its product has a label."""
+    """Button that prints the label of a unit, or of `all_units`, if they passed and their product has a label."""
 
-    def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
+    def __init__(
+        self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None], *, all_units: bool = False
+    ) -> None:
         super().__init__(app, name, notice, then)
-        self._watch = app.job(self, print_label, self._printed)
+        self._files: list[Path] = []
+        self._watch = app.job(self, print_labels, self._printed)
         notice.report_failures(self._watch, "operator.label_not_printed", then)
         self._watch.busy_changed.connect(lambda: self.setEnabled(not self._watch.busy))
-        self.clicked.connect(lambda: self._watch.start(self._result_file, self._app.station_path))
-        bind(self, "operator.print_label")
+        self.clicked.connect(lambda: self._watch.start(self._files, self._app.station_path))
+        bind(self, "operator.print_labels" if all_units else "operator.print_label")
 
     def offer(self, result: Result | None, result_file: Path | None) -> None:
         """Show the button if the result has a label."""
-        self._result_file = result_file
+        self.offer_all([] if result is None or result_file is None else [(result, result_file)])
+
+    def offer_all(self, units: Sequence[tuple[Result, Path]]) -> None:
+        """Show the button if results of the same product, which are given with their files, have labels."""
+        self._files = [path for _, path in units]
         try:
-            template = None if result is None or result_file is None else label_template(result)
+            template = label_template(units[0][0]) if units else None
         except CalstationError:  # the operator page reports an unreadable product
             template = None
         self.setVisible(template is not None)
 
-    def _printed(self, pdf: Path | None) -> None:
-        if pdf is None:
-            self._notice.ask("good", "operator.label_printed", "")
+    def _printed(self, pdfs: list[Path]) -> None:
+        if not pdfs:
+            self._notice.ask("good", Text.of("operator.labels_printed", count=len(self._files)), "")
+        elif len(pdfs) == 1:
+            self._notice.inform("good", "operator.label_saved", lambda: str(pdfs[0]), self._then)
+            self.open(pdfs[0])
         else:
-            self._notice.inform("good", "operator.label_saved", lambda: str(pdf), self._then)
-            self.open(pdf)
+            self._notice.inform("good", "operator.labels_saved", lambda: str(pdfs[0].parent), self._then)
         self._then()
 
 
@@ -74,6 +90,7 @@ class CertificateButton(_DocumentButton):
 
     def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__(app, name, notice, then)
+        self._result_file: Path | None = None
         self.panel = PeoplePanel(name)
         self._state_watch = app.job(self, issue_state, self._begin)
         self.watch = app.job(self, issue_certificate, self._issued)
@@ -151,3 +168,65 @@ class CertificateButton(_DocumentButton):
                 Choice("certificate_open_button", "common.open", lambda: self.open(pdf), primary=True),
             ),
         )
+
+
+class CertificatesButton(_DocumentButton):
+    """Button that issues the certificates of several units of a product, except those that have been issued.
+
+    The caller lays out `panel`, which asks for two people if the product requires it.
+    """
+
+    def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
+        super().__init__(app, name, notice, then)
+        self.panel = PeoplePanel(name)
+        self._files: list[Path] = []
+        self._states_watch = app.job(self, states_of_issue, self._begin)
+        self._watch = app.job(self, issue_certificates, self._issued)
+        for watch in (self._states_watch, self._watch):
+            notice.report_failures(watch, "operator.no_certificate", then)
+            watch.busy_changed.connect(self._show_busy)
+        self._watch.progress.connect(lambda *_: self._show_busy())
+        self.clicked.connect(self._ask)
+        bind(self, self._text)
+
+    def offer_all(self, units: Sequence[tuple[Result, Path]]) -> None:
+        """Show the button if results of the same product, which are given with their files, have parameters."""
+        self.panel.hide()
+        self._files = [path for result, path in units if result.parameters]
+        self.setVisible(bool(self._files))
+
+    def _text(self) -> str:
+        job = self._watch.job
+        if job is None:
+            return say("operator.certificates")
+        return say("operator.certificate_progress", percent=100 * job.fraction)
+
+    def _show_busy(self) -> None:
+        self.setEnabled(not (self._states_watch.busy or self._watch.busy))
+        self.setText(self._text())
+
+    def _ask(self) -> None:
+        self.panel.hide()
+        self._states_watch.start(self._files, self._app.station_path, language.current())
+
+    def _begin(self, states: list[IssueState]) -> None:
+        """Issue the certificates that are missing, after two people have confirmed this if they must."""
+        missing = [state for state in states if state.last is None]
+        if not missing:
+            self._notice.inform("none", "operator.certificates_exist", "", self._then)
+            return
+        required = missing[0].required
+        by = (self._app.badge if required.badge else self._app.person) or ""
+        if not required.second:
+            self._watch.start([replace(state.request, first=Person(by or "-")) for state in missing])
+            return
+
+        def confirmed(_: str, first: Person, second: Person | None) -> None:
+            self.panel.hide()
+            self._watch.start([replace(state.request, first=first, second=second) for state in missing])
+
+        self.panel.ask(Text.of("operator.ask_certificates", count=len(missing)), required, confirmed, by=by)
+
+    def _issued(self, pdfs: list[Path]) -> None:
+        title = Text.of("operator.certificates_issued", count=len(pdfs))
+        self._notice.inform("good", title, lambda: str(pdfs[0].parent), self._then)

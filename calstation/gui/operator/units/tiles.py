@@ -1,12 +1,13 @@
 """Tiles for units, with the same arrangement before, during and after a run, and the tiles of a run in progress."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QPaintEvent
 from PySide6.QtWidgets import (
     QAbstractButton,
+    QFrame,
     QGridLayout,
     QSizePolicy,
     QStyle,
@@ -16,7 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.gui.state import TRANSFER, RunStatus, UnitStatus
-from calstation.gui.text import KINDS, fault_text, on_language_change, say, term
+from calstation.gui.text import KINDS, bind, fault_text, on_language_change, rendered, say, term
 from calstation.gui.widgets import ElidedLabel, StateIcon, clear, column, grid, label, row, theme
 
 #: Maximum number of tiles in a row.
@@ -66,6 +67,25 @@ def arrange(layout: QGridLayout, tiles: Sequence[QWidget]) -> None:
         layout.addWidget(tile, index // COLUMNS, index % COLUMNS)
 
 
+class _EmptyTile(QFrame):
+    """Place of a slot without a unit."""
+
+    def __init__(self, slot: str) -> None:
+        super().__init__()
+        self.setObjectName(f"empty_{slot}_tile")
+        self.setProperty("kind", "panel")
+        self._slot, self._text = label(kind="muted"), ElidedLabel("muted")
+        self._slot.setText(slot)
+        bind(self._text, "operator.empty")
+        margins = (theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID // 2)
+        column(None, row(self._slot, (self._text, 1), spacing=theme.GRID), None, on=self, spacing=0, margins=margins)
+
+
+def arrange_in_slots(layout: QGridLayout, tiles: Mapping[str, QWidget], slots: Sequence[str]) -> None:
+    """Replace the tiles in a grid with those of units by slot, each in the same cell as before the run."""
+    arrange(layout, [tiles.get(slot) or _EmptyTile(slot) for slot in slots])
+
+
 class _UnitTile(Tile):
     """Tile with the slot and serial number of a unit above its state."""
 
@@ -107,7 +127,7 @@ class UnitTiles(QWidget):
         self._tiles = [_UnitTile(unit) for unit in self._run.units if unit.slot]
         for tile in self._tiles:
             tile.clicked.connect(partial(self._run.select_unit, tile.unit))
-        arrange(self._grid, self._tiles)
+        arrange_in_slots(self._grid, {tile.unit.slot: tile for tile in self._tiles}, self._run.slots)
         self.refresh()
 
     def refresh(self) -> None:
@@ -130,6 +150,8 @@ class UnitTiles(QWidget):
         bad = next((stage for stage in unit.stages if stage.state == "bad"), None)
         stage, ratio = unit.stage, run.sigma_ratio(unit)
         text = ""
+        if unit.failing is not None:
+            return "bad", rendered(unit.failing["why"]).text
         if bad is not None:
             text = f"{term('stage', bad.name)}: {term('stage_state', 'bad')}"
         elif stage is not None and stage.state == "solving":

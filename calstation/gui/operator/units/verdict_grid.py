@@ -1,17 +1,22 @@
 """Panel with the verdicts on several units, in tiles that show the verdict, the reason and the next action."""
 
+from collections.abc import Callable
 from functools import partial
 from math import ceil
+from pathlib import Path
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFrame
 
 from calstation.gui.operator import advice
+from calstation.gui.operator.production import CertificatesButton, LabelButton
 from calstation.gui.operator.units.banner import Banner
-from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange, pass_clicks
-from calstation.gui.state import RunStatus, UnitStatus, run_badge
+from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange_in_slots, pass_clicks
+from calstation.gui.state import AppContext, UnitStatus, run_badge
 from calstation.gui.text import fault_text, say
-from calstation.gui.widgets import PANEL, ElidedLabel, StateBadge, column, grid, label, row, theme
+from calstation.gui.widgets import PANEL, ElidedLabel, NoticeBar, StateBadge, button, column, grid, label, row, theme
+from calstation.records import Verdict
+from calstation.results import Result
 
 #: Minimum height of a banner, maximum heights in one row and in several rows, and font size of the summary, px.
 _MIN_BANNER, _MAX_ONE_ROW, _MAX_SEVERAL_ROWS, _SUMMARY = 4 * theme.GRID, 13 * theme.GRID, 10 * theme.GRID, 28
@@ -63,29 +68,44 @@ class _VerdictTile(Tile):
 
 
 class VerdictGrid(QFrame):
-    """Tiles with the verdicts on all units of a run below a summary; a click on a tile emits `opened`."""
+    """Tiles with the verdicts on all units of a run, below a summary and buttons that apply to several units.
+
+    `notice` reports on labels and certificates, and `then` is called after it has been closed. Signals: `opened()`
+    after a click on a tile; `again(units)` to calibrate the failed units again.
+    """
 
     opened = Signal()
+    again = Signal(object)
 
-    def __init__(self, run: RunStatus) -> None:
+    def __init__(self, app: AppContext, notice: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
-        self._run = run
+        self._run = app.run
         self._tiles: list[_VerdictTile] = []
-        self._summary, self._action = StateBadge(_SUMMARY, "units_summary"), label(wrap=True)
-        self._action.setFont(theme.font(theme.SECTION, bold=True))
+        self._offered: list[Path] = []  #: Results that the buttons of labels and certificates apply to.
+        self._summary = StateBadge(_SUMMARY, "units_summary")
+        self._again = button("again_button", pressed=lambda: self.again.emit(self._failed), kind="primary")
+        self._labels = LabelButton(app, "labels_button", notice, then, all_units=True)
+        self._certificates = CertificatesButton(app, "certificates_button", notice, then)
         self._grid = grid()
-        column(row(self._summary, (self._action, 1), spacing=3 * theme.GRID), (self._grid, 1), on=self, margins=PANEL)
+        head = row(self._summary, None, self._again, self._labels, self._certificates)
+        column(head, self._certificates.panel, (self._grid, 1), on=self, margins=PANEL)
         theme.on_appearance_change(self, self._refresh)
 
     def show_end(self) -> None:
         """Show the outcome of the run for each unit."""
         units = self._run.units
         if [tile.unit for tile in self._tiles] != list(units):
-            self._tiles = [_VerdictTile(unit, ceil(len(units) / COLUMNS)) for unit in units]
+            slots = self._run.slots
+            self._tiles = [_VerdictTile(unit, ceil(len(slots) / COLUMNS)) for unit in units]
             for tile in self._tiles:
                 tile.clicked.connect(partial(self._open, tile.unit))
-            arrange(self._grid, self._tiles)
+            arrange_in_slots(self._grid, {tile.unit.slot: tile for tile in self._tiles}, slots)
+        files = [path for _, path in self._passed]
+        if files != self._offered:
+            self._offered = files
+            self._labels.offer_all(self._passed)
+            self._certificates.offer_all(self._passed)
         self._refresh()
 
     def focus_unit(self) -> None:
@@ -97,7 +117,22 @@ class VerdictGrid(QFrame):
     def next_action(self) -> str:
         """Return the operator's next action."""
         incomplete = self._run.state in ("stopped", "incomplete")
-        return say("advice.same_units" if incomplete else "advice.next_units")
+        if incomplete:
+            return say("advice.same_units")
+        return say("advice.mixed_units" if self._failed else "advice.next_units")
+
+    @property
+    def _failed(self) -> list[UnitStatus]:
+        return [unit for unit in self._run.units if unit.failed]
+
+    @property
+    def _passed(self) -> list[tuple[Result, Path]]:
+        """Results of the units that passed, with their files."""
+        return [
+            (unit.result, Path(unit.finalized.result_file))
+            for unit in self._run.units
+            if unit.verdict is Verdict.PASSED and unit.result is not None and unit.finalized is not None
+        ]
 
     def _open(self, unit: UnitStatus) -> None:
         self._run.select_unit(unit)
@@ -106,7 +141,8 @@ class VerdictGrid(QFrame):
     def _refresh(self) -> None:
         if self._tiles:
             self._summary.show_state(*run_badge(self._run))
-            self._action.setText(self.next_action())
+            self._again.setText(say("operator.again", count=len(self._failed)))
+            self._again.setVisible(bool(self._failed))
             for tile in self._tiles:
                 tile.show_verdict(self._run.display_state_of(tile.unit))
             brief = [tile.reason for tile in self._tiles if not tile.roomy]

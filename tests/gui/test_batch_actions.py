@@ -1,0 +1,161 @@
+"""A batch keeps the places of its slots, and labels, certificates and new runs apply to several units at once."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QPushButton, QWidget
+
+from calstation.config import ConfirmationRequired, RunRequest
+from calstation.gui.operator.production import document_buttons
+from calstation.jobs import ProgressCallback
+from calstation.messages import Language, Text
+from calstation.records import Verdict
+from calstation.reports import IssueState, ReportRequest
+from calstation.sequencer import Message
+from tests.gui.conftest import Operator
+from tests.gui.test_units import FAILED, begin, end_unit, serials, started, tile, use_slots
+
+__all__ = ["started"]  # fixture
+
+#: Ends of the object names of tiles.
+ENDS = ("_tile", "_verdict")
+
+PASSED: dict[str, Any] = {
+    "parameters": {"gyro_bias_x": {"unit": "rad/s", "sigma": 1e-6, "value": 0.0, "stage": "rate"}}
+}
+
+
+def corner(operator: Operator, name: str) -> tuple[int, int]:
+    """Return the column and row of a tile in the grid of its panel."""
+    widget: QWidget = operator.widget(name)
+    operator.until(widget.isVisible, 10.0)
+    tiles = [each for each in widget.parentWidget().findChildren(QWidget) if each.objectName().endswith(ENDS)]
+    columns = sorted({each.x() for each in tiles if each.isVisible()})
+    rows = sorted({each.y() for each in tiles if each.isVisible()})
+    return columns.index(widget.x()), rows.index(widget.y())
+
+
+def end(operator: Operator, failed: tuple[str, ...]) -> None:
+    """End the run of all units, of which those in some slots fail."""
+    for unit in operator.run.units:
+        bad = unit.slot in failed
+        end_unit(operator, unit.slot, "failed" if bad else "passed", **(FAILED if bad else PASSED))
+    operator.window.app.engine_link._end()
+    operator.until(lambda: operator.run.ended)
+
+
+def test_slots_keep_their_places_from_loading_to_verdict(operator: Operator) -> None:
+    use_slots(operator, 6)
+    before = {name: corner(operator, f"slot_{name}_tile") for name in ("1", "4", "6")}
+    for name in ("2", "5"):
+        operator.press(f"slot_{name}_button")
+    begin(operator)
+    assert {name: corner(operator, f"unit_{name}_tile") for name in before} == before
+    assert operator.widget("empty_2_tile").isVisible()
+    end(operator, failed=("4",))
+    assert {name: corner(operator, f"unit_{name}_verdict") for name in before} == before
+    operator.widget("language_combo", QComboBox).setCurrentIndex(1)
+    empty = operator.window.operator_page._verdicts.findChild(QWidget, "empty_5_tile")
+    assert [text.text() for text in empty.findChildren(QLabel)] == ["5", "空"]
+
+
+def test_tile_of_a_unit_that_will_fail_says_why(operator: Operator) -> None:
+    use_slots(operator, 2)
+    begin(operator)
+    why = Text.of("event.inconsistent", stage="rate", value=3.2, limit=1.1)
+    operator.window.app.engine_link.event.emit(Message("will_fail", {"why": why}, slot="2"))
+    operator.until(lambda: "The residuals of Rate are inconsistent" in tile(operator, "unit_2_tile").toolTip())
+    assert not operator.widget("failing_notice").isVisible()  # the other unit may pass
+    operator.widget("language_combo", QComboBox).setCurrentIndex(1)
+    assert "速率的残差不一致" in tile(operator, "unit_2_tile").toolTip()
+    assert "residuals" not in tile(operator, "unit_1_tile").toolTip()
+
+
+def test_start_shows_units_that_were_not_displayed(operator: Operator, started: list[RunRequest]) -> None:
+    use_slots(operator, 3)
+    begin(operator)
+    end(operator, failed=())
+    operator.press("start_button")
+    assert started == []
+    assert operator.window.focusWidget() is operator.widget("start_button")
+    assert "SN-000004" in tile(operator, "slot_1_tile").accessibleName()
+    operator.press("start_button")
+    assert [request.serials for request in started] == [("SN-000004", "SN-000005", "SN-000006")]
+
+
+def test_failed_units_are_calibrated_again_in_their_slots(operator: Operator, started: list[RunRequest]) -> None:
+    use_slots(operator, 4)
+    begin(operator)
+    end(operator, failed=("2", "4"))
+    again = operator.widget("again_button", QPushButton)
+    operator.widget("language_combo", QComboBox).setCurrentIndex(1)
+    assert again.text() == "重做不合格的产品（2）"
+    operator.widget("language_combo", QComboBox).setCurrentIndex(0)
+    operator.press("again_button")
+    assert started == []
+    assert serials(operator) == ("", "SN-000002", "", "SN-000004")
+    operator.press("start_button")
+    assert [request.serials for request in started] == [("", "SN-000002", "", "SN-000004")]
+
+
+def label_of(report: ProgressCallback, files: list[Path], station: Path | None) -> list[Path]:
+    """Job: stand in for the labels of results."""
+    return [Path("labels", f"{path.stem}.pdf") for path in files]
+
+
+def states_of(
+    report: ProgressCallback, files: list[Path], station: Path | None, language: Language
+) -> list[IssueState]:
+    """Job: stand in for the settings of the certificates."""
+    required = ConfirmationRequired(pin=False, badge=False, second=False)
+    return [IssueState(ReportRequest(path, Path("certificates"), language), required) for path in files]
+
+
+def issue(report: ProgressCallback, requests: list[ReportRequest]) -> list[Path]:
+    """Job: stand in for the issue of certificates."""
+    return [request.out / f"{request.source.stem}.pdf" for request in requests]
+
+
+@pytest.fixture
+def documents(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Labels and certificates without logs."""
+    monkeypatch.setattr(document_buttons, "label_template", lambda result: Path("label.zpl"))
+    for name, job in (("print_labels", label_of), ("states_of_issue", states_of), ("issue_certificates", issue)):
+        monkeypatch.setattr(document_buttons, name, job)
+
+
+@pytest.mark.usefixtures("documents")
+def test_labels_and_certificates_of_all_units_that_passed(operator: Operator) -> None:
+    use_slots(operator, 3)
+    begin(operator)
+    end(operator, failed=("2",))
+    operator.press("labels_button")
+    operator.until(lambda: "The labels were saved as PDF files" in operator.says())
+    operator.press("operator_notice_close")
+    operator.press("certificates_button")
+    operator.until(lambda: "Certificates issued: 2" in operator.says())
+    operator.widget("language_combo", QComboBox).setCurrentIndex(1)
+    assert "已签发证书：2 份" in operator.says()
+
+
+def test_no_button_for_documents_without_a_unit_that_passed(operator: Operator) -> None:
+    use_slots(operator, 2)
+    begin(operator)
+    end(operator, failed=("1", "2"))
+    for name in ("labels_button", "certificates_button"):
+        assert not operator.widget(name, QAbstractButton).isVisible()
+    assert operator.run.state == Verdict.FAILED
+
+
+def test_start_of_the_engineer_shows_units_that_were_not_displayed(
+    operator: Operator, started: list[RunRequest]
+) -> None:
+    use_slots(operator, 3)
+    operator.window.app.role.set_first_pin("246813")
+    operator.window.show_page("engineer_page")
+    operator.press("engineer_start_button")
+    assert started == []
+    assert "SN-000001" in tile(operator, "engineer_slot_1_tile").accessibleName()
+    operator.press("engineer_start_button")
+    assert [request.serials for request in started] == [("SN-000001", "SN-000002", "SN-000003")]
