@@ -210,7 +210,7 @@ def test_window_starts_without_importing_the_solvers() -> None:
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
 def test_header_fields_are_as_high_as_the_start_button(window: MainWindow, qtbot: QtBot, code: str) -> None:
     window.app.set_language(code)
-    header = RunHeader()
+    header = RunHeader(window.app.run)
     qtbot.addWidget(header)
     header.show()
     assert header.minimumSizeHint().height() == header.start_button.height() == theme.BIG_BUTTON

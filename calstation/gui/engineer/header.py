@@ -3,7 +3,7 @@
 from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.state import EndStageButton, RunStatus, RunStrip
+from calstation.gui.state import EndStageButton, PauseButton, RunStatus, RunStrip
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import ScanEdit, button, column, label, line_edit, row, theme
 
@@ -26,7 +26,7 @@ class EngineerHeader(QWidget):
         self.serial_edit.setFixedWidth(24 * theme.GRID)
         bind(self.serial_edit.setPlaceholderText, "engineer.scan_or_type")
         self.engineer_edit = line_edit(
-            "engineer_name_edit", width=25 * theme.GRID, longest=40, hint="engineer.name_tip"
+            "engineer_name_edit", width=20 * theme.GRID, longest=40, hint="engineer.name_tip"
         )
         self.serial_edit.returnPressed.connect(self.serial_entered)
         for edit in (self.serial_edit, self.engineer_edit):
@@ -41,7 +41,18 @@ class EngineerHeader(QWidget):
         self.start_button.setMinimumWidth(22 * theme.GRID)
         self.start_button.setFont(theme.font(theme.SECTION, bold=True))
         end_button = EndStageButton(run, "engineer_end_stage_button")
-        row(serial, engineer, self.start_button, (RunStrip(run), 1), end_button, on=self, spacing=2 * theme.GRID)
+        pause_button = PauseButton(run, "engineer_pause_button")
+        pause_button.setFixedSize(12 * theme.GRID, theme.BIG_BUTTON)
+        row(
+            serial,
+            engineer,
+            self.start_button,
+            (RunStrip(run, narrow=True), 1),
+            end_button,
+            pause_button,
+            on=self,
+            spacing=2 * theme.GRID,
+        )
         on_language_change(self, self._show_start)
 
     def show_partial(self, *, partial: bool) -> None:

@@ -16,7 +16,7 @@ from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.registers_view import UNNAMED, RegistersView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
-from calstation.gui.operator import SlotsPanel, StartDialog
+from calstation.gui.operator import LiveView, SlotsPanel, StartDialog
 from calstation.gui.state import AppContext, Page
 from calstation.gui.text import on_language_change, product_text, say
 from calstation.gui.widgets import (
@@ -54,6 +54,7 @@ class EngineerPage(Page):
         self.choice = ChoicePanel()
         self._start_dialog = StartDialog(app, self.notice, "engineer_override", self._header.serial_edit.setFocus)
         self._slots = SlotsPanel(app.slots, "engineer_")
+        self._live = LiveView(app, "engineer_")
         self.preview = PreviewView(app, self._request)
         self.registers = RegistersView(app, self._register_request)
         self.analysis = ResultAnalysis(app, self)
@@ -83,9 +84,12 @@ class EngineerPage(Page):
             "engineer_views",
             *("engineer.preview", "common.parameters", "engineer.innovations", "common.residuals"),
             *("engineer.observability", "engineer.register_view", "common.cycle", "engineer.design", "engineer.units"),
+            "common.live",
         )
         analysis = self.analysis
-        self._views = stack(self.preview, *analysis.views, self.registers, analysis.cycle, self.design, self._slots)
+        views = (self.registers, analysis.cycle, self.design, self._slots, self._live)
+        self._views = stack(self.preview, *analysis.views, *views)
+        self._tabs.setTabVisible(self._views.indexOf(self._live), False)
         self._source = ElidedLabel("muted")
         self._source.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         open_button = button("open_result_button", "common.open", self._ask_file, tip="engineer.open_tip")
@@ -184,8 +188,12 @@ class EngineerPage(Page):
         self._update()
 
     def _running_changed(self, running: bool) -> None:
-        """After a run, clear the serial number, restore the product's stages, and show remarks for the engineer."""
+        """Show a run live; after it, clear the serial number, restore the product's stages, and show its remarks."""
         self._start_dialog.drop()
+        if running and not self.app.run.register_operation:
+            live = self._views.indexOf(self._live)
+            self._tabs.setTabVisible(live, True)
+            self._tabs.setCurrentIndex(live)
         if not running and self.app.engine_link.operation is None:
             self._header.serial_edit.clear()
             options = self._options
@@ -299,7 +307,7 @@ class EngineerPage(Page):
 
     def _loaded(self, run: FinishedRun) -> None:
         self.registers.show_run(run)
-        if self._views.currentIndex() == 0:
+        if self._views.currentWidget() in (self.preview, self._live):
             self._tabs.setCurrentIndex(1)
         self.analysis.prepare(self._views.currentWidget())
         self._update()

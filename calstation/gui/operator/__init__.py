@@ -1,6 +1,7 @@
 """The operator page: loading, scan, START, live view and verdict; `calstation.gui.state` has the status of the run."""
 
 from calstation.gui.operator import advice
+from calstation.gui.operator.live import LiveView
 from calstation.gui.operator.page import OperatorPage
 from calstation.gui.operator.production import CertificateButton, LabelButton
 from calstation.gui.operator.questions import StartDialog

@@ -7,6 +7,7 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QVBoxLayout, QWidget
 
 from calstation.gui.operator.production import BadgeField
+from calstation.gui.state import PauseButton, RunStatus
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import ScanEdit, StateIcon, button, column, enable, label, row, theme
 
@@ -20,23 +21,21 @@ class RunHeader(QWidget):
     """Fields and buttons for a run.
 
     Signals: `serial_entered()` on Enter in the serial field, which scanners send, too; `serial_edited()`;
-    `start_pressed()` and `pause_pressed()`; `enter_refused()` when Enter on START is ignored; `product_selected(path)`.
+    `start_pressed()`; `enter_refused()` when Enter on START is ignored; `product_selected(path)`.
     """
 
     serial_entered = Signal()
     serial_edited = Signal()
     enter_refused = Signal()
     start_pressed = Signal()
-    pause_pressed = Signal()
     product_selected = Signal(object)
 
-    def __init__(self) -> None:
+    def __init__(self, run: RunStatus) -> None:
         super().__init__()
         self.badge_field, self.serial_edit, self.product_combo = BadgeField(), ScanEdit("serial_edit"), QComboBox()
         self.operator_edit = self.badge_field.edit
         self.start_button = button("start_button", pressed=self.start_pressed, kind="primary")
-        self.pause_button = button("pause_button", pressed=self.pause_pressed)
-        self.pause_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the keys of a scan must not press it
+        self.pause_button = PauseButton(run, "pause_button")
         self._serial_caption = label()
         self._serial_note = ""
         self._symbol = StateIcon(_SYMBOL)
@@ -133,11 +132,6 @@ class RunHeader(QWidget):
             self._partial = partial
             theme.set_kind(self.start_button, "partial" if partial else "primary")
             self._show_texts()
-
-    def set_pause(self, paused: bool, why_not: str) -> None:
-        """Show Pause or Resume, disabled for the given reason; "" enables it."""
-        enable(self.pause_button, why_not)
-        self.pause_button.setText(say("common.resume" if paused else "operator.pause"))
 
     def guard(self, combo: QComboBox) -> None:
         """Prevent a scan from changing the selection of an open or closed combo box."""

@@ -48,7 +48,6 @@ from calstation.gui.widgets import (
 from calstation.messages import Text, event_text
 from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
-from calstation.sequencer import Command
 
 #: Text for a station that is incompatible with the product, by the code of the error.
 _WRONG_RIGS = {
@@ -71,11 +70,11 @@ class OperatorPage(Page):
         self._opened = False
         self._products: list[tuple[str, Path]] = []
         self._station = ""  #: Station file whose product has been selected.
-        self.header: RunHeader = RunHeader()
+        self.header: RunHeader = RunHeader(app.run)
         self._stages = StageList(app.run)
         self.closing, self.notice = NoticeBar(), NoticeBar("operator_notice")
         self._failing = FailingNotice(app.run)
-        self._loading, self._live = Loading(), LiveView(app.run)
+        self._loading, self._live = Loading(), LiveView(app)
         self._verdict, self._shift = VerdictPanel(app, self.notice, self.await_scan), ShiftCounter(app)
         self._claimed = ClaimNotice(app)
         self._starting = RunStarter(app, self.header, self.notice)
@@ -134,7 +133,6 @@ class OperatorPage(Page):
 
     def _connect(self) -> None:
         header, app = self.header, self.app
-        header.pause_pressed.connect(self._pause)
         header.product_selected.connect(app.set_product)
         header.product_selected.connect(header.focus_scan)
         header.enter_refused.connect(lambda: self._message.setText(say("operator.enter_refused")))
@@ -144,7 +142,6 @@ class OperatorPage(Page):
         app.identified.connect(field.identify)
         field.signed_out.connect(app.role.lock)
         field.signed_out.connect(self.await_scan)
-        self._live.finish_requested.connect(lambda: app.engine_link.send(Command.END_STAGE))
         self._verdict.acknowledged.connect(self._acknowledge)
         self._verdict.closed.connect(lambda: self._open_unit(opened=False))
         self._verdicts.again.connect(self._starting.fill_again)
@@ -152,7 +149,6 @@ class OperatorPage(Page):
         self._slots.clicked.connect(self._starting.edited)
         self._slots.clicked.connect(header.focus_scan)
         self._starting.slots.changed.connect(self._refresh)
-        app.engine_link.event.connect(self._live.show_event)
         app.engine_link.running_changed.connect(self._running_changed)
         app.run.changed.connect(self._refresh)
         app.run.stop_pressed.connect(self._stop_pressed)
@@ -295,10 +291,6 @@ class OperatorPage(Page):
         else:
             self._starting.interrupted.offer(run.unit.serial)
 
-    def _pause(self) -> None:
-        paused = self.app.run.state in ("pausing", "paused")
-        self.app.engine_link.send(Command.RESUME if paused else Command.PAUSE)
-
     def _stop_pressed(self) -> None:
         if not self.app.run.in_progress and not self._problem:
             self.notice.dismiss()
@@ -310,11 +302,9 @@ class OperatorPage(Page):
             self._show_serial()
             self._next_awaited = self._unit_opened = False
             self.setFocus()
-            self._live.start()
             self._refresh()
             return
         self.closing.dismiss()
-        self._live.stop()
         self._refresh()
         self._shift.count()
         if not self._next_awaited:
@@ -374,12 +364,8 @@ class OperatorPage(Page):
             missing = say("operator.no_unit") if slots and not slots.units and not header.serial else ""
             missing = say("operator.sign_in") if header.badge_field.required else missing
             header.set_start(say("operator.fault_open") if run.fault is not None else why_busy or missing)
-        why_no_pause = f"no_pause.{run.display_state if run.in_progress else 'idle'}"
-        pausable = run.display_state in ("running", "paused")
-        header.set_pause(run.state in ("pausing", "paused"), "" if pausable else say(why_no_pause))
         self._badge.show_state(*run_badge(run))
         self._progress.setValue(round(STEPS * run.fraction) if run.state != "idle" else 0)
-        self._live.refresh()
         if run.in_progress and self.notice.asking:
             self.notice.dismiss()
         self._choose_view()

@@ -240,6 +240,10 @@ class RunStatus(QObject):
             self.state = "stopping"
             self.changed.emit()
 
+    def pause_or_resume(self) -> None:
+        """Pause a run after its current step, or resume it."""
+        self._link.send(Command.RESUME if self.state in ("pausing", "paused") else Command.PAUSE)
+
     def end_stage(self) -> None:
         """End the current stage after its current move; the run then solves it and continues."""
         if self.stage is not None:

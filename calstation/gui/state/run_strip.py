@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from datetime import datetime
 
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QPushButton, QWidget
 
 from calstation.database import ExchangeState
@@ -18,13 +19,16 @@ _COUNTED = ("passed", "partial", "failed", "fault", "stopped", "incomplete")
 
 
 class RunStrip(QWidget):
-    """A strip that shows the status of the current run."""
+    """A strip that shows the status of the current run; a narrow one shows the stage below the unit."""
 
-    def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, run: RunStatus, *, narrow: bool = False) -> None:
+        super().__init__()
         self._run = run
         self._badge, self._text, self._bar = StateBadge(theme.SECTION), label(), progress_bar(theme.GRID)
-        line = row(self._badge, (self._text, 1), spacing=2 * theme.GRID)
+        if narrow:
+            line = column(self._badge, self._text, spacing=0)
+        else:
+            line = row(self._badge, (self._text, 1), spacing=2 * theme.GRID)
         column(line, self._bar, on=self, margins=(0, 0, theme.GRID, 0))
         run.changed.connect(self._refresh)
         on_language_change(self, self._refresh)
@@ -91,6 +95,25 @@ class EndStageButton(QPushButton):
         run, why_not = self._run, self._run.why_not_end_stage
         self.setVisible(run.in_progress and not run.register_operation and not run.by_hand and self._allowed())
         enable(self, term("end_stage", why_not) if why_not else "", say("window.end_stage_tip"))
+
+
+class PauseButton(QPushButton):
+    """A button that pauses a run after its current step, and resumes it."""
+
+    def __init__(self, run: RunStatus, name: str) -> None:
+        super().__init__()
+        self._run = run
+        self.setObjectName(name)
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the keys of a scan must not press it
+        self.clicked.connect(run.pause_or_resume)
+        run.changed.connect(self._refresh)
+        on_language_change(self, self._refresh)
+
+    def _refresh(self) -> None:
+        run = self._run
+        possible = run.display_state in ("running", "paused")
+        enable(self, "" if possible else term("no_pause", run.display_state if run.in_progress else "idle"))
+        self.setText(say("common.resume" if run.state in ("pausing", "paused") else "operator.pause"))
 
 
 class ExchangeLabel(QLabel):

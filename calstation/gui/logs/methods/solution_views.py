@@ -51,7 +51,7 @@ class SolutionViews(QWidget):
         self._add("common.residuals", self.residuals)
         self._add("common.parameters", self.table)
         self._add("logs.checks", self.checks)
-        self._add("logs.live", self.live and scroll_area(self.live))
+        self._add("common.live", self.live and scroll_area(self.live))
         self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
         top = row(self.tabs, None, export_button, spacing=2 * theme.GRID)
         column(top, self._head, (self._stack, 1), on=self)

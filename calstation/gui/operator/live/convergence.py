@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor
+from PySide6.QtGui import QColor, QShowEvent
 from PySide6.QtWidgets import QFrame
 
 from calstation.gui.text import say, term
@@ -76,6 +76,11 @@ class Convergence(QFrame):
         )
         theme.on_appearance_change(self, self._refresh)
 
+    def showEvent(self, event: QShowEvent) -> None:
+        """Draw the points that were added while the plot was hidden."""
+        super().showEvent(event)
+        self.draw()
+
     def start(self, targets: Mapping[str, float], slots: Sequence[str] = ("",)) -> None:
         """Start a run of the units in `slots` with target sigmas by group, SI, and show the first unit."""
         self._all_lines = {slot: {group: Line(target) for group, target in targets.items()} for slot in slots}
@@ -101,7 +106,7 @@ class Convergence(QFrame):
             line = lines.get(group)
             if line is not None and value > 0.0:
                 line.add(self._now, value / line.target)
-        if lines is self.lines and time.monotonic() - self._updated_at >= _DRAW_INTERVAL:
+        if lines is self.lines and self.isVisible() and time.monotonic() - self._updated_at >= _DRAW_INTERVAL:
             self.draw()
 
     def draw(self) -> None:

@@ -2,7 +2,7 @@
 
 from math import ceil
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.gui.logs.methods import GimbalView
@@ -11,13 +11,14 @@ from calstation.gui.operator.live.position_panel import PositionPanel
 from calstation.gui.operator.live.table_panel import TablePanel
 from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.units import COLUMNS, UnitTiles
-from calstation.gui.state import RunStatus, largest_sigmas
+from calstation.gui.state import AppContext, RunStatus, largest_sigmas
 from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import PANEL, StateIcon, column, grid, label, row, stack, theme
 from calstation.messages import Text
 from calstation.physics import ALIGNED
 from calstation.results.plots import gimbal_turns
 from calstation.sequencer import (
+    Command,
     Event,
     GimbalTurned,
     JointsMoved,
@@ -76,28 +77,33 @@ class Preparation(QFrame):
 
 
 class LiveView(QWidget):
-    """Shows the events of a run; emits `finish_requested` when the operator ends a stage early."""
+    """Shows the events of a run, of one of several units in detail.
 
-    finish_requested = Signal()
+    `prefix` is the beginning of the object names.
+    """
 
-    def __init__(self, run: RunStatus) -> None:
+    def __init__(self, app: AppContext, prefix: str = "") -> None:
         super().__init__()
+        run, link = app.run, app.engine_link
         self._run = run
         self.table, self._traces, self._convergence = TablePanel(), Traces(), Convergence()
-        self.position, self._upper = PositionPanel(), QWidget()
+        self.position, self._upper = PositionPanel(prefix), QWidget()
         self.gimbal = GimbalView()
         self._turns: list[GimbalTurned] = []
         self._lower = stack(Preparation(run), self._convergence, self.gimbal)
-        self.position.finish_requested.connect(self.finish_requested)
+        self.position.finish_requested.connect(lambda: link.send(Command.END_STAGE))
         self.table.setMinimumWidth(37 * theme.GRID)
         #: Traces next to the table; during the preparation of several units, the preparation steps.
         self._beside = stack(self._traces, Preparation(run))
-        self._units = UnitTiles(run)
+        self._units = UnitTiles(run, prefix)
         row((self.table, 1), (self._beside, 3), on=self._upper)
         column((self.position, 9), (self._upper, 5), self._units, (self._lower, 4), on=self)
         run.unit_changed.connect(self._show_unit)
+        run.changed.connect(self._refresh)
+        link.running_changed.connect(lambda running: self._start() if running else self._traces.stop())
+        link.event.connect(self._show_event)
 
-    def start(self) -> None:
+    def _start(self) -> None:
         """Prepare for a new run."""
         run_summary = self._run.run_summary
         self.table.set_order(self._run.joint_order)
@@ -112,11 +118,7 @@ class LiveView(QWidget):
             self._orient()
             self.position.set_run(run_summary)
 
-    def stop(self) -> None:
-        """Stop the updates at the end of a run."""
-        self._traces.stop()
-
-    def show_event(self, event: Event) -> None:
+    def _show_event(self, event: Event) -> None:
         """Show an event."""
         match event:
             case TableMoved() | JointsMoved():
@@ -124,7 +126,7 @@ class LiveView(QWidget):
             case GimbalTurned():
                 self._turns.append(event)
                 self.gimbal.show_data(gimbal_turns(self._turns, self._run.joint_order))
-                self.refresh()
+                self._refresh()
             case PositionGuided():
                 self.position.show_position(event)
             case StageEnded():
@@ -149,7 +151,7 @@ class LiveView(QWidget):
         by_slot = {} if summary is None else dict(zip(summary.slots, summary.orientations, strict=False))
         self.table.picture.set_orientation(by_slot.get(self._run.unit.slot, ALIGNED))
 
-    def refresh(self) -> None:
+    def _refresh(self) -> None:
         """Show the widgets that are relevant in the current state of the run."""
         run = self._run
         started = any(stage.state != "waiting" for stage in run.stages) and not run.register_operation

@@ -24,7 +24,7 @@ class PositionPanel(QFrame):
 
     finish_requested = Signal()
 
-    def __init__(self) -> None:
+    def __init__(self, prefix: str = "") -> None:
         super().__init__()
         self.setProperty("kind", "panel")
         self._guided: PositionGuided | None = None
@@ -33,7 +33,7 @@ class PositionPanel(QFrame):
         self.badge = StateBadge(_STATE_SIZE)
         self.task_label, self.count_label = label(wrap=True), label()
         self._note = label(kind="muted", wrap=True)
-        self.finish_button = button("finish_positions_button", "operator.enough_positions", self._finish)
+        self.finish_button = button(f"{prefix}finish_positions_button", "operator.enough_positions", self._finish)
         texts = QWidget()
         texts.setMinimumWidth(60 * theme.GRID)
         texts.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QPaintEvent
+from PySide6.QtGui import QPaintEvent, QShowEvent
 from PySide6.QtWidgets import (
     QAbstractButton,
     QFrame,
@@ -89,8 +89,8 @@ def arrange_in_slots(layout: QGridLayout, tiles: Mapping[str, QWidget], slots: S
 class _UnitTile(Tile):
     """Tile with the slot and serial number of a unit above its state."""
 
-    def __init__(self, unit: UnitStatus) -> None:
-        super().__init__(f"unit_{unit.slot}_tile")
+    def __init__(self, unit: UnitStatus, prefix: str) -> None:
+        super().__init__(f"{prefix}unit_{unit.slot}_tile")
         self.unit = unit
         self._icon, self._slot = StateIcon(16), label(kind="muted")
         self._serial, self._text = ElidedLabel(), ElidedLabel()
@@ -112,11 +112,14 @@ class _UnitTile(Tile):
 
 
 class UnitTiles(QWidget):
-    """Tiles with the states of the units of a run in progress; a click selects the unit that is displayed in detail."""
+    """Tiles with the states of the units of a run in progress; a click selects the unit that is displayed in detail.
 
-    def __init__(self, run: RunStatus) -> None:
+    `prefix` is the beginning of the object names.
+    """
+
+    def __init__(self, run: RunStatus, prefix: str) -> None:
         super().__init__()
-        self._run = run
+        self._run, self._prefix = run, prefix
         self._tiles: list[_UnitTile] = []
         self._grid = grid(self)
         run.changed.connect(self.refresh)
@@ -124,15 +127,20 @@ class UnitTiles(QWidget):
 
     def start(self) -> None:
         """Show the units of a new run."""
-        self._tiles = [_UnitTile(unit) for unit in self._run.units if unit.slot]
+        self._tiles = [_UnitTile(unit, self._prefix) for unit in self._run.units if unit.slot]
         for tile in self._tiles:
             tile.clicked.connect(partial(self._run.select_unit, tile.unit))
         arrange_in_slots(self._grid, {tile.unit.slot: tile for tile in self._tiles}, self._run.slots)
         self.refresh()
 
+    def showEvent(self, event: QShowEvent) -> None:
+        """Show the states of the units after the tiles were hidden."""
+        super().showEvent(event)
+        self.refresh()
+
     def refresh(self) -> None:
-        """Show the states of the units."""
-        for tile in self._tiles:
+        """Show the states of the units, unless the tiles are hidden."""
+        for tile in self._tiles if self.isVisible() else ():
             tile.show_state(*self._state(tile.unit), selected=tile.unit is self._run.unit)
 
     def _state(self, unit: UnitStatus) -> tuple[str, str]:
