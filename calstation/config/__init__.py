@@ -5,7 +5,7 @@ The package depends on no device, task or bench. It has more than 15 modules, on
 
 from calstation.config import access, editing, library, versions
 from calstation.config.blocks import arrange_entries
-from calstation.config.compatible import compatible_products, with_product
+from calstation.config.compatible import compatible_products, product_error, with_product
 from calstation.config.confirmation import (
     ConfirmationRequired,
     Person,

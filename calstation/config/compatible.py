@@ -11,6 +11,15 @@ from calstation.config.station import load_station
 from calstation.errors import ConfigurationError
 
 
+def product_error(station: Path | None, product: Path) -> ConfigurationError | None:
+    """Return why a station cannot calibrate a product, or None if it can."""
+    try:
+        check_station(load_configuration(RunRequest("-", station, product)))
+    except ConfigurationError as error:
+        return error
+    return None
+
+
 def compatible_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
     """Return the name and file of each product that the station can calibrate, products with the same IMU first."""
     try:

@@ -13,7 +13,7 @@ from calstation.gui.logs.allan_view import AllanView
 from calstation.gui.logs.comparison import Comparison
 from calstation.gui.logs.log_head import LogHead
 from calstation.gui.logs.log_plot import LogPlot
-from calstation.gui.logs.methods import MethodBar, MethodPanel
+from calstation.gui.logs.methods import CROSS_CALIBRATION, MethodBar, MethodPanel
 from calstation.gui.logs.plot_items import SampleRequest, time_text
 from calstation.gui.logs.range_bar import RangeBar, StageChoice
 from calstation.gui.logs.source_bar import MAX_RECENT, Exports, SourceBar
@@ -186,6 +186,11 @@ class OfflinePage(Page):
             panel.notice.inform("caution", str, self._wait_text, panel.setFocus)
         else:
             panel.open(path)
+
+    def show_monitoring(self) -> None:
+        """Show the live monitoring of the IMUs on one body."""
+        self.methods.select(CROSS_CALIBRATION)
+        self._panels[CROSS_CALIBRATION].views.show_live()
 
     def _show_method(self, method: str) -> None:
         """Show the stages of the log or the panel of a method, which is created on first use."""

@@ -1,9 +1,11 @@
 """Header of the operator page in the strip next to STOP: operator, serial number, product, START and Pause."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import cast
 
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
-from PySide6.QtGui import QKeyEvent
+from PySide6.QtGui import QKeyEvent, QStandardItemModel
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QVBoxLayout, QWidget
 
 from calstation.gui.operator.production import BadgeField
@@ -15,6 +17,18 @@ from calstation.gui.widgets import ScanEdit, StateIcon, button, column, enable, 
 _SYMBOL = 28
 
 _COMMAND = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier
+
+
+class ProductCombo(QComboBox):
+    """A list of products; emits `opening` before it opens."""
+
+    opening = Signal()
+
+    def showPopup(self) -> None:
+        """Open the list, wide enough for the longest entry."""
+        self.opening.emit()
+        self.view().setMinimumWidth(self.view().sizeHintForColumn(0) + 2 * theme.GRID)
+        super().showPopup()
 
 
 class RunHeader(QWidget):
@@ -32,7 +46,7 @@ class RunHeader(QWidget):
 
     def __init__(self, run: RunStatus) -> None:
         super().__init__()
-        self.badge_field, self.serial_edit, self.product_combo = BadgeField(), ScanEdit("serial_edit"), QComboBox()
+        self.badge_field, self.serial_edit, self.product_combo = BadgeField(), ScanEdit("serial_edit"), ProductCombo()
         self.operator_edit = self.badge_field.edit
         self.start_button = button("start_button", pressed=self.start_pressed, kind="primary")
         self.pause_button = PauseButton(run, "pause_button")
@@ -42,6 +56,7 @@ class RunHeader(QWidget):
         self._symbol.setObjectName("serial_symbol")
         self._symbol.hide()
         self._partial = False
+        self._products: list[tuple[str, Path]] = []
         row(
             (self.badge_field, 2),
             (_field(self.serial_edit, "serial_edit", self._serial_caption), 4),
@@ -80,10 +95,20 @@ class RunHeader(QWidget):
 
     def set_products(self, products: list[tuple[str, Path]], selected: Path | None) -> None:
         """List products, given by name and file, and select `selected`."""
+        self._products = products
         self.product_combo.clear()
         for name, path in products:
             self.product_combo.addItem(name, str(path))
         self.show_product(selected)
+
+    def mark_products(self, reasons: Mapping[Path, tuple[str, str]]) -> None:
+        """Grey the products that the station cannot calibrate, each with a note and an explanation in its tooltip."""
+        model = cast("QStandardItemModel", self.product_combo.model())
+        for index, (name, path) in enumerate(self._products):
+            note, explanation = reasons.get(path, ("", ""))
+            self.product_combo.setItemText(index, f"{name} ({note})" if note else name)
+            self.product_combo.setItemData(index, explanation, Qt.ItemDataRole.ToolTipRole)
+            model.item(index).setEnabled(not note)
 
     def show_product(self, path: Path | None) -> None:
         """Select a product if it is in the list."""

@@ -9,7 +9,14 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.config import DEFAULT_PRODUCT, ManualRigError, RunRequest, compatible_products, load_station
+from calstation.config import (
+    DEFAULT_PRODUCT,
+    ManualRigError,
+    RunRequest,
+    compatible_products,
+    load_station,
+    product_error,
+)
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live import LiveView
@@ -49,11 +56,12 @@ from calstation.messages import Text, event_text
 from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
 
-#: Text for a station that is incompatible with the product, by the code of the error.
+#: Code of the text for a station that is incompatible with the product, by the code of the error; the default is
+#: ``manual_station``.
 _WRONG_RIGS = {
-    "product.needs_manual_table": "window.driven_station",
-    "plan.needs_gimbal": "window.not_gimbal_station",
-    "product.needs_table": "window.gimbal_station",
+    "product.needs_manual_table": "driven_station",
+    "plan.needs_gimbal": "not_gimbal_station",
+    "product.needs_table": "gimbal_station",
 }
 
 
@@ -133,6 +141,7 @@ class OperatorPage(Page):
 
     def _connect(self) -> None:
         header, app = self.header, self.app
+        header.product_combo.opening.connect(self._mark_products)
         header.product_selected.connect(app.set_product)
         header.product_selected.connect(header.focus_scan)
         header.enter_refused.connect(lambda: self._message.setText(say("operator.enter_refused")))
@@ -262,12 +271,15 @@ class OperatorPage(Page):
             compatible = compatible_products(app.station_path, app.product_path)
             display_names = {path: name for name, path in self._products}
             names = ", ".join(f"“{display_names[path]}”" for _, path in compatible)
-            why = Text(_WRONG_RIGS.get(error.code, "window.manual_station"))
+            monitored = bool(load_station(app.station_path)[1].secondaries)
+            why = Text("window.pair_station") if monitored else Text(f"window.{self._wrong_rig(error)}")
             products = Text.of(
                 "window.compatible_products" if compatible else "window.no_compatible_product", names=names
             )
             self._problem = Text.of("question.wrong_table", why=why, products=products)
             choices = []
+            if monitored:
+                choices.append(Choice("watch_choice", "logs.watch_live", app.watch_requested.emit))
             for name, path in compatible[:2]:  # the notice lists all of them
                 words = Text.of("window.choose_product", name=display_names[path])
                 choices.append(Choice(f"product_choice_{name}", words, partial(app.set_product, path)))
@@ -275,6 +287,23 @@ class OperatorPage(Page):
         except CalstationError as error:
             self._problem = refusal("cannot_run", error, engineer=app.role.engineer)
             return None, []
+
+    def _wrong_rig(self, error: CalstationError) -> str:
+        """Return the term of the family ``window`` about a station that is incompatible with a product."""
+        return _WRONG_RIGS.get(error.code, "manual_station")
+
+    def _mark_products(self) -> None:
+        """Grey the products that the station cannot calibrate."""
+        reasons: dict[Path, tuple[str, str]] = {}
+        for _, path in self._products:
+            error = product_error(self.app.station_path, path)
+            if isinstance(error, ManualRigError):
+                rig = self._wrong_rig(error)
+                reasons[path] = (term("unsuitable", rig), say(f"window.{rig}"))
+            elif error is not None:
+                problem = refusal("cannot_run", error, engineer=self.app.role.engineer)
+                reasons[path] = (term("unsuitable", "settings"), rendered(problem).remedy)
+        self.header.mark_products(reasons)
 
     # ---- during the run
 

@@ -148,6 +148,7 @@ class MainWindow(QMainWindow):
         theme.themes.changed.connect(self._set_icons)
         app.engine_link.running_changed.connect(self._running_changed)
         app.page_requested.connect(self.show_page)
+        app.watch_requested.connect(self._show_monitoring)
         app.open_run.connect(lambda _: self.show_page("engineer_page"))
         app.resume_run.connect(lambda _: self.show_page("operator_page"))
         app.open_log.connect(self._open_log)
@@ -194,6 +195,10 @@ class MainWindow(QMainWindow):
     def _open_log(self, log: Path) -> None:
         self.show_page("offline_page")
         self.offline_page.open(log)
+
+    def _show_monitoring(self) -> None:
+        self.show_page("offline_page")
+        self.offline_page.show_monitoring()
 
     def _may_leave(self, go: Callable[[], object]) -> bool:
         """Return whether the current page may be left; see `Page.may_leave`."""

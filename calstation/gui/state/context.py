@@ -39,6 +39,7 @@ class AppContext(QObject):
     resume_run = Signal(object)
     released = Signal(object)  #: Result file of a failed unit that has been released.
     page_requested = Signal(str)  #: Object name of the page to show.
+    watch_requested = Signal()  #: Emitted to show the live monitoring of the IMUs on one body.
     runs_folder_changed = Signal()
     exchange_changed = Signal()  #: Emitted after `exchange_state` has changed.
     claim_changed = Signal()

@@ -25,11 +25,8 @@ class RunStrip(QWidget):
         super().__init__()
         self._run = run
         self._badge, self._text, self._bar = StateBadge(theme.SECTION), label(), progress_bar(theme.GRID)
-        if narrow:
-            line = column(self._badge, self._text, spacing=0)
-        else:
-            line = row(self._badge, (self._text, 1), spacing=2 * theme.GRID)
-        column(line, self._bar, on=self, margins=(0, 0, theme.GRID, 0))
+        wide = row(self._badge, (self._text, 1), spacing=2 * theme.GRID) if not narrow else None
+        column(wide or column(self._badge, self._text, spacing=0), self._bar, on=self, margins=(0, 0, theme.GRID, 0))
         run.changed.connect(self._refresh)
         on_language_change(self, self._refresh)
 

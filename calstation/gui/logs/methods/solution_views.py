@@ -64,6 +64,12 @@ class SolutionViews(QWidget):
         self._head.hide()
         self._refresh()
 
+    def show_live(self) -> None:
+        """Show the live monitoring, which is the last view, and focus its button."""
+        if self.live is not None:
+            self.tabs.setCurrentIndex(self.tabs.count() - 1)
+            self.live.start_button.setFocus()
+
     def show_solution(self, solution: MethodAnswer) -> None:
         """Fill all views with a solution and show the first of them."""
         self._solved = True

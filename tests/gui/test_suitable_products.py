@@ -1,0 +1,56 @@
+"""Products that the station cannot calibrate are greyed with the reason, and a pair station leads to its monitoring."""
+
+from pathlib import Path
+
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QStandardItemModel
+from PySide6.QtWidgets import QComboBox
+
+from calstation.config import library
+from tests.gui.conftest import Operator
+
+
+def entry(operator: Operator, product: str) -> tuple[str, bool, str]:
+    """Open the list of products; return the text of a product, whether it can be chosen, and its tooltip."""
+    combo: QComboBox = operator.widget("product_combo", QComboBox)
+    operator.qtbot.mouseClick(combo, Qt.MouseButton.LeftButton)
+    operator.until(combo.view().isVisible)
+    model = combo.model()
+    assert isinstance(model, QStandardItemModel)
+    item = model.item([Path(combo.itemData(k)).stem for k in range(combo.count())].index(product))
+    combo.hidePopup()
+    return item.text(), item.isEnabled(), item.toolTip()
+
+
+def test_products_of_another_rig_are_greyed_with_the_reason(operator: Operator) -> None:
+    text, enabled, _ = entry(operator, "mems_c")
+    assert (text, enabled) == ("MEMS grade C", True)
+    text, enabled, tip = entry(operator, "mems_hand")
+    assert (text, enabled) == ("MEMS grade C, by hand (is turned by hand)", False)
+    assert tip == "The table of this station is driven; the selection is turned by hand."
+    operator.window.app.set_language("zh_CN")
+    text, enabled, _ = entry(operator, "mems_hand")
+    assert "需要手动转动" in text
+    assert not enabled
+    operator.window.app.set_station(library.find("stations", "virtual_hand"))
+    assert entry(operator, "mems_hand")[1]
+    text, enabled, _ = entry(operator, "mems_c")
+    assert "需要电动转台" in text
+    assert not enabled
+
+
+def test_pair_station_leads_to_its_live_monitoring(operator: Operator) -> None:
+    app = operator.window.app
+    app.set_station(library.find("stations", "virtual_pair"))
+    assert "compares IMUs on one body" in operator.says()
+    app.set_language("zh_CN")
+    assert "请打开实时监测" in operator.says()
+    operator.press("watch_choice")
+    page = operator.window.offline_page
+    assert page.isVisible()
+    assert page.panel is not None
+    live = page.panel.views.live
+    assert live is not None
+    assert live.isVisible()
+    assert operator.window.focusWidget() is live.start_button
+    assert not live.watching  # nothing starts by itself
