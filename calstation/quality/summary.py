@@ -103,6 +103,7 @@ class ParameterQuality:
     values: FloatArray  #: Charted values, SI or in standard deviations, shape (n,).
     process: Process
     alarms: Mapping[str, int]  #: Number of signals, see `Charts.signals`.
+    signalling: int  #: Number of values that signal.
     latest: int | None  #: Index of the last value that signals.
     capability: Capability | None  #: None without a limit, or for one unit.
     declared: bool = False  #: Whether the center is the reference value of a check standard.
@@ -115,8 +116,10 @@ class ParameterQuality:
         """Create the charts of values; `more` are the other fields, including the process."""
         signals = charts_of(values, more["process"]).signals()
         alarms = {code: len(indices) for code, indices in signals.items()}
-        latest = max((int(indices[-1]) for indices in signals.values() if len(indices)), default=None)
-        return cls(product, parameter, names, started, values, alarms=alarms, latest=latest, **more)
+        signalling = np.unique(np.concatenate([*signals.values()]))
+        latest = int(signalling[-1]) if len(signalling) else None
+        more |= {"alarms": alarms, "signalling": len(signalling), "latest": latest}
+        return cls(product, parameter, names, started, values, **more)
 
     def charts(self) -> Charts:
         """Return the charts."""
@@ -173,6 +176,7 @@ class QualitySummary:
         str | None
     )  #: Unit that is charted individually and excluded from `yields` and `parameters`; None without one.
     single_unit: tuple[ParameterQuality, ...]  #: All runs of the unit `serial`.
+    chartable: int  #: Number of runs for charts: all full runs of the unit `serial`, or the last one of each unit.
 
     def to_json(self) -> dict[str, Any]:
         """Return all values in SI as JSON data."""
@@ -238,6 +242,7 @@ def summarise_quality(
     report(0.4)
     parameters: list[ParameterQuality] = []
     single_unit: list[ParameterQuality] = []
+    chartable = 0
     names = sorted({name for name in runs.products.values if name is not None})
     in_period = runs.started >= start
     production, unit_runs = production_runs(runs, standards), judged_runs(runs)
@@ -247,12 +252,13 @@ def summarise_quality(
         of_product, config = runs.products.isin((name,)), limits.get(name)
         units = last_of_each_unit(runs, production[of_product[production]])
         unit_rows = unit_runs[of_product[unit_runs]]
+        chartable += len(units if serial is None else unit_rows)
         parameters += _charts(runs, name, units, parameter, None if relative else config, relative=relative)
         reference = None if config is None else _Reference.of(config, serial, runs.started[unit_rows])
         single_unit += _charts(runs, name, unit_rows, parameter, None, relative=relative, reference=reference)
         report(0.4 + 0.6 * (done + 1) / len(names))
     return QualitySummary(
-        None if chosen is None else chosen.name, yields, tuple(parameters), serial, tuple(single_unit)
+        None if chosen is None else chosen.name, yields, tuple(parameters), serial, tuple(single_unit), chartable
     )
 
 

@@ -4,14 +4,14 @@ import json
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
-from datetime import date
+from datetime import date, timedelta
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 import tomli_w
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QPoint, Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTabBar, QTableView
 from synthetic.run_history import synthesise_runs
 
@@ -20,10 +20,13 @@ from calstation.config import library
 from calstation.estimation.positions import TABLE_QUANTITIES
 from calstation.gui.quality import QualityPage, study_view
 from calstation.gui.text import language, parameter_text, with_minus
+from calstation.gui.widgets import theme
 from calstation.physics import NAMES, display
-from calstation.quality import BASELINE, GaugePlan, StationQuality, TableChart
+from calstation.quality import BASELINE, FailedCheck, GaugePlan, StationQuality, TableChart
+from calstation.records import CheckId
 from calstation.results import load_result
 from tests.gui.conftest import Operator
+from tests.gui.test_history_page import write_run
 from tests.site_folder import BENCH, STATION
 
 pytestmark = pytest.mark.timeout(180)
@@ -97,6 +100,100 @@ def test_every_quantity_has_control_charts_and_a_signal_opens_its_run(operator: 
         click_row(operator, "quality_signals_table", 0, double=True)
     assert [Path(path).resolve() for path in opened.args] == [operator.site_folder.runs / f"{run}.json"]
     assert operator.window.page_tabs.currentWidget().objectName() == "engineer_page"
+
+
+def test_table_counts_the_runs_that_signal(operator: Operator, page: QualityPage) -> None:
+    for line, (runs, signalling) in enumerate(cells(operator, "quality_quantities_table")[:6]):
+        click_row(operator, "quality_quantities_table", line)
+        if int(signalling):
+            assert operator.widget("quality_signals_label", QLabel).text().startswith(f"{signalling} of {runs} runs")
+
+
+@pytest.mark.parametrize(
+    ("code", "title", "longer"), [("en", "3 of 10 runs", "longer time"), ("zh_CN", "已有3次，需要10次", "更长的时间")]
+)
+def test_number_of_runs_is_stated_until_a_chart_is_possible(
+    operator: Operator, code: str, title: str, longer: str
+) -> None:
+    folder = operator.site_folder.runs
+    folder.mkdir(exist_ok=True)
+    for hours, serial in enumerate(("SN-000001", "SN-000002", "SN-000003", "SN-000003"), 1):
+        write_run(folder, serial, "passed", timedelta(hours=hours), bias=0.1 * hours, product="Navigation grade A")
+    operator.window.app.set_product(library.find("products", "nav_a"))
+    language.use(code)
+    operator.window.show_page("quality_page")
+    page = operator.window.findChild(QualityPage, "quality_page")
+    operator.until(lambda: not page.busy and title in operator.says())
+    assert longer not in operator.says(), "the time is not limited"
+    period = operator.widget("quality_period_combo", QComboBox)
+    period.setCurrentIndex(period.findData(7))
+    operator.until(lambda: not page.busy and longer in operator.says())
+    assert title in operator.says()
+    language.use("en")
+
+
+def test_ticks_of_numbers_of_runs_are_whole_numbers(operator: Operator, page: QualityPage) -> None:
+    click_tab(operator, "Yield")
+    page.yields.pareto.show_data((FailedCheck(CheckId("within", "gyro_bias_x"), 1, 1.0),))
+    spacings = page.yields.pareto.getAxis("bottom").tickSpacing(0.0, 1.3, 400.0)
+    assert min(spacing for spacing, _ in spacings) >= 1.0
+
+
+def test_low_capability_is_marked_and_names_are_shaded_like_their_rows(operator: Operator, page: QualityPage) -> None:
+    click_tab(operator, "Capability")
+    table, rows = page.capability.table, cells(operator, "capability_table")
+    kinds = [table.model().index(line, 5).data(Qt.ItemDataRole.UserRole) for line in range(len(rows))]
+    assert kinds == ["bad" if float(row[5]) < 1.0 else "caution" if float(row[5]) < 1.33 else None for row in rows]
+    assert {"caution", None} <= set(kinds)
+    header = table.verticalHeader()
+    image = header.grab().toImage()
+    colours = [image.pixelColor(2, header.sectionViewportPosition(line) + 3).name() for line in (2, 3)]
+    assert colours == [theme.colours().panel, theme.colours().window]
+    center = QPoint(20, header.sectionViewportPosition(4) + 8)
+    operator.qtbot.mouseClick(header.viewport(), Qt.MouseButton.LeftButton, pos=center)
+    assert page.capability.plot.data.parameter == list(page.capability._charts)[4]
+
+
+def test_study_lists_the_results_of_all_parameters(operator: Operator, page: QualityPage) -> None:
+    click_tab(operator, "Repeatability")
+    page.study.open_plan(next((operator.site_folder.runs / "studies").glob("*.json")))
+    until_read(operator, page)
+    rows = cells(operator, "study_overview_table")
+    assert len(rows) == len(NAMES)
+    study = page.study._state.studies[NAMES[4]]
+    assert rows[4][:3] == ["ACCEPTABLE", f"{study.gauge.percent_tolerance:.1f}", f"{study.gauge.percent_study:.1f}"]
+    click_row(operator, "study_overview_table", 4)
+    assert operator.widget("study_parameter_label", QLabel).text() == parameter_text(NAMES[4])
+    components = cells(operator, "study_components_table")
+    assert next(row[4] for row in components if "GRR" in row[0]) == rows[4][1]
+    click_tab(operator, "Capability")
+    cpk = [row[5] for row in cells(operator, "capability_table")]
+    click_tab(operator, "Repeatability")
+    assert [row[4].strip() for row in cells(operator, "study_overview_table")] == cpk
+    model = page.study.overview.model()
+    marks = [model.index(line, 4).data(Qt.ItemDataRole.UserRole) for line in range(len(cpk))]
+    assert [mark is not None for mark in marks] == [float(each) < 1.33 for each in cpk]
+    assert operator.widget("study_parameter_label", QLabel).text() == parameter_text(NAMES[4]), "the selection is kept"
+    language.use("zh_CN")
+    assert cells(operator, "study_overview_table")[4][0] == "可接受"
+    assert operator.widget("study_parameter_label", QLabel).text() == parameter_text(NAMES[4])
+
+
+def test_missing_standards_and_instruments_are_explained_beside_the_geometry(
+    operator: Operator, page: QualityPage
+) -> None:
+    values = np.zeros(40)
+    names = tuple(f"run {k}" for k in range(40))
+    chart = TableChart(names, 1e9 + np.arange(40), values, 0.0, 1e-4, 40, ())
+    click_tab(operator, "Check standards")
+    page._show_station(StationQuality((), (), (), dict.fromkeys(TABLE_QUANTITIES, chart)))
+    assert "The product has no check standard" in operator.says()
+    assert "The station has no instruments" in operator.says()
+    assert page.standards.table.isVisible()
+    for table in (page.standards.standards, page.standards.runs, page.standards.instruments, page.standards.power):
+        assert not table.isVisible()
+    language.use("zh_CN")
+    assert "该产品没有标准件" in operator.says()
 
 
 @pytest.mark.long

@@ -12,8 +12,8 @@ from calstation.messages import Text
 from calstation.physics import display, number
 from calstation.quality import ParameterQuality
 
-#: Capability index that is usually required.
-_REQUIRED_INDEX = 1.33
+#: Capability index that is usually required, and below which values are expected outside the limits.
+_REQUIRED_INDEX, _MIN_INDEX = 1.33, 1.0
 #: Half the width of the normal distribution in the plot, in standard deviations.
 _HALF_WIDTH = 4.0
 _COLUMNS = (
@@ -22,7 +22,7 @@ _COLUMNS = (
     Cell("quality.sigma_overall", "overall"),
     Cell("common.unit", "unit", number=False),
     Cell("quality.cp", "cp", hint="hint"),
-    Cell("quality.cpk", "cpk", hint="hint"),
+    Cell("quality.cpk", "cpk", state="kind", hint="hint"),
     Cell("quality.pp", "pp", hint="hint"),
     Cell("quality.ppk", "ppk", hint="hint"),
     Cell("quality.outside", "outside"),
@@ -74,6 +74,7 @@ class CapabilityView(QWidget):
                 "overall": number(digits, digits),
                 "unit": unit,
                 **{key: f"{index.value:.2f}" for key, index in indices.items()},
+                "kind": cpk_state(capability.cpk.value),
                 "outside": str(capability.outside),
                 "normal": say("quality.yes" if capability.normal else "quality.no"),
                 "hint": "\n".join([*lines, say("quality.normality", probability=capability.normality_p)]),
@@ -85,11 +86,18 @@ class CapabilityView(QWidget):
             self.plot.show_data(self._charts[self.table.current_name])
 
 
+def cpk_state(cpk: float) -> str:
+    """Return the symbol of a capability index, "" if it is sufficient."""
+    if cpk < _MIN_INDEX:
+        return "bad"
+    return "caution" if cpk < _REQUIRED_INDEX else ""
+
+
 class Histogram(ThemedPlot, DataView[ParameterQuality]):
     """A histogram of a parameter with its limits and a normal distribution of equal mean and standard deviation."""
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__(counts="left")
         theme.on_appearance_change(self, self.refresh)
 
     def draw(self, data: ParameterQuality) -> None:

@@ -64,7 +64,7 @@ class ControlView(QWidget):
         self._charts, self._relative = {each.parameter: each for each in charts}, relative
         self.quantities.show_cells(
             {
-                name: {"runs": str(len(each.names)), "signals": str(sum(each.alarms.values())), "kind": _state(each)}
+                name: {"runs": str(len(each.names)), "signals": str(each.signalling), "kind": _state(each)}
                 for name, each in self._charts.items()
             }
         )

@@ -189,7 +189,7 @@ class QualityPage(Page):
 
     def _show(self, summary: QualitySummary | None) -> None:
         self._summary = summary
-        self._outdated = set() if summary is None else {self.control, self.capability, self.yields}
+        self._outdated = set() if summary is None else {self.control, self.capability, self.yields, self.study}
         self._show_view()
 
     def _fill(self, view: QWidget, summary: QualitySummary) -> None:
@@ -199,6 +199,8 @@ class QualityPage(Page):
             self.control.show_charts(charts, relative=self.scale.currentData())
         elif view is self.capability:
             self.capability.show_charts(summary.parameters)
+        elif view is self.study:
+            self.study.show_capability(summary.parameters)
         else:
             self.yields.show_data(summary.yields)
 
@@ -212,7 +214,10 @@ class QualityPage(Page):
             self._outdated.remove(view)
             self._fill(view, summary)
         judged = summary is not None and summary.yields.overall is not None
-        visible, code = judged or view is self.study, "few_runs" if judged else "no_runs"
+        count = 0 if summary is None else summary.chartable
+        visible, code = judged or view is self.study, "no_runs"
+        if judged or count:
+            code = "few_runs" if count < MIN_VALUES else "constant"
         if view is self.control:
             visible = not self.control.empty
         elif view is self.capability and summary is not None:
@@ -223,7 +228,9 @@ class QualityPage(Page):
         if any(watch.busy for watch in (self._watch, self._station_watch, self._refresher)):
             self._empty.say("chart.reading")
         else:
-            self._empty.say(f"chart.{code}", Text.of(f"chart.{code}_about", least=MIN_VALUES))
+            values = {"least": MIN_VALUES, "count": count}
+            about = "longer" if code == "few_runs" and self.period.currentData() is not None else "about"
+            self._empty.say(Text.of(f"chart.{code}", **values), Text.of(f"chart.{code}_{about}", **values))
         self._stack.setCurrentWidget(view if visible else self._empty)
         overall = None if summary is None else summary.yields.overall
         self.count_label.setText("" if overall is None else say("chart.judged_runs", count=overall.count))

@@ -108,10 +108,19 @@ class StandardsView(QWidget, DataView[StationQuality]):
         titles = [ElidedLabel("muted") for _ in words]
         for title, text in zip(titles, words, strict=True):
             bind(title, text)
-        left = box(titles[0], (self.standards, 2), titles[1], (self.runs, 4), titles[2], (self.instruments, 3))
-        middle = box(titles[3], (self.errors, 3), titles[5], (self.power, 2))
-        right = box(titles[4], self.waiting, self.alarm, (self.table, 1))
-        body = split((left, 7), (middle, 7), (right, 6), handle=2 * theme.GRID)
+        hints = ("chart.no_standard_of_product", "chart.no_instruments", "chart.no_table_runs")
+        self._no_standards, self._no_instruments, self._no_table = (
+            label(code, "muted", wrap=True, name=f"{code.removeprefix('chart.')}_label") for code in hints
+        )
+        self._filler = QWidget()  # keeps the hints at the top
+        self._of_standards = box((self.standards, 2), titles[1], (self.runs, 4))
+        left = box(
+            *(titles[0], self._no_standards, (self._of_standards, 6)),
+            *(titles[2], self._no_instruments, (self.instruments, 3), (self._filler, 9)),
+        )
+        self._of_runs = box(titles[3], (self.errors, 3), titles[5], (self.power, 2))
+        right = box(titles[4], self._no_table, self.waiting, self.alarm, (self.table, 1))
+        body = split((left, 7), (self._of_runs, 7), (right, 6), handle=2 * theme.GRID)
         column((body, 1), on=self, margins=(0, theme.GRID, 0, 0))
         on_language_change(self, self.refresh)
 
@@ -135,8 +144,18 @@ class StandardsView(QWidget, DataView[StationQuality]):
 
     def draw(self, data: StationQuality) -> None:
         """Fill the tables."""
+        for hint, widgets, present in (
+            (self._no_standards, (self._of_standards, self._of_runs), data.standards),
+            (self._no_instruments, (self.instruments,), data.instruments),
+            (self._no_table, (self.table,), data.table),
+        ):
+            hint.setVisible(not present)
+            for widget in widgets:
+                widget.setVisible(bool(present))
+        self._filler.setVisible(not data.standards and not data.instruments)
         missing = BASELINE - min((data.table[name].baseline if name in data.table else 0) for name in _QUANTITIES)
-        text = say("quality.baseline_missing", missing=missing, runs=BASELINE) if missing > 0 else ""
+        waiting = missing > 0 and bool(data.table)
+        text = say("quality.baseline_missing", missing=missing, runs=BASELINE) if waiting else ""
         show_text(self.waiting, text)
         moved = [name for name in _QUANTITIES if name in data.table and data.table[name].alarms]
         alarms = [say("chart.table_moved", quantities=moved)] if moved else []

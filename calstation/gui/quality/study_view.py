@@ -2,7 +2,7 @@
 
 import secrets
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QSpinBox, QWidget
 
 from calstation.config import load_product
 from calstation.errors import CalstationError
+from calstation.gui.quality.capability_view import cpk_state
 from calstation.gui.state import Page
 from calstation.gui.text import on_language_change, parameter_text, say
 from calstation.gui.widgets import (
@@ -23,8 +24,6 @@ from calstation.gui.widgets import (
     box,
     button,
     column,
-    combo_box,
-    fill_combo,
     label,
     line_edit,
     panel,
@@ -35,7 +34,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.physics import display, number
-from calstation.quality import AnovaRow, GaugePlan, GaugeStudy, StudyState, Variation, evaluate_study
+from calstation.quality import AnovaRow, GaugePlan, GaugeStudy, ParameterQuality, StudyState, Variation, evaluate_study
 
 #: Symbol of each verdict.
 _STATES = {"acceptable": "good", "marginal": "caution", "unacceptable": "bad"}
@@ -46,6 +45,13 @@ _ORDER = (
     Cell("common.operator", "operator", number=False),
     Cell("common.station", "station", number=False),
     Cell("quality.state", "state", number=False, state="kind"),
+)
+_OVERVIEW = (
+    Cell("common.verdict", "verdict", number=False, state="kind"),
+    Cell("quality.of_tolerance", "tolerance"),
+    Cell("quality.of_study", "study"),
+    Cell("quality.distinct_categories", "categories"),
+    Cell("quality.cpk", "cpk", state="cpk_kind"),
 )
 _COMPONENTS = (
     Cell("quality.variation", "name", number=False),
@@ -72,8 +78,11 @@ class StudyView(QWidget):
         self._state: StudyState | None = None
         self._error: CalstationError | None = None
         self._job = page.job(evaluate_study, self._show, failed=self._show_error)
-        self._quantity = combo_box("study_quantity_combo", fit=True)
-        self._quantity.currentIndexChanged.connect(lambda _: self._show_study())
+        self._capability: Mapping[str, float] = {}
+        self.overview = CellTable(
+            "study_overview_table", "quality.study_overview", _OVERVIEW, grouped=True, single=True
+        )
+        self.overview.selectionModel().currentRowChanged.connect(lambda *_: self._show_study())
         self._plan_label = label(kind="muted", name="study_plan_label")
         self._problem = label(kind="error", name="study_problem_label", wrap=True)
         self.form = PlanForm(product, self._ask_plan_file)
@@ -84,11 +93,14 @@ class StudyView(QWidget):
         self.badge, self.about_label = StateBadge(theme.SECTION), label(name="study_about_label", wrap=True)
         self._next_label = label(kind="section", name="study_left_label", wrap=True)
         self._empty, self._missing_runs = EmptyState(), box(self._next_label, (self.order, 1))
-        caption = label("quality.quantity", buddy=self._quantity)
-        self._evaluation = box(
-            row(caption, self._quantity, 2 * theme.GRID, self.badge, 2 * theme.GRID, (self.about_label, 1)),
-            (split((self.components, 5), (self.anova, 4), handle=2 * theme.GRID), 1),
+        self._name_label = label(kind="section", name="study_parameter_label")
+        selected = box(
+            row(self._name_label, 2 * theme.GRID, self.badge, None),
+            self.about_label,
+            (self.components, 5),
+            (self.anova, 4),
         )
+        self._evaluation = split((self.overview, 5), (selected, 5), handle=2 * theme.GRID)
         self._stack = stack(self._empty, self._missing_runs, self._evaluation)
         open_button = button("study_open_button", "quality.open_plan", self._open)
         new_button = button("study_new_button", "quality.new_plan", self.form.show)
@@ -100,12 +112,17 @@ class StudyView(QWidget):
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
-        on_language_change(self, self._show_texts)
+        on_language_change(self, self._refresh)
 
     def read(self) -> None:
         """Evaluate the plan again from the runs."""
         if self._path is not None and self._app.runs_folder.is_dir():
             self._job.start(self._app.runs_folder, self._path, None)
+
+    def show_capability(self, charts: Sequence[ParameterQuality]) -> None:
+        """Show the Cpk of parameters beside their results."""
+        self._capability = {each.parameter: each.capability.cpk.value for each in charts if each.capability is not None}
+        self._refresh()
 
     # ---- plan
 
@@ -129,7 +146,6 @@ class StudyView(QWidget):
 
     def _show(self, state: StudyState) -> None:
         self._state, self._error = state, None
-        fill_combo(self._quantity, [(parameter_text(name), name) for name in state.studies])
         self._refresh()
 
     def _show_error(self, error: CalstationError) -> None:
@@ -147,7 +163,7 @@ class StudyView(QWidget):
             self._show_order(state)
             self._stack.setCurrentWidget(self._missing_runs)
         else:
-            self._show_study()
+            self._show_overview(state)
             self._stack.setCurrentWidget(self._evaluation)
 
     def _show_order(self, state: StudyState) -> None:
@@ -170,10 +186,20 @@ class StudyView(QWidget):
             }
         self.order.show_cells(cells)
 
+    def _show_overview(self, state: StudyState) -> None:
+        """List the results of all parameters, and keep the selected one."""
+        names, current = list(state.studies), self.overview.current_name
+        cells = {name: _overview_cells(study, self._capability.get(name)) for name, study in state.studies.items()}
+        self.overview.show_cells(cells, ("tolerance", "study", "cpk"))
+        if names:
+            self.overview.selectRow(names.index(current) if current in names else 0)
+        self._show_study()
+
     def _show_study(self) -> None:
-        state, name = self._state, self._quantity.currentData()
-        if state is None or name is None:
+        state, name = self._state, self.overview.current_name
+        if state is None or name not in state.studies:
             return
+        self._name_label.setText(parameter_text(name))
         study, (size, unit) = state.studies[name], display(name, 1.0)
         self.badge.show_state(_STATES[study.verdict], say(f"gauge.{study.verdict}"))
         sizes = " × ".join(say(f"gauge.count_{factor}", count=count) for factor, count in study.levels.items())
@@ -183,11 +209,6 @@ class StudyView(QWidget):
         cells = {key: {"name": _source(key), **_cells(each, size, digits)} for key, each in _components(study).items()}
         self.components.show_cells(cells, ("sigma",))
         self.anova.show_cells({line.source: _anova_cells(line) for line in study.anova})
-
-    def _show_texts(self) -> None:
-        for index in range(self._quantity.count()):
-            self._quantity.setItemText(index, parameter_text(self._quantity.itemData(index)))
-        self._refresh()
 
 
 class PlanForm(QWidget):
@@ -241,6 +262,21 @@ def _cells(variation: Variation, size: float, digits: float) -> dict[str, str]:
     cells = {"sigma": sigma, "interval": f"{low} … {high}", "study": f"{variation.percent_study:.1f}"}
     if variation.percent_tolerance is not None:
         cells["tolerance"] = f"{variation.percent_tolerance:.1f}"
+    return cells
+
+
+def _overview_cells(study: GaugeStudy, cpk: float | None) -> dict[str, str]:
+    gauge = study.gauge
+    cells = {
+        "verdict": say(f"gauge.{study.verdict}"),
+        "kind": _STATES[study.verdict],
+        "study": f"{gauge.percent_study:.1f}",
+        "categories": str(study.categories),
+    }
+    if gauge.percent_tolerance is not None:
+        cells["tolerance"] = f"{gauge.percent_tolerance:.1f}"
+    if cpk is not None:
+        cells |= {"cpk": f"{cpk:.2f}", "cpk_kind": cpk_state(cpk)}
     return cells
 
 

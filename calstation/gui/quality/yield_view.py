@@ -125,7 +125,7 @@ class Pareto(ThemedPlot, DataView[tuple[FailedCheck, ...]]):
     """A plot of the failed checks, the most frequent first, with their cumulative share of the failed runs."""
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__(counts="bottom")
         self.getAxis("left").setWidth(30 * theme.GRID)
         self.getViewBox().invertY(True)
         theme.on_appearance_change(self, self.refresh)

@@ -6,8 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
-from PySide6.QtGui import QColor, QContextMenuEvent, QGuiApplication, QKeyEvent, QKeySequence, QResizeEvent
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, QRect, Qt
+from PySide6.QtGui import (
+    QColor,
+    QContextMenuEvent,
+    QGuiApplication,
+    QKeyEvent,
+    QKeySequence,
+    QPainter,
+    QResizeEvent,
+)
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QTableView, QWidget
 
 from calstation.gui.text import Words, about, bind, parameter_text, say, with_minus, without_minus
@@ -131,6 +139,8 @@ class ParameterModel(QAbstractTableModel):
         """Return the parameter name of a row, or the heading of a column."""
         if orientation == Qt.Orientation.Vertical:
             name = self._names[section]
+            if role == Qt.ItemDataRole.BackgroundRole:
+                return QColor(theme.colours().window) if self._shaded[section] else None
             if role == Qt.ItemDataRole.ToolTipRole:
                 return name
             return parameter_text(name) if role == Qt.ItemDataRole.DisplayRole else None
@@ -141,6 +151,31 @@ class ParameterModel(QAbstractTableModel):
             name = heading if isinstance(heading, str) else ""
             return about("column", name.rpartition(".")[2].removesuffix("_column")) or None
         return self.columns[section].alignment if role == Qt.ItemDataRole.TextAlignmentRole else None
+
+
+class NameHeader(QHeaderView):
+    """The names of the rows, shaded like their rows, which a style sheet cannot do."""
+
+    def __init__(self, parent: QWidget) -> None:
+        super().__init__(Qt.Orientation.Vertical, parent)
+        self.setSectionsClickable(True)
+        self.setHighlightSections(True)
+
+    def paintSection(self, painter: QPainter, rect: QRect, logicalIndex: int) -> None:
+        """Draw the name of a row; that of a selected row is bold."""
+        shade = self.model().headerData(logicalIndex, Qt.Orientation.Vertical, Qt.ItemDataRole.BackgroundRole)
+        if shade is None:
+            super().paintSection(painter, rect, logicalIndex)
+            return
+        painter.save()
+        painter.fillRect(rect, shade)
+        painter.setFont(theme.font(bold=self.selectionModel().rowIntersectsSelection(logicalIndex)))
+        painter.setPen(QColor(theme.colours().text))
+        inside = rect.adjusted(theme.GRID, 0, -theme.GRID, 0)
+        text = str(self.model().headerData(logicalIndex, Qt.Orientation.Vertical))
+        text = painter.fontMetrics().elidedText(text, Qt.TextElideMode.ElideRight, inside.width())
+        painter.drawText(inside, self.defaultAlignment(), text)
+        painter.restore()
 
 
 class ParameterTable(QTableView):
@@ -156,6 +191,7 @@ class ParameterTable(QTableView):
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.setShowGrid(False)
         self.setTabKeyNavigation(False)
+        self.setVerticalHeader(NameHeader(self))
         self.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         self.verticalHeader().setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)

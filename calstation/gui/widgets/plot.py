@@ -170,6 +170,15 @@ class NumberAxis(pg.AxisItem):  # type: ignore[misc]
         return [with_minus(text) for text in super().tickStrings(values, scale, spacing)]
 
 
+class CountAxis(NumberAxis):
+    """An axis of numbers of things, whose ticks are at whole numbers."""
+
+    def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
+        """Return the spacings of labelled and smaller ticks."""
+        levels = super().tickSpacing(minVal, maxVal, size)
+        return [level for level in levels if level[0] >= 1.0] or [(1.0, 0.0)]
+
+
 class LogAxis(pg.AxisItem):  # type: ignore[misc]
     """A logarithmic axis with labels such as 0.01, 1 and 100, and powers of ten for very large and small values.
 
@@ -255,11 +264,11 @@ class PlotMenu(QMenu):
 class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
     """A plot with two axes in the colours of the current theme, with a menu to copy and save it.
 
-    The user can zoom it (see `ZoomBox`), unless `zoom` is False.
+    The user can zoom it (see `ZoomBox`), unless `zoom` is False. `counts` is the side of an axis of whole numbers.
     """
 
-    def __init__(self, parent: QWidget | None = None, *, zoom: bool = True) -> None:
-        axes = {side: NumberAxis(side) for side in ("left", "bottom")}
+    def __init__(self, parent: QWidget | None = None, *, zoom: bool = True, counts: str = "") -> None:
+        axes = {side: CountAxis(side) if side == counts else NumberAxis(side) for side in ("left", "bottom")}
         box = {"viewBox": ZoomBox()} if zoom else {}
         super().__init__(parent, enableMenu=False, axisItems=axes, **box)
         self.hideButtons()
