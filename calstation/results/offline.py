@@ -9,7 +9,7 @@ from pathlib import Path
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
-from calstation.physics import INDEX, NAMES, EffectName
+from calstation.physics import INDEX, NAMES, PARAMETERS, EffectName, further_parameter
 from calstation.records import IndexedRun, RunFilter, Verdict, export_csv, partial_path, write_atomic
 from calstation.results.handover import csv_line
 from calstation.results.history import History
@@ -102,9 +102,9 @@ def export_result(report: ProgressCallback, result: Result, stored: Result | Non
 def export_runs(report: ProgressCallback, folder: Path, conditions: RunFilter, target: Path) -> Path:
     """Job: export the runs of a folder that meet all conditions, the latest first; a failure leaves no file.
 
-    A ``.csv`` file contains a row per run with its values and sigmas, SI, from the index; any other file contains a
-    list of the result JSONs, without the runs that have no result. Raises InputError if a result cannot be read, or
-    ConfigurationError if the file cannot be written.
+    A ``.csv`` file contains a row per run with its values and sigmas from the index, and their SI units in the heading;
+    any other file contains a list of the result JSONs, without the runs that have no result. Raises InputError if a
+    result cannot be read, or ConfigurationError if the file cannot be written.
     """
     history = History(folder)
     runs = history.indexed(conditions)
@@ -139,7 +139,8 @@ def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[str]:
     """Yield the header row and the row of each run."""
     solved = dict.fromkeys(name for run in runs for name in run.values)
     names = [*(name for name in NAMES if name in solved), *(name for name in solved if name not in INDEX)]
-    yield csv_line([*_RUN_COLUMNS, *(column for name in names for column in (name, f"{name}_sigma"))])
+    heads = [f"{name}{end}{_unit_text(name)}" for name in names for end in ("", "_sigma")]
+    yield csv_line([*_RUN_COLUMNS, *heads])
     for run in runs:
         record = run.record
         cells = [record.serial, record.started_utc, repr(record.duration), record.product, record.station]
@@ -148,6 +149,12 @@ def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[str]:
         for name in names:
             cells += [repr(run.values[name]), repr(run.sigmas.get(name, math.nan))] if name in run.values else ["", ""]
         yield csv_line(cells)
+
+
+def _unit_text(name: str) -> str:
+    """Return the SI unit of a parameter in brackets, or "" if the parameter is unknown."""
+    parameter = PARAMETERS[INDEX[name]] if name in INDEX else further_parameter(name)
+    return "" if parameter is None else f" [{parameter.unit}]"
 
 
 def _parameters_csv(result: Result, stored: Result | None) -> str:

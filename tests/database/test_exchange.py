@@ -562,5 +562,5 @@ def test_results_of_other_stations_are_exported_and_compared(url: str, stations:
     table = two.parent / "runs.csv"
     export_shared_runs(ignore_progress, None, two, RunFilter(), table)  # needs no database
     rows = list(csv.DictReader(table.read_text("utf-8").splitlines()))
-    assert [(row["station"], float(row["gyro_bias_x"])) for row in rows] == [("two", 0.2), ("one", 0.1)]
+    assert [(row["station"], float(row["gyro_bias_x [rad/s]"])) for row in rows] == [("two", 0.2), ("one", 0.1)]
     assert History(two).refresh() == 0  # the copies are not runs of this folder

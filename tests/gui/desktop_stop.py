@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QApplication, QFileDialog, QLineEdit, QPushButton,
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.shell.main_window import MainWindow
-from calstation.gui.widgets import ThemedPlot
+from calstation.gui.widgets import ThemedPlot, proposed_file
 from calstation.sequencer import Command
 from tests.gui.desktop import click_at, press_key
 
@@ -99,6 +99,7 @@ def check_dialog(user: Bystander, page: str, *, by_key: bool) -> None:
     if page == "plot":
         plot = user.window.findChild(ThemedPlot)
         assert isinstance(plot, ThemedPlot)
+        proposed_file(plot, "plot.png").write_bytes(b"")
         plot.menu._ask_file()
     else:
         open_by_button(user, page)
@@ -124,11 +125,10 @@ def check_dialog(user: Bystander, page: str, *, by_key: bool) -> None:
 
 
 def test_stop_and_esc_work_while_any_dialog_is_open(user: Bystander, tmp_path: Path) -> None:
-    (tmp_path / "plot.png").write_bytes(b"")
     for page in (*BUTTONS, "plot"):
         check_dialog(user, page, by_key=True)
         check_dialog(user, page, by_key=False)
-    assert (tmp_path / "plot.png").read_bytes() == b""
+    assert {plot.read_bytes() for plot in tmp_path.glob("*plot.png")} == {b""}
 
 
 def test_stop_and_esc_work_while_a_popup_is_open(user: Bystander) -> None:

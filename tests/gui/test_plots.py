@@ -6,14 +6,24 @@ import numpy as np
 import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import QPointF, Qt
-from PySide6.QtGui import QContextMenuEvent, QGuiApplication
+from PySide6.QtGui import QContextMenuEvent, QGuiApplication, QImage
 from PySide6.QtWidgets import QApplication, QFileDialog
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.engineer import EngineerPage
 from calstation.gui.settings.table_section import TravelPlot
 from calstation.gui.shell.main_window import MainWindow
-from calstation.gui.widgets import Column, ParameterModel, ParameterTable, StackedPlots, ThemedPlot, ZoomBox, column
+from calstation.gui.widgets import (
+    Column,
+    ParameterModel,
+    ParameterTable,
+    StackedPlots,
+    ThemedPlot,
+    ZoomBox,
+    column,
+    set_subject,
+    theme,
+)
 from tests.gui.plot_mouse import double_click, drag, open_menu, pixel, turn_wheel
 
 
@@ -152,6 +162,23 @@ def test_a_plot_is_saved(plot: ThemedPlot, tmp_path: Path, name: str, start: byt
     dialog.fileSelected.emit(str(tmp_path / name))
     dialog.close()
     assert (tmp_path / name).read_bytes().startswith(start)
+
+
+def test_a_saved_image_is_printable_and_named_after_its_unit(plot: ThemedPlot, tmp_path: Path) -> None:
+    set_subject(plot.parentWidget() or plot, "SN-000042 gyro/bias")
+    choose(plot, "Save…")
+    dialog = plot.findChild(QFileDialog)
+    assert dialog is not None
+    assert Path(dialog.selectedFiles()[0]).name == "SN-000042_gyro_bias_plot.png"
+    dialog.fileSelected.emit(str(tmp_path / "a.png"))
+    dialog.close()
+    image = QImage(str(tmp_path / "a.png"))
+    assert image.size() == 3 * plot.size()
+    assert image.pixelColor(1, 1).name() == theme.colours().panel
+    assert (
+        len({image.pixelColor(x, y).name() for x in range(0, image.width(), 3) for y in range(0, image.height(), 3)})
+        > 3
+    )
 
 
 @pytest.fixture

@@ -169,7 +169,7 @@ def test_opened_runs_of_all_stations_are_exported_and_compared(folder: Path, tmp
     with (tmp_path / "runs.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [(row["station"], row["verdict"]) for row in rows] == [("line 2", "passed"), *[("bench", "passed")] * 2]
-    assert (float(rows[0]["gyro_bias_x"]), float(rows[0]["gyro_bias_x_sigma"])) == (1e-6, 1e-8)
+    assert (float(rows[0]["gyro_bias_x [rad/s]"]), float(rows[0]["gyro_bias_x_sigma [rad/s]"])) == (1e-6, 1e-8)
     runs = History(folder).runs()
     with raises_code(InputError, "result.elsewhere"):
         load_results(ignore_progress, folder, runs)

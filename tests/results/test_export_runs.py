@@ -42,15 +42,19 @@ def test_csv_row_has_the_values_and_sigmas_of_its_run(folder: Path, tmp_path: Pa
     assert [row["verdict"] for row in rows] == ["incomplete", "partial", "failed"]
     incomplete, partial, failed = rows
     assert list(failed)[-6:] == [
-        *("gyro_bias_x", "gyro_bias_x_sigma", "gyro_bias_y", "gyro_bias_y_sigma"),
-        *("accel_bias_z", "accel_bias_z_sigma"),
+        *("gyro_bias_x [rad/s]", "gyro_bias_x_sigma [rad/s]", "gyro_bias_y [rad/s]", "gyro_bias_y_sigma [rad/s]"),
+        *("accel_bias_z [m/s²]", "accel_bias_z_sigma [m/s²]"),
     ]
-    assert float(failed["gyro_bias_x"]) == 0.1 + 0.2
+    assert float(failed["gyro_bias_x [rad/s]"]) == 0.1 + 0.2
     assert failed["failed_checks"] == "gyro_bias_x within"
     assert (failed["serial"], failed["started_utc"]) == ("SN-1", "2026-11-01T08:00:00+00:00")
     assert (failed["product"], failed["station"], failed["operator"]) == ("Navigation grade A", "bench 1", "li")
     assert (failed["batch"], failed["slot"], partial["batch"], partial["slot"]) == ("", "", "B-7", "A1")
-    assert (partial["serial"], partial["accel_bias_z_sigma"], partial["gyro_bias_x"]) == ("SN=2, x", "1.0", "")
+    assert (partial["serial"], partial["accel_bias_z_sigma [m/s²]"], partial["gyro_bias_x [rad/s]"]) == (
+        "SN=2, x",
+        "1.0",
+        "",
+    )
     assert set(list(incomplete.values())[-6:]) == {""}
     assert progress.fractions == sorted(progress.fractions)
 

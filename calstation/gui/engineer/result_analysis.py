@@ -30,6 +30,7 @@ from calstation.gui.widgets import (
     label,
     ordered,
     row,
+    set_subject,
     show_text,
     theme,
 )
@@ -130,6 +131,7 @@ class ResultView(QWidget):
     def show_run(self, finished: FinishedRun) -> None:
         """Show a finished run."""
         self.finished = finished
+        set_subject(self, finished.result.serial)
         general = [check for check in finished.result.checks if not is_parameter_check(check)]
         self._checks.show_checks(general)
         self._checks.setMaximumHeight(min(self._checks.height_of_rows(), _MAX_CHECKS_HEIGHT))

@@ -42,6 +42,7 @@ from calstation.gui.widgets import (
     ordered,
     row,
     scroll_area,
+    set_subject,
     show_text,
     state_colour,
     theme,
@@ -114,6 +115,8 @@ class Trend(QWidget):
         if name is None:
             return
         runs = [run for run in self._runs if name in run.values]
+        if runs:
+            set_subject(self, f"{runs[-1].record.serial}_{name}")
         values = np.array([display(name, run.values[name])[0] for run in runs])
         x = np.arange(len(runs))
         plot.plot(x, values, pen=QPen(QColor(c.muted), 0))
@@ -188,6 +191,7 @@ class RunDetails(QFrame):
     ) -> None:
         """Show a run, its result, the solved runs of its unit (the oldest first), and the possible actions."""
         self._run, self._result, self._actions = run, result, actions
+        set_subject(self, run.serial)
         self._release.offer(result, run.result)
         self._offer_documents()
         self.trend.show_runs(unit_runs, run.log.stem, result)

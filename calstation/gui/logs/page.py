@@ -30,6 +30,7 @@ from calstation.gui.widgets import (
     enable,
     label,
     row,
+    set_subject,
     split,
     stack,
     theme,
@@ -227,6 +228,7 @@ class OfflinePage(Page):
         self.log, self.solved = log, None
         self.source.remember(log.path)
         self.head.show_log(log)
+        set_subject(self, log.meta.imu.serial)
         self.range.show_log(log)
         self.stages.show_stages(log.spans)
         self.stages.set_range(*self.range.range)

@@ -7,7 +7,18 @@ import pyqtgraph as pg
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.text import on_language_change, parameter_text, say
-from calstation.gui.widgets import Cell, CellTable, DataView, ThemedPlot, column, dashed, label, split, theme
+from calstation.gui.widgets import (
+    Cell,
+    CellTable,
+    DataView,
+    ThemedPlot,
+    column,
+    dashed,
+    label,
+    set_subject,
+    split,
+    theme,
+)
 from calstation.messages import Text
 from calstation.physics import display, number
 from calstation.quality import ParameterQuality
@@ -106,6 +117,7 @@ class Histogram(ThemedPlot, DataView[ParameterQuality]):
         if capability is None:
             return
         c = theme.colours()
+        set_subject(self, name)
         self.getPlotItem().clear()
         size, unit = display(name, 1.0)
         values, mean, sigma = size * data.values, size * capability.mean, size * capability.sigma_overall

@@ -8,7 +8,7 @@ import pyqtgraph as pg
 from PySide6.QtGui import QColor
 
 from calstation.gui.text import say
-from calstation.gui.widgets import ElidedLabel, StackedPlots, ThemedPlot, column, dashed, theme
+from calstation.gui.widgets import ElidedLabel, StackedPlots, ThemedPlot, column, dashed, set_subject, theme
 from calstation.physics import FloatArray, IntArray, display, number
 from calstation.quality import Charts, EwmaChart, ParameterQuality
 
@@ -52,6 +52,7 @@ class ControlCharts(StackedPlots[ParameterCharts]):
     def show_data(self, data: ParameterCharts) -> None:
         """Show the charts of another parameter, without a marked run."""
         self._marked_run = None
+        set_subject(self, data.parameter.parameter)
         super().show_data(data)
 
     def choose(self, run: int | None) -> None:

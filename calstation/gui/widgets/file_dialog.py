@@ -3,6 +3,7 @@
 The dialogs of the platform block the window, and so do the questions of `QFileDialog`, which this dialog asks itself.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -57,6 +58,20 @@ class FileDialog(QFileDialog):
 
     def _accept(self) -> None:
         super().accept()
+
+
+def set_subject(widget: QWidget, subject: str) -> None:
+    """Set what a widget shows, such as a serial number, for the names of the files that are saved from it."""
+    widget.setProperty("subject", subject)
+
+
+def proposed_file(widget: QWidget, name: str) -> Path:
+    """Return the name of a file saved from a widget: `name` after the subject of the widget or its nearest parent."""
+    at: QWidget | None = widget
+    while at is not None and not at.property("subject"):
+        at = at.parentWidget()
+    subject = "" if at is None else re.sub(r"[^\w.-]+", "_", str(at.property("subject")))
+    return Path(f"{subject}_{name}" if subject else name)
 
 
 def ask_file(

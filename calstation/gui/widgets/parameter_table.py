@@ -21,7 +21,7 @@ from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QTableView,
 from calstation.gui.text import Words, about, bind, parameter_text, say, with_minus, without_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import state_colour, state_icon
-from calstation.gui.widgets.file_dialog import ask_file
+from calstation.gui.widgets.file_dialog import ask_file, proposed_file
 from calstation.physics import INDEX, NAMES, aligned
 
 Index = QModelIndex | QPersistentModelIndex
@@ -232,7 +232,7 @@ class ParameterTable(QTableView):
         self._menu.popup(event.globalPos())
 
     def _ask_file(self) -> None:
-        ask_file(self, say("common.save_table"), Path("table.csv"), ["CSV (*.csv)"], self._save)
+        ask_file(self, say("common.save_table"), proposed_file(self, "table.csv"), ["CSV (*.csv)"], self._save)
 
     def _save(self, target: Path) -> None:
         with target.open("w", encoding="utf-8-sig", newline="") as file:

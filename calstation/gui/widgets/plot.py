@@ -10,14 +10,14 @@ import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.exporters import CSVExporter
 from PySide6.QtCore import QPointF, QRectF, Qt, Signal
-from PySide6.QtGui import QColor, QContextMenuEvent, QGuiApplication, QPainter, QPaintEvent, QPen
+from PySide6.QtGui import QColor, QContextMenuEvent, QGuiApplication, QImage, QPainter, QPaintEvent, QPen
 from PySide6.QtSvg import QSvgGenerator
 from PySide6.QtWidgets import QMenu, QSizePolicy, QWidget
 
 from calstation.gui.text import say, with_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state
-from calstation.gui.widgets.file_dialog import ask_file
+from calstation.gui.widgets.file_dialog import ask_file, proposed_file
 from calstation.physics import FloatArray
 
 
@@ -227,6 +227,10 @@ def _plain(exponent: float) -> str:
     return ("" if mantissa == 1.0 else f"{mantissa:g}·") + f"10{str(power).translate(_SUPERSCRIPTS)}"
 
 
+#: Ratio of the resolution of a saved image to that of the screen.
+_PRINT_SCALE = 3
+
+
 class PlotMenu(QMenu):
     """The menu that copies a plot as an image or saves it; `write_csv` writes the plotted data."""
 
@@ -244,7 +248,7 @@ class PlotMenu(QMenu):
 
     def _ask_file(self) -> None:
         kinds = ["PNG (*.png)", "SVG (*.svg)", "CSV (*.csv)"]
-        ask_file(self._plot, say("common.save_plot"), Path("plot.png"), kinds, self._save)
+        ask_file(self._plot, say("common.save_plot"), proposed_file(self._plot, "plot.png"), kinds, self._save)
 
     def _save(self, target: Path) -> None:
         match target.suffix.lower():
@@ -258,7 +262,16 @@ class PlotMenu(QMenu):
             case ".csv":
                 self._write_csv(target)
             case _:
-                self._plot.grab().save(str(target))
+                self._print_image().save(str(target))
+
+    def _print_image(self) -> QImage:
+        """Return an image with a resolution for printing."""
+        image = QImage(_PRINT_SCALE * self._plot.size(), QImage.Format.Format_RGB32)
+        image.fill(self._plot.backgroundBrush().color())
+        painter = QPainter(image)
+        self._plot.render(painter)
+        painter.end()
+        return image
 
 
 class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]

@@ -13,7 +13,7 @@ from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.units import COLUMNS, UnitTiles
 from calstation.gui.state import AppContext, RunStatus, largest_sigmas
 from calstation.gui.text import on_language_change, rendered
-from calstation.gui.widgets import PANEL, StateIcon, column, grid, label, row, stack, theme
+from calstation.gui.widgets import PANEL, StateIcon, column, grid, label, row, set_subject, stack, theme
 from calstation.messages import Text
 from calstation.physics import ALIGNED
 from calstation.results.plots import gimbal_turns
@@ -106,6 +106,7 @@ class LiveView(QWidget):
     def _start(self) -> None:
         """Prepare for a new run."""
         run_summary = self._run.run_summary
+        set_subject(self, self._run.unit.serial)
         self.table.set_order(self._run.joint_order)
         self.table.clear()
         self._turns = []
