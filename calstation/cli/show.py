@@ -204,9 +204,13 @@ def _sigmas_text(value: float) -> str:
     return "" if math.isnan(value) else f"{value:+.1f}"
 
 
+#: Display unit of some kinds of checks, and its size in the unit of the check.
+_CHECK_UNITS = {"latitude": ("°", DEGREE), "sample_clock": ("ppm", 1e-6)}
+
+
 def _check_line(check: Check) -> str:
     verdict = "cli.verdict_outside" if not check.passed else "cli.verdict_near" if check.near_miss else "cli.verdict_ok"
-    unit, size = ("°", DEGREE) if check.kind == "latitude" else (check.unit, 1.0)
+    unit, size = _CHECK_UNITS.get(check.kind, (check.unit, 1.0))
     unit = "" if unit == "1" else f" {unit}"
     location = say("cli.at_where", where=check.where) if str(check.where) else ""
     code = f"cli.check_{check.kind}"

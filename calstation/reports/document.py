@@ -32,7 +32,17 @@ from calstation.reports.content import (
     unit_registers,
 )
 from calstation.reports.deviations import deviations, not_included
-from calstation.reports.numbers import NONE, check_unit, exact, in_display, interval, percentage, rounded, short
+from calstation.reports.numbers import (
+    NONE,
+    check_unit,
+    exact,
+    in_display,
+    interval,
+    limit_text,
+    percentage,
+    rounded,
+    short,
+)
 from calstation.results import Verification, plain
 from procedures import method
 
@@ -150,13 +160,13 @@ class _Document:
     def _row(self, group: str, q: Quantity) -> dict[str, Any]:
         value, sigma = display(q.name, q.value)[0], display(q.name, q.sigma)[0]
         expanded = COVERAGE_FACTOR * sigma
-        limit = None if q.limit is None else [display(q.name, end)[0] for end in q.limit]
+        size = unit_of_parameter(q.name)[1]
         return {
             "axis": _axis(group, q.name),
             "value": rounded(value, expanded),
             "expanded": rounded(expanded, expanded),
-            "limit": NONE if limit is None else interval(limit[0], limit[1]),
-            "sigma_limit": NONE if q.sigma_limit is None else exact(display(q.name, q.sigma_limit)[0]),
+            "limit": NONE if q.limit is None else interval(*q.limit, size, q.value),
+            "sigma_limit": NONE if q.sigma_limit is None else limit_text(q.sigma_limit, size, q.sigma),
             "found": rounded(in_display(q.name, q.as_found), expanded),
             "left": rounded(in_display(q.name, q.as_left), expanded),
             "decision": self._decision(q),
@@ -191,9 +201,9 @@ class _Document:
     def _check(self, check: Check) -> dict[str, Any]:
         unit, size = _UNITS.get(check.kind) or check_unit(check.unit)
         if isinstance(check.limit, tuple):
-            limit = interval(check.limit[0] / size, check.limit[1] / size)
+            limit = interval(*check.limit, size, check.value)
         else:
-            limit = f"≤ {exact(check.limit / size)}"
+            limit = f"≤ {limit_text(check.limit, size, check.value)}"
         return {
             "text": self._check_text(check),
             "value": short(check.value / size),

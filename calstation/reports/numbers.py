@@ -3,7 +3,7 @@
 import math
 
 from calstation.messages import with_minus
-from calstation.physics import display, unit_of
+from calstation.physics import display, limit_number, unit_of
 
 #: Text of a number that is unknown.
 NONE = "–"
@@ -47,13 +47,23 @@ def short(value: float) -> str:
 
 
 def exact(value: float) -> str:
-    """Format a limit with up to seven digits, so that a decision never contradicts the printed limit."""
+    """Format a number with up to seven digits."""
     return with_minus(f"{value:.7g}") if 1e-4 <= abs(value) < 1e7 else short(value)
 
 
-def interval(low: float, high: float) -> str:
-    """Return the text of a permitted interval."""
-    return f"±{exact(high)}" if low == -high else f"{exact(low)} … {exact(high)}"
+def limit_text(limit: float, size: float, value: float) -> str:
+    """Return the text of a limit rounded as it was entered, unless that contradicts its comparison with a value.
+
+    Limit and value are in SI, or in the unit of a check, and `size` is the size of the display unit in the same unit.
+    """
+    return with_minus(limit_number(limit, size, value)) if math.isfinite(limit) else NONE
+
+
+def interval(low: float, high: float, size: float, value: float) -> str:
+    """Return the text of a permitted interval, rounded as `limit_text` does."""
+    if low == -high:
+        return f"±{limit_text(high, size, abs(value))}"
+    return f"{limit_text(low, size, value)} … {limit_text(high, size, value)}"
 
 
 def check_unit(unit: str) -> tuple[str, float]:

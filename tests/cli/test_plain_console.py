@@ -4,7 +4,9 @@ import io
 from pathlib import Path
 
 import calstation.cli
-from calstation.cli.show import new_table, plain_console
+from calstation.cli.show import new_table, plain_console, result_table
+from calstation.judgement import Check
+from calstation.results import Result
 
 REMEDY = "Set sample_rate_hz = 200 in [imu], or correct [columns] of /data/[bold]log.csv."
 
@@ -23,3 +25,13 @@ def test_every_command_prints_to_such_a_console() -> None:
     files = Path(calstation.cli.__file__).parent.rglob("*.py")
     own = {path.name for path in files if "= Console(" in (text := path.read_text("utf-8")) or "(Console(" in text}
     assert not own
+
+
+def test_sample_rate_is_shown_in_ppm() -> None:
+    out = io.StringIO()
+    check = Check.compare("sample_clock", 1.339e-5, 9.579e-5, "1")
+    unit = {"schema": "calstation.result/1", "unit": {"serial": "SN-1"}, "stages": [], "outcome": "passed"}
+    result = Result.from_json({**unit, "parameters": {}, "log": {"file": "log.h5"}, "checks": [check.to_json()]})
+    result_table(plain_console(file=out, width=120), result)
+    assert "13.39 ppm" in out.getvalue()
+    assert "95.79 ppm" in out.getvalue()

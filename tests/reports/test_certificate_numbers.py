@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from calstation.reports.numbers import interval, rounded, short
+from calstation.physics import DEGREE_PER_HOUR
+from calstation.reports.numbers import interval, limit_text, rounded, short
 
 
 @pytest.mark.parametrize(
@@ -27,10 +28,14 @@ def test_value_is_rounded_to_the_second_digit_of_its_uncertainty(
     assert rounded(value, uncertainty) == text
 
 
-def test_limits_are_printed_with_few_digits() -> None:
-    assert interval(-0.5, 0.5) == "±0.5"
-    assert interval(-1.0, 2.0) == "−1 … 2"
-    assert interval(-1072.577, 1072.577) == "±1072.577"  # 0.0052 rad/s in °/h: not 1073, which would be refused
+def test_limits_are_printed_as_they_were_entered_unless_that_contradicts_the_decision() -> None:
+    assert interval(-0.5, 0.5, 1.0, 0.2) == "±0.5"
+    assert interval(-1.0, 2.0, 1.0, 0.0) == "−1 … 2"
+    assert interval(-1.5e-5, 1.5e-5, DEGREE_PER_HOUR, 0.0) == "±3.1"  # 3.09397 °/h
+    assert interval(-1.5e-5, 1.5e-5, DEGREE_PER_HOUR, -3.096 * DEGREE_PER_HOUR) == "±3.094", "the value is outside"
+    assert interval(-0.0052, 0.0052, DEGREE_PER_HOUR, 0.0) == "±1073"
+    assert interval(-0.0052, 0.0052, DEGREE_PER_HOUR, 1072.8 * DEGREE_PER_HOUR) == "±1072.577"
+    assert limit_text(math.inf, 1.0, 0.0) == "–"
     assert short(648000.4) == "648000"
     assert short(1e-6) == "1 × 10⁻⁶"
     assert short(math.inf) == "–"
