@@ -1,6 +1,7 @@
 """Messages as data, and their rendering in one language."""
 
 import errno
+import re
 import string
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -181,6 +182,30 @@ def parameter_name(name: str, language: Language = "en") -> str:
     group, _, axes = (plain, "", "") if known(f"group.{plain}") else plain.rpartition("_")
     text = f"{term('group', group, language)} {axes}".strip()
     return f"{text}, IMU {imu}" if imu else text
+
+
+def product_name(name: str, language: Language = "en") -> str:
+    """Return the display name of a product from the name in its file; the names of shipped products are translated."""
+    code = f"product_name.{_key(name)}"
+    return render(code, {}, language).text if known(code) else name
+
+
+def station_name(name: str, language: Language = "en") -> str:
+    """Return the display name of a station from the name in its file; the names of shipped stations are translated."""
+    code = f"station_name.{_key(name)}"
+    return render(code, {}, language).text if known(code) else name
+
+
+def _key(name: str) -> str:
+    """Return a name in small letters with `_` for all else."""
+    return re.sub(r"[^a-z0-9]+", "_", name.lower())
+
+
+def schedule_name(name: str, language: Language = "en") -> str:
+    """Return the display name of an entry of a schedule, derived from its identifier if there is no term for it."""
+    if known(f"schedule.{name}"):
+        return term("schedule", name, language)
+    return name.rsplit("_", 1)[0].replace("_", " ").capitalize()
 
 
 def with_minus(text: str) -> str:

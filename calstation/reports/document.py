@@ -1,18 +1,31 @@
 """The data for the template of a certificate: texts in one language, rounded numbers, and the points of charts."""
 
-import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Any
 
 import numpy as np
+from pydantic import JsonValue
 
 from calstation import __version__
+from calstation.config import schedule_fields
 from calstation.judgement import COVERAGE_FACTOR, Check
-from calstation.messages import Language, Text, known, parameter_name, render, term
+from calstation.messages import (
+    Language,
+    Text,
+    known,
+    parameter_name,
+    product_name,
+    render,
+    schedule_name,
+    station_name,
+    term,
+    with_minus,
+)
 from calstation.physics import (
     DEGREE,
+    DISPLAY,
     INDEX,
     NAMES,
     NOISE_DISPLAY,
@@ -50,6 +63,8 @@ from procedures import method
 _NEGLIGIBLE = 0.005
 #: Display units of checks whose SI unit is also used by other quantities.
 _UNITS = {"latitude": ("°", DEGREE), "sample_clock": ("ppm", 1e-6)}
+#: Kinds of entries of a schedule that a certificate shows.
+_SHOWN = ("number", "count", "flag", "choice", "targets")
 #: Maximum number of failed checks listed in the verdict.
 _MAX_NAMED = 4
 
@@ -85,7 +100,7 @@ class _Document:
             "laboratory": None if laboratory is None else laboratory.model_dump(),
             "unit": {
                 "serial": result.serial,
-                "product": result.product,
+                "product": None if result.product is None else product_name(result.product, self._language),
                 "imu": self._file("imu"),
                 "secondaries": [
                     {"name": term("dcc", "secondary", self._language, number=number), "serial": imu.serial}
@@ -94,7 +109,7 @@ class _Document:
             },
             "performed": self._performed(),
             "operator": result.operator,
-            "station": result.station,
+            "station": None if result.station is None else station_name(result.station, self._language),
             "groups": [self._group(*group) for group in self._groups],
             "checks": [self._check(check) for check in result.checks if check.subject not in result.parameters],
             "budget": self._budget(),
@@ -302,7 +317,6 @@ class _Document:
         names = set(method(stage).estimates(context_from_meta(self._meta)))
         code = f"certificate.stage_{stage}"
         tested = consistency is not None and consistency.passed is not None
-        schedule = self._meta.schedule.get(stage, {})
         return {
             "name": self._stage_name(stage),
             "text": self._say(Text(code)) if known(code) else "",
@@ -312,10 +326,33 @@ class _Document:
             "band": f"{consistency.nis_low:.2g} … {consistency.nis_high:.3g}"
             if consistency is not None and tested
             else NONE,
-            "schedule": [
-                f"{name} = {_value_text(value)}" for name, value in schedule.items() if value not in (None, {}, [])
-            ],
+            "schedule": list(self._schedule(stage)),
         }
+
+    def _schedule(self, stage: str) -> Iterator[str]:
+        """Yield the entries of the schedule of a stage in words; lists of moves are only in the product file."""
+        values = self._meta.schedule.get(stage, {})
+        for spec in schedule_fields(stage):
+            value = values.get(spec.name)
+            name = self._in_certificate_terms(schedule_name(spec.name, self._language))
+            if spec.kind not in _SHOWN:
+                continue
+            match value:
+                case True:
+                    yield name
+                case dict() if value:
+                    yield f"{name}: {', '.join(self._target(group, target) for group, target in value.items())}"
+                case str():
+                    yield f"{name} {value.replace('_', ' ')}"
+                case int() | float() if value is not False:
+                    yield f"{name} {value:g} {spec.unit}".rstrip()
+
+    def _target(self, group: str, sigma: JsonValue) -> str:
+        """Return the target sigma of a group, which is a number, in its display unit."""
+        if not isinstance(sigma, int | float):
+            return term("group", group, self._language)
+        unit, size = DISPLAY.get(group) or ("", 1.0)
+        return f"{term('group', group, self._language)} {sigma / size:.3g} {unit}".rstrip()
 
     def _environment(self) -> dict[str, Any]:
         site, temperature = context_from_meta(self._meta).site, self._result.temperature_c
@@ -475,12 +512,3 @@ def _axis(group: str, name: str) -> str:
 
 def _capitalised(text: str) -> str:
     return text[:1].upper() + text[1:]
-
-
-def _value_text(value: Any) -> str:
-    """Return an entry of a schedule as text, or its length if it is long."""
-    if isinstance(value, list | Mapping) and len(value) > 4:
-        return f"[{len(value)}]"
-    if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_value_text(item)}" for name, item in value.items())
-    return f"{value:g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)

@@ -1,14 +1,22 @@
 """The window can be read from two metres: it grows with the screen, and STOP and FAIL are red in both themes."""
 
+import re
+import tomllib
+from types import SimpleNamespace
+
 import pytest
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QLabel, QListWidget, QPushButton, QWidget
 
+from calstation.config import library
 from calstation.gui.operator import advice
 from calstation.gui.operator.page import OperatorPage
 from calstation.gui.start import growth
+from calstation.gui.state import RunStrip
+from calstation.gui.text import language, product_text, station_text
 from calstation.gui.widgets import PageArea, theme
 from calstation.physics import DEGREE_PER_HOUR, INDEX, PARAMETERS
+from calstation.sequencer import StageProgress, StageStarted, StateChanged
 from tests.check_rows import check_row
 from tests.gui.conftest import Operator
 from tests.gui.test_operator_events import end_run, simulated_run
@@ -92,6 +100,44 @@ def test_verdict_with_many_figures_needs_no_scroll_bar(
     assert not area.horizontalScrollBar().isVisible()
     assert not area.verticalScrollBar().isVisible()
     assert text_size(panel.reason_label) >= theme.BODY
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_strip_shows_stage_and_time_left_in_a_small_window(
+    simulated_run: Operator, code: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window, now = simulated_run.window, [1000.0]
+    monkeypatch.setattr("calstation.gui.state.run_status.time", SimpleNamespace(monotonic=lambda: now[0]))
+    window.app.set_language(code)
+    window.resize(1280, 720)
+    window.show_page("engineer_page")
+    event = window.app.engine_link.event
+    event.emit(StateChanged("running", "preparing"))
+    event.emit(StageStarted("excitation", 1, 4, 100.0))
+    now[0] += 5.0
+    event.emit(StageProgress("excitation", 0.4, 60.0, {}))
+    strip = next(each for each in window.findChildren(RunStrip) if each.isVisible())
+    simulated_run.qtbot.wait(20)
+    for text in (strip._text, strip._badge._word):
+        assert text.isVisible()
+        assert text.text()
+        assert text.width() >= text.fontMetrics().horizontalAdvance(text.text()), text.text()
+        assert text.height() >= text.fontMetrics().height()
+    assert "40 %" in strip._text.text()
+    left = {"en": "left", "zh_CN": "剩余"}[code]
+    assert left in strip._text.text()
+
+
+def test_shipped_names_of_products_and_stations_are_translated(operator: Operator) -> None:
+    language.use("zh_CN")
+    for kind, name_text in (("products", product_text), ("stations", station_text)):
+        for name in library.names(kind):
+            file = library.shipped_folder() / kind / f"{name}.toml"
+            if file.is_file():
+                given = tomllib.loads(file.read_text(encoding="utf-8"))["name"]
+                assert re.search("[\u4e00-\u9fff]", name_text(given)), given
+    assert station_text("Line 7") == "Line 7"
+    language.use("en")
 
 
 def red(colour: QColor) -> bool:

@@ -7,6 +7,7 @@ file can see: identification in the XMP metadata, output intent, attachments, em
 
 import io
 import json
+import re
 import tomllib
 from dataclasses import replace
 from datetime import date
@@ -97,6 +98,34 @@ def test_every_page_is_identified_and_the_document_is_complete(made: Made, langu
     for name in result.parameters:
         group = parameter_name(name, language).rpartition(" ")[0]
         assert "".join(group.split()).lower() in whole.lower()
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("made", CASES, indirect=True, ids=KINDS)
+def test_certificate_has_no_names_of_entries_and_limits_as_entered(made: Made, language: Language) -> None:
+    built = document(made.certificate, made.analysis, language)
+    entries = [text for stage in built["stages"] for text in stage["schedule"]]
+    assert any("°/s" in text for text in entries)
+    for text in entries:
+        assert not re.search(r"[_=\[{]", text), text
+        if language == "zh_CN":
+            assert not re.search(r"[A-Za-z]{3,}", text.replace("ppm", "")), text
+    for row in (row for group in built["groups"] for row in group["rows"]):
+        for limit in (row["limit"], row["sigma_limit"]):
+            assert len(re.sub(r"\D", "", limit)) <= 4, limit
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_certificate_without_laboratory_and_signatories_does_not_name_files(made: Made) -> None:
+    plain = replace(made, certificate=replace(made.certificate, laboratory=None, instruments=()))
+    for language, (missing, name) in zip(
+        LANGUAGES, (("Laboratory not stated.", "Name and function"), ("未注明实验室。", "姓名、职务")), strict=True
+    ):
+        pages = [text_of(page) for page in pypdf.PdfReader(io.BytesIO(printed(plain, language))).pages]
+        assert "".join(missing.split()) in pages[0]
+        assert "".join(name.split()) in pages[-1]
+        assert "stationfile" not in "".join(pages)
+        assert "工位文件" not in "".join(pages)
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)

@@ -47,7 +47,7 @@ class EngineerHeader(QWidget):
             serial,
             engineer,
             self.start_button,
-            (RunStrip(run, narrow=True), 1),
+            (RunStrip(run), 1),
             end_button,
             pause_button,
             on=self,

@@ -7,7 +7,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from calstation.config import FieldSpec, ScheduleOptions, schedule_fields, schedule_problems
-from calstation.gui.text import Words, bind, say, term
+from calstation.gui.text import Words, bind, say, schedule_text, term
 from calstation.gui.widgets import (
     Editor,
     FlagBox,
@@ -55,7 +55,7 @@ class ScheduleForm(QWidget):
                 rows.append(label(f"schedule.{spec.name}"))
                 rows += [_target_field(source, stage, spec, group) for group in groups if group in DISPLAY]
             elif spec.kind in ("number", "count", "flag", "choice"):  # other kinds can be set only in the product file
-                words = partial(_field_name, spec.name)
+                words = partial(schedule_text, spec.name)
                 rows.append(_Field(source, stage, spec, (spec.name,), _make_editor(spec), words, spec.unit))
         self._fields = [widget for widget in rows if isinstance(widget, _Field)]
         column(*rows, None, on=self)
@@ -163,13 +163,6 @@ def _number(text: str, whole: bool = False) -> float | int | str | None:
     if not isinstance(number, float | int):
         return text.strip() or None
     return int(number) if whole and number == int(number) else float(number)
-
-
-def _field_name(name: str) -> str:
-    """Return the display name of a field, derived from its identifier if the catalogue has no term for it."""
-    if known(f"schedule.{name}"):
-        return term("schedule", name)
-    return name.rsplit("_", 1)[0].replace("_", " ").capitalize()
 
 
 def _description(stage: str, spec: FieldSpec) -> str:

@@ -24,6 +24,7 @@ from calstation.gui.text import (
     product_text,
     rendered,
     say,
+    station_text,
     term,
 )
 from calstation.gui.widgets import (
@@ -282,7 +283,7 @@ class RunDetails(QFrame):
             ("common.cycle", self._cycle_text()),
             ("common.product", product_text(run.product or "")),
             ("history.attempt", str(run.attempt)),
-            ("common.station", run.station),
+            ("common.station", station_text(run.station or "")),
             ("common.operator", run.operator),
             ("history.batch", run.batch),
             ("history.slot", run.slot),

@@ -8,7 +8,7 @@ from PySide6.QtCore import QDate, QLocale, QSignalBlocker, Qt, QTimer, Signal
 from PySide6.QtGui import QTextCharFormat
 from PySide6.QtWidgets import QCalendarWidget, QDateEdit, QSizePolicy, QWidget
 
-from calstation.gui.text import Words, bind, language, on_language_change, product_text, say
+from calstation.gui.text import Words, bind, language, on_language_change, product_text, say, station_text
 from calstation.gui.widgets import column, combo_box, fill_combo, label, line_edit, row, theme
 from calstation.messages import Text, local_time
 from calstation.records import RunChoices, RunFilter
@@ -150,11 +150,10 @@ class Filters(QWidget):
         choices = self._choices
         products = ((product_text(name), name) for name in choices.products)
         fill_combo(self._product, [(say("history.every_product"), ""), *products])
-        for combo, code, names in (
-            (self._station, "history.every_station", choices.stations),
-            (self._operator, "history.every_operator", choices.operators),
-        ):
-            fill_combo(combo, [(say(code), ""), *((name, name) for name in names)])
+        stations = ((station_text(name), name) for name in choices.stations)
+        fill_combo(self._station, [(say("history.every_station"), ""), *stations])
+        operators = ((name, name) for name in choices.operators)
+        fill_combo(self._operator, [(say("history.every_operator"), ""), *operators])
         locale = QLocale(QLocale.Language.Chinese if language.current() == "zh_CN" else QLocale.Language.English)
         for edit in (self._from, self._to):
             edit.setLocale(locale)

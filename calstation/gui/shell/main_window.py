@@ -17,7 +17,7 @@ from calstation.errors import CalstationError
 from calstation.gui.operator import OperatorPage
 from calstation.gui.shell.stop_guard import StopGuard
 from calstation.gui.state import AppContext, Page, RolePanel, RunStrip, run_title
-from calstation.gui.text import bind, language, on_language_change, say
+from calstation.gui.text import bind, language, on_language_change, say, station_text
 from calstation.gui.widgets import PANEL, PageArea, button, column, label, padlock_icon, row, theme, theme_icon
 
 if TYPE_CHECKING:
@@ -331,6 +331,6 @@ class MainWindow(QMainWindow):
         virtual, name = False, say("window.no_station")
         with suppress(CalstationError):  # the operator page and the station page show the error
             _, station = load_station(self.app.station_path)
-            virtual, name = station.bench is not None, station.name
+            virtual, name = station.bench is not None, station_text(station.name)
         self._station.setText(say("window.virtual_station", name=name) if virtual else name)
         self._station.setToolTip(say("window.virtual_tip") if virtual else "")

@@ -11,7 +11,7 @@ from calstation.database import ExchangeState
 from calstation.gui.state.context import AppContext
 from calstation.gui.state.run_status import RunStatus
 from calstation.gui.text import KINDS, bind, duration_text, on_language_change, say, term
-from calstation.gui.widgets import STEPS, StateBadge, column, enable, label, progress_bar, row, show_text, theme
+from calstation.gui.widgets import STEPS, ElidedLabel, StateBadge, column, enable, progress_bar, show_text, theme
 from calstation.messages import local_time
 
 #: Outcomes of units in the order in which they are counted.
@@ -19,14 +19,14 @@ _COUNTED = ("passed", "partial", "failed", "fault", "stopped", "incomplete")
 
 
 class RunStrip(QWidget):
-    """A strip that shows the status of the current run; a narrow one shows the stage below the unit."""
+    """A strip that shows the status of the current run, the stage below the unit."""
 
-    def __init__(self, run: RunStatus, *, narrow: bool = False) -> None:
+    def __init__(self, run: RunStatus) -> None:
         super().__init__()
         self._run = run
-        self._badge, self._text, self._bar = StateBadge(theme.SECTION), label(), progress_bar(theme.GRID)
-        wide = row(self._badge, (self._text, 1), spacing=2 * theme.GRID) if not narrow else None
-        column(wide or column(self._badge, self._text, spacing=0), self._bar, on=self, margins=(0, 0, theme.GRID, 0))
+        self._badge, self._text, self._bar = StateBadge(theme.SECTION), ElidedLabel(), progress_bar(theme.GRID)
+        parts = (self._badge, self._text, self._bar)
+        column(None, *parts, None, on=self, spacing=theme.GRID // 2, margins=(0, 0, theme.GRID, 0))
         run.changed.connect(self._refresh)
         on_language_change(self, self._refresh)
 
@@ -38,7 +38,7 @@ class RunStrip(QWidget):
             parts = [term("stage", run.stage.name), f"{100.0 * run.stage.fraction:.0f} %"]
         if run.remaining is not None:
             parts.append(say("common.time_left", time=duration_text(run.remaining)))
-        self._text.setText("  ·  ".join(parts))
+        show_text(self._text, "  ·  ".join(parts))
         self._bar.setVisible(run.in_progress)
         self._bar.setValue(round(STEPS * run.fraction))
 

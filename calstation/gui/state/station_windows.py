@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from functools import partial
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, QStandardPaths, Signal
@@ -92,7 +93,7 @@ class StationWindows(QObject):
         while self._server is not None and (socket := self._server.nextPendingConnection()) is not None:
             self._others.append(socket)
             socket.readyRead.connect(self._read_stop)
-            socket.disconnected.connect(self._forget_closed)
+            socket.disconnected.connect(partial(self._forget, socket))
             socket.write(self._status())
 
     def _send(self) -> None:
@@ -105,8 +106,8 @@ class StationWindows(QObject):
     def _status(self) -> bytes:
         return json.dumps([self._run.serials, self._run.display_state]).encode() + b"\n"
 
-    def _forget_closed(self) -> None:
-        self._others = [socket for socket in self._others if socket.isOpen()]
+    def _forget(self, closed: "QLocalSocket") -> None:
+        self._others = [socket for socket in self._others if socket is not closed]
 
     def _read_stop(self) -> None:
         for socket in self._others:

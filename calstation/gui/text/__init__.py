@@ -16,6 +16,8 @@ from calstation.gui.text.messages import (
     product_text,
     rendered,
     say,
+    schedule_text,
+    station_text,
     step_sentence,
     term,
     with_minus,

@@ -1,6 +1,5 @@
 """Sentences, terms and names in the language of the window, and the binding of texts to widgets."""
 
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -133,10 +132,19 @@ def duration_text(seconds: float, *, tenths: bool = False) -> str:
     return f"{text}.{tenth}" if tenths else text
 
 
+def schedule_text(name: str) -> str:
+    """Return the display name of an entry of a schedule."""
+    return rendering.schedule_name(name, language.current())
+
+
 def product_text(name: str) -> str:
     """Return the display name of a product from the name in its file; names of shipped products are translated."""
-    code = f"product_name.{re.sub(r'[^a-z0-9]+', '_', name.lower())}"
-    return say(code) if known(code) else name
+    return rendering.product_name(name, language.current())
+
+
+def station_text(name: str) -> str:
+    """Return the display name of a station from the name in its file; names of shipped stations are translated."""
+    return rendering.station_name(name, language.current())
 
 
 def offered_products() -> list[tuple[str, Path]]:
