@@ -5,7 +5,7 @@ VENV := .venv
 # Without compiled files every process of a test would compile its modules again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test rehearse exhaustive check docs benchmarks study fuzz figures fonts clean
+.PHONY: run test rehearse exhaustive check docs benchmarks study fuzz figures fonts pictures clean
 
 run: $(VENV)/installed
 	$(VENV)/bin/calstation
@@ -44,6 +44,10 @@ figures:
 # The font of window and documents, from Debian packages that apt-get downloads.
 fonts: $(VENV)/installed-dev
 	$(VENV)/bin/python tests/make_fonts.py
+
+# The pictures of the window in the documentation, from runs on the virtual bench.
+pictures: $(VENV)/installed-dev
+	$(VENV)/bin/python -m tests.make_pictures
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -c "import sys; sys.exit('calstation needs Python 3.11 or newer: make PYTHON=python3.11 ...' if sys.version_info < (3, 11) else 0)"

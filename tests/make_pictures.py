@@ -1,0 +1,109 @@
+"""Make the pictures of the window in `docs/images` for `make pictures`, from runs on the virtual bench.
+
+The window is drawn off screen in its own font, so that the pictures do not depend on the computer.
+"""
+
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+os.environ |= {"QT_QPA_PLATFORM": "offscreen", "TZ": "UTC"}
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QApplication, QTabBar, QWidget
+
+from calstation.config import library
+from calstation.gui import create_window
+from calstation.gui.shell.main_window import MainWindow
+from calstation.records import Verdict
+from calstation.simulation import record_on_bench
+
+FOLDER = Path(__file__).parents[1] / "docs" / "images"
+#: Longest time for a part of a run, s.
+WAIT = 120.0
+
+
+def until(condition: Callable[[], object], seconds: float = WAIT) -> None:
+    """Process events until a condition holds. Raises TimeoutError."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > deadline:
+            raise TimeoutError
+        QApplication.processEvents()
+        time.sleep(0.005)
+
+
+def save(widget: QWidget, name: str) -> None:
+    """Save a picture of a widget after it has been drawn."""
+    deadline = time.monotonic() + 0.5
+    until(lambda: time.monotonic() > deadline)
+    widget.grab().save(str(FOLDER / f"{name}.png"))
+
+
+def open_window(station: str, product: str) -> MainWindow:
+    """Open the window in its usual size with a shipped station and product."""
+    window = create_window(library.find("stations", station))
+    window.setWindowState(Qt.WindowState.WindowNoState)
+    window.resize(1366, 768)
+    window.show()
+    window.create_engineer_page()
+    window.app.set_product(library.find("products", product))
+    start = window.operator_page.header.start_button
+    until(start.isEnabled)
+    return window
+
+
+def picture_run() -> None:
+    """Picture a run and the observability of its result."""
+    window = open_window("virtual_bench", "nav_a")
+    run = window.app.run
+    window.operator_page.header.start_button.click()
+    until(lambda: run.stage is not None and run.stage.name == "excitation" and run.stage.fraction > 0.6)
+    save(window, "running")
+    until(lambda: run.state == Verdict.PASSED and not window.app.engine_link.running)
+    window.show_page("engineer_page")
+    tabs = window.findChild(QTabBar, "engineer_views")
+    assert isinstance(tabs, QTabBar)
+    names = [tabs.tabText(index) for index in range(tabs.count())]
+    until(lambda: not window.app.job_queue.busy)
+    tabs.setCurrentIndex(names.index("Observability"))
+    save(window, "observability")
+    window.close()
+
+
+def picture_by_hand() -> None:
+    """Picture a position at rest on a manual rig."""
+    window = open_window("virtual_hand", "mems_hand")
+    panel = window.operator_page._live.position
+    window.operator_page.header.start_button.click()
+    until(lambda: panel._guided is not None and panel._guided.index >= 9 and panel._guided.state == "enough")
+    save(window, "by_hand")
+    window.app.run.stop()
+    until(lambda: not window.app.engine_link.running)
+    window.close()
+
+
+def picture_method(folder: Path) -> None:
+    """Picture the solution of a recording that was made by hand."""
+    recording = record_on_bench(lambda *_, **__: None, "hand", folder / "hand.h5", "mems", 4)
+    window = open_window("virtual_hand", "mems_hand")
+    window.show_page("offline_page")
+    window.offline_page.methods.select("multi_position")
+    panel = window.offline_page.panel
+    assert panel is not None
+    panel.source.log_edit.setText(str(recording))
+    panel.source.log_edit.returnPressed.emit()
+    until(lambda: panel.solution is not None)
+    save(panel.views, "methods")
+    window.close()
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as home:
+        os.environ["CALSTATION_HOME"] = home
+        os.chdir(home)
+        Path("window.ini").write_text("[General]\nlanguage=en\ntheme=light\nsounds=false\n", encoding="utf-8")
+        for picture in (picture_run, picture_by_hand, lambda: picture_method(Path(home))):
+            picture()
