@@ -21,7 +21,6 @@ from calstation.messages import (
     schedule_name,
     station_name,
     term,
-    with_minus,
 )
 from calstation.physics import (
     DEGREE,
