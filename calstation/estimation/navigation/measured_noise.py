@@ -59,8 +59,8 @@ def solve_with_measured_noise(
         is_first = slow == 1.0
         slow, gain = (1.0, 0.0) if ratio > 1.0 else _slow_excess(result.history, context, _SIGMAS[not is_first])
         if is_first and slow > 1.0:
-            posterior = consider_update(prior, result.posterior, estimated)
-            if effects(result, context).evidence(posterior)[0].excess > gain:
+            tests, posterior = effects(result, context), consider_update(prior, result.posterior, estimated)
+            if max(tests.evidence(posterior)[0].excess, tests.estimate().explained) > gain:
                 slow = 1.0
         if ratio == slow == 1.0:
             break
