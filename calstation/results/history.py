@@ -350,19 +350,25 @@ def shift_start(starts: Iterable[str], now: datetime | None = None) -> datetime:
     return max(start for start in times if start <= now)
 
 
-def count_shift(report: ProgressCallback, folder: Path, station: str, since: datetime) -> ShiftCount:
-    """Job: count the runs of a station in a folder that started at `since` or later.
+#: Maximum duration of a run that is counted in the shift in which it ends.
+_LONGEST_RUN = timedelta(days=1)
 
-    Partial, stopped and faulty runs and runs of check standards are not counted; a resumed run is counted once. The
-    units of a batch share its duration.
+
+def count_shift(report: ProgressCallback, folder: Path, station: str, since: datetime) -> ShiftCount:
+    """Job: count the runs of a station in a folder that ended at `since` or later.
+
+    A run that began before the shift counts in it; it ends after its time on the table. Partial, stopped and
+    faulty runs and runs of check standards are not counted; a resumed run is counted once. The units of a batch share
+    its duration.
     """
     history = History(folder)
     history.refresh()
-    conditions = RunFilter(station=station, since=f"{since.astimezone(UTC):%Y-%m-%dT%H:%M:%S}")
+    conditions = RunFilter(station=station, since=f"{since.astimezone(UTC) - _LONGEST_RUN:%Y-%m-%dT%H:%M:%S}")
     runs = [
         run
         for run in history.runs(conditions, limit=None)
         if run.verdict in (Verdict.PASSED, Verdict.FAILED) and not run.partial and not run.check_standard
+        if datetime.fromisoformat(run.started_utc) + timedelta(seconds=run.duration) >= since
     ]
     passed = sum(run.verdict is Verdict.PASSED for run in runs)
     on_table: dict[str, float] = {}  # the units of a batch share the table's time

@@ -177,6 +177,16 @@ def test_each_part_can_be_previewed_and_run(engineer: Engineer) -> None:
                 assert number(expected_table[name][last]) == pytest.approx(number(row["± σ"]), rel=0.15), name
 
 
+def test_parts_are_offered_only_for_a_product_with_their_stages(engineer: Engineer) -> None:
+    engineer.unlock()
+    biases = engineer.widget("part_check_biases", QCheckBox)
+    assert biases.isVisible()
+    engineer.window.app.set_product(library.find("products", "mems_c_fast"))
+    assert engineer.page.choice.selector.stages == ("designed",)
+    assert not biases.isVisible()  # the designed stage determines them already
+    assert "or single stages" not in engineer.says()
+
+
 def test_single_stages_can_be_chosen_in_any_order(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_rate", "stage_check_excitation")

@@ -26,11 +26,11 @@ def test_products_of_another_rig_are_greyed_with_the_reason(operator: Operator) 
     text, enabled, _ = entry(operator, "mems_c")
     assert (text, enabled) == ("MEMS grade C", True)
     text, enabled, tip = entry(operator, "mems_hand")
-    assert (text, enabled) == ("MEMS grade C, by hand (is turned by hand)", False)
+    assert (text, enabled) == ("MEMS grade C, by hand (needs a table turned by hand)", False)
     assert tip == "The table of this station is driven; the selection is turned by hand."
     operator.window.app.set_language("zh_CN")
     text, enabled, _ = entry(operator, "mems_hand")
-    assert "需要手动转动" in text
+    assert "需要手动转台" in text
     assert not enabled
     operator.window.app.set_station(library.find("stations", "virtual_hand"))
     assert entry(operator, "mems_hand")[1]

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -71,3 +71,11 @@ def test_units_of_a_batch_share_the_cycle_time(tmp_path: Path) -> None:
     since = datetime(2026, 11, 2, 16, 0).astimezone()
     count = count_shift(lambda *_: None, tmp_path, "bench 1", since)
     assert count == ShiftCount(passed=3, failed=1, mean_duration=150.0)
+
+
+def test_a_unit_counts_in_the_shift_in_which_it_ends(tmp_path: Path) -> None:
+    write(tmp_path, "a", "SN-1", "passed", 2, duration_s=120.0)
+    began = datetime(2026, 11, 2, 8, 0, tzinfo=UTC)
+    one, three = began + timedelta(minutes=1), began + timedelta(minutes=3)
+    assert count_shift(lambda *_: None, tmp_path, "bench 1", one) == ShiftCount(passed=1, mean_duration=120.0)
+    assert count_shift(lambda *_: None, tmp_path, "bench 1", three) == ShiftCount()

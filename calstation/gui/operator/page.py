@@ -40,6 +40,7 @@ from calstation.gui.text import (
 from calstation.gui.widgets import (
     STEPS,
     Choice,
+    EmptyState,
     NoticeBar,
     PageArea,
     StateBadge,
@@ -90,7 +91,8 @@ class OperatorPage(Page):
         self._verdicts = VerdictGrid(app, self.notice, self.await_scan)
         #: Whether the verdict on one of several units is displayed.
         self._unit_opened = False
-        self._views = stack(self._loading, self._slots, self._live, self._verdicts, self._verdict)
+        self._unusable = EmptyState(title="operator.unusable", text="operator.about_unusable")
+        self._views = stack(self._unusable, self._loading, self._slots, self._live, self._verdicts, self._verdict)
         self._progress = progress_bar(theme.GRID, "run_progress")
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
@@ -141,6 +143,8 @@ class OperatorPage(Page):
 
     def _connect(self) -> None:
         header, app = self.header, self.app
+        for entered in (header.serial_entered, header.serial_edited):
+            entered.connect(self._show_readiness)
         header.product_combo.opening.connect(self._mark_products)
         header.product_selected.connect(app.set_product)
         header.product_selected.connect(header.focus_scan)
@@ -310,6 +314,7 @@ class OperatorPage(Page):
     def _acknowledge(self) -> None:
         run, request = self.app.run, self.app.engine_link.request
         interrupted = next((unit for unit in run.units if unit.transfer is not None), None)
+        self.notice.dismiss()
         run.acknowledge()
         self._starting.suggest()
         self.header.focus_scan()
@@ -393,18 +398,26 @@ class OperatorPage(Page):
             missing = say("operator.no_unit") if slots and not slots.units and not header.serial else ""
             missing = say("operator.sign_in") if header.badge_field.required else missing
             header.set_start(say("operator.fault_open") if run.fault is not None else why_busy or missing)
-        self._badge.show_state(*run_badge(run))
         self._progress.setValue(round(STEPS * run.fraction) if run.state != "idle" else 0)
         if run.in_progress and self.notice.asking:
             self.notice.dismiss()
         self._choose_view()
+        self._show_readiness()
+
+    def _show_readiness(self) -> None:
+        """Show the message and the state of the run; the page is not ready while a badge or a valid scan is missing."""
+        run = self.app.run
+        missing = self.header.badge_field.required or self._starting.refused is not None
+        waits = run.display_state == "idle" and run.elsewhere is None and missing
+        self._badge.show_state(*(("none", term("badge", "not_ready")) if waits else run_badge(run)))
         self._message.setText(self._message_text())
 
     def _choose_view(self) -> None:
         """Show the view for the state of the run, and hide the list of stages next to the verdicts on several units."""
         run = self.app.run
         if run.state == "idle":
-            self._views.setCurrentWidget(self._slots if self._starting.slots else self._loading)
+            loading = self._slots if self._starting.slots else self._loading
+            self._views.setCurrentWidget(self._unusable if self._problem is not None else loading)
         elif not run.finalized and run.fault is None and self.app.engine_link.running:
             self._views.setCurrentWidget(self._live)
         elif run.in_slots and run.fault is None and not self._unit_opened:
@@ -445,6 +458,8 @@ class OperatorPage(Page):
             return rendered(Text("question.other_window")).text
         if run.display_state == "idle" and self.header.badge_field.required:
             return say("operator.sign_in")
+        if run.display_state == "idle" and self._starting.refused is not None:
+            return rendered(self._starting.refused).text
         if run.state in ("idle", "starting"):
             slots = run.state == "idle" and run.runnable and self._starting.slots
             return say("operator.message_idle_slots" if slots else f"operator.message_{run.display_state}")

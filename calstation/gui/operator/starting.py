@@ -46,6 +46,8 @@ class RunStarter(QObject):
         self.slots = app.slots
         #: Serial number that the virtual bench suggested last.
         self._suggested = ""
+        #: Why the entered serial number was refused; None if it was not.
+        self.refused: Text | None = None
         self.interrupted = InterruptedRuns(app, header, notice, self._resume)
         header.serial_entered.connect(self.scan)
         header.serial_edited.connect(self.edited)
@@ -68,6 +70,7 @@ class RunStarter(QObject):
         Earlier suggestions are removed. While verdicts are displayed, other units are suggested.
         """
         header, run, slots = self._header, self._app.run, self.slots
+        self.refused = None
         if self._suggested and header.serial == self._suggested:
             header.set_serial("")
         slots.remove_units(only_suggested=True)
@@ -132,6 +135,8 @@ class RunStarter(QObject):
             return
         accepted = self.check()
         self._signal(accepted=accepted)
+        if accepted and self._app.run.fault is not None:
+            ask(self._notice, "caution", Text("operator.fault_open"), {})
         asks = accepted and not self.slots and not header.badge_field.required
         if asks and resumable_run(self._app.runs_folder, header.serial) is not None:
             self.start()
@@ -159,6 +164,7 @@ class RunStarter(QObject):
 
     def edited(self) -> None:
         """Remove a notice or question about units after the field or the slots have been edited."""
+        self.refused = None
         self._note_next()
         if self.run_summary is not None and not self._app.run.in_progress:
             self._notice.dismiss()
@@ -173,6 +179,7 @@ class RunStarter(QObject):
         if self.run_summary is None:
             return False
         if slots.units and not header.serial:
+            self.refused = None
             self._await_start()
             return True
         code = "question.invalid_serial" if header.serial else "question.missing_serial"
@@ -181,6 +188,7 @@ class RunStarter(QObject):
             refusal = Text.of("question.two_serials", serial=header.serial)
         elif self._valid(header.serial):
             refusal = slots.refusal(header.serial) if slots else None
+        self.refused = refusal
         if refusal is not None:
             header.note_serial(say(_NOTES[refusal.code]), accepted=False)
             ask(self._notice, "caution", refusal, {})
