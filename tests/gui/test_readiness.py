@@ -1,13 +1,15 @@
 """The operator page says what is missing before a start, and shows nothing of another station or product."""
 
-from PySide6.QtCore import Qt
+import pytest
+from PySide6.QtCore import QPoint, Qt
 from PySide6.QtWidgets import QLabel, QLineEdit, QPushButton
 
 from calstation.config import library
+from calstation.jobs import JobQueue
 from calstation.sequencer import StateChanged
 from tests.gui.conftest import Operator
-from tests.gui.test_operator_events import simulated_run
-from tests.gui.test_units import NO_ANSWER, use_slots
+from tests.gui.test_operator_events import end_run, simulated_run
+from tests.gui.test_units import FAILED, NO_ANSWER, use_slots
 
 __all__ = ["simulated_run"]  # fixture
 
@@ -30,6 +32,19 @@ def test_refused_serial_number_is_not_ready_and_named_below(operator: Operator) 
     operator.scan("SN-000042")
     assert operator.message == "Load a unit, scan its serial number, and press START."
     assert "READY" in operator.says().split("\n")
+
+
+def test_question_before_a_start_replaces_the_message_about_enter(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(JobQueue, "uses_device", True)
+    operator.scan("SN-000042")
+    start = operator.widget("start_button", QPushButton)
+    operator.qtbot.keyClick(start, Qt.Key.Key_Return)
+    assert "Enter" in operator.message
+    operator.press("start_button")
+    assert operator.widget("cancel_choice", QPushButton).isVisible()
+    assert operator.message == "Load a unit, scan its serial number, and press START."
 
 
 def test_scan_before_the_fault_is_read_says_what_to_do(simulated_run: Operator) -> None:
@@ -60,3 +75,19 @@ def test_slots_of_the_last_station_are_not_shown_at_an_unusable_one(operator: Op
     operator.window.app.set_language("en")
     operator.choose("mems_hand")
     assert "No run with this station and product" not in operator.says()
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (1366, 768), (1920, 1080)])
+def test_a_notice_does_not_move_the_buttons_of_a_verdict(simulated_run: Operator, width: int, height: int) -> None:
+    operator, window = simulated_run, simulated_run.window
+    window.resize(width, height)
+    end_run(operator, "failed", **FAILED)
+    details = operator.widget("details_button", QPushButton)
+    operator.qtbot.wait(100)  # the panel fits its texts
+    before = details.mapTo(window, QPoint())
+    notice = window.operator_page.notice
+    notice.inform("good", "operator.label_saved", lambda: "SN-000042.pdf", lambda: None)
+    operator.until(notice.isVisible)
+    operator.qtbot.wait(100)
+    assert details.mapTo(window, QPoint()) == before
+    assert details.visibleRegion().boundingRect() == details.rect()

@@ -143,7 +143,7 @@ class OperatorPage(Page):
 
     def _connect(self) -> None:
         header, app = self.header, self.app
-        for entered in (header.serial_entered, header.serial_edited):
+        for entered in (header.serial_entered, header.serial_edited, header.start_pressed):
             entered.connect(self._show_readiness)
         header.product_combo.opening.connect(self._mark_products)
         header.product_selected.connect(app.set_product)
@@ -428,8 +428,8 @@ class OperatorPage(Page):
             self._views.setCurrentWidget(self._verdict)
         view, size = self._views.currentWidget(), QSizePolicy.Policy
         self._stages.setVisible(view is not self._verdicts)
-        # a notice needs space above the slots, which need less height than the live view
-        self._live.setSizePolicy(size.Preferred, size.Ignored if view is self._slots else size.Preferred)
+        # a notice needs space above the other views, which need less height than the live view
+        self._live.setSizePolicy(size.Preferred, size.Preferred if view is self._live else size.Ignored)
 
     def _open_unit(self, *, opened: bool) -> None:
         """Show the verdict on the selected unit, or the verdicts on all units."""

@@ -117,7 +117,7 @@ class VerdictPanel(QFrame):
             *(self.close_button, self.acknowledge_button, self.label_button, self.certificate_button),
             *(self.details_button, self._station_button, None),
         )
-        self._beside = column(self._facts, self._notes, None, buttons)
+        self._beside = column(self._facts, self._notes, buttons, None)
         people, values = self.certificate_button.panel, QWidget()
         row(column(self._figures, None), (self._beside, 1), on=values, spacing=3 * theme.GRID)
         # a small screen does not have space for both
