@@ -13,7 +13,7 @@ from calstation.messages import Language, Text
 from calstation.records import Verdict
 from calstation.reports import IssueState, ReportRequest
 from calstation.sequencer import Message
-from tests.gui.conftest import Operator
+from tests.gui.conftest import Operator, result_with
 from tests.gui.test_units import FAILED, begin, end_unit, serials, started, tile, use_slots
 
 __all__ = ["started"]  # fixture
@@ -52,7 +52,7 @@ def test_slots_keep_their_places_from_loading_to_verdict(operator: Operator) -> 
         operator.press(f"slot_{name}_button")
     begin(operator)
     assert {name: corner(operator, f"unit_{name}_tile") for name in before} == before
-    assert operator.widget("empty_2_tile").isVisible()
+    assert operator.window.operator_page._live.findChild(QWidget, "empty_2_tile").isVisible()
     end(operator, failed=("4",))
     assert {name: corner(operator, f"unit_{name}_verdict") for name in before} == before
     operator.widget("language_combo", QComboBox).setCurrentIndex(1)
@@ -137,6 +137,19 @@ def test_labels_and_certificates_of_all_units_that_passed(operator: Operator) ->
     operator.until(lambda: "Certificates issued: 2" in operator.says())
     operator.widget("language_combo", QComboBox).setCurrentIndex(1)
     assert "已签发证书：2 份" in operator.says()
+
+
+def test_only_units_of_a_product_with_a_label_get_one(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The slots of a table may have different products."""
+    template = {"short": Path("label.zpl"), "plain": None}
+    monkeypatch.setattr(document_buttons, "label_template", lambda result: template[str(result.product)])
+    button = operator.window.operator_page._verdicts._labels
+    units = [(result_with(product=name), Path(f"{name}.json")) for name in ("plain", "short")]
+    button.offer_all(units)
+    assert button._files == [Path("short.json")]
+    assert not button.isHidden()
+    button.offer_all(units[:1])
+    assert button.isHidden()
 
 
 def test_no_button_for_documents_without_a_unit_that_passed(operator: Operator) -> None:

@@ -15,7 +15,7 @@ from calstation.gui.state import AppContext, PeoplePanel
 from calstation.gui.text import Words, bind, language, say
 from calstation.gui.widgets import Choice, NoticeBar
 from calstation.messages import Text
-from calstation.records import IssuedReport
+from calstation.records import IssuedReport, Verdict
 from calstation.reports import (
     IssueState,
     issue_certificate,
@@ -62,13 +62,16 @@ class LabelButton(_DocumentButton):
         self.offer_all([] if result is None or result_file is None else [(result, result_file)])
 
     def offer_all(self, units: Sequence[tuple[Result, Path]]) -> None:
-        """Show the button if results of the same product, which are given with their files, have labels."""
-        self._files = [path for _, path in units]
-        try:
-            template = label_template(units[0][0]) if units else None
-        except CalstationError:  # the operator page reports an unreadable product
-            template = None
-        self.setVisible(template is not None)
+        """Show the button if any of the results, which are given with their files, has a label."""
+        labelled: dict[tuple[str | None, Verdict], bool] = {}
+        self._files = []
+        for result, path in units:
+            key = result.product, result.verdict
+            if key not in labelled:
+                labelled[key] = _has_label(result)
+            if labelled[key]:
+                self._files.append(path)
+        self.setVisible(bool(self._files))
 
     def _printed(self, pdfs: list[Path]) -> None:
         if not pdfs:
@@ -79,6 +82,13 @@ class LabelButton(_DocumentButton):
         else:
             self._notice.inform("good", "operator.labels_saved", lambda: str(pdfs[0].parent), self._then)
         self._then()
+
+
+def _has_label(result: Result) -> bool:
+    try:
+        return label_template(result) is not None
+    except CalstationError:  # the operator page reports an unreadable product
+        return False
 
 
 class CertificateButton(_DocumentButton):
@@ -171,9 +181,9 @@ class CertificateButton(_DocumentButton):
 
 
 class CertificatesButton(_DocumentButton):
-    """Button that issues the certificates of several units of a product, except those that have been issued.
+    """Button that issues the certificates of several units, except those that have been issued.
 
-    The caller lays out `panel`, which asks for two people if the product requires it.
+    The caller lays out `panel`, which asks for two people if a product requires it.
     """
 
     def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
@@ -190,7 +200,7 @@ class CertificatesButton(_DocumentButton):
         bind(self, self._text)
 
     def offer_all(self, units: Sequence[tuple[Result, Path]]) -> None:
-        """Show the button if results of the same product, which are given with their files, have parameters."""
+        """Show the button if any of the results, which are given with their files, has parameters."""
         self.panel.hide()
         self._files = [path for result, path in units if result.parameters]
         self.setVisible(bool(self._files))
@@ -215,7 +225,8 @@ class CertificatesButton(_DocumentButton):
         if not missing:
             self._notice.inform("none", "operator.certificates_exist", "", self._then)
             return
-        required = missing[0].required
+        # the slots may have different products; the strictest of them decides
+        required = max((state.required for state in missing), key=lambda each: (each.second, each.badge, each.pin))
         by = (self._app.badge if required.badge else self._app.person) or ""
         if not required.second:
             self._watch.start([replace(state.request, first=Person(by or "-")) for state in missing])
