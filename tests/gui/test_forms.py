@@ -133,7 +133,7 @@ def test_a_reason_is_required_for_changed_limits(forms: FormDriver, site_folder:
     assert not save.isEnabled()
     assert save.toolTip() == "State why the limits change."
     language.use("zh_CN")
-    assert save.toolTip() == "请填写修改限值的原因。"
+    assert save.toolTip() == "请填写修改限差的原因。"
     language.use("en")
     forms.type("change_reason_edit", "field returns")
     forms._bot.keyClick(reason, Qt.Key.Key_Return)

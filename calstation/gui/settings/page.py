@@ -124,13 +124,16 @@ class StationPage(Page):
         self._unsaved_label = label(name="unsaved_label", wrap=True)
         self._unsaved_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         buttons = self._discard_button, self._save_button
+        return box(row(caption, self.station_box, self._new_button, (self._unsaved_label, 1), *buttons))
+
+    def _make_reason(self) -> QWidget:
+        """Create the input for the reason, which is visible while limits have unsaved changes."""
         hint = "settings.reason_placeholder"
         self._reason_edit = line_edit("change_reason_edit", lambda _: self.refresh(), longest=200, hint=hint)
         why = label("settings.reason_for_limits", buddy=self._reason_edit)
-        self._reason_row = box(row(why, (self._reason_edit, 1)))
-        self._reason_row.hide()
-        choice = row(caption, self.station_box, self._new_button, (self._unsaved_label, 1), *buttons)
-        return box(choice, self._reason_row)
+        made = box(row(why, (self._reason_edit, 1)))
+        made.setVisible(False)
+        return made
 
     def _lay_out(self) -> None:
         self.nav = QListWidget()
@@ -144,7 +147,8 @@ class StationPage(Page):
         self.nav.setMinimumHeight(self.nav.count() * theme.BUTTON)
         self.nav.currentRowChanged.connect(self._show_section)
         self._problems = label(kind="error", name="station_problem_label", wrap=True)
-        right = column(self.notice, self._new_bar, self._problems, (self._stack, 1))
+        self._reason_row = self._make_reason()
+        right = column(self.notice, self._new_bar, self._reason_row, self._problems, (self._stack, 1))
         wide = 2 * theme.GRID
         content = box(row(self.nav, (right, 1), spacing=wide), margins=(wide, theme.GRID, wide, theme.GRID))
         status = row(RunStrip(self.app.run), margins=(wide, 0, wide, theme.GRID))
