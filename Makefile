@@ -47,7 +47,7 @@ fonts: $(VENV)/installed-dev
 
 # The pictures of the window in the documentation, from runs on the virtual bench.
 pictures: $(VENV)/installed-dev
-	$(VENV)/bin/python -m tests.make_pictures
+	$(VENV)/bin/python -m tests.gui.make_pictures
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -c "import sys; sys.exit('calstation needs Python 3.11 or newer: make PYTHON=python3.11 ...' if sys.version_info < (3, 11) else 0)"

@@ -20,7 +20,7 @@ from calstation.gui.shell.main_window import MainWindow
 from calstation.records import Verdict
 from calstation.simulation import record_on_bench
 
-FOLDER = Path(__file__).parents[1] / "docs" / "images"
+FOLDER = Path(__file__).parents[2] / "docs" / "images"
 #: Longest time for a part of a run, s.
 WAIT = 120.0
 
