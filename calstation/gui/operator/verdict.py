@@ -25,7 +25,7 @@ from calstation.sequencer import Fault, Finalized
 
 #: Share of the panel's height for the texts below the banner, distance of lines as a multiple of the text size, number
 #: of lines besides the figures, width of the figures in text sizes, and maximum size, px.
-_TEXT_SHARE, _LINE, _OTHER_LINES, _CHARACTERS, _MAX_TEXT = 0.6, 1.35, 3, 31, theme.VERDICT
+_TEXT_SHARE, _LINE, _OTHER_LINES, _CHARACTERS, _MAX_TEXT = 0.6, 1.35, 2.75, 31, theme.VERDICT
 #: Minimum height of the banner, margins and distances above and below the texts, and of the texts' columns, px.
 _BANNER, _DISTANCES, _BETWEEN = 17 * theme.GRID, 8 * theme.GRID, 7 * theme.GRID
 

@@ -8,14 +8,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QFileDialog, QGridLayout, QTreeView, QWidget
+from PySide6.QtWidgets import QFileDialog, QGridLayout, QHeaderView, QTreeView, QWidget
 
 from calstation.gui.text import say
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.messages import Text
 
-#: Column of the list of files with their types.
-_TYPE_COLUMN = 2
+#: Columns of the list of files with their types and dates.
+_TYPE_COLUMN, _DATE_COLUMN = 2, 3
 
 
 class FileDialog(QFileDialog):
@@ -33,9 +33,10 @@ class FileDialog(QFileDialog):
         # texts that Qt does not translate, or not into Chinese
         self.setLabelText(QFileDialog.DialogLabel.LookIn, say("common.look_in"))
         self.setLabelText(QFileDialog.DialogLabel.FileType, say("common.file_type"))
-        types = self.findChild(QTreeView, "treeView")
-        if isinstance(types, QTreeView):
-            types.setColumnHidden(_TYPE_COLUMN, True)
+        files = self.findChild(QTreeView, "treeView")
+        if isinstance(files, QTreeView):
+            files.setColumnHidden(_TYPE_COLUMN, True)
+            files.header().setSectionResizeMode(_DATE_COLUMN, QHeaderView.ResizeMode.ResizeToContents)
         self._notice = NoticeBar("file_dialog_notice")
         layout = self.layout()
         if isinstance(layout, QGridLayout):
