@@ -15,7 +15,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QTabBar, QWidget
 
 from calstation.config import library
-from calstation.gui import create_window
+from calstation.gui.shell import create_window
 from calstation.gui.shell.main_window import MainWindow
 from calstation.records import Verdict
 from calstation.simulation import record_on_bench
