@@ -139,7 +139,7 @@ def test_window_stays_responsive_during_a_batch_a_large_history_and_a_solution(
         window.offline_page.open(Path(log))
         until(lambda: window.offline_page.solve_button.isEnabled(), 300.0)
         window.offline_page.solve_button.click()
-        for page in itertools.cycle(("history", "offline", "operator")):
+        for page in itertools.cycle(("history_page", "offline_page", "operator_page")):
             window.show_page(page)
             end = time.monotonic() + 2.0
             until(lambda end=end: time.monotonic() > end, 10.0)

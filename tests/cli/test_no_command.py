@@ -41,7 +41,7 @@ def test_unusable_screen_is_treated_as_missing(monkeypatch: pytest.MonkeyPatch) 
 def test_with_a_screen_the_window_opens(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
     monkeypatch.setattr(app, "screen_size", lambda: (1366, 768))
-    monkeypatch.setattr("calstation.gui.shell.main", lambda screen: 0)
+    monkeypatch.setattr("calstation.gui.main", lambda screen: 0)
     assert run_app([]) == 0
 
 
