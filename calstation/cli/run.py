@@ -16,11 +16,12 @@ from rich.table import Table
 
 from calstation.cli.confirmation import confirm_override
 from calstation.cli.errors import command_options, complete_commands, print_error, station_options
-from calstation.cli.show import emit_json, on_interrupt, on_line, plain_console, result_table, show_line
+from calstation.cli.show import emit_json, on_line, plain_console, result_table, show_line
 from calstation.cli.text import say, sentence, term
 from calstation.config import RegisterOperation, RunRequest, load_station, with_product
 from calstation.database import Claim, start_exchange
 from calstation.errors import ConfigurationError, StoppedError
+from calstation.jobs import on_stop_signals
 from calstation.messages import Text, event_text, step_text
 from calstation.records import Verdict
 from calstation.results import History, Result
@@ -149,7 +150,7 @@ def engine_events(
     work: RunRequest | RegisterOperation | None = None,
     new_claims: Callable[[], Sequence[Claim]] = tuple,
 ) -> Iterator[Event]:
-    """Run the engine, show its events and yield them; Ctrl-C requests a safe stop.
+    """Run the engine, show its events and yield them; Ctrl-C and signals request a safe stop.
 
     Parameters
     ----------
@@ -161,16 +162,26 @@ def engine_events(
     console = plain_console(stderr=True)
     display = _Display(console, options)
 
+    started, stopped = list[Engine](), list[Command]()
+
+    def stop() -> None:
+        stopped.append(Command.STOP)  # the engine may not have been started yet
+        for engine in started:
+            engine.send(Command.STOP)
+
     def end_stage() -> None:
         engine.send(Command.END_STAGE)
         show_line(console, say("cli.ending_stage"))
 
     with (
         complete_commands(options),
+        on_stop_signals(stop),
         Engine.start(work or request) as engine,
-        on_interrupt(lambda: engine.send(Command.STOP)),
         display.progress,
     ):
+        started.append(engine)
+        if stopped:
+            engine.send(Command.STOP)
         if work is None:
             on_line(_END_STAGE, end_stage)
         for event in engine.events():

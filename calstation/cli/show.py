@@ -87,16 +87,6 @@ def emit(result: Mapping[str, Any], target: str | None, lines: Iterable[str]) ->
             show_line(console, line)
 
 
-@contextmanager
-def on_interrupt(action: Callable[[], object]) -> Iterator[None]:
-    """Call `action` instead of ending the program each time Ctrl-C is pressed, while the context is open."""
-    previous = signal.signal(signal.SIGINT, lambda number, frame: action())
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, previous)
-
-
 def on_line(line: str, action: Callable[[], object]) -> None:
     """Call `action` each time the user enters `line`, until the program ends; standard input must be a terminal."""
 

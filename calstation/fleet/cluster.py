@@ -18,7 +18,7 @@ from calstation.messages import values_from_json
 
 try:
     import dask
-    from distributed import Client, Future, KilledWorker, LocalCluster, Nanny
+    from distributed import Client, Future, KilledWorker, LocalCluster, Nanny, Security
     from distributed.comm.core import CommClosedError
     from distributed.core import Status as ServerStatus
 except ImportError as exc:
@@ -76,6 +76,7 @@ def started_cluster(scheduler: str, workers: int | None) -> Iterator[Client]:
                 processes=True,
                 dashboard_address="127.0.0.1:0",
                 silence_logs=logging.CRITICAL,
+                security=Security.temporary(),  # other users of the computer cannot connect
             )
             stack.callback(_close, cluster)
             client = Client(cluster)

@@ -1,13 +1,14 @@
 """Start of the window: a picture until it is loaded, and the enlargement on a large screen, to be read from afar."""
 
 import os
-import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import QApplication, QLabel
+
+from calstation.jobs import on_stop_signals
 
 #: Environment variable with the factor by which Qt enlarges everything, which it reads when an application is created.
 _FACTOR = "QT_SCALE_FACTOR"
@@ -43,8 +44,8 @@ def enlarged(screen: tuple[int, int]) -> Iterator[None]:
 def main(screen: tuple[int, int]) -> int:
     """Open the window, and return the exit code after it has been closed.
 
-    The window grows with the available width and height of the screen, logical px. Ctrl-C in the terminal stops a run
-    safely, then closes the window.
+    The window grows with the available width and height of the screen, logical px. Ctrl-C in the terminal or
+    another signal stops a run safely, then closes the window.
     """
     with enlarged(screen):
         app = QApplication(sys.argv[:1])
@@ -54,13 +55,13 @@ def main(screen: tuple[int, int]) -> int:
     from calstation.gui.shell import create_window  # takes 2 s, during which the picture is shown
 
     window = create_window()
-    signal.signal(signal.SIGINT, lambda number, frame: window.stop_and_close())
     signal_timer = QTimer(window, interval=200)  # lets Python run its signal handlers
     signal_timer.timeout.connect(lambda: None)
     signal_timer.start()
     window.show()
     picture.close()
-    return QApplication.exec()
+    with on_stop_signals(window.stop_and_close):
+        return QApplication.exec()
 
 
 def opening_picture() -> QLabel:

@@ -2,3 +2,4 @@
 
 from calstation.jobs.process import ChildProcess
 from calstation.jobs.queue import Job, JobQueue, ProgressCallback
+from calstation.jobs.signals import STOP_SIGNALS, on_stop_signals

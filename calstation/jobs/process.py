@@ -23,16 +23,28 @@ _KILL_TIMEOUT = 5.0
 
 
 @contextmanager
-def _ignore_interrupts() -> Iterator[None]:
-    """Ignore Ctrl-C inside the block, so that a child process started there also ignores it."""
+def _deferred_interrupts() -> Iterator[None]:
+    """Defer Ctrl-C to the end of the block; a child process started there never receives it.
+
+    The child inherits the blocked signal, on Windows an ignored one.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    pending: list[int] = []
+    if sys.platform == "win32":
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    else:
+        before = signal.signal(signal.SIGINT, lambda number, frame: pending.append(number))
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
+        if sys.platform != "win32":
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         signal.signal(signal.SIGINT, before)
+        if pending:
+            signal.raise_signal(signal.SIGINT)
 
 
 @contextmanager
@@ -119,7 +131,7 @@ class ChildProcess(PipeReader):
         self.process: BaseProcess = context.Process(
             target=target, args=(there, *args), name=f"calstation {name}", daemon=daemon
         )
-        with _ignore_interrupts(), _hide_main_module():
+        with _deferred_interrupts(), _hide_main_module():
             self.process.start()
         there.close()
         super().__init__(here)

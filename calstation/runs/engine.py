@@ -13,7 +13,7 @@ from typing import Any
 from calstation import __version__, applog
 from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.jobs import ChildProcess
+from calstation.jobs import STOP_SIGNALS, ChildProcess
 from calstation.runs.channel import HEARTBEAT, Channel
 from calstation.sequencer import Command, Control, Event, Fault, Finalized, Settled, StopReason, from_json
 
@@ -181,8 +181,9 @@ def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterOp
     applog.configure("engine")
     logger.info("engine begins, calstation %s", __version__)
     control = Control()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda number, frame: control.send(Command.STOP, StopReason.SIGNAL))
+    for stop_signal in STOP_SIGNALS:
+        signal.signal(stop_signal, lambda number, frame: control.send(Command.STOP, StopReason.SIGNAL))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the listener handles Ctrl-C
     if sys.platform != "win32":  # without replies of the listener, a closed or suspended terminal stops the run
         for number in (signal.SIGHUP, signal.SIGTSTP, signal.SIGTTIN):
             signal.signal(number, signal.SIG_IGN)

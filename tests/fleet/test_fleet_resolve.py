@@ -370,3 +370,12 @@ def test_unusable_sources_are_refused_immediately(
             resolve_fleet(request_of(logs[:1], url, **part))
     with raises_code(ConfigurationError, "solution.range_reversed"):
         resolve_fleet(request_of(logs[:1], url, first_seq=5, last_seq=4))
+
+
+def test_the_scheduler_of_local_workers_refuses_other_programs() -> None:
+    with cluster.started_cluster("local:1", 1) as client:
+        address = client.scheduler_info()["address"]
+        assert address.startswith("tls://127.0.0.1:")
+        for other in (address, address.replace("tls://", "tcp://")):
+            with pytest.raises((OSError, ValueError, TypeError)):
+                cluster.Client(other, timeout="3s")

@@ -1,6 +1,5 @@
 """`database`: exchanges runs with the shared database, manages its tables and shows the state of the exchange."""
 
-import signal
 import sys
 import threading
 from contextlib import suppress
@@ -25,6 +24,7 @@ from calstation.database import (
 from calstation.database import upgrade as upgrade_tables
 from calstation.database import watch as exchange_continuously
 from calstation.errors import CalstationError
+from calstation.jobs import on_stop_signals
 from calstation.messages import event_text, local_time
 
 app = command_group()
@@ -75,9 +75,8 @@ def _watch(out: Path, url: str, name: str, archive: str | None) -> None:
         previous[:] = lines
         return stop.wait(seconds)
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    exchange_continuously(out, url, name, wait, archive=archive)
+    with on_stop_signals(stop.set):
+        exchange_continuously(out, url, name, wait, archive=archive)
 
 
 def _lines(state: ExchangeState) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from calstation.cli.options import JsonOption, ProductOption, StationOption, command_group
-from calstation.cli.show import emit, job_progress, on_interrupt
+from calstation.cli.show import emit, job_progress
 from calstation.cli.text import say
 from calstation.config import DEFAULT_PRODUCT, library, read_text
 from calstation.design import (
@@ -22,6 +22,7 @@ from calstation.design import (
     shorter_product,
 )
 from calstation.errors import ConfigurationError
+from calstation.jobs import on_stop_signals
 from calstation.physics import display_by_unit
 
 #: Code of the text for each step of the search; the note of any other step is the best result so far.
@@ -68,7 +69,7 @@ def design(
             stages = shorten_stages(progress, request)
         else:
             stop = Path(folder) / "stop"
-            with on_interrupt(stop.touch):
+            with on_stop_signals(stop.touch):
                 designed = design_schedule(progress, replace(request, stop=stop))
     if keep_stages:
         out.write_text(shorter_product(present, stages), encoding="utf-8")

@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from calstation.cli.options import JsonOption, ParametersOnlyOption, StagesOption, command_group, parsed_stages
-from calstation.cli.show import emit_json, job_progress, new_table, on_interrupt, plain_console, show_line
+from calstation.cli.show import emit_json, job_progress, new_table, plain_console, show_line
 from calstation.cli.text import say
 from calstation.fleet import (
     UNCHANGED,
@@ -29,6 +29,7 @@ from calstation.fleet import (
     solved_results,
 )
 from calstation.fleet import compare as compare_versions
+from calstation.jobs import on_stop_signals
 
 #: Width of the tables, characters.
 _WIDTH = 150
@@ -108,7 +109,7 @@ def _solve(console: Console, request: FleetRequest) -> FleetSummary:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar, on_interrupt(interrupt):
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar, on_stop_signals(interrupt):
         task = bar.add_task("", total=None, rate="")
         start: tuple[float, int] | None = None
         last_line = time.monotonic()

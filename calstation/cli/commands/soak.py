@@ -11,9 +11,10 @@ from rich.table import Table
 
 from calstation.cli.errors import print_error
 from calstation.cli.options import JsonOption, command_group
-from calstation.cli.show import emit_json, new_table, on_interrupt, plain_console, show_line
+from calstation.cli.show import emit_json, new_table, plain_console, show_line
 from calstation.cli.text import say
 from calstation.errors import StoppedError
+from calstation.jobs import on_stop_signals
 from calstation.simulation import Soak
 from calstation.simulation import soak as run_soak
 
@@ -44,7 +45,7 @@ def soak(
         interrupted.append(True)
         print_error(say("cli.soak_ending"))
 
-    with tempfile.TemporaryDirectory(prefix="calstation-soak-") as temporary, on_interrupt(stop):
+    with tempfile.TemporaryDirectory(prefix="calstation-soak-") as temporary, on_stop_signals(stop):
         done = _soak(runs, seed, Path(temporary) if keep is None else keep, full, interrupted)
     counts = {"seed": seed, "full": full, **done.counts()}
     emit_json(counts, json)

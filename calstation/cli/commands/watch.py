@@ -12,13 +12,14 @@ import typer
 from rich.console import Console
 
 from calstation.cli.options import JsonOption, ProductOption, by_name, command_group
-from calstation.cli.show import emit_json, on_interrupt, on_line, plain_console, show_line, three_digits
+from calstation.cli.show import emit_json, on_line, plain_console, show_line, three_digits
 from calstation.cli.text import say, sentence
 from calstation.config import RunRequest, load_pair_configuration, load_station, pair_folder
 from calstation.connection import LineServer, open_pair
 from calstation.errors import ConfigurationError, InputError, StoppedError
 from calstation.estimation.common import SampleBlock
 from calstation.estimation.pairs import SENSORS, PairWatch, RestDeviation, WatchEvent
+from calstation.jobs import on_stop_signals
 from calstation.messages import os_reason
 from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G
 from calstation.records import LogMeta, open_log
@@ -132,7 +133,7 @@ def _watch_station(
     setup = load_pair_configuration(
         RunRequest(request.serial or station.virtual_serial, request.station, request.product)
     )
-    with on_interrupt(stop.set), open_pair(setup, folder or pair_folder(), check_cancelled) as live:
+    with on_stop_signals(stop.set), open_pair(setup, folder or pair_folder(), check_cancelled) as live:
         watch = live.session.watch
         if command:
             watch.command()

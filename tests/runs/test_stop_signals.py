@@ -1,0 +1,91 @@
+"""Every signal that can be caught stops a run safely, with a result and the exit code of a stop."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from calstation.jobs import STOP_SIGNALS, on_stop_signals
+from calstation.jobs.process import _deferred_interrupts
+from tests.site_folder import SiteFolder
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no POSIX signals")
+
+
+def started(site: SiteFolder, result: Path) -> subprocess.Popen[str]:
+    """Start a run as a command, as the leader of a process group like that of a terminal."""
+    command = [sys.executable, "-m", "calstation", "run", "--serial", "SN-000042", "--station", str(site.station), "--yes"]
+    command += ["--product", str(site.product), "--out", str(site.runs), "--json", str(result)]
+    environment = {**os.environ, "COLUMNS": "200"}
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment, process_group=0)
+
+
+@pytest.mark.parametrize(
+    ("name", "group"),
+    [
+        ("SIGTERM", False),
+        ("SIGQUIT", True),
+        pytest.param("SIGINT", True, marks=pytest.mark.long),
+        pytest.param("SIGHUP", True, marks=pytest.mark.long),
+        pytest.param("SIGQUIT", False, marks=pytest.mark.long),
+        pytest.param("SIGUSR1", True, marks=pytest.mark.long),
+    ],
+)
+def test_signal_stops_a_run_safely_and_the_command_waits_for_it(tmp_path: Path, name: str, group: bool) -> None:
+    site, result = SiteFolder(tmp_path), tmp_path / "result.json"
+    site.write(speed=20.0)
+    with started(site, result) as process:
+        assert process.stderr is not None
+        until_motion(process)
+        (os.killpg if group else os.kill)(process.pid, getattr(signal, name))
+        process.stderr.read()
+        assert process.wait(60.0) == 4
+    stored = json.loads(result.read_text(encoding="utf-8"))
+    assert stored["outcome"] == "stopped"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("delay", [0.0, 0.5, 1.0, 1.5, 2.0, 3.0])
+def test_ctrl_c_during_the_start_of_a_run_is_not_lost(tmp_path: Path, delay: float) -> None:
+    site = SiteFolder(tmp_path)
+    site.write(speed=5.0)
+    with started(site, tmp_path / "result.json") as process:
+        time.sleep(delay)
+        os.killpg(process.pid, signal.SIGINT)
+        begin = time.monotonic()
+        assert process.wait(60.0) in (4, 130, -signal.SIGINT, 1)
+        assert time.monotonic() - begin < 30.0
+
+
+def until_motion(process: "subprocess.Popen[str]") -> None:
+    """Wait until the first stage of a run moves the table."""
+    assert process.stderr is not None
+    for line in process.stderr:
+        if "Rate runs" in line or "rate" in line.lower():
+            time.sleep(1.0)
+            return
+    raise AssertionError("the run ended before a motion")
+
+
+def test_ctrl_c_while_a_child_process_starts_is_deferred() -> None:
+    with pytest.raises(KeyboardInterrupt):  # noqa: PT012
+        with _deferred_interrupts():
+            os.kill(os.getpid(), signal.SIGINT)
+            reached = True
+        raise AssertionError("not interrupted")
+    assert reached
+
+
+def test_handlers_are_restored() -> None:
+    before = [signal.getsignal(number) for number in STOP_SIGNALS]
+    calls: list[int] = []
+    with on_stop_signals(lambda: calls.append(1)):
+        for number in STOP_SIGNALS:
+            os.kill(os.getpid(), number)
+    assert len(calls) == len(STOP_SIGNALS)
+    assert [signal.getsignal(number) for number in STOP_SIGNALS] == before
