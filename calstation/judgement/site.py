@@ -8,7 +8,6 @@ import numpy as np
 from calstation.errors import ConfigurationError
 from calstation.estimation import Diagnosis, Solution
 from calstation.estimation.common import LatitudeEstimate, resolves_earth_rate
-from calstation.estimation.common.latitude import SIGMAS
 from calstation.judgement.check import Check
 from calstation.physics import DEGREE_PER_HOUR, RATE
 from calstation.records import LogMeta, context_from_meta
@@ -56,10 +55,8 @@ def _changed_bias(solutions: Sequence[Solution], latest: LatitudeEstimate) -> Di
     """Return a change of a gyro bias as the cause if an earlier stage measured another latitude."""
     for solution in solutions[:-1]:
         earlier = solution.latitude
-        if earlier is None:
-            continue
-        change, sigma = latest.value - earlier.value, float(np.hypot(latest.sigma, earlier.sigma))
-        if abs(change) > SIGMAS * sigma:
+        if earlier is not None and latest.contradicts(earlier):
+            change, sigma = latest.value - earlier.value, float(np.hypot(latest.sigma, earlier.sigma))
             values = {
                 "earlier": float(np.rad2deg(earlier.value)),
                 "during": solution.stage,

@@ -10,9 +10,9 @@ from calstation.sequencer import Event, from_json
 
 @dataclass(frozen=True)
 class TimedEvent:
-    """An event and the time since the first event of its run, s."""
+    """An event and the time since the first event of its run, s; None if the log does not contain it."""
 
-    seconds: float
+    seconds: float | None
     event: Event
 
 
@@ -22,10 +22,10 @@ def load_events(report: ProgressCallback, log: Path) -> list[TimedEvent]:
     first: float | None = None
     for entry in open_log(log).events:
         values = dict(entry)
-        at = float(values.pop("station_time", 0.0))
+        at = values.pop("station_time", None)
         first = at if first is None else first
         try:
-            events.append(TimedEvent(at - first, from_json(values)))
+            events.append(TimedEvent(None if at is None or first is None else at - first, from_json(values)))
         except (KeyError, TypeError):  # an entry that is not an event, or an event of another version
             continue
     return events

@@ -14,7 +14,7 @@ _BLOCKING = {
     *("QPrintDialog", "QProgressDialog", "QWizard", "setModal", "setWindowModality", "exec"),
 }
 #: Modules that may use some of them.
-_EXCEPTIONS = {"widgets/file_dialog.py": {"QFileDialog"}, "shell/app.py": {"exec"}}
+_EXCEPTIONS = {"widgets/file_dialog.py": {"QFileDialog"}, "start.py": {"exec"}}
 
 
 @pytest.mark.parametrize("file", ["desktop_stop.py"])

@@ -396,10 +396,16 @@ def test_operator_page_verdict_shows_the_product_checks() -> None:
     assert "Between rests the unit turns by the angle of the reference (1856 ″, allowed ≤ 1238 ″)" in advice.reason(
         "failed", result_with(checks=checks)
     )
-    assert advice.reason("passed", result_with(checks=checks[:1])).endswith("Close to the limit: force at rest.")
-    assert advice.brief_reason("passed", result_with(checks=checks[:1])) == "Close to the limit: force at rest."
+    assert advice.reason("passed", result_with(checks=checks[:1])).endswith(
+        "Close to the limit: force at rest, at 95 % of it."
+    )
+    assert (
+        advice.brief_reason("passed", result_with(checks=checks[:1]))
+        == "Close to the limit: force at rest, at 95 % of it."
+    )
     named = [check("sigma_below", "gyro_bias_x", 0.99, 1.0, "rad/s"), *checks[:1]]
-    assert advice.brief_reason("passed", result_with(checks=named)) == "Close to the limit: gyro bias x and 1 more."
+    close = "Close to the limit: gyro bias x, at 99 % of it; other values close to their limits: 1."
+    assert advice.brief_reason("passed", result_with(checks=named)) == close
 
 
 @pytest.mark.long

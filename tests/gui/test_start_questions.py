@@ -46,6 +46,8 @@ class Page:
             if len(serials) > 1:
                 self.operator.qtbot.keyClick(edit, Qt.Key.Key_Return)
         self.operator.press(f"{self.prefix}start_button")
+        if self.prefix and len(serials) > 1:  # the first press shows the slots
+            self.operator.press(f"{self.prefix}start_button")
 
     def asked(self) -> str:
         """Return the texts of the page."""

@@ -19,7 +19,17 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no PO
 
 def started(site: SiteFolder, result: Path) -> subprocess.Popen[str]:
     """Start a run as a command, as the leader of a process group like that of a terminal."""
-    command = [sys.executable, "-m", "calstation", "run", "--serial", "SN-000042", "--station", str(site.station), "--yes"]
+    command = [
+        sys.executable,
+        "-m",
+        "calstation",
+        "run",
+        "--serial",
+        "SN-000042",
+        "--station",
+        str(site.station),
+        "--yes",
+    ]
     command += ["--product", str(site.product), "--out", str(site.runs), "--json", str(result)]
     environment = {**os.environ, "COLUMNS": "200"}
     return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment, process_group=0)

@@ -41,6 +41,10 @@ class LatitudeEstimate:
         """Largest difference from a latitude that is consistent with the estimate, rad."""
         return float(SIGMAS * self.sigma + DEFLECTION)
 
+    def contradicts(self, other: "LatitudeEstimate") -> bool:
+        """Whether two estimates differ by more than their sigmas permit."""
+        return abs(self.value - other.value) > SIGMAS * float(np.hypot(self.sigma, other.sigma))
+
 
 def resolves_earth_rate(imu: ImuModel) -> bool:
     """Return whether six rests of 30 s with gyros of this noise distinguish latitudes 5° apart."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import cast
 
-from PySide6.QtCore import QEvent, QObject, Qt, Signal
+from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QKeyEvent, QStandardItemModel
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QVBoxLayout, QWidget
 
@@ -15,6 +15,9 @@ from calstation.gui.widgets import ScanEdit, StateIcon, button, column, enable, 
 
 #: Size of the symbol that shows in the serial field whether a scan was accepted, px.
 _SYMBOL = 28
+
+#: Time without a character after which a scan over an open list has ended, ms.
+_SCAN_MS = 150
 
 _COMMAND = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier
 
@@ -57,6 +60,9 @@ class RunHeader(QWidget):
         self._symbol.hide()
         self._partial = False
         self._products: list[tuple[str, Path]] = []
+        #: Runs while a scan arrives over an open list.
+        self._scanning = QTimer(self, singleShot=True, interval=_SCAN_MS)
+        self._scanning.timeout.connect(self._end_scan)
         row(
             (self.badge_field, 2),
             (_field(self.serial_edit, "serial_edit", self._serial_caption), 4),
@@ -166,22 +172,47 @@ class RunHeader(QWidget):
     def handle_key(self, event: QKeyEvent) -> bool:
         """Enter the character of a key, the first of a scan, into the field for the next scan, and return True.
 
-        Return False for other keys, while the page is hidden, and during a run.
+        Return False for other keys, while the page is hidden, and during a run. Over an open list, the whole scan is
+        taken, because closing the list at its first character would lose those that are on their way; during a run it
+        is discarded there, because it would select an entry.
         """
+        in_list = QApplication.activePopupWidget() is not None and self.isVisible()
+        if in_list and self._scanning.isActive() and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
+            self._end_scan()
+            if self._scan_field.isEnabled():
+                self._scan_field.returnPressed.emit()
+            return True
         text = event.text()
-        if not text.strip() or not text.isprintable() or event.modifiers() & _COMMAND:
+        if not (text.strip() or self._scanning.isActive()) or not text.isprintable() or event.modifiers() & _COMMAND:
             return False
         field = self._scan_field
-        if not (self.isVisible() and field.isEnabled()):
+        if not (self.isVisible() and (field.isEnabled() or in_list)):
             return False
+        if in_list and self._scanning.isActive():
+            field.setText(field.text() + text if field.isEnabled() else field.text())
+        elif field.isEnabled():
+            field.begin(text)
+        if in_list:
+            self._scanning.start()
+        else:
+            field.setFocus()
+        if field is self.serial_edit and field.isEnabled():
+            self.serial_edited.emit()
+        return True
+
+    def enter_scan(self, text: str) -> None:
+        """Enter a whole scan, as a scanner does."""
+        if self._scan_field.isEnabled():
+            self._scan_field.begin(text)
+            self._scan_field.returnPressed.emit()
+
+    def _end_scan(self) -> None:
+        """Close the list over which a scan arrived."""
+        self._scanning.stop()
         popup = QApplication.activePopupWidget()
         if popup is not None:
             popup.close()
-        field.setFocus()
-        field.begin(text)
-        if field is self.serial_edit:
-            self.serial_edited.emit()
-        return True
+        self._scan_field.setFocus()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Pass characters from lists and START to the field for the next scan, and ignore Enter on START."""

@@ -1,5 +1,6 @@
 """The main window with a top bar, the pages, and STOP at the same position on every page."""
 
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -49,6 +50,9 @@ _PAGES: dict[str, Callable[[AppContext], Page]] = {
 }
 #: Time from showing the window to the creation of the engineer page, ms, in which the window is painted.
 _CREATION_DELAY_MS = 50
+
+#: Longest pause between two characters of a scan on a page without its field, s, and its smallest length.
+_SCAN_PAUSE, _SHORTEST_SCAN = 0.3, 4
 
 
 class _Tab(QWidget):
@@ -124,6 +128,8 @@ class MainWindow(QMainWindow):
         geometry = app.settings.value("geometry")
         if isinstance(geometry, QByteArray):
             self.restoreGeometry(geometry)
+        #: Time of the last character of a scan on a page without its field, s, and the characters so far.
+        self._scan = 0.0, ""
         self._fit_screen()
 
     def _fit_screen(self) -> None:
@@ -226,9 +232,26 @@ class MainWindow(QMainWindow):
         return super().eventFilter(watched, event)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Handle a key that no widget has accepted as the start of a scan."""
-        if self._role_panel.isVisible() or not self.operator_page.header.handle_key(event):
+        """Handle a key that no widget has accepted as the start of a scan, or as a part of one on another page."""
+        if self._role_panel.isVisible() or not (self.operator_page.header.handle_key(event) or self._collect(event)):
             super().keyPressEvent(event)
+
+    def _collect(self, event: QKeyEvent) -> bool:
+        """Collect the characters of a scan on another page; at its end, show the operator page and enter it there."""
+        if self.operator_page.isVisible():
+            return False
+        now, text = time.monotonic(), event.text()
+        scan = self._scan[1] if now - self._scan[0] < _SCAN_PAUSE else ""
+        if text.isprintable() and text:
+            self._scan = now, scan + text
+            return True
+        if event.key() not in (Qt.Key.Key_Return, Qt.Key.Key_Enter) or len(scan) < _SHORTEST_SCAN:
+            return False
+        self._scan = now, ""
+        self.show_page("operator_page")
+        if self.operator_page.isVisible():
+            self.operator_page.header.enter_scan(scan)
+        return True
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Ask for confirmation during a run; otherwise close the window and its processes."""

@@ -74,7 +74,7 @@ class EventLog(CellTable):
         for number, each in enumerate(self._events):
             state, sentence = event_line(each.event)
             if sentence:
-                time_text = duration_text(each.seconds)
+                time_text = "–" if each.seconds is None else duration_text(each.seconds)
                 rows[str(number)] = {"time": time_text, "slot": each.event.slot, "event": sentence, "state": state}
         self.show_cells(rows, columns=columns)
         if at_end:

@@ -124,7 +124,7 @@ class RolePanel(QFrame):
             edit.setEchoMode(QLineEdit.EchoMode.Password)
             edit.setFont(theme.font(theme.SECTION))
             edit.setProperty("kind", "tall")
-            edit.returnPressed.connect(self._enter)
+            edit.returnPressed.connect(self._pressed_enter)
             edit.textEdited.connect(lambda _: self._show_error(""))
         self._unlock = button("unlock_button", pressed=self._enter, kind="primary")
         cancel = button("", "common.cancel", self.hide)
@@ -182,6 +182,15 @@ class RolePanel(QFrame):
         else:
             field.insert(text)
 
+    def _pressed_enter(self) -> None:
+        """Confirm a PIN; a new one is confirmed by its button only, because scanners send Enter, too."""
+        if not self._role.new:
+            self._enter()
+        elif self.pin_edit.hasFocus():
+            self._again_edit.setFocus()
+        else:
+            self._unlock.setFocus()
+
     def _enter(self) -> None:
         pin, again, person = self.pin_edit.text(), self._again_edit.text(), self._person_edit.text().strip()
         try:
@@ -189,6 +198,9 @@ class RolePanel(QFrame):
             if not name:
                 self._show_error(say("window.no_person"))
                 self._person_edit.setFocus()
+            elif self._role.new and pin in (person, name):
+                self._show_error(say("window.pin_is_name"))
+                self.pin_edit.setFocus()
             elif self._role.new and again != pin:
                 self._show_error(say("window.pins_differ"))
                 self._again_edit.setFocus()

@@ -9,7 +9,7 @@ from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QPushButton
 
-from calstation.config import Person
+from calstation.config import Person, computer_user
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, PeoplePanel
 from calstation.gui.text import Words, bind, language, say
@@ -137,7 +137,7 @@ class CertificateButton(_DocumentButton):
         if state.last is None and state.required.second:
             self._ask_people("operator.ask_certificate", state)
         elif state.last is None or (state.pdf is None and not state.changed):
-            self._issue(state, Person(self._by(state) or "-"))
+            self._issue(state, Person(self._by(state) or computer_user() or "-"))
         else:
             self._show_issued(state, state.last)
 

@@ -1,0 +1,61 @@
+"""Scans that arrive over an open list or on another page are complete, and none sets a PIN."""
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QComboBox, QLineEdit, QPushButton
+
+from calstation.config import access
+from tests.gui.conftest import Operator
+
+SCANNED = "SN-000077"
+
+
+@pytest.mark.parametrize("name", ["product_combo", "language_combo"])
+def test_scan_over_an_open_list_is_complete(operator: Operator, name: str) -> None:
+    combo = operator.window.findChild(QComboBox, name)
+    before = combo.currentIndex()
+    combo.showPopup()
+    for letter in SCANNED:
+        operator.qtbot.keyClicks(combo.view(), letter)
+        assert combo.view().isVisible()  # closing it would lose the characters that are on their way
+    operator.qtbot.keyClick(combo.view(), Qt.Key.Key_Return)
+    assert operator.widget("serial_edit", QLineEdit).text() == SCANNED
+    assert not combo.view().isVisible()
+    assert combo.currentIndex() == before
+
+
+def test_scan_over_an_open_list_during_a_run_changes_nothing(operator: Operator) -> None:
+    combo, edit = operator.window.findChild(QComboBox, "language_combo"), operator.widget("serial_edit", QLineEdit)
+    edit.setText("SN-000042")
+    operator.window.operator_page.header.set_running("running")
+    before = combo.currentIndex()
+    combo.showPopup()
+    for letter in "EN-000063":
+        operator.qtbot.keyClicks(combo.view(), letter)
+    operator.qtbot.keyClick(combo.view(), Qt.Key.Key_Return)
+    assert (combo.currentIndex(), edit.text()) == (before, "SN-000042")
+
+
+def test_scan_on_another_page_is_entered_on_the_operator_page(operator: Operator) -> None:
+    window, edit = operator.window, operator.widget("serial_edit", QLineEdit)
+    edit.setText("SN-000042")
+    window.show_page("quality_page")
+    window.setFocus()
+    for letter in SCANNED:
+        operator.qtbot.keyClicks(window, letter)
+    operator.qtbot.keyClick(window, Qt.Key.Key_Return)
+    assert operator.window.operator_page.isVisible()
+    assert edit.text() == SCANNED
+
+
+def test_scans_set_no_pin(operator: Operator) -> None:
+    operator.window.app.role.ask()
+    for name in ("role_person_edit", "pin_edit", "pin_again_edit"):
+        edit = operator.widget(name, QLineEdit)
+        edit.setFocus()
+        operator.qtbot.keyClicks(edit, SCANNED)
+        operator.qtbot.keyClick(edit, Qt.Key.Key_Return)
+    assert not access.has_pin()
+    operator.qtbot.mouseClick(operator.widget("unlock_button", QPushButton), Qt.MouseButton.LeftButton)
+    assert not access.has_pin()
+    assert "must differ from the name" in operator.says()
