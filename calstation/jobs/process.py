@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from queue import Full, Queue
@@ -35,6 +36,7 @@ def _deferred_interrupts() -> Iterator[None]:
     if sys.platform == "win32":
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     else:
+        resource_tracker.ensure_running()  # its start would unblock the signal
         before = signal.signal(signal.SIGINT, lambda number, frame: pending.append(number))
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

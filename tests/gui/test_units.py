@@ -416,7 +416,7 @@ def test_all_verdicts_are_shown_and_a_click_opens_its_result(operator: Operator)
     assert not operator.widget("stage_list").isVisible()
     words = {slot: operator.widget(f"unit_{slot}_verdict_label", QLabel).text() for slot in ("1", "2", "3")}
     assert words == {"1": "PASS", "2": "FAIL", "3": "FAULT"}
-    for sentence in ("Accel scale factor y is 5000 ppm", "Reseat the unit", "No response on socket", "Check baud"):
+    for sentence in ("Accel scale factor y is 5000 ppm", "Reseat the unit", "No response on socket", "ask an engineer"):
         assert sentence in says
     assert operator.verdict == ""
     click(operator, "unit_2_verdict")
@@ -437,7 +437,7 @@ def test_all_verdicts_are_shown_and_a_click_opens_its_result(operator: Operator)
     found.setFocus()
     operator.qtbot.keyClick(found, Qt.Key.Key_Space)
     assert operator.verdict == "FAULT"
-    assert "Check baud, parity and the IMU profile." in operator.says()
+    assert "Check mounting, power and cables, then try again." in operator.says()
     assert not operator.widget("acknowledge_button").isVisible()
     operator.qtbot.keyClick(operator.widget("all_units_button"), Qt.Key.Key_Space)
     assert tile(operator, "unit_3_verdict").hasFocus()

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -32,7 +33,10 @@ def started(site: SiteFolder, result: Path) -> subprocess.Popen[str]:
     ]
     command += ["--product", str(site.product), "--out", str(site.runs), "--json", str(result)]
     environment = {**os.environ, "COLUMNS": "200"}
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment, process_group=0)
+    default = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a test in the background ignores Ctrl-C
+    return subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, env=environment, process_group=0, preexec_fn=default
+    )
 
 
 @pytest.mark.parametrize(
@@ -60,7 +64,7 @@ def test_signal_stops_a_run_safely_and_the_command_waits_for_it(tmp_path: Path, 
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("delay", [0.0, 0.5, 1.0, 1.5, 2.0, 3.0])
+@pytest.mark.parametrize("delay", [0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
 def test_ctrl_c_during_the_start_of_a_run_is_not_lost(tmp_path: Path, delay: float) -> None:
     site = SiteFolder(tmp_path)
     site.write(speed=5.0)
@@ -68,7 +72,7 @@ def test_ctrl_c_during_the_start_of_a_run_is_not_lost(tmp_path: Path, delay: flo
         time.sleep(delay)
         os.killpg(process.pid, signal.SIGINT)
         begin = time.monotonic()
-        assert process.wait(60.0) in (4, 130, -signal.SIGINT, 1)
+        assert process.wait(60.0) in (4, 130, -signal.SIGINT)
         assert time.monotonic() - begin < 30.0
 
 

@@ -60,9 +60,9 @@ from calstation.runs import RunSummary, run_summary
 #: Code of the text for a station that is incompatible with the product, by the code of the error; the default is
 #: ``manual_station``.
 _WRONG_RIGS = {
-    "product.needs_manual_table": "driven_station",
-    "plan.needs_gimbal": "not_gimbal_station",
-    "product.needs_table": "gimbal_station",
+    "product.needs_manual_table": "window.driven_station",
+    "plan.needs_gimbal": "window.not_gimbal_station",
+    "product.needs_table": "window.gimbal_station",
 }
 
 
@@ -276,7 +276,7 @@ class OperatorPage(Page):
             display_names = {path: name for name, path in self._products}
             names = ", ".join(f"“{display_names[path]}”" for _, path in compatible)
             monitored = bool(load_station(app.station_path)[1].secondaries)
-            why = Text("window.pair_station") if monitored else Text(f"window.{self._wrong_rig(error)}")
+            why = Text("window.pair_station") if monitored else Text(self._wrong_rig(error))
             products = Text.of(
                 "window.compatible_products" if compatible else "window.no_compatible_product", names=names
             )
@@ -293,8 +293,8 @@ class OperatorPage(Page):
             return None, []
 
     def _wrong_rig(self, error: CalstationError) -> str:
-        """Return the term of the family ``window`` about a station that is incompatible with a product."""
-        return _WRONG_RIGS.get(error.code, "manual_station")
+        """Return the code of the sentence about a station that is incompatible with a product."""
+        return _WRONG_RIGS.get(error.code, "window.manual_station")
 
     def _mark_products(self) -> None:
         """Grey the products that the station cannot calibrate."""
@@ -302,8 +302,8 @@ class OperatorPage(Page):
         for _, path in self._products:
             error = product_error(self.app.station_path, path)
             if isinstance(error, ManualRigError):
-                rig = self._wrong_rig(error)
-                reasons[path] = (term("unsuitable", rig), say(f"window.{rig}"))
+                code = self._wrong_rig(error)
+                reasons[path] = (term("unsuitable", code.partition(".")[2]), say(code))
             elif error is not None:
                 problem = refusal("cannot_run", error, engineer=self.app.role.engineer)
                 reasons[path] = (term("unsuitable", "settings"), rendered(problem).remedy)
