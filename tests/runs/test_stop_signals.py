@@ -87,6 +87,7 @@ def until_motion(process: "subprocess.Popen[str]") -> None:
 
 
 def test_ctrl_c_while_a_child_process_starts_is_deferred() -> None:
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a test in the background ignores Ctrl-C
     with pytest.raises(KeyboardInterrupt):  # noqa: PT012
         with _deferred_interrupts():
             os.kill(os.getpid(), signal.SIGINT)
