@@ -41,7 +41,7 @@ _SIZES = {
     "check_box": 5 * GRID // 2,
     "check_box_inside": 5 * GRID // 2 - 2,
     "tab": TOP_BAR - 3,
-    "tab_padding": 3 * GRID // 2,
+    "tab_padding": 5 * GRID // 4,
     "body": BODY,
     "view_tab": BUTTON - 3,
 }
