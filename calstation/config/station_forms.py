@@ -9,10 +9,12 @@ _ENGINEERS: KeyPath = ("sign_in", "engineers")
 
 
 def _instrument_cells(_: Get, key_path: KeyPath) -> tuple[FormCell, ...]:
-    kinds = {"name": "text", "serial": "text", "certificate": "text", "calibrated": "date", "due": "date"}
-    cells = [FormCell((*key_path, key), kind=kind) for key, kind in kinds.items()]  # type: ignore[arg-type]
-    cells.insert(2, cell_of("stations", (*key_path, "kind")))
-    return tuple(cells)
+    return (
+        *(FormCell((*key_path, key), kind="text") for key in ("name", "serial")),
+        cell_of("stations", (*key_path, "kind")),
+        FormCell((*key_path, "certificate"), kind="text"),
+        *(FormCell((*key_path, key), kind="date") for key in ("calibrated", "due")),
+    )
 
 
 def _badge_rows(get: Get) -> list[FormRow]:

@@ -6,10 +6,8 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-from pydantic import JsonValue
 
 from calstation import __version__
-from calstation.config import schedule_fields
 from calstation.judgement import COVERAGE_FACTOR, Check
 from calstation.messages import (
     Language,
@@ -18,13 +16,11 @@ from calstation.messages import (
     parameter_name,
     product_name,
     render,
-    schedule_name,
     station_name,
     term,
 )
 from calstation.physics import (
     DEGREE,
-    DISPLAY,
     INDEX,
     NAMES,
     NOISE_DISPLAY,
@@ -55,6 +51,7 @@ from calstation.reports.numbers import (
     rounded,
     short,
 )
+from calstation.reports.schedule import schedule_words
 from calstation.results import Verification, plain
 from procedures import method
 
@@ -62,8 +59,6 @@ from procedures import method
 _NEGLIGIBLE = 0.005
 #: Display units of checks whose SI unit is also used by other quantities.
 _UNITS = {"latitude": ("°", DEGREE), "sample_clock": ("ppm", 1e-6)}
-#: Kinds of entries of a schedule that a certificate shows.
-_SHOWN = ("number", "count", "flag", "choice", "targets")
 #: Maximum number of failed checks listed in the verdict.
 _MAX_NAMED = 4
 
@@ -325,33 +320,11 @@ class _Document:
             "band": f"{consistency.nis_low:.2g} … {consistency.nis_high:.3g}"
             if consistency is not None and tested
             else NONE,
-            "schedule": list(self._schedule(stage)),
+            "schedule": [
+                self._in_certificate_terms(entry)
+                for entry in schedule_words(stage, self._meta.schedule.get(stage, {}), self._language)
+            ],
         }
-
-    def _schedule(self, stage: str) -> Iterator[str]:
-        """Yield the entries of the schedule of a stage in words; lists of moves are only in the product file."""
-        values = self._meta.schedule.get(stage, {})
-        for spec in schedule_fields(stage):
-            value = values.get(spec.name)
-            name = self._in_certificate_terms(schedule_name(spec.name, self._language))
-            if spec.kind not in _SHOWN:
-                continue
-            match value:
-                case True:
-                    yield name
-                case dict() if value:
-                    yield f"{name}: {', '.join(self._target(group, target) for group, target in value.items())}"
-                case str():
-                    yield f"{name} {value.replace('_', ' ')}"
-                case int() | float() if value is not False:
-                    yield f"{name} {value:g} {spec.unit}".rstrip()
-
-    def _target(self, group: str, sigma: JsonValue) -> str:
-        """Return the target sigma of a group, which is a number, in its display unit."""
-        if not isinstance(sigma, int | float):
-            return term("group", group, self._language)
-        unit, size = DISPLAY.get(group) or ("", 1.0)
-        return f"{term('group', group, self._language)} {sigma / size:.3g} {unit}".rstrip()
 
     def _environment(self) -> dict[str, Any]:
         site, temperature = context_from_meta(self._meta).site, self._result.temperature_c

@@ -8,6 +8,7 @@ import pytest
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import Simulator
+from tests.site_folder import SiteFolder
 
 sys.path.append(str(Path(__file__).parent.parent / "estimation"))
 
@@ -36,6 +37,15 @@ def pytest_terminal_summary(terminalreporter):
         if report.when == "call" and "benchmarks" in report.nodeid and report.user_properties:
             found = ", ".join(f"{name} {value}" for name, value in report.user_properties)
             terminalreporter.write_line(f"{report.nodeid.partition('::')[2]}: {found}")
+
+
+@pytest.fixture
+def window_site(tmp_path, monkeypatch):
+    """Create a site for a window, which is the current folder."""
+    made = SiteFolder(tmp_path, tmp_path / "home")
+    monkeypatch.setenv("CALSTATION_HOME", str(made.home))
+    monkeypatch.chdir(tmp_path)
+    return made
 
 
 @pytest.fixture(scope="session")

@@ -3,13 +3,12 @@
 import statistics
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
-from tests.gui.conftest import SiteFolder
+from tests.site_folder import SiteFolder
 
 ROUNDS = 7
 MOST = 1.3
@@ -68,10 +67,8 @@ def first_paint(code: str) -> float:
 
 @pytest.mark.timeout(300)
 def test_first_paint_takes_little_longer_than_that_of_a_bare_window(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, benchmark, figures
+    window_site: SiteFolder, monkeypatch: pytest.MonkeyPatch, benchmark, figures
 ) -> None:
-    site_folder = SiteFolder(tmp_path, tmp_path / "home")
-    monkeypatch.setenv("CALSTATION_HOME", str(site_folder.home))
     monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
 
     def measure() -> tuple[float, float]:

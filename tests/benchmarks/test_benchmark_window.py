@@ -54,17 +54,14 @@ class Probe(QObject):
 
 
 @pytest.fixture
-def window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[MainWindow]:
+def window(window_site: SiteFolder) -> Iterator[MainWindow]:
     """A window connected to a bench whose unit sends 2000 samples per second."""
-    site_folder = SiteFolder(tmp_path, tmp_path / "home")
-    monkeypatch.setenv("CALSTATION_HOME", str(site_folder.home))
-    monkeypatch.chdir(tmp_path)
     profile = library.find("imus", "bench_nav").read_text(encoding="utf-8")
     assert "sample_rate_hz = 200.0" in profile
-    (site_folder.home / "imus").mkdir()
+    (window_site.home / "imus").mkdir()
     fast = profile.replace("sample_rate_hz = 200.0", f"sample_rate_hz = {RATE}")
-    (site_folder.home / "imus" / "bench_nav.toml").write_text(fast, encoding="utf-8")
-    made = create_window(site_folder.station)
+    (window_site.home / "imus" / "bench_nav.toml").write_text(fast, encoding="utf-8")
+    made = create_window(window_site.station)
     assert isinstance(made, MainWindow)
     made.app.set_product(library.find("products", "short"))
     made.resize(1920, 1080)
@@ -114,18 +111,16 @@ def test_window_stays_responsive_over_a_whole_run(window: MainWindow, benchmark,
 
 @pytest.mark.timeout(1800)
 def test_window_stays_responsive_during_a_batch_a_large_history_and_a_solution(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, benchmark, figures
+    window_site: SiteFolder, benchmark, figures
 ) -> None:
-    site_folder = SiteFolder(tmp_path, tmp_path / "home")
-    monkeypatch.setenv("CALSTATION_HOME", str(site_folder.home))
-    monkeypatch.chdir(tmp_path)
-    log = site_folder.run().log
-    for k in range(OLD_RUNS):
-        write_result(site_folder.runs, f"SN-{k % 400:06d}_{k}", k, f"SN-{k % 400:06d}")
-    site_folder.write(units=UNITS)
-    window = create_window(site_folder.station)
+    log = window_site.run().log
+    for k in range(OLD_RUNS):  # of other units than those on the table
+        serial = f"SN-{900_000 + k % 400:06d}"
+        write_result(window_site.runs, f"{serial}_{k}", k, serial)
+    window_site.write(units=UNITS)
+    window = create_window(window_site.station)
     app = window.app
-    app.set_product(site_folder.product)
+    app.set_product(window_site.product)
     window.create_engineer_page()
     window.resize(1920, 1080)
     window.show()

@@ -1,6 +1,6 @@
 """Drives the Station page as a user does, in the window or alone."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
@@ -75,8 +75,11 @@ class PageDriver:
         return [label.text() for label in labels if label.text()]
 
 
-def station_page(app: AppContext, site_folder: Any, qtbot: QtBot) -> PageDriver:
-    """The page alone below its header, in the role of an operator."""
+Driver = TypeVar("Driver", bound=PageDriver)
+
+
+def station_page(app: AppContext, site_folder: Any, qtbot: QtBot, driver: type[Driver]) -> Driver:
+    """Return a driver of the page alone below its header, in the role of an operator."""
     site_folder.write(surveyed=False)
     page = StationPage(app)
     root = QWidget()
@@ -88,4 +91,4 @@ def station_page(app: AppContext, site_folder: Any, qtbot: QtBot) -> PageDriver:
     root.resize(1366, 700)
     root.show()
     qtbot.waitExposed(root)
-    return PageDriver(root, page, qtbot)
+    return driver(root, page, qtbot)

@@ -106,8 +106,7 @@ class FormDriver(PageDriver):
 @pytest.fixture
 def locked(app: AppContext, site_folder: Any, qtbot: QtBot) -> FormDriver:
     """The page in the role of an operator."""
-    page = station_page(app, site_folder, qtbot)
-    return FormDriver(page.root, page.page, qtbot)
+    return station_page(app, site_folder, qtbot, FormDriver)
 
 
 @pytest.fixture

@@ -55,8 +55,7 @@ class ListDriver(FormDriver):
 @pytest.fixture
 def operator(app: AppContext, site_folder: Any, qtbot: QtBot) -> ListDriver:
     """The page in the role of an operator."""
-    page = station_page(app, site_folder, qtbot)
-    return ListDriver(page.root, page.page, qtbot)
+    return station_page(app, site_folder, qtbot, ListDriver)
 
 
 @pytest.fixture

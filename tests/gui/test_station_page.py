@@ -52,7 +52,7 @@ LATCHED = DeviceFaultError("table.latched_interlock", fault="interlock", station
 @pytest.fixture
 def operator(app: AppContext, site_folder: Any, qtbot: QtBot) -> PageDriver:
     """The page below its header, without the window, in the role of an operator."""
-    return station_page(app, site_folder, qtbot)
+    return station_page(app, site_folder, qtbot, PageDriver)
 
 
 @pytest.fixture

@@ -20,8 +20,7 @@ STATION, IMU_LINK = 0, 2
 @pytest.fixture
 def operator(app: AppContext, site_folder: Any, qtbot: QtBot) -> FormDriver:
     """The page in the role of an operator."""
-    page = station_page(app, site_folder, qtbot)
-    return FormDriver(page.root, page.page, qtbot)
+    return station_page(app, site_folder, qtbot, FormDriver)
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QPushButton
 
-from calstation.config import Person, computer_user
+from calstation.config import ConfirmationRequired, Person, computer_user
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, PeoplePanel
 from calstation.gui.text import Words, bind, language, say
-from calstation.gui.widgets import Choice, NoticeBar
+from calstation.gui.widgets import Choice, JobWatch, NoticeBar
 from calstation.messages import Text
 from calstation.records import IssuedReport, Verdict
 from calstation.reports import (
@@ -91,38 +91,30 @@ def _has_label(result: Result) -> bool:
         return False
 
 
-class CertificateButton(_DocumentButton):
-    """Button that issues the calibration certificate of a result, or opens it and offers a revision.
+class _IssueButton(_DocumentButton):
+    """Button that issues certificates from `_source`: one job reads what has been issued, another one issues.
 
-    The caller lays out `panel`, which asks for the reason for a revision and, if the product requires it, for two
-    people.
+    The caller lays out `panel`, which asks for people.
     """
 
     def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__(app, name, notice, then)
-        self._result_file: Path | None = None
+        self._source: Path | list[Path] | None = None
         self.panel = PeoplePanel(name)
-        self._state_watch = app.job(self, issue_state, self._begin)
-        self.watch = app.job(self, issue_certificate, self._issued)
-        for watch in (self._state_watch, self.watch):
-            notice.report_failures(watch, "operator.no_certificate", then)
-            watch.busy_changed.connect(self._show_busy)
-        self.watch.progress.connect(lambda *_: self._show_busy())
+
+    def _connect(self, title: str, state_watch: JobWatch, watch: JobWatch) -> None:
+        """Follow the jobs; `title` is the code of the text of the button without them."""
+        self._title, self._state_watch, self.watch = title, state_watch, watch
+        for each in (state_watch, watch):
+            self._notice.report_failures(each, "operator.no_certificate", self._then)
+            each.busy_changed.connect(self._show_busy)
+        watch.progress.connect(lambda *_: self._show_busy())
         self.clicked.connect(self._ask)
         bind(self, self._text)
 
-    def offer(self, result: Result | None, result_file: Path | None) -> None:
-        """Show the button if the result has parameters."""
-        if result_file != self._result_file:
-            self.panel.hide()
-        self._result_file = result_file
-        self.setVisible(result is not None and result_file is not None and bool(result.parameters))
-
     def _text(self) -> str:
         job = self.watch.job
-        if job is None:
-            return say("operator.certificate")
-        return say("operator.certificate_progress", percent=100 * job.fraction)
+        return say(self._title) if job is None else say("operator.certificate_progress", percent=100 * job.fraction)
 
     def _show_busy(self) -> None:
         self.setEnabled(not (self._state_watch.busy or self.watch.busy))
@@ -130,14 +122,41 @@ class CertificateButton(_DocumentButton):
 
     def _ask(self) -> None:
         self.panel.hide()
-        self._state_watch.start(self._result_file, self._app.station_path, language.current())
+        self._state_watch.start(self._source, self._app.station_path, language.current())
+
+    def _by(self, required: ConfirmationRequired) -> str:
+        """Return the person at the window, "" if unknown."""
+        return (self._app.badge if required.badge else self._app.person) or ""
+
+    def _person(self, required: ConfirmationRequired) -> Person:
+        """Return the person at the window, otherwise the user of the computer."""
+        return Person(self._by(required) or computer_user() or "-")
+
+
+class CertificateButton(_IssueButton):
+    """Button that issues the calibration certificate of a result, or opens it and offers a revision.
+
+    The panel asks for the reason for a revision and, if the product requires it, for two people.
+    """
+
+    def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
+        super().__init__(app, name, notice, then)
+        jobs = app.job(self, issue_state, self._begin), app.job(self, issue_certificate, self._issued)
+        self._connect("operator.certificate", *jobs)
+
+    def offer(self, result: Result | None, result_file: Path | None) -> None:
+        """Show the button if the result has parameters."""
+        if result_file != self._source:
+            self.panel.hide()
+        self._source = result_file
+        self.setVisible(result is not None and result_file is not None and bool(result.parameters))
 
     def _begin(self, state: IssueState) -> None:
         """Issue the certificate, or show the certificate that has been issued."""
         if state.last is None and state.required.second:
             self._ask_people("operator.ask_certificate", state)
         elif state.last is None or (state.pdf is None and not state.changed):
-            self._issue(state, Person(self._by(state) or computer_user() or "-"))
+            self._issue(state, self._person(state.required))
         else:
             self._show_issued(state, state.last)
 
@@ -160,10 +179,7 @@ class CertificateButton(_DocumentButton):
             self.panel.hide()
             self._issue(state, first, second, why if reason else None)
 
-        self.panel.ask(title, state.required, confirmed, by=self._by(state), reason=reason)
-
-    def _by(self, state: IssueState) -> str:
-        return (self._app.badge if state.required.badge else self._app.person) or ""
+        self.panel.ask(title, state.required, confirmed, by=self._by(state.required), reason=reason)
 
     def _issue(self, state: IssueState, first: Person, second: Person | None = None, revise: str | None = None) -> None:
         self.watch.start(replace(state.request, first=first, second=second, revise=revise))
@@ -180,44 +196,22 @@ class CertificateButton(_DocumentButton):
         )
 
 
-class CertificatesButton(_DocumentButton):
+class CertificatesButton(_IssueButton):
     """Button that issues the certificates of several units, except those that have been issued.
 
-    The caller lays out `panel`, which asks for two people if a product requires it.
+    The panel asks for two people if a product requires it.
     """
 
     def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__(app, name, notice, then)
-        self.panel = PeoplePanel(name)
-        self._files: list[Path] = []
-        self._states_watch = app.job(self, states_of_issue, self._begin)
-        self._watch = app.job(self, issue_certificates, self._issued)
-        for watch in (self._states_watch, self._watch):
-            notice.report_failures(watch, "operator.no_certificate", then)
-            watch.busy_changed.connect(self._show_busy)
-        self._watch.progress.connect(lambda *_: self._show_busy())
-        self.clicked.connect(self._ask)
-        bind(self, self._text)
+        jobs = app.job(self, states_of_issue, self._begin), app.job(self, issue_certificates, self._issued)
+        self._connect("operator.certificates", *jobs)
 
     def offer_all(self, units: Sequence[tuple[Result, Path]]) -> None:
         """Show the button if any of the results, which are given with their files, has parameters."""
         self.panel.hide()
-        self._files = [path for result, path in units if result.parameters]
-        self.setVisible(bool(self._files))
-
-    def _text(self) -> str:
-        job = self._watch.job
-        if job is None:
-            return say("operator.certificates")
-        return say("operator.certificate_progress", percent=100 * job.fraction)
-
-    def _show_busy(self) -> None:
-        self.setEnabled(not (self._states_watch.busy or self._watch.busy))
-        self.setText(self._text())
-
-    def _ask(self) -> None:
-        self.panel.hide()
-        self._states_watch.start(self._files, self._app.station_path, language.current())
+        self._source = [path for result, path in units if result.parameters]
+        self.setVisible(bool(self._source))
 
     def _begin(self, states: list[IssueState]) -> None:
         """Issue the certificates that are missing, after two people have confirmed this if they must."""
@@ -227,16 +221,17 @@ class CertificatesButton(_DocumentButton):
             return
         # the slots may have different products; the strictest of them decides
         required = max((state.required for state in missing), key=lambda each: (each.second, each.badge, each.pin))
-        by = (self._app.badge if required.badge else self._app.person) or ""
         if not required.second:
-            self._watch.start([replace(state.request, first=Person(by or "-")) for state in missing])
+            self.watch.start([replace(state.request, first=self._person(required)) for state in missing])
             return
 
         def confirmed(_: str, first: Person, second: Person | None) -> None:
             self.panel.hide()
-            self._watch.start([replace(state.request, first=first, second=second) for state in missing])
+            self.watch.start([replace(state.request, first=first, second=second) for state in missing])
 
-        self.panel.ask(Text.of("operator.ask_certificates", count=len(missing)), required, confirmed, by=by)
+        self.panel.ask(
+            Text.of("operator.ask_certificates", count=len(missing)), required, confirmed, by=self._by(required)
+        )
 
     def _issued(self, pdfs: list[Path]) -> None:
         title = Text.of("operator.certificates_issued", count=len(pdfs))

@@ -1,0 +1,38 @@
+"""The schedule of a stage in words, for a certificate."""
+
+from collections.abc import Iterator, Mapping
+
+from pydantic import JsonValue
+
+from calstation.config import schedule_fields
+from calstation.messages import Language, schedule_name, term
+from calstation.physics import DISPLAY
+
+#: Kinds of entries that are shown; lists of moves are only in the product file.
+_SHOWN = ("number", "count", "flag", "choice", "targets")
+
+
+def schedule_words(stage: str, values: Mapping[str, JsonValue], language: Language) -> Iterator[str]:
+    """Yield the entries of the schedule of a stage, with names in a language and in display units."""
+    for spec in schedule_fields(stage):
+        if spec.kind not in _SHOWN:
+            continue
+        name = schedule_name(spec.name, language)
+        match values.get(spec.name):
+            case True:
+                yield name
+            case dict() as targets if targets:
+                yield f"{name}: {', '.join(_target(group, sigma, language) for group, sigma in targets.items())}"
+            case str() as chosen:
+                yield f"{name} {chosen.replace('_', ' ')}"
+            case int() | float() as number if number is not False:
+                yield f"{name} {number:g} {spec.unit}".rstrip()
+
+
+def _target(group: str, sigma: JsonValue, language: Language) -> str:
+    """Return the target sigma of a group, which is a number in SI, in its display unit."""
+    name = term("group", group, language)
+    if not isinstance(sigma, int | float):
+        return name
+    unit, size = DISPLAY.get(group) or ("", 1.0)
+    return f"{name} {sigma / size:.3g} {unit}".rstrip()
