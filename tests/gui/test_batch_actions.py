@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QPushButton, QWidget
 
-from calstation.config import ConfirmationRequired, RunRequest
+from calstation.config import ConfirmationRequired, RunRequest, computer_user
 from calstation.gui.operator.production import document_buttons
 from calstation.jobs import ProgressCallback
 from calstation.messages import Language, Text
@@ -137,6 +137,12 @@ def test_labels_and_certificates_of_all_units_that_passed(operator: Operator) ->
     operator.until(lambda: "Certificates issued: 2" in operator.says())
     operator.widget("language_combo", QComboBox).setCurrentIndex(1)
     assert "已签发证书：2 份" in operator.says()
+
+
+def test_the_user_of_the_computer_issues_without_a_person_at_the_window(operator: Operator) -> None:
+    page, required = operator.window.operator_page, ConfirmationRequired(pin=False, badge=False, second=False)
+    for button in (page._verdicts._certificates, page._verdict.certificate_button):
+        assert button._person(required).badge == computer_user()
 
 
 def test_only_units_of_a_product_with_a_label_get_one(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
