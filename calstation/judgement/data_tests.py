@@ -19,9 +19,9 @@ from calstation.estimation.common import (
     stage_data,
 )
 from calstation.judgement.gross_errors import gross_error, heading_test
-from calstation.judgement.sample_faults import sample_test
+from calstation.judgement.sample_faults import clipped, sample_test
 from calstation.judgement.table_motion import TableMotion, table_motion
-from calstation.physics import CHANNELS, PARAMETERS, BoolArray, FloatArray, group_indices, kernel
+from calstation.physics import PARAMETERS, BoolArray, FloatArray, group_indices, kernel
 from calstation.records import ChecksSection, LogMeta, SampleClockLimit, TemperatureLimit
 
 #: Number of samples expected above the largest one, given the noise, above which a channel is clipped.
@@ -154,23 +154,7 @@ def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: s
     if not worst > 0.0:
         return ModelTest("clipping", 0.0, MISSING_SAMPLES, "1", Diagnosis("clipped"))
     values = counts[:, i]
-    last = (values.max(), values.min())[side]
-    at = np.flatnonzero(values == last)
-    level = float(last * size[i])
-    displayed, unit = (np.rad2deg(level), "°/s") if i < 3 else (level, "m/s²")
-    cause = Diagnosis(
-        "clipped",
-        level,
-        unit="rad/s" if i < 3 else "m/s²",
-        values={
-            "channel": CHANNELS[i].replace("_", f"{number} "),
-            "level": float(displayed),
-            "level_unit": unit,
-            "count": len(at),
-            "first": float(time[at[0]]),
-            "last": float(time[at[-1]]),
-        },
-    )
+    cause = clipped(values, float((values.max(), values.min())[side]), time, int(i), imu, number)
     return ModelTest("clipping", worst, MISSING_SAMPLES, "1", cause)
 
 

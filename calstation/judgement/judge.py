@@ -86,7 +86,8 @@ def judge(
         if meta.calibrated:  # most of the sigmas are due to the current calibration instead of the run
             section = section.model_copy(update={"excitation": None})
         limit_checks += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
-    checks = _site_first([*_with_explanation(limit_checks, solutions), *check_latitude(meta, solutions)])
+    explained = [*_with_explanation(limit_checks, solutions), *check_latitude(meta, solutions)]
+    checks = _with_noise(_site_first(explained), solutions)
     passed = None
     if limits or section is not None:
         checks += again.online if again is not None else ()
@@ -160,6 +161,26 @@ def _with_cause(meta: LogMeta, check: Check) -> Check:
     size = gravity["sigma_ppm"] * 1e-6
     values = {"parameter": check.subject, **gravity}
     return replace(check, diagnosis=Diagnosis("gravity_uncertain", size, values=values))
+
+
+def _with_noise(checks: list[Check], solutions: Sequence[Solution]) -> list[Check]:
+    """Return the checks, the failed ones of a sigma with the measured noise as the cause if no other is known.
+
+    With the noise of the profiles, such a sigma would be within its limit.
+    """
+    noise = [test for s in solutions for test in s.tests if test.kind in ("table_noise", "imu_noise")]
+    largest = max(noise, key=lambda test: test.value, default=None)
+    if largest is None or any(check.diagnosis is not None for check in checks if not check.passed):
+        return checks
+    return [
+        replace(check, diagnosis=largest.diagnosis)
+        if check.kind == "sigma_below"
+        and not check.passed
+        and not isinstance(check.limit, tuple)
+        and check.value <= largest.value * check.limit
+        else check
+        for check in checks
+    ]
 
 
 def is_partial(meta: LogMeta, solved: Collection[str] | None = None) -> bool:

@@ -22,7 +22,8 @@ _RESIDUAL, _SLOPES = 3.0, 0.1
 _MAX_SIGMA, _SIGMAS = 1.0 / 12.0, 9.0
 #: Change of a force over both lines, in sigmas, below which the sigma of a shift is certainly larger than that.
 _STEEP = 50.0
-#: Smallest rate at which the angles show a shift, relative to the largest rate nearby.
+#: Smallest rate near a shift that the angles show, relative to the largest one nearby: a filter delays the begin of a
+#: rotation by more than its middle.
 _SLOWEST = 0.3
 #: Largest deviation of a shift from a whole number of samples.
 _WHOLE = 0.3
@@ -198,7 +199,7 @@ def _angle_shifts(
     difference : angle minus integrated rate, rad, shape (n,)
     turned : rotation in one sample, rad, shape (n,)
     fit : number of angles on each side
-    slowest : smallest rate at the shift, relative to the largest rate nearby
+    slowest : smallest rate on both sides, relative to the largest
     """
     n = len(difference)
     shift, spread = np.zeros(n), np.full(n, np.inf)
@@ -209,11 +210,11 @@ def _angle_shifts(
         square += (j - mean) ** 2
         variance += before[j] ** 2 + after[j] ** 2
     for k in range(fit, n - fit + 1):
-        size = 0.0
+        size, smallest = 0.0, np.inf
         for j in range(k - fit, k + fit):
-            size = max(size, abs(turned[j]))
+            size, smallest = max(size, abs(turned[j])), min(smallest, abs(turned[j]))
         rate = 0.5 * (turned[k - 1] + turned[k])
-        if abs(rate) <= slowest * size:
+        if smallest <= slowest * size:
             continue
         low = high = slope_low = slope_high = mean_low = mean_high = 0.0
         for j in range(fit):

@@ -17,11 +17,15 @@ class ModelTests:
     """Adds the tests of the model, and the effects in the unit's model, to the solution of every stage."""
 
     def __init__(
-        self, changes: FloatArray, states: Sequence[str], priors: Mapping[str, EffectPrior] = MappingProxyType({})
+        self,
+        changes: FloatArray,
+        states: Sequence[str],
+        priors: Mapping[str, EffectPrior] = MappingProxyType({}),
+        signs: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         """Create the tests, see `EffectTests`."""
         #: Tests of effects over the stages so far.
-        self.effects = EffectTests(changes, states, priors)
+        self.effects = EffectTests(changes, states, priors, signs)
         self._states = tuple(states)
         self._reported: list[tuple[str, dict[str, str]]] = []  # messages about states that were returned before
         #: Whether a stage was tested for effects outside the model.

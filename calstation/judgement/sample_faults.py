@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import erf, gammainc
 
 from calstation.estimation import Diagnosis, ModelTest
-from calstation.estimation.common import SampleBlock, SolveContext, StageData
+from calstation.estimation.common import ImuModel, SampleBlock, SolveContext, StageData
 from calstation.judgement.lost_samples import SampleFault, line_weights, shifts, shifts_of_angles
 from calstation.judgement.table_motion import TableMotion
 from calstation.physics import CHANNELS, BoolArray, FloatArray, IntArray, kernel, rotation_rate
@@ -48,8 +48,9 @@ _KEPT = 0.7
 _MIN_RESTS, _EARTH_SIGMAS, _EARTH_SHARE = 4, 8.0, 0.3
 #: Smallest rotation, rad, that a gyro with a lock-in zone measures.
 _TURNED = 0.5
-#: Smallest step of a channel that sticks, in steps of its values, and smallest fraction of repetitions.
-_STICKS, _STICKS_REPEATED = 5.0, 0.5
+#: Smallest step of a channel that sticks, in steps of its values, smallest fraction of repetitions, and smallest number
+#: of changes.
+_STICKS, _STICKS_REPEATED, _STICKS_CHANGES = 5.0, 0.5, 20
 
 
 @dataclass(frozen=True)
@@ -85,10 +86,34 @@ def sample_test(
     if fault is None:
         return [ModelTest("samples", 0.0, 0.0, "1", Diagnosis("samples_repeated"))]
     at = fault.samples
-    channel = "" if fault.channel is None else CHANNELS[fault.channel]
-    values = {"channel": channel, "count": len(at), "first": float(time[at[0]]), "last": float(time[at[-1]])}
-    diagnosis = Diagnosis(fault.cause, values={**values, "amount": fault.size})
+    if fault.cause == "clipped" and fault.channel is not None:
+        diagnosis = clipped(counts[:, fault.channel], fault.size, time, fault.channel, imu)
+    else:
+        channel = "" if fault.channel is None else CHANNELS[fault.channel]
+        values = {"channel": channel, "count": len(at), "first": float(time[at[0]]), "last": float(time[at[-1]])}
+        diagnosis = Diagnosis(fault.cause, values={**values, "amount": fault.size})
     return [ModelTest("samples", float(len(at)), 0.0, "1", diagnosis)]
+
+
+def clipped(
+    counts: FloatArray, extreme: float, time: FloatArray, channel: int, imu: ImuModel, number: str = ""
+) -> Diagnosis:
+    """Return the diagnosis of a channel whose `counts`, shape (n,), are clipped at `extreme`.
+
+    `time` is in s, shape (n,); `number` of a secondary IMU is displayed.
+    """
+    at = np.flatnonzero(counts == extreme)
+    level = float(extreme * imu.count_size[channel])
+    displayed, unit = (np.rad2deg(level), "°/s") if channel < 3 else (level, "m/s²")
+    values = {
+        "channel": CHANNELS[channel].replace("_", f"{number} "),
+        "level": float(displayed),
+        "level_unit": unit,
+        "count": len(at),
+        "first": float(time[at[0]]),
+        "last": float(time[at[-1]]),
+    }
+    return Diagnosis("clipped", level, unit="rad/s" if channel < 3 else "m/s²", values=values)
 
 
 def _noise_of(counts: FloatArray, width: int, rounding: FloatArray) -> _Noise:
@@ -207,9 +232,16 @@ def _spikes(counts: FloatArray, broken: BoolArray, noise: _Noise) -> Iterator[Sa
 
 
 def _spike_fault(values: FloatArray, at: IntArray, channel: int, size: float) -> SampleFault:
-    """Return the fault of deviating samples: spikes, or the samples at which a channel leaves a value that it keeps."""
+    """Return the fault of deviating samples: spikes, or the samples at which a channel leaves a value that it keeps.
+
+    A clipped channel leaves its extreme value.
+    """
     around = [values[max(k - _SPIKE_NEAR, 0) : k + _SPIKE_NEAR + 1] for k in at.tolist()]
     kept = [float(np.median(near)) for near in around]
+    before = values[at[:, None] - np.arange(1, _SPIKE_FIT + 1)]
+    for extreme in (values.max(), values.min()):  # a remainder that is carried over ends a clipped turn
+        if np.all(before == extreme) and np.all(values[at + 1] != extreme):
+            return SampleFault("clipped", at, channel, float(extreme))
     share = np.median([np.mean(near == value) for near, value in zip(around, kept, strict=True)])
     if share < _KEPT:
         return SampleFault("spikes", at, channel, size)
@@ -284,7 +316,7 @@ def _sticking(counts: FloatArray, noise: _Noise) -> Iterator[SampleFault]:
     for channel in range(counts.shape[1]):
         change = np.abs(np.diff(counts[:, channel]))
         moved = change[change > 0.0]
-        if len(moved) < 50 or np.mean(change == 0.0) < _STICKS_REPEATED:
+        if len(moved) < _STICKS_CHANGES or np.mean(change == 0.0) < _STICKS_REPEATED:
             continue
         smallest = float(np.quantile(moved, 0.02))
         values = np.unique(counts[:, channel])

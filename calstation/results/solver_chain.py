@@ -19,7 +19,7 @@ from calstation.estimation.common import (
     resolves_earth_rate,
     with_gravity,
 )
-from calstation.estimation.effects import known_effects, last_turns, plausible_changes
+from calstation.estimation.effects import known_effects, last_turns, plausible_changes, possible_signs
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import TableQuantity, TableRests, gather, table_axes, table_rests
 from calstation.judgement import DataTests, ModelTests
@@ -74,7 +74,8 @@ class StageChain:
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
         imu = self._context.imu
         priors = known_effects(self.prior.sigma, self._context)
-        self.model_tests = ModelTests(plausible_changes(imu, meta.turn_on_sigmas), context.states, priors)
+        changes, signs = plausible_changes(imu, meta.turn_on_sigmas), possible_signs(self._context)
+        self.model_tests = ModelTests(changes, context.states, priors, signs)
         self._resting = RestOutput(imu) if diagnostics and resolves_earth_rate(imu) else None
         self._table_rests: list[TableRests] = []
 

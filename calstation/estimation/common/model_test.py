@@ -45,7 +45,9 @@ class Diagnosis:
         largest = sorted(shifts, key=lambda name: -abs(shifts[name]))[:_MAX_SHIFTS]
         moves = [Text.of("cause.move", parameter=name, sigmas=shifts[name]) for name in largest]
         size_values = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": stage}
-        return Text(f"cause.{self.cause}", {**size_values, **values_from_json(self.values)})
+        text = Text(f"cause.{self.cause}", {**size_values, **values_from_json(self.values)})
+        other = self.values.get("nearly_as_likely")
+        return Text.of("cause.nearly_as_likely", cause=text, other=other) if other else text
 
     def to_json(self) -> dict[str, Any]:
         """Return the entries of a check in the result JSON."""

@@ -8,7 +8,7 @@ from calstation.estimation.effects.evidence import (
     effect_tests,
 )
 from calstation.estimation.effects.plausible import plausible_changes
-from calstation.estimation.effects.priors import EffectPrior, known_effects
+from calstation.estimation.effects.priors import EffectPrior, known_effects, possible_signs
 from calstation.estimation.effects.score import EffectEstimate, EffectLimit, EffectTests
 from calstation.estimation.effects.sensitivity import (
     Sensitivity,

@@ -90,7 +90,13 @@ def effect_tests(evidence: Sequence[EffectEvidence]) -> tuple[ModelTest | None, 
     effect = likeliest(evidence)
     if effect is None:
         return None, None
-    return (_test(effect), None) if effect.is_harmful else (None, _test(effect))
+    near = (
+        other.cause
+        for other in evidence
+        if not (other.parameter or other.cause == effect.cause or other.excess < effect.excess - MAX_CHI2_DIFFERENCE)
+    )
+    test = ModelTest("effects", effect.excess, MAX_EXCESS, "1", _diagnosis(effect, next(near, "")))
+    return (test, None) if effect.is_harmful else (None, test)
 
 
 @dataclass(frozen=True)
@@ -133,14 +139,15 @@ class StateEvidence:
         return max(map(abs, self._shifts(other).values()), default=0.0)
 
 
-def _test(effect: EffectEvidence) -> ModelTest:
-    return ModelTest("effects", effect.excess, MAX_EXCESS, "1", _diagnosis(effect))
+def _diagnosis(effect: EffectEvidence, nearly_as_likely: str) -> Diagnosis:
+    """Return the effect as the cause, or that no single effect explains the data.
 
-
-def _diagnosis(effect: EffectEvidence) -> Diagnosis:
-    """Return the effect as the cause, or that no single effect explains the data."""
+    `nearly_as_likely` is the cause of another effect, or "".
+    """
     if effect.explains:
         values = {"component": effect.component, "parameter": effect.parameter, "during": effect.stage}
+        if nearly_as_likely:
+            values["nearly_as_likely"] = nearly_as_likely
         return Diagnosis(effect.cause, effect.size, effect.sigma, effect.unit, effect.parameter_shift, values)
     why = "implausible_size" if effect.largest_size > MAX_SIZE else "innovations_remain"
     values = {"likeliest": effect.cause, "why": why}

@@ -41,3 +41,13 @@ def known_effects(before: FloatArray, context: SolveContext) -> dict[str, Effect
     if half_variance:
         priors["low_pass"] = EffectPrior((0.0,), (half_variance,))
     return priors
+
+
+def possible_signs(context: SolveContext) -> dict[str, int]:
+    """Return the signs of the sizes that cannot have the other one, by cause.
+
+    Only a low-pass that the profile of the IMU states can be stronger than the real one. A compensation for coning is
+    either missing in the data or in the profile.
+    """
+    coning = {"coning": -1 if context.imu.coning_compensated else 1}
+    return coning if context.imu.half_variance else {"low_pass": 1, **coning}

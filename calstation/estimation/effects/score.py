@@ -85,6 +85,7 @@ class EffectTests:
         changes: FloatArray,
         states: Sequence[str] = (),
         priors: Mapping[str, EffectPrior] = MappingProxyType({}),
+        signs: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         """Create the tests.
 
@@ -94,8 +95,9 @@ class EffectTests:
         states : effects that are estimated without a test
         priors : sizes of effects that are known before the calibration, by cause; effects that are not in `states` are
             then tested for a deviation from them
+        signs : signs of the sizes that cannot have the other one, by cause
         """
-        self._changes, self._states, self._priors = changes, tuple(states), priors
+        self._changes, self._states, self._priors, self._signs = changes, tuple(states), priors, signs
         self._candidates: list[_Candidate] = []
         self._score, self._information, self._error = np.zeros(0), np.zeros((0, 0)), np.zeros((COUNT, 0))
         self._append([(effect, "") for effect in EFFECTS])
@@ -308,8 +310,11 @@ class EffectTests:
         covariance = _covariance(information, plausible)
         size, sums = covariance @ score, _sums(effect)
         total, sigmas = sums @ size, np.sqrt(np.diag(sums @ covariance @ sums.T))
-        freedom = float(np.sum(covariance * information))
+        freedom, sign = float(np.sum(covariance * information)), self._signs.get(effect.cause)
         tested = plausible > 0.0
+        if sign is not None:
+            size = np.where(sign * size > 0.0, size, 0.0)
+            total = sums @ size
         k = int(np.argmax(np.abs(total) / np.where(sums @ tested > 0.0, sigmas, np.inf)))
         best, names = int(np.argmax(sums[k])), tuple(self._parameters)
         shift = (error @ size / np.where(sigma > 0.0, sigma, np.inf))[[INDEX[name] for name in names]]
