@@ -27,6 +27,7 @@ from calstation.estimation.common import (
 )
 from calstation.estimation.effects import EffectTests, Sensitivity
 from calstation.estimation.positions import Evidence
+from calstation.estimation.temperature import TemperatureFit
 from calstation.messages import Text
 from calstation.physics import CHANNELS, NAMES, FloatArray, IntArray, Step, TableGeometry
 
@@ -88,6 +89,7 @@ class Solution:
     #: Parameters whose sigma rests on an assumed scatter, because nothing in the data is redundant.
     assumed: tuple[str, ...] = ()
     diagnosis: Diagnosis | None = None  #: Location of the excess if the innovations fail their test.
+    temperature: TemperatureFit | None = None  #: Parameters over temperature, if the stage determined them.
     local_scores: ScoreFunction | None = None  #: Score tests for errors during parts of the stage, for diagnostics.
 
 
@@ -153,6 +155,10 @@ class StageSolver(ABC):
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the stage."""
         self.buffer.append(block)
+
+    def data(self) -> StageData:
+        """Return the valid samples of the stage in physical units, as the tests of its solution use them."""
+        return self.buffer.data()
 
     def sigma(self) -> FloatArray:
         """Return the current standard deviations of the 30 parameters, SI, shape (30,)."""

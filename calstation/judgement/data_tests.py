@@ -78,7 +78,8 @@ class DataTests:
         windows = _windows(temperature, self._context.imu.sample_rate)
         if len(windows):
             self._temperatures += [float(windows.min()), float(windows.max())]
-            tests.append(self._temperature())
+            if solution.temperature is None:
+                tests.append(self._temperature())
             span = {"low": float(temperature.min()), "high": float(temperature.max())}
             if span["high"] - span["low"] > _MIN_CHANGE:
                 residuals = rest_residuals(data, self._context, solution.posterior)

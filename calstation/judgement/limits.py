@@ -7,6 +7,7 @@ import numpy as np
 
 from calstation.estimation import Diagnosis, Estimate, Solution
 from calstation.estimation.common import Posterior
+from calstation.estimation.temperature import TemperatureFit
 from calstation.judgement.check import Check, Where
 from calstation.physics import INDEX, NAMES, OBSERVABLE, PARAMETERS, display, entry_of
 from calstation.records import MODEL_KINDS, NEAR_MISS_FRACTION, Limit, Rule
@@ -122,6 +123,9 @@ def check_limits(
         limit = entry_of(limits, name)
         if limit is not None:
             estimate = Estimate(float(posterior.mean[i]), float(sigma[i]), PARAMETERS[i].unit)
+            over_range = next((s.temperature for s in reversed(solutions) if s.temperature is not None), None)
+            if over_range is not None:
+                estimate = _over_range(over_range, name, limit, estimate)
             checks += _check_estimate(name, estimate, limit, limit.sigma_limit(stage), near, rule)
     for s in solutions:
         for name, estimate in s.estimates.items():
@@ -209,6 +213,17 @@ def _changes(prior: Posterior, after_data: Posterior, names: Sequence[str]) -> d
         if variance > _RESOLVED * before[i]:
             changes[name] = float(abs(after_data.mean[i] - prior.mean[i]) / np.sqrt(variance))
     return changes
+
+
+def _over_range(fit: TemperatureFit, name: str, limit: Limit, estimate: Estimate) -> Estimate:
+    """Return the value farthest from the middle of its limits, and the largest sigma, over the range of temperatures.
+
+    The sigma of `estimate` includes the uncertainty of gravity, which is the same at all temperatures.
+    """
+    middle = 0.5 * sum(limit.interval) if limit.interval is not None else 0.0
+    worst, at_reference = fit.worst(name, middle), fit.at(fit.model.reference).sigma[INDEX[name]]
+    common = max(estimate.sigma**2 - float(at_reference) ** 2, 0.0)
+    return replace(estimate, value=worst.value, sigma=float(np.sqrt(worst.sigma**2 + common)))
 
 
 def _check_estimate(

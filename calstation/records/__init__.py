@@ -44,6 +44,7 @@ from calstation.records.meta import (
     RunSection,
     SiteSection,
     TableSection,
+    TemperatureSection,
     context_from_meta,
     correlation_of,
     covariance_from,

@@ -36,6 +36,8 @@ CheckKind = Literal[
     "heading",
     "start_attitude",
     "temperature",
+    "temperature_fit",
+    "held_out",
     "convergence",
     "other",
 ]
@@ -54,6 +56,8 @@ MODEL_KINDS: tuple[CheckKind, ...] = (
     "halves",
     "agreement",
     "table_noise",
+    "temperature_fit",
+    "held_out",
     "temperature",
 )
 

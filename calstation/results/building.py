@@ -14,7 +14,16 @@ from calstation.judgement import Judgement, estimated_stage, undetermined, unobs
 from calstation.messages import values_to_json
 from calstation.physics import INDEX, PARAMETERS
 from calstation.records import LogFacts, LogMeta, Verdict, correlation_of
-from calstation.results.result import SCHEMA, CalibrationUsed, CyclePhase, Parameter, Result, StageConsistency, plain
+from calstation.results.result import (
+    SCHEMA,
+    CalibrationUsed,
+    CyclePhase,
+    Parameter,
+    Result,
+    StageConsistency,
+    TemperatureResult,
+    plain,
+)
 
 
 @dataclass(frozen=True)
@@ -53,6 +62,9 @@ def build_result(
         "cycle": ending.cycle,
         "table": {name: asdict(value) for name, value in ending.table.items()} if ending.table else None,
         "latitude_untold": judgement.latitude,
+        "temperature": next(
+            (TemperatureResult.of(s.temperature, s.estimated) for s in solutions if s.temperature is not None), None
+        ),
         "check_standard": judgement.standard,
         "resumed_from": run.resumed_from if run else None,
         "standard_override": run.standard_override if run else None,

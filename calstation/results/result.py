@@ -14,9 +14,10 @@ from pydantic import BeforeValidator, Field, JsonValue, PlainSerializer
 
 from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.estimation.common import Consistency
+from calstation.estimation.temperature import TemperatureFit
 from calstation.judgement import Check, Conformity, End, StandardComparison, verdict_of
 from calstation.messages import known, os_reason, values_from_json
-from calstation.physics import EFFECT_STATES, EffectName
+from calstation.physics import EFFECT_STATES, NAMES, PARAMETERS, EffectName
 from calstation.records import FileSection, OnlineDifference, Verdict, write_atomic
 from calstation.schema import Number, ResultSection
 
@@ -69,6 +70,91 @@ class Temperature(ResultSection):
     mean: float
     min: float
     max: float
+
+
+class RateCoefficient(ResultSection):
+    """Coefficient of the rate of change of the temperature, per K/s, SI."""
+
+    value: Number
+    sigma: Number
+
+
+class Coefficients(ResultSection):
+    """Coefficients of a parameter's polynomial of the temperature relative to the reference, SI per powers of K."""
+
+    values: list[Number]
+    sigma: list[Number]
+    rate: RateCoefficient | None = None
+    unit: str
+
+
+class WorstValue(ResultSection):
+    """Largest magnitude of a parameter over the range with its temperature, °C, and its largest sigma, SI."""
+
+    at_c: float
+    value: Number
+    sigma: Number
+
+
+class HeldOutDifference(ResultSection):
+    """Difference of a parameter at a temperature, °C, that was not fitted, SI."""
+
+    at_c: float
+    parameter: str
+    difference: Number
+    sigma: Number
+
+
+class TemperaturePointResult(ResultSection):
+    """A temperature, °C, and the samples taken at it."""
+
+    at_c: float
+    way: Literal["up", "down", "soak"]
+    first_seq: int
+    last_seq: int
+
+
+class TemperatureResult(ResultSection):
+    """Parameters as functions of the temperature; `covariance` has the rows of all coefficients in their order."""
+
+    reference_c: float
+    range_c: tuple[float, float]
+    coefficients: dict[str, Coefficients]
+    covariance: list[list[Number]]
+    worst: dict[str, WorstValue]
+    held_out: list[HeldOutDifference] = Field(default_factory=list)
+    points: list[TemperaturePointResult]
+
+    @classmethod
+    def of(cls, fit: TemperatureFit, estimated: Sequence[str]) -> "TemperatureResult":
+        """Convert the fit of a solution."""
+        sigma, rows = np.sqrt(np.diag(fit.covariance)), dict[str, Coefficients]()
+        used = [k for k, column in enumerate(fit.model.columns) if NAMES[column.parameter] in estimated]
+        for k in used:
+            column, size, uncertainty = fit.model.columns[k], float(fit.coefficients[k]), float(sigma[k])
+            unit = PARAMETERS[column.parameter].unit
+            row = rows.setdefault(NAMES[column.parameter], Coefficients(values=[], sigma=[], unit=unit))
+            if column.power is None:
+                row.rate = RateCoefficient(value=size, sigma=uncertainty)
+            else:
+                row.values.append(size)
+                row.sigma.append(uncertainty)
+        worst = {name: fit.worst(name) for name in estimated}
+        return cls(
+            reference_c=fit.model.reference,
+            range_c=fit.model.range,
+            coefficients=rows,
+            covariance=fit.covariance[np.ix_(used, used)].tolist(),
+            worst={name: WorstValue(at_c=w.at, value=w.value, sigma=w.sigma) for name, w in worst.items()},
+            held_out=[
+                HeldOutDifference(at_c=h.at, parameter=h.parameter, difference=h.difference, sigma=h.sigma)
+                for h in fit.held_out(estimated)
+            ],
+            points=[
+                TemperaturePointResult(at_c=p.temperature, way=p.way, first_seq=p.first_seq, last_seq=p.last_seq)
+                for p in fit.points
+            ],
+        )
 
 
 class Override(ResultSection):
@@ -199,6 +285,7 @@ class Result(ResultSection):
     configuration_sha256: str = ""
     configuration: dict[str, FileSection] = Field(default_factory=dict)  #: The files used, by kind.
     temperature_c: Temperature | None = None
+    temperature: TemperatureResult | None = None  #: Parameters over temperature; `parameters` are at the reference.
     registers: Registers | None = None
     calibration: CalibrationUsed | None = None  #: None for a run that started from the prior of the IMU profile.
     log: LogSection

@@ -116,7 +116,7 @@ class StageChain:
         solver = self._current_solver()
         if self._lacks_gyros:
             raise InsufficientDataError("recording.no_gyros")
-        if self._resting is not None:
+        if self._resting is not None and self._context.temperature is None:
             self._resting.feed(solver.buffer.block())
         self._data_tests.require_configuration(self._stage, solver.buffer.block(), solver.buffer.data())
         try:
@@ -128,11 +128,11 @@ class StageChain:
         solution = replace(solution, messages=tuple(m for m in solution.messages if m not in earlier_messages))
         self._solver, solved = None, solution.posterior
         if self._diagnostics:
-            solution = self._with_tests(solution, solver.buffer)
+            solution = self._with_tests(solution, solver)
         else:
             solution = replace(self.model_tests.with_states(solution), observability={}, tests=())
         if self._context.diagnostics:
-            turned = last_turns(solver.buffer.data(), solved.mean, self._context.turned)
+            turned = last_turns(solver.data(), solved.mean, self._context.turned)
             self._context = replace(self._context, turned=turned)
         self._gravity = gravity_sensitivity(self._solved, solved, solution.estimated, self._gravity)
         self._solved, self.posterior = solved, solution.posterior
@@ -156,17 +156,17 @@ class StageChain:
         what = Text.of("solution.diverged", detail=str(error))
         return InputError("solution.in_stage", stage=self._stage, what=what)
 
-    def _with_tests(self, solution: Solution, buffer: StageBuffer) -> Solution:
+    def _with_tests(self, solution: Solution, solver: StageSolver) -> Solution:
         """Return a solution with its evidence, its latitude, and the tests of data and model."""
-        data = buffer.data()
+        data, block = solver.data(), solver.buffer.block()
         if self._gather:
             at = self._uncalibrated, solution.posterior.mean
             evidence = gather(self._stage, data, self._context, *at, solution.noise)
             solution = replace(solution, evidence=evidence)
-        if self._resting is not None:
+        if self._resting is not None and self._context.temperature is None:
             solution = replace(solution, latitude=self._resting.latitude(solution.posterior))
         solution = self.model_tests.add_tests(solution, self.solutions, self.posterior)
-        solution = self._data_tests.add_tests(solution, buffer.block(), data)
+        solution = self._data_tests.add_tests(solution, block, data)
         if not data.joints.size:  # a gimbal has three joints, and no stationary base
             self._table_rests.append(table_rests(data, self._context, solution.posterior))
         return solution

@@ -76,3 +76,4 @@ from calstation.estimation.common.stage import (
     window_mean,
 )
 from calstation.estimation.common.stillness import Link, Stillness, find_stillness
+from calstation.estimation.common.temperature_model import TemperatureModel

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from calstation.estimation.common.temperature_model import TemperatureModel
 from calstation.physics import (
     ALIGNED,
     AXIS_OFFSET_SIGMA,
@@ -151,6 +152,8 @@ class SolveContext:
     table: TableModel
     secondaries: tuple[Secondary, ...] = ()
     states: tuple[str, ...] = ()  #: Effects that are estimated in addition to the 30 parameters.
+    #: Parameters as functions of the temperature; None where they are constant.
+    temperature: TemperatureModel | None = None
     #: Whether to compute what only the tests of data and model need: observability, diagnoses, and, for stages that no
     #: effect of the table influences, the sensitivity to effects.
     diagnostics: bool = True

@@ -151,7 +151,10 @@ class NavigationStage(StageSolver):
 
         Raises InsufficientDataError if it has no rest for alignment, numpy.linalg.LinAlgError if the solution diverges.
         """
-        data = self.buffer.data()
+        return self.solve(self.buffer.data(), progress)
+
+    def solve(self, data: StageData, progress: Progress | None = None) -> Solution:
+        """Solve other samples than the stored ones, see `finish`."""
         mask = np.array([name in self.estimated for name in NAMES])
         measured = rest_noise(data, self.context, self.prior.gyro_bias)
         context = with_measured_noise(self.context, measured)

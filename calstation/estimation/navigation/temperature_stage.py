@@ -1,0 +1,237 @@
+"""Solver of a stage at several temperatures: the 39-state filter at each of them, and one fit of all coefficients.
+
+The samples of each temperature are solved separately, with the widest prior, so that their information is independent.
+Within them, the temperature still changes: once the coefficients are known, the samples are converted to the mean
+temperature and solved again, which linearises about the parameters at the temperature of every sample.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calstation.errors import InputError, InsufficientDataError
+from calstation.estimation.common import (
+    ModelTest,
+    Posterior,
+    SampleBlock,
+    SolveContext,
+    StageData,
+    TemperatureModel,
+    nis_consistency,
+    stage_data,
+)
+from calstation.estimation.effects import EffectTests, effect_tests, known_effects
+from calstation.estimation.method import Progress, Solution, StageSolver
+from calstation.estimation.navigation.stage import NavigationStage
+from calstation.estimation.temperature import (
+    TemperatureFit,
+    TemperaturePoint,
+    fit_temperature,
+    held_out_points,
+    reduced,
+    with_orders,
+)
+from calstation.physics import COUNT, FloatArray
+
+#: End of a soak that is solved with the moves after it, s.
+_BEFORE = 20.0
+#: Largest number of solutions of all temperatures, and largest change of a coefficient that ends them, in sigmas.
+_MAX_PASSES, _CONVERGED = 4, 0.02
+#: Part of the range that may remain beyond the lowest or the highest temperature.
+_MARGIN = 0.05
+
+
+class TemperatureStage(StageSolver):
+    """Solves a stage at several temperatures."""
+
+    def __init__(
+        self,
+        context: SolveContext,
+        prior: Posterior,
+        estimated: tuple[str, ...],
+        soak: float,
+        moves: int,
+    ) -> None:
+        """Create the solver.
+
+        Parameters
+        ----------
+        context : models, including the orders of the polynomials
+        prior : parameters before the stage
+        estimated : names of the parameters
+        soak : duration of a rest from which it separates two temperatures, s
+        moves : number of moves of a cycle, which is a point of a ramp
+        """
+        super().__init__(context, prior)
+        if context.temperature is None:
+            raise InputError("temperature.no_section")
+        self._model: TemperatureModel = context.temperature
+        self._estimated, self._soak, self._moves = estimated, soak, moves
+        self._reduced: StageData | None = None
+
+    def data(self) -> StageData:
+        """Return the valid samples, after the solution as if all had been taken at the reference temperature."""
+        return self._reduced or super().data()
+
+    def finish(self, progress: Progress | None = None) -> Solution:
+        """Solve all temperatures, then fit the coefficients."""
+        block = self.buffer.block()
+        if np.isnan(block.temperature).all():
+            raise InputError("temperature.no_column")
+        bounds = temperature_parts(block, self._soak, self._moves)
+        parts = [_Part(block.part(*at), self.context, block.time[0]) for at in bounds]
+        if len(parts) < 2:
+            raise InsufficientDataError("temperature.one_temperature")
+        self._require_range([part.mean for part in parts])
+        solver = NavigationStage("temperature", self.context, self.prior, self._estimated)
+        solutions = [solver.solve(part.at_mean(None)) for part in parts]
+        fit = self._fit(parts, solutions)
+        for k in range(1, _MAX_PASSES):
+            if progress is not None:
+                progress(k / _MAX_PASSES)
+            solutions, before = [solver.solve(part.at_mean(fit)) for part in parts], fit
+            fit = self._fit(parts, solutions)
+            if _change(before, fit) < _CONVERGED:
+                break
+        return self._solution(fit, solutions, block)
+
+    def _require_range(self, means: Sequence[float]) -> None:
+        """Raise InsufficientDataError if the result would be extrapolated."""
+        (low, high), margin = self._model.range, _MARGIN * (self._model.range[1] - self._model.range[0])
+        if min(means) > low + margin or max(means) < high - margin:
+            measured = {"low": min(means), "high": max(means)}
+            raise InsufficientDataError("temperature.not_covered", range_low=low, range_high=high, **measured)
+
+    def _fit(self, parts: Sequence["_Part"], solutions: Sequence[Solution]) -> TemperatureFit:
+        points = [part.point(s.posterior, self.prior) for part, s in zip(parts, solutions, strict=True)]
+        points = held_out_points(_ways(points), self._model.held_out)
+        model = with_orders(self._model, points, self.prior) if self._model.is_automatic else self._model
+        return fit_temperature(model, points, self.prior)
+
+    def _solution(self, fit: TemperatureFit, solutions: Sequence[Solution], block: SampleBlock) -> Solution:
+        """Return the solution with the parameters at the reference temperature."""
+        total = sum(s.consistency.nis_mean * s.consistency.count for s in solutions)
+        count = sum(s.consistency.count for s in solutions)
+        posterior = fit.at(self._model.reference)
+        held_out = fit.held_out_test(self._estimated)
+        kinds = dict.fromkeys(test.kind for s in solutions for test in s.tests)
+        worst = [max((t for s in solutions for t in s.tests if t.kind == kind), key=_excess) for kind in kinds]
+        data = stage_data([block], self.context.imu)
+        self._reduced = reduced(data, fit, _smooth(block.temperature[block.valid], data.dt), posterior.mean)
+        return replace(
+            solutions[0],
+            stage="temperature",
+            posterior=posterior,
+            estimated=self._estimated,
+            consistency=nis_consistency(total / 3.0, count, 3),
+            gaps=sum(s.gaps for s in solutions),
+            details={"points": len(solutions)},
+            messages=tuple({str(m): m for s in solutions for m in s.messages}.values()),
+            innovations=None,
+            sensitivity=None,
+            tests=(*worst, *self._effect_tests(solutions), fit.test, *([held_out] if held_out is not None else [])),
+            local_scores=None,
+            temperature=fit,
+        )
+
+    def _effect_tests(self, solutions: Sequence[Solution]) -> list[ModelTest]:
+        """Return the worst test of the effects outside the model at a temperature."""
+        tests = []
+        for solution in solutions:
+            if solution.sensitivity is not None:
+                priors = known_effects(self.prior.sigma, self.context)
+                effects = EffectTests(np.zeros(COUNT), self.context.states, priors)
+                effects = effects.with_stage("temperature", solution.sensitivity, self._estimated)
+                harmful, _ = effect_tests(effects.evidence(solution.posterior))
+                tests += [harmful] if harmful is not None else []
+        return sorted(tests, key=_excess)[-1:]
+
+
+class _Part:
+    """The samples at one temperature."""
+
+    def __init__(self, block: SampleBlock, context: SolveContext, begin: float) -> None:
+        self._block, self._data = block, stage_data([block], context.imu)
+        self._temperature = _smooth(block.temperature[block.valid], self._data.dt)
+        self.mean = float(self._temperature.mean())  #: °C
+        duration = float(block.time[-1] - block.time[0])
+        self._rate = float(self._temperature[-1] - self._temperature[0]) / max(duration, 1.0)
+        self._time = float(block.time.mean() - begin)
+
+    def at_mean(self, fit: TemperatureFit | None) -> StageData:
+        """Return the samples as if all had been taken at the mean temperature."""
+        if fit is None:
+            return self._data
+        return reduced(self._data, fit, self._temperature, fit.at(self.mean, self._rate).mean)
+
+    def point(self, posterior: Posterior, prior: Posterior) -> TemperaturePoint:
+        """Return the solution of the part; its way is determined later."""
+        seq = self._block.seq
+        times = self.mean, self._rate, self._time
+        return TemperaturePoint(*times, "soak", int(seq[0]), int(seq[-1]), prior, posterior)
+
+
+def temperature_parts(block: SampleBlock, soak: float, moves: int) -> list[tuple[int, int]]:
+    """Return the samples (start, stop) of each temperature: the moves between two soaks, or a cycle of a ramp.
+
+    Parameters
+    ----------
+    block : samples of the stage
+    soak : duration of a rest from which it separates two temperatures, s
+    moves : number of moves of a cycle
+    """
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(block.step)) + 1, [len(block)]])
+    first, last = edges[:-1], edges[1:]
+    if len(first) < 3:
+        raise InputError("temperature.no_steps")
+    period = float(np.median(np.diff(block.time)))
+    long = np.flatnonzero((last - first) * period >= soak)
+    before = round(_BEFORE / period)
+    if len(long) >= 2:
+        ends = [*long.tolist(), len(first) - 1]
+        parts = [
+            (int(last[a] - before), int(first[b] if b in long else last[b]))
+            for a, b in itertools.pairwise(ends)
+            if b - a > 2
+        ]
+        return [(max(a, 0), b) for a, b in parts]
+    return [
+        (int(first[k]), int(last[min(k + moves, len(first)) - 1]))
+        for k in range(0, len(first), moves)
+        if min(k + moves, len(first)) - k > 2
+    ]
+
+
+def _smooth(temperature: FloatArray, dt: float) -> FloatArray:
+    """Return temperatures without the noise and the steps of their sensor: means over 10 s, with lines between."""
+    known = np.flatnonzero(~np.isnan(temperature))
+    filled = np.interp(np.arange(len(temperature)), known, temperature[known])
+    width = max(round(10.0 / dt), 1)
+    groups = max(len(filled) // width, 1)
+    cut = np.array_split(filled, groups)
+    centres = np.cumsum([len(c) for c in cut]) - 0.5 * np.array([len(c) for c in cut])
+    return np.asarray(np.interp(np.arange(len(filled)) + 0.5, centres, [float(c.mean()) for c in cut]))
+
+
+def _ways(points: Sequence[TemperaturePoint]) -> list[TemperaturePoint]:
+    """Return the points with the change of the temperature towards them."""
+    rows = list(points[:1])
+    for before, point in itertools.pairwise(points):
+        rows.append(replace(point, way="up" if point.temperature > before.temperature else "down"))
+    return rows
+
+
+def _change(before: TemperatureFit, after: TemperatureFit) -> float:
+    """Return the largest change of a coefficient in sigmas."""
+    if before.model.columns != after.model.columns:
+        return np.inf
+    sigma = np.sqrt(np.diag(after.scaled_covariance))
+    return float(np.max(np.abs(after.scaled - before.scaled) / np.where(sigma > 0.0, sigma, np.inf)))
+
+
+def _excess(test: ModelTest) -> float:
+    """Return the ratio of a test's value to its limit."""
+    limit = test.limit[1] if isinstance(test.limit, tuple) else test.limit
+    return test.value / limit if limit > 0.0 else test.value

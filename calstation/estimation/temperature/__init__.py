@@ -1,0 +1,12 @@
+"""Parameters as functions of the unit's temperature."""
+
+from calstation.estimation.temperature.fit import (
+    HeldOut,
+    TemperatureFit,
+    TemperaturePoint,
+    WorstOverRange,
+    fit_temperature,
+    held_out_points,
+    with_orders,
+)
+from calstation.estimation.temperature.reduction import corrected, parameters_at, reduced

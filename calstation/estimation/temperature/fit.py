@@ -1,0 +1,290 @@
+"""Least-squares fit of the coefficients to solutions at several temperatures, and the tests of this fit.
+
+Every solution contributes the information of its data, in decorrelated observations of unit variance. The tests add
+columns to the fit: a higher order, a difference between rising and falling temperature, a change with time, and a term
+in the rate of change of the temperature. The one that explains most of the residual is the cause.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from calstation.estimation.common import Consistency, Diagnosis, ModelTest, Posterior, TemperatureModel, nis_consistency
+from calstation.estimation.effects import MAX_EXCESS
+from calstation.physics import COUNT, GROUPS, NAMES, PARAMETERS, FloatArray, group_indices
+
+Way = Literal["up", "down", "soak"]
+#: Smallest information of an observation, relative to that of the prior.
+_INFORMATIVE = 1.0
+#: Largest difference at a held-out temperature, in sigmas: of 30 parameters, one is larger in 10,000 runs.
+HELD_OUT_SIGMAS = 5.0
+#: Smallest number of temperatures of each way at which hysteresis is tested.
+_MIN_OF_WAY = 2
+
+
+@dataclass(frozen=True)
+class TemperaturePoint:
+    """Solution of the samples at one temperature."""
+
+    temperature: float  #: Mean temperature, °C.
+    rate: float  #: Mean rate of change, K/s.
+    time: float  #: Mean time since the begin of the stage, s.
+    way: Way  #: Change of the temperature towards this one.
+    first_seq: int
+    last_seq: int
+    prior: Posterior
+    posterior: Posterior
+    is_held_out: bool = False
+
+    def observations(self, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return decorrelated observations of unit variance, shape (n,), and their Jacobian, shape (n, 30).
+
+        `scale` are the sigmas of the prior, 0 for a fixed parameter. The observations contain the data only.
+        """
+        free = scale > 0.0
+        s = scale[free]
+        before, after = (np.linalg.inv(p.covariance[np.ix_(free, free)] / np.outer(s, s)) for p in self._both)
+        means = [p.mean[free] / s for p in self._both]
+        values, vectors = np.linalg.eigh(after - before)
+        kept = values > _INFORMATIVE
+        roots = np.sqrt(values[kept])
+        observed = vectors[:, kept].T @ (after @ means[1] - before @ means[0]) / roots
+        jacobian = np.zeros((len(roots), COUNT))
+        jacobian[:, free] = roots[:, None] * vectors[:, kept].T / s
+        return observed, jacobian
+
+    @property
+    def _both(self) -> tuple[Posterior, Posterior]:
+        return self.prior, self.posterior
+
+
+@dataclass(frozen=True)
+class WorstOverRange:
+    """Largest magnitude and largest sigma of a parameter over the range, SI."""
+
+    at: float  #: Temperature of the largest magnitude, °C.
+    value: float
+    sigma: float  #: Largest sigma, at any temperature.
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Difference of a parameter measured at a held-out temperature from the fit, and its sigma, SI."""
+
+    at: float
+    parameter: str
+    difference: float
+    sigma: float
+
+
+@dataclass(frozen=True)
+class TemperatureFit:
+    """Coefficients with their joint covariance."""
+
+    model: TemperatureModel
+    scaled: FloatArray  #: Scaled coefficients, see `TemperatureModel.basis`, shape (c,).
+    scaled_covariance: FloatArray  #: Shape (c, c).
+    points: tuple[TemperaturePoint, ...]
+    consistency: Consistency  #: Test of the residuals of the fitted points.
+    test: ModelTest
+
+    def at(self, temperature: float, rate: float = 0.0) -> Posterior:
+        """Return the parameters at a temperature, °C, that changes by `rate`, K/s."""
+        basis = self.model.basis(temperature, rate)
+        return Posterior(basis @ self.scaled, basis @ self.scaled_covariance @ basis.T)
+
+    @property
+    def coefficients(self) -> FloatArray:
+        """Coefficients per K and per K/s, SI, shape (c,)."""
+        return self.model.scale * self.scaled
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of `coefficients`, shape (c, c)."""
+        return np.outer(self.model.scale, self.model.scale) * self.scaled_covariance
+
+    @cached_property
+    def _over_range(self) -> tuple[FloatArray, FloatArray]:
+        """Parameters and their sigmas at the temperatures of the range, shape (n, 30) each."""
+        parameters = [self.at(t) for t in self.model.temperatures]
+        return np.array([p.mean for p in parameters]), np.array([p.sigma for p in parameters])
+
+    def worst(self, name: str, middle: float = 0.0) -> WorstOverRange:
+        """Return the value of a parameter farthest from `middle` over the range, and its largest sigma."""
+        i, (means, sigmas) = NAMES.index(name), self._over_range
+        k = int(np.abs(means[:, i] - middle).argmax())
+        return WorstOverRange(float(self.model.temperatures[k]), float(means[k, i]), float(sigmas[:, i].max()))
+
+    def held_out(self, estimated: Sequence[str]) -> list[HeldOut]:
+        """Return the differences at the held-out temperatures."""
+        rows = []
+        for point in (p for p in self.points if p.is_held_out):
+            fitted = self.at(point.temperature, point.rate)
+            sigma = np.sqrt(np.diag(point.posterior.covariance + fitted.covariance))
+            difference = point.posterior.mean - fitted.mean
+            rows += [
+                HeldOut(point.temperature, name, float(difference[i]), float(sigma[i]))
+                for i, name in enumerate(NAMES)
+                if name in estimated
+            ]
+        return rows
+
+    def held_out_test(self, estimated: Sequence[str]) -> ModelTest | None:
+        """Return the test of the largest difference at a held-out temperature; None if there is none."""
+        rows = [row for row in self.held_out(estimated) if row.sigma > 0.0]
+        if not rows:
+            return None
+        worst = max(rows, key=lambda row: abs(row.difference) / row.sigma)
+        i = NAMES.index(worst.parameter)
+        values = {"parameter": worst.parameter, "at_c": worst.at}
+        diagnosis = Diagnosis("held_out_unlike", worst.difference, worst.sigma, PARAMETERS[i].unit, values=values)
+        return ModelTest("held_out", abs(worst.difference) / worst.sigma, HELD_OUT_SIGMAS, "sigma", diagnosis)
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """Observations of all fitted points, and their Jacobian with respect to the scaled coefficients."""
+
+    observed: FloatArray
+    jacobian: FloatArray
+    points: tuple[tuple[TemperaturePoint, FloatArray], ...]  #: Points and the Jacobians of the parameters.
+
+    def column(self, parameter: int, sizes: FloatArray) -> FloatArray:
+        """Return the observations of a change of a parameter by `sizes`, shape (points,)."""
+        return np.concatenate([j[:, parameter] * size for (_, j), size in zip(self.points, sizes, strict=True)])
+
+
+def fit_temperature(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> TemperatureFit:
+    """Fit the coefficients to the points that are not held out.
+
+    Parameters
+    ----------
+    model : orders of the polynomials
+    points : solutions in order of time, whose information is independent
+    prior : parameters at the reference before the calibration; its sigmas bound the changes over the range, too
+    """
+    equations = _equations(model, points, prior)
+    index = [column.parameter for column in model.columns]
+    sigma = prior.sigma[index]
+    precision = np.zeros((len(index), len(index)))
+    first = [k for k, column in enumerate(model.columns) if column.power == 0 and sigma[k] > 0.0]
+    free = [index[k] for k in first]
+    precision[np.ix_(first, first)] = np.linalg.inv(prior.covariance[np.ix_(free, free)])
+    for k, column in enumerate(model.columns):
+        if column.power != 0 and sigma[k] > 0.0:
+            precision[k, k] = sigma[k] ** -2
+    used = np.flatnonzero(sigma > 0.0)
+    scale = sigma[used]
+    jacobian = equations.jacobian[:, used] * scale
+    information = jacobian.T @ jacobian + precision[np.ix_(used, used)] * np.outer(scale, scale)
+    mean = np.array([prior.mean[c.parameter] if c.power == 0 else 0.0 for c in model.columns])
+    covariance = np.zeros_like(precision)
+    covariance[np.ix_(used, used)] = np.linalg.inv(information) * np.outer(scale, scale)
+    innovation = equations.observed - equations.jacobian @ mean
+    mean = mean + covariance @ (equations.jacobian.T @ innovation)
+    consistency, test = _tested(model, equations, jacobian)
+    return TemperatureFit(model, mean, covariance, tuple(points), consistency, test)
+
+
+def with_orders(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> TemperatureModel:
+    """Return the model with the orders that the data support, group by group, from 0.
+
+    An order is increased while that lowers the Bayesian information criterion, up to one less than the number of
+    different temperatures. Groups with an order in the model keep it.
+    """
+    fitted = [p for p in points if not p.is_held_out]
+    highest = len({round(p.temperature) for p in fitted}) - 1
+    chosen = model
+    while True:
+        equations = _equations(chosen, points, prior)
+        projector = _Projector(equations.jacobian)
+        gains = {}
+        for group in GROUPS:
+            order = chosen.order.get(group, 0)
+            if group in model.order or order >= highest or not prior.sigma[group_indices(group)].any():
+                continue
+            added = _next_order(chosen, equations, group)
+            gain = projector.explained(equations.observed, added)
+            gains[group] = gain - added.shape[1] * np.log(max(len(equations.observed), 2))
+        best = max(gains, key=lambda group: gains[group], default=None)
+        if best is None or gains[best] <= 0.0:
+            return chosen
+        chosen = chosen.with_order(best, chosen.order.get(best, 0) + 1)
+
+
+def _equations(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> _Equations:
+    fitted = [(p, *p.observations(prior.sigma)) for p in points if not p.is_held_out]
+    observed = np.concatenate([y for _, y, _ in fitted])
+    jacobian = np.vstack([j @ model.basis(p.temperature, p.rate) for p, _, j in fitted])
+    return _Equations(observed, jacobian, tuple((p, j) for p, _, j in fitted))
+
+
+class _Projector:
+    """Removes from observations what the columns of a Jacobian explain."""
+
+    def __init__(self, jacobian: FloatArray) -> None:
+        norms = np.linalg.norm(jacobian, axis=0)
+        scaled = jacobian[:, norms > 0.0] / norms[norms > 0.0]
+        u, values, _ = np.linalg.svd(scaled, full_matrices=False)
+        self._basis = u[:, values > 1e-10 * values.max(initial=0.0)]
+        self.freedom = len(jacobian) - self._basis.shape[1]
+
+    def remaining(self, observed: FloatArray) -> FloatArray:
+        """Return the residual."""
+        return np.asarray(observed - self._basis @ (self._basis.T @ observed))
+
+    def explained(self, observed: FloatArray, added: FloatArray) -> float:
+        """Return the decrease of the sum of squares by further columns, shape (n, k)."""
+        columns = self.remaining(added)
+        u, values, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(added, axis=0), 1e-300), full_matrices=False)
+        kept = u[:, values > 1e-8]
+        return float(np.sum((kept.T @ observed) ** 2))
+
+
+def _tested(model: TemperatureModel, equations: _Equations, jacobian: FloatArray) -> tuple[Consistency, ModelTest]:
+    """Return the test of the residuals, and that of the columns which explain most of them."""
+    projector = _Projector(jacobian)
+    total = float(np.sum(projector.remaining(equations.observed) ** 2))
+    causes = [
+        (projector.explained(equations.observed, added) - added.shape[1], cause, group)
+        for cause, group, added in _candidates(model, equations)
+    ]
+    excess, cause, group = max(causes)
+    diagnosis = Diagnosis(cause, values={"group": group, "order": model.order.get(group, 0)})
+    test = ModelTest("temperature_fit", excess, MAX_EXCESS, "1", diagnosis)
+    return nis_consistency(total, projector.freedom, 1), test
+
+
+def _candidates(model: TemperatureModel, equations: _Equations) -> Iterator[tuple[str, str, FloatArray]]:
+    """Yield causes of a residual, the group that they concern, and their columns."""
+    points = [p for p, _ in equations.points]
+    ways = np.array([{"up": 0.5, "down": -0.5, "soak": 0.0}[p.way] for p in points])
+    times = np.array([p.time for p in points])
+    times = times / max(float(times.max(initial=0.0)), 1e-9)
+    rates = np.array([60.0 * p.rate for p in points])
+    has_ways = min(np.count_nonzero(ways > 0.0), np.count_nonzero(ways < 0.0)) >= _MIN_OF_WAY
+    for group in GROUPS:
+        yield "temperature_order", group, _next_order(model, equations, group)
+        yield "changed_in_time", group, _columns(equations, group, times)
+        if has_ways:
+            yield "temperature_hysteresis", group, _columns(equations, group, ways)
+        if group not in model.rate_term and rates.any():
+            yield "temperature_rate", group, _columns(equations, group, rates)
+
+
+def _next_order(model: TemperatureModel, equations: _Equations, group: str) -> FloatArray:
+    x = np.array([(p.temperature - model.reference) / model.span for p, _ in equations.points])
+    return _columns(equations, group, x ** (model.order.get(group, 0) + 1))
+
+
+def _columns(equations: _Equations, group: str, sizes: FloatArray) -> FloatArray:
+    return np.stack([equations.column(i, sizes) for i in group_indices(group)], axis=1)
+
+
+def held_out_points(points: Sequence[TemperaturePoint], temperatures: Sequence[float]) -> list[TemperaturePoint]:
+    """Return the points, those nearest to the held-out temperatures marked."""
+    chosen = {min(range(len(points)), key=lambda k: abs(points[k].temperature - t)) for t in temperatures}
+    return [replace(p, is_held_out=k in chosen) for k, p in enumerate(points)]

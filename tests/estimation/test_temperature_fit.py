@@ -1,0 +1,123 @@
+"""The fit of coefficients over temperature against truth that is drawn point by point."""
+
+import numpy as np
+import pytest
+
+from calstation.estimation.common import Posterior, TemperatureModel
+from calstation.estimation.temperature import (
+    TemperaturePoint,
+    fit_temperature,
+    held_out_points,
+    with_orders,
+)
+from calstation.physics import COUNT, INDEX, PARAMETERS, group_indices
+
+PRIOR = Posterior(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
+ORDER = {"gyro_bias": 3, "gyro_scale": 2, "accel_bias": 2, "accel_scale": 1}
+MODEL = TemperatureModel(25.0, (-40.0, 85.0), ORDER)
+TEMPERATURES = (25.0, -40.0, -10.0, 25.0, 55.0, 85.0, 25.0)
+
+
+def measured(rng, truth, temperatures=TEMPERATURES, ratio=1e-3):
+    """Return a solution for each temperature, whose errors have the stated, correlated covariance."""
+    points = []
+    for k, t in enumerate(temperatures):
+        mix = np.linalg.qr(rng.normal(size=(COUNT, COUNT)))[0]
+        sigma = PRIOR.sigma * ratio * rng.uniform(0.5, 2.0, COUNT)
+        data = np.outer(PRIOR.sigma, PRIOR.sigma) * (mix @ np.diag((sigma / PRIOR.sigma) ** 2) @ mix.T)
+        posterior = np.linalg.inv(np.linalg.inv(data) + np.linalg.inv(PRIOR.covariance))
+        observed = rng.multivariate_normal(truth(t, k), data)
+        mean = posterior @ np.linalg.solve(data, observed)
+        way = "soak" if k == 0 else "up" if t > temperatures[k - 1] else "down"
+        points.append(TemperaturePoint(t, 0.0, 600.0 * k, way, 0, 1, PRIOR, Posterior(mean, posterior)))
+    return points
+
+
+def polynomials(rng, order=ORDER):
+    """Return random coefficients at the scale of the priors, as a function of the temperature."""
+    model = TemperatureModel(MODEL.reference, MODEL.range, order)
+    scaled = np.array([0.3 * PRIOR.sigma[c.parameter] * rng.normal() for c in model.columns])
+    return scaled, lambda t, k: model.basis(t) @ scaled
+
+
+def test_errors_of_coefficients_and_parameters_agree_with_their_covariance() -> None:
+    rng = np.random.default_rng(3)
+    nees, over_range, nis = [], [], []
+    for _ in range(60):
+        scaled, truth = polynomials(rng)
+        fit = fit_temperature(MODEL, measured(rng, truth), PRIOR)
+        error = fit.scaled - scaled
+        nees.append(error @ np.linalg.solve(fit.scaled_covariance, error) / len(error))
+        for t in np.linspace(-40.0, 85.0, 12):
+            at = fit.at(t)
+            over_range.append((at.mean - truth(t, 0)) / at.sigma)
+        nis.append(fit.consistency.nis_mean)
+        assert fit.test.passed
+    assert abs(np.mean(nees) - 1.0) < 5.0 * np.sqrt(2.0 / (60 * len(MODEL.columns)))
+    assert np.std(over_range) == pytest.approx(1.0, abs=0.05)
+    assert np.mean(nis) == pytest.approx(1.0, abs=0.03)
+
+
+def test_coefficients_per_kelvin_give_the_same_parameters() -> None:
+    rng = np.random.default_rng(4)
+    _, truth = polynomials(rng)
+    fit = fit_temperature(MODEL, measured(rng, truth), PRIOR)
+    at = [k for k, c in enumerate(MODEL.columns) if c.parameter == INDEX["gyro_bias_x"]]
+    powers = (70.0 - 25.0) ** np.arange(4)
+    assert fit.coefficients[at] @ powers == pytest.approx(fit.at(70.0).mean[INDEX["gyro_bias_x"]], rel=1e-9)
+
+
+def test_largest_value_and_sigma_are_found_over_the_range() -> None:
+    rng = np.random.default_rng(5)
+    _, truth = polynomials(rng)
+    fit = fit_temperature(MODEL, measured(rng, truth), PRIOR)
+    worst = fit.worst("gyro_bias_y")
+    i = INDEX["gyro_bias_y"]
+    values = [fit.at(t) for t in np.linspace(-40.0, 85.0, 101)]
+    assert abs(worst.value) == max(abs(p.mean[i]) for p in values)
+    assert worst.sigma == max(p.sigma[i] for p in values)
+
+
+@pytest.mark.parametrize(
+    ("cause", "group", "size"),
+    [
+        ("temperature_order", "gyro_scale", lambda t, k: ((t - 25.0) / 65.0) ** 3),
+        ("temperature_hysteresis", "accel_bias", lambda t, k: 0.5 * np.sign(t - TEMPERATURES[max(k - 1, 0)])),
+        ("changed_in_time", "gyro_bias", lambda t, k: k / 6.0),
+    ],
+)
+def test_what_the_polynomials_do_not_describe_is_named(cause, group, size) -> None:
+    rng = np.random.default_rng(6)
+    changed = np.zeros(COUNT)
+    changed[group_indices(group)[0]] = 0.05 * PRIOR.sigma[group_indices(group)[0]]
+    for _ in range(5):
+        _, truth = polynomials(rng)
+        points = measured(rng, lambda t, k, truth=truth: truth(t, k) + changed * size(t, k))
+        test = fit_temperature(MODEL, points, PRIOR).test
+        assert not test.passed
+        assert (test.diagnosis.cause, test.diagnosis.values["group"]) == (cause, group)
+
+
+def test_orders_are_chosen_by_evidence() -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(3):
+        _, truth = polynomials(rng, {"gyro_bias": 3, "accel_scale": 1})
+        points = measured(rng, truth, (25.0, -40.0, -20.0, 0.0, 25.0, 45.0, 65.0, 85.0, 25.0))
+        chosen = with_orders(TemperatureModel(25.0, (-40.0, 85.0)), points, PRIOR)
+        assert {g: o for g, o in chosen.order.items() if o} == {"gyro_bias": 3, "accel_scale": 1}
+
+
+def test_held_out_temperature_is_compared_and_not_fitted() -> None:
+    rng = np.random.default_rng(8)
+    _, truth = polynomials(rng)
+    points = held_out_points(measured(rng, truth), (-10.0,))
+    fit = fit_temperature(MODEL, points, PRIOR)
+    rows = fit.held_out(["gyro_bias_x", "accel_scale_z"])
+    assert [(row.at, row.parameter) for row in rows] == [(-10.0, "gyro_bias_x"), (-10.0, "accel_scale_z")]
+    assert all(abs(row.difference) < 5.0 * row.sigma for row in rows)
+    shifted = np.zeros(COUNT)
+    shifted[INDEX["gyro_bias_x"]] = 0.1 * PRIOR.sigma[0]
+    wrong = held_out_points(measured(rng, lambda t, k: truth(t, k) + shifted * (t == -10.0)), (-10.0,))
+    test = fit_temperature(MODEL, wrong, PRIOR).held_out_test(["gyro_bias_x"])
+    assert test is not None
+    assert not test.passed

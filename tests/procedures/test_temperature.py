@@ -1,0 +1,106 @@
+"""The stage temperature against a unit whose parameters are polynomials, or other functions, of its temperature."""
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from calstation.errors import InputError
+from calstation.estimation.common import SampleBlock
+from calstation.estimation.navigation.temperature_stage import temperature_parts
+from calstation.judgement import End, judge, verdict_of
+from calstation.physics import NAMES, PARAMETERS
+from calstation.records import LogFacts, TemperatureSection
+from calstation.results import Ending, build_result
+from tests.helpers import raises_code
+from tests.outside.thermal_bench import ThermalBench, ThermalCase
+
+ORDER = {"gyro_bias": 3, "gyro_scale": 2, "accel_bias": 2, "accel_scale": 1}
+#: Sizes of the coefficients over the range.
+SIZES = {"gyro_bias": 2e-4, "gyro_scale": 1e-4, "accel_bias": 2e-3, "accel_scale": 2e-4}
+SECTION = TemperatureSection(range_c=(-40.0, 85.0), order=ORDER)
+TEMPERATURES = (25.0, -40.0, 0.0, 40.0, 85.0, 25.0)
+
+
+def polynomials(seed: int) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
+    """Return changes over temperature, by parameter."""
+    random, courses = np.random.default_rng(seed), {}
+    for p in PARAMETERS:
+        if p.group in ORDER:
+            c = SIZES[p.group] * random.normal(size=ORDER[p.group])
+            courses[p.name] = lambda t, c=c: sum(s * ((t - 25.0) / 65.0) ** (k + 1) for k, s in enumerate(c))
+    return courses
+
+
+def errors(case: ThermalCase, bench: ThermalBench, fit, temperature: float) -> np.ndarray:
+    """Return the errors of the parameters at a temperature, in sigmas."""
+    at = np.array([temperature])
+    added = [case.courses[n](at)[0] if n in case.courses else 0.0 for n in NAMES]
+    truth = np.array([bench.bench.unit.parameters.get(n, 0.0) for n in NAMES]) + added
+    found = fit.at(temperature)
+    return (found.mean - truth) / np.where(found.sigma > 0.0, found.sigma, np.inf)
+
+
+@pytest.mark.long
+def test_parameters_over_the_range_and_the_result() -> None:
+    case = ThermalCase("mems_c_fast", TEMPERATURES, polynomials(1), SECTION)
+    chain, bench = case.solve()
+    fit = chain.solutions[0].temperature
+    found = np.array([errors(case, bench, fit, t) for t in (-40.0, -20.0, 10.0, 25.0, 60.0, 85.0)])
+    assert np.abs(found).max() < 5.0
+    assert 0.6 < np.sqrt(np.mean(found**2)) < 1.4
+    judgement = judge(case.meta(), chain.prior, tuple(chain.solutions))
+    assert [check.name for check in judgement.checks if not check.passed] == []
+    facts = LogFacts(sha256="", first_seq=0, last_seq=1, samples=2, gaps=0, temperature=(25.0, -40.0, 85.0))
+    verdict = verdict_of(End.COMPLETED, judgement.passed, partial=False)
+    result = build_result(case.meta(), chain.prior, chain.solutions, judgement, Ending(verdict, "log", facts))
+    section = json.loads(json.dumps(result.to_json()))["temperature"]
+    bias = section["coefficients"]["gyro_bias_x"]
+    assert len(bias["values"]) == len(bias["sigma"]) == 4
+    assert bias["unit"] == "rad/s"
+    powers = (60.0 - section["reference_c"]) ** np.arange(4)
+    assert np.dot(bias["values"], powers) == pytest.approx(fit.at(60.0).mean[NAMES.index("gyro_bias_x")], rel=1e-9)
+    assert [point["way"] for point in section["points"]] == ["soak", "down", "up", "up", "up", "down"]
+    assert section["worst"].keys() == set(chain.solutions[0].estimated)
+
+
+@pytest.mark.long
+def test_order_that_is_too_low_is_named() -> None:
+    courses = polynomials(2)
+    courses["gyro_bias_z"] = lambda t: 1e-3 * np.tanh((t - 10.0) / 15.0)
+    chain, _ = ThermalCase("mems_c_fast", TEMPERATURES, courses, SECTION, seed=2).solve()
+    test = next(test for test in chain.solutions[0].tests if test.kind == "temperature_fit")
+    assert not test.passed
+    assert (test.diagnosis.cause, test.diagnosis.values["group"]) == ("temperature_order", "gyro_bias")
+
+
+def test_range_that_was_not_measured_is_refused() -> None:
+    case = ThermalCase("mems_c_fast", (25.0, 60.0), {}, SECTION)
+    with raises_code(InputError, "temperature.not_covered"):
+        case.solve()
+
+
+def block(steps: list[tuple[int, float]], rate: float = 10.0) -> SampleBlock:
+    """Return samples of moves with their durations, s."""
+    step = np.concatenate([np.full(round(duration * rate), number) for number, duration in steps])
+    n = len(step)
+    seq, temperature = np.arange(n), np.full(n, 25.0)
+    return SampleBlock.without_table(
+        "temperature", seq, (seq + 1) / rate, np.zeros((n, 6)), step=step, temperature=temperature
+    )
+
+
+def test_soaks_separate_the_temperatures() -> None:
+    steps = [(1, 100.0), (2, 10.0), (3, 10.0), (4, 10.0), (5, 100.0), (6, 10.0), (7, 10.0), (8, 10.0)]
+    assert temperature_parts(block(steps), 60.0, 10) == [(800, 1300), (2100, 2600)]
+
+
+def test_cycles_of_moves_are_the_points_of_a_ramp() -> None:
+    steps = [(number, 10.0) for number in range(1, 9)]
+    assert temperature_parts(block(steps), 60.0, 4) == [(0, 400), (400, 800)]
+
+
+def test_moves_without_numbers_are_refused() -> None:
+    with raises_code(InputError, "temperature.no_steps"):
+        temperature_parts(block([(0, 100.0)]), 60.0, 4)
