@@ -212,7 +212,6 @@ def _serve(path: Path, owner: int) -> None:
     from calstation.bench.process import warm_up
 
     warm_up(BenchConfig())
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     path.unlink(missing_ok=True)
     server = socket.socket(socket.AF_UNIX)
     server.bind(str(path))
@@ -223,6 +222,8 @@ def _serve(path: Path, owner: int) -> None:
             line, _ = server.accept()
         except TimeoutError:
             continue
+        finally:
+            _reap()
         if os.fork() == 0:
             server.close()
             _keep(line, bench.main)
@@ -233,7 +234,6 @@ def _serve(path: Path, owner: int) -> None:
 
 def _keep(line: socket.socket, main: Any) -> None:
     """Run between server and bench: start the bench, send its process id, and its exit code at the end."""
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     size, descriptors, _, _ = socket.recv_fds(line, 4, 3)
     if not size:  # only asked whether the server is there
         os._exit(0)
@@ -266,6 +266,13 @@ def _keep(line: socket.socket, main: Any) -> None:
     with suppress(OSError):
         line.sendall(b"%8d" % os.waitstatus_to_exitcode(status))
     os._exit(0)
+
+
+def _reap() -> None:
+    """Wait for the processes that have ended; ignoring their signal would lose their CPU time."""
+    with suppress(ChildProcessError):
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
 
 
 def _lives(process: int) -> bool:

@@ -43,12 +43,14 @@ def result_with(**changes: Any) -> Result:
 
 @pytest.fixture(autouse=True)
 def site_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SiteFolder]:
-    """An empty site folder for configuration, settings and runs; windows are deleted after their test."""
+    """An empty site folder for configuration, settings and runs; all widgets are deleted after their test."""
     made = SiteFolder(tmp_path, tmp_path / "home")
     (made.home / "window.ini").write_text("[General]\nlanguage=en\ntheme=light\nsounds=false\n", encoding="utf-8")
     monkeypatch.setenv("CALSTATION_HOME", str(made.home))
     monkeypatch.chdir(tmp_path)
     yield made
+    for widget in QApplication.topLevelWidgets():  # such as menus of plots, which Qt would style again with each window
+        widget.deleteLater()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
 
 
@@ -103,6 +105,7 @@ def app(site_folder: SiteFolder, job_queue: SharedJobQueue, qapp: QApplication) 
     made = AppContext(site_folder.station)
     yield made
     made.close()
+    made.deleteLater()
     language.use("en")
 
 
@@ -119,6 +122,7 @@ def window(site_folder: SiteFolder, job_queue: SharedJobQueue, qtbot: QtBot) -> 
     qtbot.waitExposed(made)
     yield made
     made.app.close()
+    made.app.deleteLater()  # with the event filter of the role, which would slow down all later windows
     language.use("en")
 
 
