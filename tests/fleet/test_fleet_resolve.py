@@ -34,10 +34,10 @@ from tests.helpers import raises_code
 Run = Callable[..., Done]
 
 
-def request_of(logs: Path | list[Path], url: str, **more: object) -> FleetRequest:
-    """Return a request for two local workers."""
+def request_of(logs: Path | list[Path], url: str, workers: int = 1, **more: object) -> FleetRequest:
+    """Return a request for local workers, each of which takes seconds of processor time to start."""
     sources = [logs] if isinstance(logs, Path) else logs
-    return FleetRequest(tuple(map(str, sources)), url, "local:2", **more)
+    return FleetRequest(tuple(map(str, sources)), url, f"local:{workers}", **more)
 
 
 def counts(summary: FleetSummary) -> tuple[int, int, int]:
@@ -205,7 +205,7 @@ def test_damaged_logs_are_recorded_as_failed_and_the_rest_is_solved(
     assert sorted(each.error["error"] for each in again.failures) == sorted(
         each.error["error"] for each in summary.failures
     )
-    shown = calstation("fleet", "resolve", logs[1], "--database", url)
+    shown = calstation("fleet", "resolve", logs[1], "--database", url, "--scheduler", "local:1")
     assert shown.code == 1
     assert "".join(shown.err.split()).count(str(logs[1])) == 1  # long lines are wrapped
 
@@ -214,7 +214,7 @@ def test_damaged_logs_are_recorded_as_failed_and_the_rest_is_solved(
 def test_log_that_kills_its_workers_fails_and_is_retried(logs: list[Path], tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     with dask.config.set({"distributed.worker.preload": [str(Path(__file__).with_name("dies_for_one_unit.py"))]}):
-        summary = resolve_fleet(request_of(logs, url))
+        summary = resolve_fleet(request_of(logs, url, 2))
     assert counts(summary) == (5, 0, 1)
     assert [(Path(each.location), each.error["error_code"]) for each in summary.failures] == [
         (logs[1], "fleet.worker_died")

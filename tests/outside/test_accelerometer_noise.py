@@ -5,9 +5,18 @@ import pytest
 from tests.outside.sweep import Case, run
 
 
-@pytest.mark.parametrize("simulator", ["bench", "plain"])
-@pytest.mark.parametrize(("ratio", "passes"), [(1.0, True), (2.0, True), (3.7, False)])
-def test_noise_of_the_accelerometers_widens_the_sigmas_or_is_named(simulator, ratio, passes):
+@pytest.mark.parametrize(
+    ("ratio", "passes", "simulator"),
+    [
+        (2.0, True, "bench"),
+        (3.7, False, "bench"),
+        *(
+            pytest.param(*case, marks=pytest.mark.long)
+            for case in ((1.0, True, "bench"), (1.0, True, "plain"), (2.0, True, "plain"), (3.7, False, "plain"))
+        ),
+    ],
+)
+def test_noise_of_the_accelerometers_widens_the_sigmas_or_is_named(ratio, passes, simulator):
     found = run(Case("accel_noise", ratio, 1, "nav", simulator=simulator))
     assert found.worst < (4.5 if passes else 6.0)
     assert found.passed == passes

@@ -6,7 +6,7 @@ import pytest
 
 from tests.outside.sweep import Case, Outcome, run
 
-SIMULATORS = pytest.mark.parametrize("simulator", ["bench", "plain"])
+SIMULATORS = pytest.mark.parametrize("simulator", ["bench", pytest.param("plain", marks=pytest.mark.long)])
 Simulator = Literal["bench", "plain"]
 
 

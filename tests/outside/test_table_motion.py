@@ -8,7 +8,7 @@ from tests.outside.cases import MOTIONS
 from tests.outside.sweep import Case, run
 
 
-@pytest.mark.parametrize("simulator", ["bench", "plain"])
+@pytest.mark.parametrize("simulator", ["bench", pytest.param("plain", marks=pytest.mark.long)])
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_sound_unit_passes_on_a_moving_table(motion: str, simulator: Literal["bench", "plain"]) -> None:
     case = Case(
@@ -26,7 +26,9 @@ def test_short_rests_of_a_rocking_table_do_not_spoil_the_test_of_motions() -> No
     assert outcome.passed, (outcome.failed, outcome.cause)
 
 
-@pytest.mark.parametrize("ratio", [1.03, 1.1, 1.3, 2.0, 2.9])
+@pytest.mark.parametrize(
+    "ratio", [1.03, *(pytest.param(ratio, marks=pytest.mark.long) for ratio in (1.1, 1.3, 2.0)), 2.9]
+)
 def test_table_noisier_than_its_profile_passes_up_to_three_times(ratio: float) -> None:
     outcome = run(Case("velocity_sigma", ratio * 1e-3, 7, "mems", product="mems_c_fast"))
     assert outcome.passed, (outcome.failed, outcome.cause)

@@ -10,7 +10,7 @@ WARM_UPS = (("nav", "nav_a_fast", 40.0), ("tactical", "tactical_b_fast", 600.0),
 
 
 @pytest.mark.parametrize(("grade", "product", "ppm"), WARM_UPS)
-@pytest.mark.parametrize("axis", "xyz")
+@pytest.mark.parametrize("axis", ["x", *(pytest.param(axis, marks=pytest.mark.long) for axis in "yz")])
 def test_warm_up_of_a_gyro_scale_factor_is_named(grade: GradeName, product: str, ppm: float, axis: str) -> None:
     found = run(Case(f"warm_up_gyro_scale_ppm.{axis}", ppm, 3, grade, product=product))
     assert "designed effects" in found.failed

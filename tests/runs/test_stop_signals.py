@@ -52,7 +52,7 @@ def started(site: SiteFolder, result: Path) -> subprocess.Popen[str]:
     ("name", "group"),
     [
         ("SIGTERM", False),
-        ("SIGQUIT", True),
+        pytest.param("SIGQUIT", True, marks=pytest.mark.long),
         pytest.param("SIGINT", True, marks=pytest.mark.long),
         pytest.param("SIGHUP", True, marks=pytest.mark.long),
         pytest.param("SIGQUIT", False, marks=pytest.mark.long),
