@@ -60,8 +60,9 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Install the servers in processes that run tests, not in the process that distributes tests to workers."""
-    if "PYTEST_XDIST_WORKER" in os.environ or not config.getoption("numprocesses", default=None):
+    """Install the servers in processes that run tests, not in one that distributes tests to workers or lists them."""
+    distributes = config.getoption("numprocesses", default=None) or config.getoption("collectonly")
+    if "PYTEST_XDIST_WORKER" in os.environ or not distributes:
         lent.install()
 
 

@@ -43,14 +43,12 @@ def result_with(**changes: Any) -> Result:
 
 @pytest.fixture(autouse=True)
 def site_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SiteFolder]:
-    """An empty site folder for configuration, settings and runs; all widgets are deleted after their test."""
+    """An empty site folder for configuration, settings and runs; windows are deleted after their test."""
     made = SiteFolder(tmp_path, tmp_path / "home")
     (made.home / "window.ini").write_text("[General]\nlanguage=en\ntheme=light\nsounds=false\n", encoding="utf-8")
     monkeypatch.setenv("CALSTATION_HOME", str(made.home))
     monkeypatch.chdir(tmp_path)
     yield made
-    for widget in QApplication.topLevelWidgets():  # such as menus of plots, which Qt would style again with each window
-        widget.deleteLater()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
 
 

@@ -17,9 +17,9 @@ _BLOCKING = {
 _EXCEPTIONS = {"widgets/file_dialog.py": {"QFileDialog"}, "start.py": {"exec"}}
 
 
-@pytest.mark.parametrize("file", ["desktop_stop.py"])
-def test_on_a_desktop(file: str) -> None:
-    run_on_desktop(file)
+@pytest.mark.long
+def test_on_a_desktop() -> None:
+    run_on_desktop("desktop_stop.py")
 
 
 def test_no_dialog_blocks_the_window() -> None:

@@ -21,7 +21,7 @@ def outcome(simulator: Simulator, setting: str, size: float, **imu_entries: Any)
     ("setting", "size", "cause", "entries"),
     [
         ("low_pass_ms", 5.0, "low_pass", {"bandwidth_hz": 31.8}),
-        ("coning_compensation", 1.0, "coning", {"coning_compensated": True}),
+        pytest.param("coning_compensation", 1.0, "coning", {"coning_compensated": True}, marks=pytest.mark.long),
     ],
 )
 def test_filter_is_named_unless_the_profile_states_it(
