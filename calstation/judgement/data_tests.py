@@ -40,6 +40,14 @@ _MIN_WINDOWS = 20
 _MIN_CHANGE = 0.5
 
 
+@dataclass(frozen=True)
+class TestedSamples:
+    """The tests of a stage's samples that need no solution."""
+
+    clocks: dict[str, "SampleClock"]  #: Sample clocks by the name of their reference.
+    tests: list[ModelTest]
+
+
 class DataTests:
     """Tests of the samples of a log's stages, in order."""
 
@@ -65,12 +73,17 @@ class DataTests:
         if error is not None:
             raise InputError("solution.in_stage", stage=stage, what=error.text(stage))
 
-    def add_tests(self, solution: Solution, samples: SampleBlock, data: StageData) -> Solution:
-        """Return the solution of a stage with the tests of its samples, and their values in its details."""
+    def test_samples(self, samples: SampleBlock, data: StageData) -> "TestedSamples":
+        """Test the samples of the started stage; this needs no solution and may be done while it is computed."""
         clocks = sample_clocks(samples, self._context.imu.sample_rate)
         tests = [self._clipping(samples), *self._clock(clocks)]
         tests += sample_test(samples, data, self._context, self._motion)
         tests += heading_test(self._motion, self._context, self._prior)
+        return TestedSamples(clocks, tests)
+
+    def add_tests(self, solution: Solution, tested: "TestedSamples", samples: SampleBlock, data: StageData) -> Solution:
+        """Return the solution of a stage with the tests of its samples, and their values in its details."""
+        clocks, tests = tested.clocks, list(tested.tests)
         details: dict[str, Any] = {}
         if clocks:
             details["sample_clock"] = {name: vars(clock) for name, clock in clocks.items()}

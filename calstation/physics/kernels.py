@@ -20,8 +20,8 @@ _MARK = "kernel_sources"
 
 
 def kernel(function: F) -> F:
-    """Compile a function when it is first called, or load it from the cache."""
-    return cast(F, nb.njit(cache=True)(function))
+    """Compile a function when it is first called, or load it from the cache; other threads run meanwhile."""
+    return cast(F, nb.njit(cache=True, nogil=True)(function))
 
 
 def discard_outdated(root: Path) -> None:

@@ -1,8 +1,10 @@
 """Chain of stage solvers, which gives bit-identical results for the samples of a run and of its log."""
 
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ from calstation.estimation.common import (
     RestOutput,
     SampleBlock,
     StageBuffer,
+    StageData,
     gravity_sensitivity,
     has_gyros,
     resolves_earth_rate,
@@ -22,7 +25,7 @@ from calstation.estimation.common import (
 from calstation.estimation.effects import known_effects, last_turns, plausible_changes, possible_signs
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import TableQuantity, TableRests, gather, table_axes, table_rests
-from calstation.judgement import DataTests, ModelTests
+from calstation.judgement import DataTests, ModelTests, TestedSamples
 from calstation.messages import Text
 from calstation.physics import COUNT, FloatArray, composition
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
@@ -119,16 +122,19 @@ class StageChain:
         if self._resting is not None and self._context.temperature is None:
             self._resting.feed(solver.buffer.block())
         self._data_tests.require_configuration(self._stage, solver.buffer.block(), solver.buffer.data())
-        try:
-            solution = solver.finish(progress)
-        except (np.linalg.LinAlgError, ZeroDivisionError, InputError) as exc:
-            raise self._unsolvable(solver.buffer, exc) from exc
+        with ThreadPoolExecutor(1) as aside:  # while the compiled passes of the solver run
+            samples = solver.buffer.block(), solver.buffer.data()
+            tested = aside.submit(self._test_samples, *samples) if self._diagnostics else None
+            try:
+                solution = solver.finish(progress)
+            except (np.linalg.LinAlgError, ZeroDivisionError, InputError) as exc:
+                raise self._unsolvable(solver.buffer, exc) from exc
         earlier_messages = [message for earlier in self.solutions for message in earlier.messages]
         # a message without the name of its stage, such as the one about a quiet table, is displayed once
         solution = replace(solution, messages=tuple(m for m in solution.messages if m not in earlier_messages))
         self._solver, solved = None, solution.posterior
-        if self._diagnostics:
-            solution = self._with_tests(solution, solver)
+        if tested is not None:
+            solution = self._with_tests(solution, solver, tested.result())
         else:
             solution = replace(self.model_tests.with_states(solution), observability={}, tests=())
         if self._context.diagnostics:
@@ -156,7 +162,12 @@ class StageChain:
         what = Text.of("solution.diverged", detail=str(error))
         return InputError("solution.in_stage", stage=self._stage, what=what)
 
-    def _with_tests(self, solution: Solution, solver: StageSolver) -> Solution:
+    def _test_samples(self, samples: SampleBlock, data: StageData) -> TestedSamples:
+        tested = self._data_tests.test_samples(samples, data)
+        import_module("scipy.optimize")  # takes a third of a second, and `table` needs it
+        return tested
+
+    def _with_tests(self, solution: Solution, solver: StageSolver, tested: TestedSamples) -> Solution:
         """Return a solution with its evidence, its latitude, and the tests of data and model."""
         data, block = solver.data(), solver.buffer.block()
         if self._gather:
@@ -166,7 +177,7 @@ class StageChain:
         if self._resting is not None and self._context.temperature is None:
             solution = replace(solution, latitude=self._resting.latitude(solution.posterior))
         solution = self.model_tests.add_tests(solution, self.solutions, self.posterior)
-        solution = self._data_tests.add_tests(solution, block, data)
+        solution = self._data_tests.add_tests(solution, tested, block, data)
         if not data.joints.size:  # a gimbal has three joints, and no stationary base
             self._table_rests.append(table_rests(data, self._context, solution.posterior))
         return solution
