@@ -23,7 +23,7 @@ from calstation.results import resolve
 pytestmark = pytest.mark.long
 
 #: Number of logs of the rehearsals; `make exhaustive` solves 300 while workers are killed.
-LOGS = 60
+LOGS = 30
 #: A worker is killed after at least this time, s, and this number of logs, so that a slow computer gets on too.
 KILLED_EVERY, KILLED_AFTER = 2.0, 4
 #: Longest time for anything, s.

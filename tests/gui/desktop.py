@@ -5,7 +5,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import pytest
@@ -48,21 +47,6 @@ def press_key(name: str) -> None:
     subprocess.run(["xdotool", "key", name], check=True)
 
 
-def type_keys(text: str) -> None:
-    """Type a text on the keyboard, as fast as a scanner does."""
-    subprocess.run(["xdotool", "type", "--delay", "2", text], check=True)
-
-
 def click_at(x: int, y: int, button: int = 1) -> None:
     """Click with the mouse at a position of the screen."""
     subprocess.run(["xdotool", "mousemove", str(x), str(y), "click", str(button)], check=True)
-
-
-def focused_window() -> str:
-    """Return the title of the window that has the focus."""
-    for _ in range(20):
-        done = subprocess.run(["xdotool", "getactivewindow", "getwindowname"], capture_output=True, text=True)
-        if done.returncode == 0:
-            return done.stdout.strip()
-        time.sleep(0.05)
-    return ""

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import h5py
 import pyqtgraph as pg
 import pytest
-import tomli_w
 from PySide6.QtCore import QEvent, QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QMouseEvent
 from PySide6.QtWidgets import (
@@ -27,7 +26,6 @@ from pytestqt.qtbot import QtBot
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import Simulator
-from calstation.config import RunRequest
 from calstation.estimation.common import SampleBlock
 from calstation.gui.history import HistoryPage
 from calstation.gui.logs import OfflinePage
@@ -39,15 +37,13 @@ from calstation.gui.state import AppContext
 from calstation.gui.text import language, parameter_text
 from calstation.records import LogMeta, RawLogWriter
 from calstation.results import Resolved, resolve
-from calstation.runs import execute
-from calstation.sequencer import Control, Event, Finalized
 from tests.check_rows import check_row
 from tests.cli.conftest import META as CSV_META
 from tests.cli.conftest import six_position_rows, write_log
 from tests.estimation.simulated_stages import block_of, simulate
-from tests.gui.conftest import SERIAL, result_with
+from tests.gui.conftest import result_with
 from tests.gui.plot_mouse import move_mouse, pixel
-from tests.site_folder import PRODUCT, STATION
+from tests.shared_runs import SharedRuns
 
 pytestmark = pytest.mark.timeout(120)
 #: Longest wait for a job, ms: a loaded machine is no failure.
@@ -67,17 +63,9 @@ FAR = 2**33 + 5
 
 
 @pytest.fixture(scope="module")
-def run_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run_log(tmp_path_factory: pytest.TempPathFactory, shared_runs: SharedRuns) -> Path:
     """The log of a real run of two stages that passed; the product has more."""
-    folder = tmp_path_factory.mktemp("run")
-    station, product = folder / "station.toml", folder / "product.toml"
-    station.write_text(tomli_w.dumps({**STATION, "bench": {"seed": 5, "start_deg": [1.0, -1.0]}}), "utf-8")
-    product.write_text(tomli_w.dumps(PRODUCT), "utf-8")
-    events: list[Event] = []
-    request = RunRequest(SERIAL, station, product, ("rate", "six_position"), folder / "runs", "tester")
-    execute(request, events.append, Control())
-    ended = events[-1]
-    assert isinstance(ended, Finalized)
+    ended = shared_runs.passed(tmp_path_factory.mktemp("run"), "rate", "six_position")
     assert ended.verdict == "partial"
     return Path(ended.log)
 

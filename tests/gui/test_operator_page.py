@@ -45,6 +45,7 @@ def visit_views(window: MainWindow) -> None:
             QApplication.processEvents()
 
 
+@pytest.mark.long
 def test_run_passes_after_one_click_despite_language_changes(operator: Operator, shown_windows: ShownWindows) -> None:
     serial = operator.widget("serial_edit", QLineEdit).text()
     assert serial == "SN-000001"

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from pytestqt.qtbot import QtBot
 
 from calstation.database import read_state
@@ -10,6 +11,7 @@ from tests.database.result_files import in_database, write_result
 from tests.gui.conftest import SiteFolder
 
 
+@pytest.mark.long
 def test_window_exchanges_its_runs_until_it_closes(site_folder: SiteFolder, qtbot: QtBot, tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     site_folder.write(station={"records": {"database": url}})
