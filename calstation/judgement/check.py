@@ -69,6 +69,25 @@ class Check:
         """Compare a value with its limit, or with `acceptance` if the decision rule narrows the limit.
 
         A value within the limit, but above its fraction `near`, is a near miss.
+
+        Parameters
+        ----------
+        kind
+            Kind of the check.
+        value
+            Value, in `unit`.
+        limit
+            Upper limit, or lower and upper limit, in `unit`.
+        unit
+            Unit of value and limits.
+        subject
+            Name of the parameter or quantity.
+        near
+            Fraction of the limit above which a value is a near miss.
+        where
+            Place in the data to which the value belongs.
+        acceptance
+            Lower and upper limit narrowed by the decision rule, in `unit`.
         """
         accepted = acceptance or limit
         low, high = accepted if isinstance(accepted, tuple) else (-math.inf, accepted)

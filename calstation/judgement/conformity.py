@@ -81,6 +81,15 @@ def probability_outside(measured: Measurement, limits: Interval, spread: float |
     product replaces the prior of the IMU profile, and Bayes' theorem (6.2) gives a normal distribution with
 
         1/u² = κ/σ² + 1/s²,  mean = u² ((m − (1 − κ) m₀)/σ² + μ/s²).
+
+    Parameters
+    ----------
+    measured
+        Estimate with its sigma and prior.
+    limits
+        Limits of the value, in the unit of the estimate.
+    spread
+        Standard deviation of the product, in the same unit; None if it is unknown.
     """
     mean, sigma = measured.value, measured.sigma
     if spread is not None:
@@ -96,6 +105,17 @@ def product_risks(measured: Measurement, limits: Interval, spread: float, rule: 
 
     They are the consumer's risk ∬ over y outside the limits and m accepted, and the producer's risk ∬ over y within the
     limits and m not accepted, of the bivariate normal density of true value and estimate with the sigma of `measured`.
+
+    Parameters
+    ----------
+    measured
+        Estimate with its sigma and prior.
+    limits
+        Limits of the value, in the unit of the estimate.
+    spread
+        Standard deviation of the product, in the same unit.
+    rule
+        Decision rule.
     """
     mean, kappa = _middle(limits), measured.response
     accepted = acceptance_interval(limits, measured.sigma, rule)
@@ -124,6 +144,15 @@ def bivariate_normal(h: float, k: float, rho: float, root: float) -> float:
     """Return P(X ≤ h, Y ≤ k) of standard normal X and Y with correlation |rho| < 1, where root = √(1 − rho²).
 
     D. B. Owen, *Tables for computing bivariate normal probabilities*, Ann. Math. Statist. 27(4), 1956, eq. 2.1.
+
+    Parameters
+    ----------
+    h, k
+        Upper bounds of X and Y, in standard deviations.
+    rho
+        Correlation of X and Y.
+    root
+        √(1 − rho²).
     """
     if math.isinf(h) or math.isinf(k):
         return float(ndtr(h) if k == math.inf else ndtr(k) if h == math.inf else 0.0)

@@ -322,6 +322,15 @@ def temperature_coefficients(rests: RestResiduals, samples: SampleBlock, gravity
     Return the change of each bias and accelerometer scale per °C that the rests determine, with its sigma, SI, as JSON
     values; {} if the temperature of the rests is constant. A rest determines the gyro bias along up and the force
     component along up.
+
+    Parameters
+    ----------
+    rests
+        Residuals of the k rests of a stage, SI.
+    samples
+        Samples of the stage with their temperatures, °C.
+    gravity
+        Local gravity, m/s².
     """
     measured = ~np.isnan(samples.temperature)
     warmth = np.interp(0.5 * (rests.first_seq + rests.last_seq), samples.seq[measured], samples.temperature[measured])

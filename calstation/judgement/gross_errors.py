@@ -128,7 +128,14 @@ _PERMUTATIONS = sorted(_signed_permutations(), key=lambda P: _Fit(P, 1.0).errors
 def gross_error(motion: TableMotion | None, context: SolveContext, clock_offsets: Sequence[float]) -> Diagnosis | None:
     """Return the gross error of the configuration that explains the motion in a stage; None if there is none.
 
-    `clock_offsets` are the relative differences of the sample rate from its nominal value, from independent clocks.
+    Parameters
+    ----------
+    motion
+        Motion of the table and the sensors; None if it is unknown.
+    context
+        IMU, table and site.
+    clock_offsets
+        Relative differences of the sample rate from its nominal value, from independent clocks.
     """
     if motion is None:
         return None

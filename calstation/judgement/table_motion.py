@@ -130,7 +130,17 @@ def _spaced(polled: IntArray, dt: float) -> IntArray:
 
 
 def turn_axis(joints: FloatArray, joint: int, context: SolveContext) -> FloatArray:
-    """Return the axis of a joint in b at joint angles, rad, shape (2,), as a unit vector, shape (3,)."""
+    """Return the axis of a joint in b at joint angles, rad, shape (2,), as a unit vector, shape (3,).
+
+    Parameters
+    ----------
+    joints
+        Angles of the outer and the inner joint, rad, shape (2,).
+    joint
+        0 for the outer joint, 1 for the inner one.
+    context
+        Table with its axes.
+    """
     geometry = context.table.geometry
     step = joints + 0.01 * np.eye(2)[joint]
     return np.asarray(rotation_vector(geometry.body_to_home(*joints).T @ geometry.body_to_home(*step)) / 0.01)

@@ -44,6 +44,13 @@ def compensate(c: Compensation, gyro: FloatArray, accel: FloatArray) -> tuple[Fl
 
     Without gyros (output NaN), the specific force is computed as if the unit did not rotate. The second-order term is
     found by three fixed-point iterations, whose relative error is (2 K2 f)³.
+
+    Parameters
+    ----------
+    c
+        Parameters of the compensation; see `compensation`.
+    gyro, accel
+        Raw mean rates, rad/s, and raw mean specific forces, m/s², shape (n, 3).
     """
     omega = (gyro - c.gyro_bias) @ c.gyro_inverse.T
     linear = accel - c.accel_bias

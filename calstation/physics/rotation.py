@@ -88,7 +88,15 @@ def rotation_vector(C: FloatArray) -> FloatArray:
 
 
 def angle_about(axis: FloatArray, start: FloatArray, end: FloatArray) -> float:
-    """Return the angle, rad, about a unit `axis` that rotates `start` towards `end` (Paden-Kahan subproblem 1)."""
+    """Return the angle, rad, about a unit `axis` that rotates `start` towards `end` (Paden-Kahan subproblem 1).
+
+    Parameters
+    ----------
+    axis
+        Unit vector, shape (3,).
+    start, end
+        Vectors before and after the rotation, shape (3,).
+    """
     u = start - axis * (axis @ start)
     w = end - axis * (axis @ end)
     return float(np.arctan2(axis @ np.cross(u, w), u @ w))

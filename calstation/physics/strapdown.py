@@ -170,7 +170,17 @@ def _increments(
 
 @kernel
 def increments(c: Compensation, dt: float, gyro: FloatArray, accel: FloatArray) -> Increments:
-    """Compute the motion of n samples from their raw mean rates, rad/s and m/s², shape (n, 3), `dt` s apart."""
+    """Compute the motion of n samples from their raw mean rates, rad/s and m/s², shape (n, 3), `dt` s apart.
+
+    Parameters
+    ----------
+    c
+        Parameters of the compensation; see `compensation`.
+    dt
+        Sample period, s.
+    gyro, accel
+        Raw mean rates, rad/s, and raw mean specific forces, m/s², shape (n, 3).
+    """
     count = len(gyro)
     rate, rotation, velocity = np.empty((count, 3)), np.empty((count, 9)), np.empty((count, 3))
     # a separate loop, because the compiler vectorises samples that are independent of each other
@@ -394,7 +404,16 @@ def write_navigation_block(
 ) -> None:
     """Write the φ and δv columns of the transition matrix over T s, to first order in Ω T.
 
-    `force_sum` and `force_moment` are ∫f dt and ∬f dt² in n, m/s and m, shape (3,).
+    Parameters
+    ----------
+    F
+        Transition matrix, shape (n, n) with n of at least 9; changed in place.
+    earth
+        Earth rate in n, rad/s, shape (3,).
+    force_sum, force_moment
+        ∫f dt and ∬f dt² in n, m/s and m, shape (3,).
+    T
+        Time, s.
     """
     for r, scale in ((_PHI, 1.0), (_DV, 2.0)):
         F[r, r + 1] = scale * earth[2] * T
@@ -414,7 +433,19 @@ def write_navigation_block(
 
 @kernel
 def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop: int) -> FloatArray:
-    """Return the body rotation between two samples relative to inertial space, C_b(start)←b(stop), shape (3, 3)."""
+    """Return the body rotation between two samples relative to inertial space, C_b(start)←b(stop), shape (3, 3).
+
+    Parameters
+    ----------
+    c
+        Parameters of the compensation; see `compensation`.
+    dt
+        Sample period, s.
+    gyro
+        Raw mean rates, rad/s, shape (n, 3).
+    start, stop
+        First sample, and the one after the last.
+    """
     B: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     last = _angular_rate(c, gyro, start - 1 if start > 0 else start)
     for k in range(start, stop):
@@ -434,7 +465,15 @@ def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop
 
 @kernel
 def dynamics(c: Compensation, omega: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return ∂ω/∂p and ∂f/∂p, SI, shape (3, 27), of all parameters but the outer lever at a given rate and force."""
+    """Return ∂ω/∂p and ∂f/∂p, SI, shape (3, 27), of all parameters but the outer lever at a given rate and force.
+
+    Parameters
+    ----------
+    c
+        Parameters of the compensation; see `compensation`.
+    omega, force
+        Compensated rate, rad/s, and specific force, m/s², in b, shape (3,).
+    """
     rate_jacobian, force_jacobian = np.zeros((3, _SENSORS)), np.zeros((3, _SENSORS))
     _rate_columns(c, _vector(omega), np.eye(3), rate_jacobian)
     _force_columns(c, _vector(omega), _vector(force), np.eye(3), force_jacobian)

@@ -95,7 +95,15 @@ class TableGeometry:
         return rotation if self.orientation == ALIGNED else rotation @ np.array(self.orientation)
 
     def body_to_level(self, outer: float, inner: float, azimuth: float) -> FloatArray:
-        """Return `C_bn` (ENU), shape (3, 3), at joint angles and heading of platform +y at home, rad."""
+        """Return `C_bn` (ENU), shape (3, 3), at joint angles and heading of platform +y at home, rad.
+
+        Parameters
+        ----------
+        outer, inner
+            Joint angles, rad.
+        azimuth
+            Heading of platform +y at home, rad, clockwise from north.
+        """
         return axis_rotation((0.0, 0.0, 1.0), -azimuth) @ self.body_to_home(outer, inner)
 
     def nearest(self, joint: int, angle: float, near: float) -> float:

@@ -82,7 +82,17 @@ def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, pos
 
 
 def start_tests(starts: Sequence[Start], attitudes: Sequence[FloatArray], site: Site) -> list[ModelTest]:
-    """Compare the solved start attitudes C_bn, shape (3, 3), with their priors; return a test unless there is none."""
+    """Compare the solved start attitudes C_bn, shape (3, 3), with their priors; return a test unless there is none.
+
+    Parameters
+    ----------
+    starts
+        Starts of the segments.
+    attitudes
+        Solved attitude C_bn at each start, shape (3, 3).
+    site
+        Site with its latitude and heading.
+    """
     errors = [(rotation_vector(C @ s.prior.T) / s.prior_sigma, s) for s, C in zip(starts, attitudes, strict=True)]
     if not errors:
         return []

@@ -48,7 +48,17 @@ def gravity_sensitivity(
 
 
 def with_gravity(posterior: Posterior, sensitivity: FloatArray, sigma: float) -> Posterior:
-    """Return the estimate with the relative standard deviation `sigma` of gravity included in its covariance."""
+    """Return the estimate with the relative standard deviation `sigma` of gravity included in its covariance.
+
+    Parameters
+    ----------
+    posterior
+        Estimate whose covariance lacks the error of gravity.
+    sensitivity
+        Change of the estimate per relative gravity error, SI, shape (30,).
+    sigma
+        Relative standard deviation of gravity.
+    """
     shift = sensitivity * sigma
     return Posterior(posterior.mean, posterior.covariance + np.outer(shift, shift))
 

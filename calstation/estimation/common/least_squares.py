@@ -214,6 +214,13 @@ def consider_update(prior: Posterior, posterior: Posterior, estimated: BoolArray
     The other parameters keep their mean and covariance, and the cross-covariances are updated. For data processed in
     one batch the estimated part equals that of the full estimator (S. F. Schmidt, *Application of State-Space Methods*,
     1966).
+
+    Parameters
+    ----------
+    prior, posterior
+        Estimates of n parameters before and after a full update.
+    estimated
+        Whether each parameter is estimated, shape (n,).
     """
     mean = np.where(estimated, posterior.mean, prior.mean)
     considered = np.ix_(~estimated, ~estimated)
@@ -223,7 +230,17 @@ def consider_update(prior: Posterior, posterior: Posterior, estimated: BoolArray
 
 
 def nis_consistency(total: float, count: int, dimension: int) -> Consistency:
-    """Return the mean of `count` NIS values that sum to `total`, and its band (Bar-Shalom et al. 2001, 5.4)."""
+    """Return the mean of `count` NIS values that sum to `total`, and its band (Bar-Shalom et al. 2001, 5.4).
+
+    Parameters
+    ----------
+    total
+        Sum of the normalised innovations squared.
+    count
+        Number of innovations.
+    dimension
+        Number of components of an innovation.
+    """
     if count == 0:
         return Consistency(0.0, 0.0, 0.0, 0)
     low, high = (chi_square_quantile(p, count * dimension) / count for p in NIS_BAND)

@@ -254,6 +254,15 @@ def rest_noise(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArr
     A motion of the table has a bounded velocity and a bounded angle, so its share of the variance of means over a time
     decreases faster with this time than that of an IMU's noise. An IMU's noise is significant only if it is at every
     averaging time; otherwise the table moves. Rocking is sensed by the gyros and does not affect the estimate.
+
+    Parameters
+    ----------
+    data
+        Samples of a stage.
+    context
+        IMU, table and site with the noise of their profiles.
+    gyro_bias
+        Gyro biases, shape (3,), and their sigma, rad/s.
     """
     noise = filter_noise(context)
     rests = [slice(*rest) for rest in find_rests(data, context.imu, gyro_bias)]

@@ -126,7 +126,17 @@ class PlannedSamples:
 
 
 def profile(time: FloatArray, start: float, end: float, rate: float, acceleration: float) -> FloatArray:
-    """Return the joint angles, rad, shape (n,), of a trapezoidal or triangular move at times since its start, s."""
+    """Return the joint angles, rad, shape (n,), of a trapezoidal or triangular move at times since its start, s.
+
+    Parameters
+    ----------
+    time
+        Times since the start of the move, s, shape (n,).
+    start, end
+        Joint angles before and after the move, rad.
+    rate, acceleration
+        Largest rate, rad/s, and acceleration, rad/s².
+    """
     distance = abs(end - start)
     ramp = min(rate / acceleration, float(np.sqrt(distance / acceleration)))
     cruise = max(distance - acceleration * ramp**2, 0.0) / rate

@@ -382,7 +382,15 @@ def slope_weights(count: int, stride: int) -> FloatArray:
 
 
 def mean_angles(data: StageData, start: int, stop: int) -> FloatArray | None:
-    """Return the mean encoder angles of a rest, rad, shape (2,); None if the encoders were not polled during it."""
+    """Return the mean encoder angles of a rest, rad, shape (2,); None if the encoders were not polled during it.
+
+    Parameters
+    ----------
+    data
+        Samples of a stage.
+    start, stop
+        First sample of the rest, and the one after its last.
+    """
     polled = data.angles[start:stop]
     polled = polled[np.isfinite(polled[:, 0]) & np.isfinite(polled[:, 1])]
     return polled.mean(axis=0) if len(polled) else None

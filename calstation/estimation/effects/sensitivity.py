@@ -111,7 +111,17 @@ class Sensitivity:
 
 
 def mean_errors(motion: Motion, effects: Sequence[Effect], counts: IntArray) -> FloatArray:
-    """Return the errors of the six channels, averaged over k groups of `counts` intervals, shape (k, 6, components)."""
+    """Return the errors of the six channels, averaged over k groups of `counts` intervals, shape (k, 6, components).
+
+    Parameters
+    ----------
+    motion
+        Motion in n intervals.
+    effects
+        Effects, whose components are concatenated.
+    counts
+        Number of intervals of each group, which sum to n, shape (k,).
+    """
     regressors, terms = mean_regressors(motion, effects, counts)
     errors = np.zeros((len(counts), 6, sum(len(effect.components) for effect in effects)))
     channel, component, regressor = terms.T
@@ -123,6 +133,15 @@ def mean_regressors(motion: Motion, effects: Sequence[Effect], counts: IntArray)
     """Return the regressors averaged over k groups of `counts` intervals, shape (k, r), and their terms, shape (t, 3).
 
     The components and regressors of the terms are counted over all effects.
+
+    Parameters
+    ----------
+    motion
+        Motion in n intervals.
+    effects
+        Effects, whose regressors are concatenated.
+    counts
+        Number of intervals of each group, which sum to n, shape (k,).
     """
     columns = [np.empty((len(counts), 0))]
     terms: list[tuple[int, int, int]] = []

@@ -60,7 +60,18 @@ def joints_after_turn(
 ) -> FloatArray:
     """Return the joints x, y, z, rad, shape (3,), after a turn from `start` by `angle` about a body axis.
 
-    `tilt` is the deviation of the axis of rotation from the body axis, rad, shape (3,).
+    Parameters
+    ----------
+    order
+        Order of the joints from the base to the unit, such as ``zxy``.
+    start
+        Joints x, y, z before the turn, rad, shape (3,).
+    axis
+        Number of the body axis, 0 to 2.
+    angle
+        Angle of the turn, rad.
+    tilt
+        Deviation of the axis of rotation from the body axis, rad, shape (3,); zero if None.
     """
     direction = np.eye(3)[axis] + (0.0 if tilt is None else tilt)
     return gimbal_joints(order, gimbal_attitude(order, start) @ rotation_matrix(angle * direction))
@@ -95,7 +106,19 @@ def largest_gain(order: str, axis: int, angle: float) -> float:
 
 
 def contraction(order: str, axis: int, angle: float, gain: float) -> float:
-    """Return the factor per turn by which a turn by `angle` and a turn back reduce an error."""
+    """Return the factor per turn by which a turn by `angle` and a turn back reduce an error.
+
+    Parameters
+    ----------
+    order
+        Order of the joints from the base to the unit, such as ``zxy``.
+    axis
+        Number of the body axis, 0 to 2.
+    angle
+        Angle of the turns, rad.
+    gain
+        Gain with which the drift of each turn corrects K.
+    """
     both = np.eye(2)
     for way in (angle, -angle):
         both = (np.eye(2) + correction_sign(way) * gain * drift_matrix(order, axis, way)) @ both

@@ -82,6 +82,21 @@ def solve_navigation(
     If none is estimated, the passes linearise about the mean of the prior, and only the attitudes are updated. If
     `initial` is given, the first pass linearises about this solution. Raises InsufficientDataError if no segment
     contains a rest for alignment.
+
+    Parameters
+    ----------
+    data
+        Samples of a stage.
+    context
+        IMU, table and site.
+    prior
+        Estimate before the stage.
+    estimated
+        Whether each parameter is estimated, shape (30,).
+    progress
+        Callback with the solved fraction.
+    initial
+        Solution about which the first pass is linearised.
     """
     if initial is not None:
         solver = _Relinearisation(

@@ -57,6 +57,17 @@ def result_sensitivity(
     An effect of the sensors is an additional sensor error, averaged over each group of observations. An effect of the
     table is a velocity that is missing in every observation. The effect of a jump is computed from the update in which
     it begins.
+
+    Parameters
+    ----------
+    result
+        Solution with the updates of its last pass.
+    data
+        Samples of the stage.
+    context
+        IMU, table and site.
+    estimated
+        Whether each parameter is estimated, shape (30,).
     """
     effects = StageEffects(float(data.time[0]), len(data) * data.dt)
     motion = motion_between_observations(result.history, data, result.starts, context, result.point)
@@ -202,6 +213,19 @@ def motion_between_observations(
     The force is computed from gravity and the lever arm, because the measured force contains the vibration of the base,
     which is the noise of the observations. At rest the rate equals earth rate, and slopes are smoothed, because gyro
     noise also enters the observations through the lever arm.
+
+    Parameters
+    ----------
+    history
+        History of the pass.
+    data
+        Samples of the stage.
+    starts
+        Starts of the segments.
+    context
+        IMU, table and site.
+    point
+        Parameters about which the pass was linearised, SI, shape (30,).
     """
     earth, gravity = rotation_rate(context.site.latitude), context.site.local_gravity
     constants, lever = compensation(point), group_vector(point, "outer_lever")

@@ -136,7 +136,17 @@ def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q
 
 @kernel
 def arm_motion(work: IntervalWork, earth: FloatArray, lever: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return ω_nb in b, rad/s, and the velocity of the lever arm, C (ω_nb × r), m/s, shape (3,) each."""
+    """Return ω_nb in b, rad/s, and the velocity of the lever arm, C (ω_nb × r), m/s, shape (3,) each.
+
+    Parameters
+    ----------
+    work
+        State of the interval.
+    earth
+        Earth rate in n, rad/s, shape (3,).
+    lever
+        Lever arm r in b, m, shape (3,).
+    """
     C, r, w, u = work.attitude, lever, np.empty(3), np.empty(3)
     for i in range(3):
         w[i] = work.rate[i] - C[0, i] * earth[0] - C[1, i] * earth[1] - C[2, i] * earth[2]

@@ -149,7 +149,15 @@ class ClockFilter:
         self._covariance = np.diag([ARRIVAL_SIGMA**2, max(float(self._covariance[1, 1]), (1e-6) ** 2)])
 
     def update(self, time: float, offset: float, sigma: float) -> bool:
-        """Update with an offset measured at `time` of the primary and its sigma, s; return whether it was accepted."""
+        """Update with an offset measured at `time` of the primary and its sigma, s; return whether it was accepted.
+
+        Parameters
+        ----------
+        time
+            Time of the primary, s.
+        offset, sigma
+            Measured offset of the clocks and its standard deviation, s.
+        """
         state, P = self._predicted(time - self._time)
         innovation = offset - state[0]
         variance = P[0, 0] + sigma**2

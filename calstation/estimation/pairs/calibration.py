@@ -96,6 +96,15 @@ def compensate_secondary(
     """Return a secondary's rate, rad/s, and specific force, m/s², from raw mean rates, each of shape (n, 3).
 
     The secondary's stored errors `pair`, shape (28,), are removed first, then the primary's errors.
+
+    Parameters
+    ----------
+    pair
+        Stored errors of the secondary, SI, shape (28,).
+    c
+        Parameters of the primary.
+    gyro2, accel2
+        Raw mean rates, rad/s, and raw mean specific forces, m/s², shape (n, 3).
     """
     C, A = pair[GYRO_MATRIX].reshape(3, 3), pair[ACCEL_MATRIX].reshape(3, 3)
     gyro = np.linalg.solve(C, (gyro2 - pair[GYRO_BIAS]).T)

@@ -81,6 +81,23 @@ def fit_positions(
 
     Parameters that are not `estimated` are consider parameters. Scatter that the recording cannot measure, because
     nothing is redundant, has its `assumed` value.
+
+    Parameters
+    ----------
+    data
+        Samples of the recording.
+    rests
+        The k rests with their mean outputs.
+    links
+        Motions between rests.
+    context
+        IMU, table and site.
+    prior
+        Estimate before the stage.
+    estimated
+        Whether each parameter is estimated, shape (30,).
+    assumed
+        Scatter that is used where the recording cannot measure it.
     """
     scatter = Scatter()
     problem = profile_rows = PositionRows(data, rests, links, context, prior, scatter)

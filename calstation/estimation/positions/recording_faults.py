@@ -91,6 +91,21 @@ def valid_links(
     """Return the motions that agree with gravity.
 
     Raises InputError or InsufficientDataError if the recording cannot be used.
+
+    Parameters
+    ----------
+    data
+        Samples of the recording.
+    still
+        Its rests and motions.
+    imu
+        Model of the unit.
+    gravity
+        Local gravity, m/s².
+    prior
+        Estimate before the stage.
+    shortest
+        Shortest rest of the schedule, s.
     """
     _require_small_rates(data, still, imu)
     require_changing(data, CHANNELS, np.column_stack([data.gyro, data.accel]))
@@ -164,6 +179,15 @@ def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Itera
 
     If all columns repeat their values at the same time and also elsewhere, the noise is too small for this test. A
     column whose steps exceed its noise is constant at rest; it is frozen if it also keeps its value in motions.
+
+    Parameters
+    ----------
+    names
+        Names of the k columns.
+    values
+        Values of the columns, shape (n, k).
+    dt
+        Sample period, s.
     """
     moves: list[tuple[int, int]] | None = None
     for channel, name in enumerate(names):

@@ -294,6 +294,15 @@ def gyro_derivative(start: FloatArray, c: Compensation, time: FloatArray, rate: 
     """Return the derivative of a rotation vector in the frame of `start` with respect to `GYRO_COLUMNS`, shape (3, 12).
 
     δφ = −∫ C (I + M_g)⁻¹ (δb + δM ω) dt, with C = `start` C_b(start)←b(t) and the integrals of `integrate_rotation`.
+
+    Parameters
+    ----------
+    start
+        Rotation from b at the start into the frame of the rotation vector, shape (3, 3).
+    c
+        Parameters of the compensation.
+    time, rate
+        Integrals of `integrate_rotation`, s, shape (3, 3), and rad, shape (3, 3, 3).
     """
     by_matrix = [-start @ rate[p.column] @ c.gyro_inverse[:, p.row] for p in _GYRO]
     return np.column_stack([-start @ time @ c.gyro_inverse, *by_matrix])
@@ -312,6 +321,19 @@ def integrate_rotation(
     gyro_inverse: FloatArray, bias: FloatArray, dt: float, gyro: FloatArray, start: int, stop: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Integrate the rotation between two samples, and the terms of its derivative with respect to the gyro parameters.
+
+    Parameters
+    ----------
+    gyro_inverse
+        Inverse of I + M_g, shape (3, 3).
+    bias
+        Gyro biases, rad/s, shape (3,).
+    dt
+        Sample period, s.
+    gyro
+        Raw mean rates, rad/s, shape (n, 3).
+    start, stop
+        First sample, and the one after the last.
 
     Returns
     -------
