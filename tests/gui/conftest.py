@@ -108,12 +108,21 @@ def app(site_folder: SiteFolder, job_queue: SharedJobQueue, qapp: QApplication) 
 
 
 @pytest.fixture
-def window(site_folder: SiteFolder, job_queue: SharedJobQueue, qtbot: QtBot) -> Iterator[MainWindow]:
+def late_engineer_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The engineer page is created with a run or a change of the page, not with the window, which takes time."""
+    monkeypatch.setattr(MainWindow, "_after_first_paint", MainWindow._join_windows)
+
+
+@pytest.fixture
+def window(
+    request: pytest.FixtureRequest, site_folder: SiteFolder, job_queue: SharedJobQueue, qtbot: QtBot
+) -> Iterator[MainWindow]:
     """The window with the test station, English, light theme, shown at 1366x768."""
     made = create_window(site_folder.station)
     assert isinstance(made, MainWindow)
     qtbot.addWidget(made)
-    made.create_engineer_page()
+    if "late_engineer_page" not in request.fixturenames:
+        made.create_engineer_page()
     made.setWindowState(Qt.WindowState.WindowNoState)  # the screen of the offscreen platform is small
     made.resize(1366, 768)
     made.show()

@@ -27,6 +27,8 @@ from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.gui.test_history_page import write_dead_log
 from tests.site_folder import STATION, SiteFolder
 
+pytestmark = pytest.mark.usefixtures("late_engineer_page")
+
 ENDED: dict[str, Any] = {**RESULT, "attempt": 1, "duration_s": 60.0, "advice": "resume"}
 
 
@@ -284,6 +286,7 @@ def test_long_serial_number_fits_next_to_the_verdict(simulated_run: Operator) ->
 
 
 def test_suggested_serial_number_does_not_survive_a_change_to_hardware(operator: Operator) -> None:
+    operator.window.create_engineer_page()
     edits = [operator.widget(name, QLineEdit) for name in ("serial_edit", "engineer_serial_edit")]
     bench = operator.site_folder.station
     assert [edit.text() for edit in edits] == ["SN-000001", "SN-000001"]

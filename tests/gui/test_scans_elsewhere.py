@@ -7,6 +7,8 @@ from PySide6.QtWidgets import QComboBox, QLineEdit, QPushButton
 from calstation.config import access
 from tests.gui.conftest import Operator
 
+pytestmark = pytest.mark.usefixtures("late_engineer_page")
+
 SCANNED = "SN-000077"
 
 
