@@ -54,6 +54,7 @@ def rows(url: str) -> int:
     return int(number)
 
 
+@pytest.mark.long
 def test_solutions_equal_the_resolve_command_and_are_computed_once(logs: list[Path], url: str, tmp_path: Path) -> None:
     seen: list[int] = []
     summary = resolve_fleet(request_of(logs[0].parent, url), lambda state: seen.append(state.done))

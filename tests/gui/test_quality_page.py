@@ -154,6 +154,7 @@ def test_low_capability_is_marked_and_names_are_shaded_like_their_rows(operator:
     assert page.capability.plot.data.parameter == list(page.capability._charts)[4]
 
 
+@pytest.mark.long
 def test_study_lists_the_results_of_all_parameters(operator: Operator, page: QualityPage) -> None:
     click_tab(operator, "Repeatability")
     page.study.open_plan(next((operator.site_folder.runs / "studies").glob("*.json")))

@@ -41,6 +41,7 @@ def away(site_folder: SiteFolder, tmp_path: Path) -> None:
     (site_folder.runs / "SN-1_20261101T000000.h5").write_bytes(b"samples")
 
 
+@pytest.mark.long
 def test_unit_claimed_by_another_station_gives_a_warning_only(
     shared: str, operator: Operator, site_folder: SiteFolder, tmp_path: Path, qtbot: QtBot
 ) -> None:

@@ -50,6 +50,7 @@ def strip_text(operator: Operator) -> str:
     return "\n".join(label.text() for label in strip.findChildren(QLabel))
 
 
+@pytest.mark.long
 def test_running_unit_is_in_the_title_and_in_the_strip_of_every_page(
     operator: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
