@@ -5,6 +5,14 @@ import sys
 
 def main() -> None:
     """Run the command line and exit with the exit code of the contract."""
-    from calstation.cli.app import run_app
+    from calstation.cli.process import STOPPED, prepare
 
-    sys.exit(run_app(sys.argv[1:]))
+    process = prepare()
+    code = STOPPED
+    try:
+        from calstation.cli.app import run_app
+
+        code = run_app(sys.argv[1:])
+    except KeyboardInterrupt:  # while an error was shown
+        pass
+    process.exit(code)

@@ -1,6 +1,5 @@
 """The program `calstation`, which imports the module of a command, runs the command and shows its errors."""
 
-import io
 import logging
 import os
 import subprocess
@@ -18,11 +17,15 @@ from typer.main import get_command
 
 from calstation import applog
 from calstation.cli import commands
+from calstation.cli.process import STOPPED, interruption
 from calstation.cli.text import say, sentence
 from calstation.errors import CalstationError
 from calstation.messages import known
 
 _NAME = "calstation"
+
+#: What Typer returns after Ctrl-C.
+_INTERRUPTED = 130
 
 logger = logging.getLogger(__name__)
 
@@ -38,7 +41,10 @@ class _Program(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Find the command that the arguments name, and import it."""
         name, _, rest = super().resolve_command(ctx, args)
-        return name, None if name is None else load_command(name), rest
+        command = None if name is None else load_command(name)
+        if (process := interruption()) is not None:
+            process.command_begins()
+        return name, command, rest
 
 
 def load_command(name: str) -> TyperCommand | TyperGroup:
@@ -122,24 +128,24 @@ def run_app(arguments: list[str]) -> int:
     """Run a command and return the exit code; an error is shown as one line on standard error."""
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a redirected Windows console cannot show ≤ or °
-            stream.reconfigure(errors="replace")
     try:
-        return _run(arguments, debug)
+        code = _run(arguments, debug)
+        sys.stdout.flush()
     except BrokenPipeError:
         return 2
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001
         return _report(error, arguments, debug)
+    return code
 
 
 def _report(error: BaseException, arguments: list[str], debug: bool) -> int:
     """Show the error that ended a command and return the exit code."""
     from calstation.cli.errors import print_error, usage_error
 
-    if isinstance(error, typer.Abort | KeyboardInterrupt):
+    process = interruption()
+    if isinstance(error, typer.Abort | KeyboardInterrupt) or (process is not None and process.received):
         print_error(say("cli.aborted"))
-        return 4
+        return STOPPED
     if debug:
         traceback.print_exception(error)
     if isinstance(error, typer.TyperException):
@@ -155,4 +161,6 @@ def _report(error: BaseException, arguments: list[str], debug: bool) -> int:
 
 def _run(arguments: list[str], debug: bool) -> int:
     code = app(arguments, prog_name=_NAME, standalone_mode=False, obj=debug)
+    if code == _INTERRUPTED:
+        raise KeyboardInterrupt
     return code if isinstance(code, int) else 0

@@ -4,6 +4,7 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from math import degrees
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from rich.table import Table
 
 from calstation.cli.confirmation import confirm_override
 from calstation.cli.errors import command_options, complete_commands, print_error, station_options
+from calstation.cli.process import interruption
 from calstation.cli.show import emit_json, on_line, plain_console, result_table, show_line
 from calstation.cli.text import say, sentence, term
 from calstation.config import RegisterOperation, RunRequest, load_station, with_product
@@ -81,14 +83,11 @@ def run_command(
                 finalized.append(event)
             elif isinstance(event, Fault) and not event.slot:
                 fault = event
-        if finalized and request.serials:
-            names = load_station(request.station)[1].slot_names
-            _show_batch(sorted(finalized, key=lambda run: names.index(run.slot)), json, request)
-        elif finalized:
-            _show_run(finalized[0], json, request)
-        if fault is not None:
-            return print_fault(fault, request, debug=debug)
-    return max((_EXIT_CODES.get(run.verdict, 3) for run in finalized), default=3)
+        with on_stop_signals(lambda: None):  # nothing is left to stop
+            code = _show_outcome(finalized, fault, json, request, debug=debug)
+        if (process := interruption()) is not None:
+            process.command_completed(code)  # the last exchange of records may take some time
+    return code
 
 
 def _ask_questions(request: RunRequest, answers: Mapping[str, str | None], confirmed_by: str | None) -> RunRequest:
@@ -203,8 +202,33 @@ def print_fault(fault: Fault, request: RunRequest, *, debug: bool) -> int:
     return fault.exit_code
 
 
+def _show_outcome(
+    finalized: Sequence[Finalized], fault: Fault | None, json: str | None, request: RunRequest, *, debug: bool
+) -> int:
+    """Show the finalized runs and the fault of a run, and return the exit code, which does not depend on the output."""
+    results = [run.result for run in finalized]
+    write = partial(emit_json, results if request.serials else results[0], json) if results else sys.stdout.flush
+    for output in (partial(_show_runs, finalized, json, request), write, sys.stdout.flush):
+        try:
+            output()
+        except BrokenPipeError:
+            continue
+        except ConfigurationError as error:
+            print_error(sentence(error.as_text))
+    if fault is not None:
+        return print_fault(fault, request, debug=debug)
+    return max((_EXIT_CODES.get(run.verdict, 3) for run in finalized), default=3)
+
+
+def _show_runs(finalized: Sequence[Finalized], json: str | None, request: RunRequest) -> None:
+    if finalized and request.serials:
+        names = load_station(request.station)[1].slot_names
+        _show_batch(sorted(finalized, key=lambda run: names.index(run.slot)), json, request)
+    elif finalized:
+        _show_run(finalized[0], json, request)
+
+
 def _show_run(run: Finalized, json: str | None, request: RunRequest) -> None:
-    emit_json(run.result, json)
     result = Result.from_json(run.result)
     console = plain_console(stderr=json == "-")
     if json != "-":
@@ -225,9 +249,8 @@ def _resume_hint(run: Finalized, request: RunRequest) -> str:
 
 
 def _show_batch(runs: Sequence[Finalized], json: str | None, request: RunRequest) -> None:
-    """Show one line per unit of a batch and write the list of results."""
+    """Show one line per unit of a batch."""
     results = [Result.from_json(run.result) for run in runs]
-    emit_json([run.result for run in runs], json)
     console = plain_console(stderr=json == "-")
     table = Table(title=results[0].batch, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     for code in ("cli.column_slot", "cli.column_serial", "cli.column_verdict", "cli.column_why", "cli.column_result"):

@@ -16,7 +16,7 @@ from calstation.connection.live_pair import LivePair, open_pair
 from calstation.errors import CalstationError, StoppedError
 from calstation.estimation.common import SampleBlock
 from calstation.estimation.pairs import Alignment, PairWatch, WatchEvent, check_values
-from calstation.jobs import ChildProcess
+from calstation.jobs import ChildProcess, receive_stop_signals
 from calstation.results import CorrectedTrace, CorrectedTraceBuilder, PairProgress
 from calstation.results.plots import StoredPairFile, stored_pairs
 
@@ -122,6 +122,7 @@ class _Reporter:
 def _serve(connection: "Connection[Any, Any]", request: RunRequest) -> None:
     """Run the process until its listener disconnects or stops it."""
     applog.configure("watch")
+    receive_stop_signals()
     stopped, check = threading.Event(), threading.Event()
 
     def receive() -> None:

@@ -5,13 +5,15 @@ import pickle
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from queue import Full, Queue
 from typing import Any
+
+from calstation.jobs.signals import STOP_SIGNALS
 
 #: Interval at which the reader checks whether it has been closed, host time, s.
 _POLL_INTERVAL = 0.1
@@ -24,29 +26,50 @@ _KILL_TIMEOUT = 5.0
 
 
 @contextmanager
-def _deferred_interrupts() -> Iterator[None]:
-    """Defer Ctrl-C to the end of the block; a child process started there never receives it.
+def deferred_signals() -> Iterator[None]:
+    """Defer stop signals to the end of the block; a process started there does not receive them.
 
-    The child inherits the blocked signal, on Windows an ignored one.
+    The process inherits the blocked signals, on Windows an ignored Ctrl-C; `receive_stop_signals` unblocks them.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    pending: list[int] = []
     if sys.platform == "win32":
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    else:
-        resource_tracker.ensure_running()  # its start would unblock the signal
-        before = signal.signal(signal.SIGINT, lambda number, frame: pending.append(number))
-        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        with _deferred({signal.SIGINT}, lambda number: signal.SIG_IGN):
+            yield
+        return
+    pending: list[int] = []
+    with _deferred(STOP_SIGNALS, lambda number: lambda *_: pending.append(number)):
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
+        resource_tracker.ensure_running()  # its start unblocks some of the signals
+        signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+    for number in pending:
+        signal.raise_signal(number)
+
+
+@contextmanager
+def _deferred(numbers: Iterable[signal.Signals], handler: Callable[[int], Any]) -> Iterator[None]:
+    """Replace the handlers of signals in the block, except of those that are ignored or handled outside Python."""
+    unchanged = (signal.SIG_IGN, None)
+    before = {number: signal.getsignal(number) for number in numbers}
+    replaced = {number: previous for number, previous in before.items() if previous not in unchanged}
+    for number in replaced:
+        signal.signal(number, handler(number))
     try:
         yield
     finally:
-        if sys.platform != "win32":
-            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        signal.signal(signal.SIGINT, before)
-        if pending:
-            signal.raise_signal(signal.SIGINT)
+        for number, previous in replaced.items():
+            signal.signal(number, previous)
+
+
+def receive_stop_signals() -> None:
+    """Unblock the stop signals in a process that was started with `deferred_signals`, except Ctrl-C."""
+    if sys.platform != "win32":
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, set(STOP_SIGNALS) - {signal.SIGINT})
 
 
 @contextmanager
@@ -123,7 +146,8 @@ class ChildProcess(PipeReader):
     """A spawned process and the pipe to it; its messages are read with `take`, and only `end` waits.
 
     `target`, a function at the top level of a module, is called in the process with its end of the pipe and `args`. The
-    process ignores Ctrl-C, because its owner sends a stop command instead. It does not import the caller's main module,
+    process ignores Ctrl-C, because its owner sends a stop command instead, and receives no other stop signal before
+    `target` calls `receive_stop_signals`. It does not import the caller's main module,
     as multiprocessing normally does: a plain script that opens the window must not open it twice.
     """
 
@@ -133,7 +157,7 @@ class ChildProcess(PipeReader):
         self.process: BaseProcess = context.Process(
             target=target, args=(there, *args), name=f"calstation {name}", daemon=daemon
         )
-        with _deferred_interrupts(), _hide_main_module():
+        with deferred_signals(), _hide_main_module():
             self.process.start()
         there.close()
         super().__init__(here)

@@ -16,7 +16,7 @@ from typing import Any, Literal, Protocol
 
 from calstation import applog
 from calstation.errors import CalstationError
-from calstation.jobs.process import ChildProcess
+from calstation.jobs.process import ChildProcess, receive_stop_signals
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 
@@ -258,6 +258,7 @@ def _serve(connection: "Connection[Any, Any]", warm_up: Callable[[], None] | Non
     applog.configure("jobs")
     with suppress(ValueError, OSError):
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the owner handles Ctrl-C
+    receive_stop_signals()
     if warm_up is not None:
         warm = threading.Timer(_WARM_UP_DELAY, _try_warm_up, (warm_up,))
         warm.daemon = True

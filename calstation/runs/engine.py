@@ -13,7 +13,7 @@ from typing import Any
 from calstation import __version__, applog
 from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.jobs import STOP_SIGNALS, ChildProcess
+from calstation.jobs import STOP_SIGNALS, ChildProcess, receive_stop_signals
 from calstation.runs.channel import HEARTBEAT, Channel
 from calstation.sequencer import Command, Control, Event, Fault, Finalized, Settled, StopReason, from_json
 
@@ -187,6 +187,7 @@ def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterOp
     if sys.platform != "win32":  # without replies of the listener, a closed or suspended terminal stops the run
         for number in (signal.SIGHUP, signal.SIGTSTP, signal.SIGTTIN):
             signal.signal(number, signal.SIG_IGN)
+    receive_stop_signals()
 
     def send(command: Command, reason: StopReason = StopReason.OPERATOR) -> None:
         logger.info("command %s (%s)", command, reason)

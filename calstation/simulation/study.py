@@ -4,6 +4,7 @@ The solvers use the distributions from which the bench draws; `docs/explanation/
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import Any, Literal
@@ -27,6 +28,7 @@ from calstation.estimation.common import (
 )
 from calstation.estimation.effects import known_effects, plausible_changes
 from calstation.estimation.navigation import solve_navigation
+from calstation.jobs import deferred_signals, receive_stop_signals
 from calstation.judgement import ModelTests
 from calstation.physics import (
     AXIS_OFFSET_SIGMA,
@@ -162,7 +164,9 @@ def _map(jobs: list[_Job], workers: int) -> Iterator[tuple[GradeName, list[UnitR
     if workers == 1:
         yield from map(_unit, jobs)
         return
-    with get_context("spawn").Pool(workers) as pool:
+    with ExitStack() as stack:
+        with deferred_signals():
+            pool = stack.enter_context(get_context("spawn").Pool(workers, receive_stop_signals))
         yield from pool.imap_unordered(_unit, jobs)
 
 

@@ -11,8 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.jobs import STOP_SIGNALS, on_stop_signals
-from calstation.jobs.process import _deferred_interrupts
+from calstation.jobs import STOP_SIGNALS, deferred_signals, on_stop_signals
 from tests.site_folder import SiteFolder
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no POSIX signals")
@@ -100,7 +99,7 @@ def until_motion(process: "subprocess.Popen[str]") -> None:
 def test_ctrl_c_while_a_child_process_starts_is_deferred() -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a test in the background ignores Ctrl-C
     with pytest.raises(KeyboardInterrupt):  # noqa: PT012
-        with _deferred_interrupts():
+        with deferred_signals():
             os.kill(os.getpid(), signal.SIGINT)
             reached = True
         raise AssertionError("not interrupted")

@@ -1,0 +1,140 @@
+"""The process of a command: signals that end it with the exit code of a stop, and standard streams that may fail."""
+
+import atexit
+import io
+import os
+import signal
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, NoReturn
+
+#: Exit code of a command that the operator stopped.
+STOPPED = 4
+
+#: Signals of a terminal, a service manager or a person that stop a command.
+_SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK") if hasattr(signal, name)
+)
+
+
+class Interruption:
+    """Stops the command after a signal.
+
+    Until `command_begins`, nothing is open, and the process ends at once, because an exception in an import may be lost
+    or become another error. A command then receives a KeyboardInterrupt, or handles the signals itself.
+    """
+
+    def __init__(self) -> None:
+        self.received = False  #: Whether the command was interrupted.
+        self._begun = False
+        self._handle(self._interrupt)
+
+    def command_begins(self) -> None:
+        """Raise KeyboardInterrupt after later signals."""
+        self._begun = True
+
+    def command_completed(self, code: int) -> None:
+        """End the process with an exit code at once after later signals, because the result of the command is known."""
+        self._handle(lambda: os._exit(code))
+
+    def exit(self, code: int) -> NoReturn:
+        """End the process with an exit code."""
+        self.command_completed(code)
+        sys.exit(code)
+
+    def _interrupt(self) -> None:
+        self.received = True
+        if self._begun:
+            raise KeyboardInterrupt
+        with suppress(OSError):
+            os.write(2, b"calstation: stopped\n")
+        os._exit(STOPPED)
+
+    def _handle(self, action: Callable[[], object]) -> None:
+        for number in _SIGNALS:
+            if signal.getsignal(number) != signal.SIG_IGN:  # nohup ignores SIGHUP
+                signal.signal(number, lambda *_: action())
+
+
+#: Interruption of this process, if it is that of a command.
+_interruptions: list[Interruption] = []
+
+
+def interruption() -> Interruption | None:
+    """Return the interruption of this process, if it is that of a command."""
+    return _interruptions[0] if _interruptions else None
+
+
+def prepare() -> Interruption:
+    """Handle signals and the failures of standard streams for a command in this process."""
+    _interruptions[:] = [Interruption()]
+    if sys.platform != "win32":  # the first function registered is called last, before Python restores the handlers
+        atexit.register(signal.pthread_sigmask, signal.SIG_BLOCK, _SIGNALS)
+    for descriptor, flags in enumerate((os.O_RDONLY, os.O_RDONLY, os.O_RDWR)):
+        try:
+            os.fstat(descriptor)
+        except OSError:  # closed; a file that is opened later must not receive this descriptor
+            os.open(os.devnull, flags)
+    sys.stdin = sys.stdin or open(0, encoding="utf-8", closefd=False)  # noqa: SIM115
+    sys.stdout = _stream(sys.stdout, _StandardOutput, 1)
+    sys.stderr = _stream(sys.stderr, _StandardError, 2)
+    return _interruptions[0]
+
+
+def _stream(stream: Any, kind: type[io.TextIOWrapper], descriptor: int) -> io.TextIOWrapper:
+    if stream is None:
+        raw = io.FileIO(descriptor, "w", closefd=False)
+        return kind(io.BufferedWriter(raw), "utf-8", "replace")
+    lines, encoding = stream.line_buffering, stream.encoding
+    return kind(stream.detach(), encoding, "replace", line_buffering=lines)  # a Windows console cannot show ≤ or °
+
+
+def _discard(descriptor: int) -> None:
+    """Discard everything that is written to a descriptor from now on."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, descriptor)
+    os.close(null)
+
+
+class _StandardError(io.TextIOWrapper):
+    """Standard error, whose failure does not affect the command: later text is discarded."""
+
+    def write(self, text: str) -> int:
+        try:
+            return super().write(text)
+        except OSError:
+            _discard(2)
+            return len(text)
+
+    def flush(self) -> None:
+        try:
+            super().flush()
+        except OSError:
+            _discard(2)
+
+
+class _StandardOutput(io.TextIOWrapper):
+    """Standard output, whose first failure raises BrokenPipeError or ConfigurationError; later text is discarded."""
+
+    def write(self, text: str) -> int:
+        try:
+            return super().write(text)
+        except OSError as error:
+            raise _failure(error) from error
+
+    def flush(self) -> None:
+        try:
+            super().flush()
+        except OSError as error:
+            raise _failure(error) from error
+
+
+def _failure(error: OSError) -> Exception:
+    from calstation.errors import ConfigurationError
+    from calstation.messages import os_reason
+
+    _discard(1)
+    if isinstance(error, BrokenPipeError):
+        return error
+    return ConfigurationError("cli.output_not_written", reason=os_reason(error))

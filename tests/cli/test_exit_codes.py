@@ -1,0 +1,141 @@
+"""The exit codes of commands after signals and without standard streams."""
+
+import json
+import os
+import random
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calstation.records import open_log
+from tests.cli.conftest import six_position_rows, write_log
+from tests.site_folder import SiteFolder
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no POSIX signals")
+
+#: The command, which says when its own code begins: before, Python itself ends.
+COMMAND = """
+import sys
+from calstation.cli import main
+from calstation.cli.process import prepare
+prepare()
+print("begun", file=sys.stderr, flush=True)
+main()
+"""
+
+COMMANDS: dict[str, Callable[[Path], list[object]]] = {
+    "import": lambda folder: ["import", folder / "log.csv", "-o", folder / "imported.h5"],
+    "export": lambda folder: ["export", folder / "log.csv", "-o", folder / "exported.csv"],
+    "resolve": lambda folder: ["resolve", folder / "log.csv", "--json", "-"],
+    "quality": lambda folder: ["quality", "charts", "--out", folder, "--json", "-"],
+    "check": lambda folder: ["check"],
+    "run": lambda folder: [
+        *("run", "--yes", "--serial", "SN-000042", "--station", folder / "station.toml"),
+        *("--product", folder / "product.toml", "--out", folder / "runs"),
+    ],
+    "study": lambda folder: ["study", "--grade", "mems", "--seeds", "4"],
+    "watch": lambda folder: ["watch", "--station", "virtual_pair", "--seconds", "20", "--json", "-"],
+}
+#: Longest time after the start of a command at which a signal arrives, s.
+LATEST = {"import": 2.0, "export": 2.0, "resolve": 3.0, "quality": 2.0, "check": 2.0, "run": 8.0, "study": 6.0}
+
+
+def start(folder: Path, arguments: list[object], **streams: Any) -> "subprocess.Popen[str]":
+    """Start a command as the leader of a process group, like a terminal, and wait until its code begins."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", COMMAND, *map(str, arguments)],
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "CALSTATION_SITE": str(folder / "site"), "COLUMNS": "200"},
+        process_group=0,
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # a test in the background ignores Ctrl-C
+        **{"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, **streams},
+    )
+    assert process.stderr is not None
+    assert process.stderr.readline() == "begun\n"
+    return process
+
+
+def interrupt(folder: Path, name: str, delay: float, number: int) -> None:
+    """Send a signal to the process group of a command after `delay` s, and check how the command ends."""
+    write_log(folder, six_position_rows(3.0))
+    SiteFolder(folder).write(speed=20.0)
+    with start(folder, COMMANDS[name](folder)) as process:
+        time.sleep(delay)
+        if process.poll() is not None:
+            pytest.skip("the command has already ended")
+        os.killpg(process.pid, number)
+        try:
+            _, errors = process.communicate(timeout=60.0)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            raise
+    assert process.returncode == 4, errors
+    assert "Traceback" not in errors
+    assert not list(folder.glob("*imported.h5"))
+    assert not list(folder.glob("*exported.csv"))
+    for log in (folder / "runs").glob("*.h5"):
+        outcome = json.loads(log.with_suffix(".json").read_text(encoding="utf-8"))["outcome"]
+        assert (outcome, open_log(log).outcome) == ("stopped", "stopped")
+
+
+@pytest.mark.parametrize(
+    ("name", "delay", "number"),
+    [
+        ("import", 0.0, signal.SIGINT),
+        ("check", 0.4, signal.SIGTERM),
+        pytest.param("resolve", 2.0, signal.SIGINT, marks=pytest.mark.long),
+        pytest.param("study", 3.0, signal.SIGINT, marks=pytest.mark.long),
+        pytest.param("watch", 3.0, signal.SIGHUP, marks=pytest.mark.long),
+    ],
+)
+def test_signal_stops_a_command_with_exit_code_4(tmp_path: Path, name: str, delay: float, number: int) -> None:
+    interrupt(tmp_path, name, delay, number)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("seed", range(200))
+def test_signal_at_a_random_moment_stops_a_command(tmp_path: Path, seed: int) -> None:
+    rng = random.Random(seed)
+    name = [*COMMANDS][seed % len(COMMANDS)]
+    number = rng.choice((signal.SIGINT, signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT))
+    interrupt(tmp_path, name, rng.uniform(0.0, LATEST.get(name, 4.0)), number)
+
+
+def ended(folder: Path, redirection: str, *arguments: object) -> "subprocess.CompletedProcess[str]":
+    """Run a command with a redirection of a shell."""
+    command = shlex.join([sys.executable, "-m", "calstation", *map(str, arguments)])
+    return subprocess.run(["sh", "-c", f"{command} {redirection}"], capture_output=True, text=True, cwd=folder)
+
+
+@pytest.mark.parametrize("redirection", ["2>&-", "2>/dev/full", "0<&- 1>&- 2>&-"])
+def test_error_that_cannot_be_shown_does_not_change_the_exit_code(tmp_path: Path, redirection: str) -> None:
+    assert ended(tmp_path, redirection, "nonsense").returncode == 2
+
+
+@pytest.mark.parametrize(("redirection", "reason"), [(">/dev/full", "the disk is full"), (">&-", "cannot be written")])
+def test_output_that_cannot_be_written_is_an_error(tmp_path: Path, redirection: str, reason: str) -> None:
+    done = ended(tmp_path, redirection, "--help")
+    assert done.returncode == 2
+    assert "Standard output" in done.stderr
+    assert reason in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("redirection", ["--json - >/dev/full", "--json - >&-", "2>&-", ">/dev/full 2>/dev/full"])
+def test_exit_code_of_a_run_is_its_verdict_whatever_becomes_of_its_output(tmp_path: Path, redirection: str) -> None:
+    SiteFolder(tmp_path)
+    done = ended(tmp_path, redirection, *COMMANDS["run"](tmp_path))
+    assert done.returncode == 0, done.stderr
+    (result,) = (tmp_path / "runs").glob("SN-*.json")
+    assert json.loads(result.read_text(encoding="utf-8"))["passed"]
+    assert ("Standard output" in done.stderr) == ("2>" not in redirection)
