@@ -34,6 +34,7 @@ _OS_REASONS = {
     errno.EPERM: "os.no_permission",
     errno.ENOSPC: "os.disk_full",
     errno.EDQUOT: "os.disk_full",
+    errno.EFBIG: "os.file_limit",
     errno.EROFS: "os.read_only",
     errno.EBUSY: "os.busy",
     errno.EEXIST: "os.exists",

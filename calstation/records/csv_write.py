@@ -15,7 +15,7 @@ from calstation.messages import os_reason
 from calstation.physics import CHANNELS, FloatArray
 from calstation.records.columns import ANGLES, JOINTS, STATION, further_channels
 from calstation.records.csv_log import meta_path
-from calstation.records.files import partial_path
+from calstation.records.files import partial_path, write_atomic
 from calstation.records.meta import FURTHER_IMUS, LogMeta
 
 
@@ -25,8 +25,10 @@ def write_csv_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) ->
     try:
         with _open_for_writing(partial) as stream:
             _write_csv(stream, blocks)
-        meta_path(target).write_text(meta.to_toml(), encoding="utf-8")
+        write_atomic(meta_path(target), meta.to_toml())
         partial.replace(target)
+    except OSError as exc:
+        raise InputError("csv.not_written", file=target, reason=os_reason(exc)) from exc
     finally:
         with suppress(FileNotFoundError):
             partial.unlink()
@@ -79,10 +81,7 @@ def _blank_nan(values: FloatArray) -> list[str]:
 
 
 def _open_for_writing(path: Path) -> IO[str]:
-    """Open NAME.csv or NAME.csv.gz for writing text. Raises InputError."""
-    try:
-        if path.suffix == ".gz":
-            return gzip.open(path, "wt", encoding="utf-8", newline="")
-        return path.open("w", encoding="utf-8", newline="")
-    except OSError as exc:
-        raise InputError("csv.not_written", file=path, reason=os_reason(exc)) from exc
+    """Open NAME.csv or NAME.csv.gz for writing text. Raises OSError."""
+    if path.suffix == ".gz":
+        return gzip.open(path, "wt", encoding="utf-8", newline="")
+    return path.open("w", encoding="utf-8", newline="")

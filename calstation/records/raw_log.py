@@ -12,6 +12,7 @@ M. Dietzfelbinger, *Universal hashing and k-wise independent random variables vi
 STACS 1996: multiply, add, and use the upper half. The multipliers are from splitmix64 by S. Vigna.
 """
 
+import errno
 import itertools
 import json
 import os
@@ -119,8 +120,12 @@ def free_space(path: Path) -> int:
     return shutil.disk_usage(path.parent).free
 
 
-#: Writers that have failed to write; they are kept because closing their files may crash the process.
-_failed_writers: list["RawLogWriter"] = []
+#: Space that is always allocated at the end of an open log, bytes, so that its last records fit on a full disk.
+_HEADROOM = 1_000_000
+#: Error numbers of a file system that cannot allocate space.
+_NOT_SUPPORTED = (errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP)
+#: Largest size of HDF5's metadata for one flush, bytes, in addition to one chunk of each dataset.
+_METADATA = 200_000
 
 
 class RawLogWriter:
@@ -128,7 +133,9 @@ class RawLogWriter:
 
     The file is locked until the writer closes it (see `raw_read.being_written`). Data are buffered between flushes;
     `service`, which every append calls, flushes and syncs when due. Raises ConfigurationError if the file cannot be
-    created; all methods that write, flush or sync raise it if a write fails, after which nothing more is written.
+    created; all methods that write, flush or sync raise it if a write fails, after which no samples are written.
+    Space is allocated before HDF5 needs it, because HDF5 may crash the process after a failed write; if the
+    disk is full, `close` writes the last samples and results into the space that is already allocated.
 
     Parameters
     ----------
@@ -142,16 +149,26 @@ class RawLogWriter:
         self.path = path
         self.meta = meta
         self.free_space = free_space
+        content = meta.to_json().encode()
         try:
-            # HDF5 would release its own lock when SWMR mode is switched on.
-            self._file = h5py.File(path, "x", libver="latest", locking=False)
-            self._sync_handle = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
-            locked = acquire_lock(self._sync_handle, _LOCK_TIMEOUT, shared=True)
+            self._sync_handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
         except OSError as exc:
             raise ConfigurationError("log.not_created", file=path, reason=_os_reason(exc)) from exc
+        try:
+            _allocate(self._sync_handle, len(content) + _METADATA + _HEADROOM)
+            # HDF5 would release its own lock when SWMR mode is switched on.
+            self._file = h5py.File(path, "w", libver="latest", locking=False)
+            self._hdf5_handle: int = self._file.id.get_vfd_handle()
+            self._allocated = 0
+            self._reserve(len(content) + _METADATA)
+            locked = acquire_lock(self._sync_handle, _LOCK_TIMEOUT, shared=True)
+        except OSError as exc:
+            self._remove()
+            raise ConfigurationError("log.not_created", file=path, reason=_os_reason(exc)) from exc
         if not locked:
+            self._remove()
             raise ConfigurationError("log.not_created", file=path, reason=Text("log.locked"))
-        configuration = np.frombuffer(meta.to_json().encode(), np.uint8)
+        configuration = np.frombuffer(content, np.uint8)
         self._file.attrs["format"] = np.bytes_(FORMAT)  # fixed length: see `raw_read`
         self._file.attrs["meta_crc32"] = zlib.crc32(configuration.tobytes())
         self._file.create_dataset("meta", data=configuration)
@@ -168,10 +185,15 @@ class RawLogWriter:
         self._lines: dict[str, list[str]] = {name: [] for name in _TEXTS}
         self._flushed_at = self._synced_at = time.monotonic()
         self._failed = self._warned = False
+        self._disconnected = False  #: Whether the file has failed, and HDF5 writes to nothing.
         self._failure: ConfigurationError | None = None
         self._disk = ThreadPoolExecutor(1, "log-disk")
         self._syncing = self._disk.submit(lambda: None)
-        self.sync()
+        try:
+            self.sync()
+        except ConfigurationError as exc:
+            self.discard()
+            raise self._not_created(exc) from exc
 
     def append(self, block: SampleBlock) -> None:
         """Append a block; the end of a stage is flushed immediately."""
@@ -198,9 +220,7 @@ class RawLogWriter:
         self.service()
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Append an event given as JSON data."""
-        if self._failed:
-            return
+        """Append an event given as JSON data; if the disk is full, `close` writes it."""
         self._write_line("events", event)
         self.service()
 
@@ -227,18 +247,39 @@ class RawLogWriter:
         if self._failed:
             return
         with self._writing():
-            if self._rows:
-                rows = np.concatenate(self._rows)
-                self._rows.clear()
-                end = self._samples.shape[0]
-                self._samples.resize((end + len(rows),))
-                self._samples[end:] = rows
-            for name, lines in self._lines.items():
-                if lines:
-                    _extend(self._file[name], "".join(lines))
-                    lines.clear()
-            self._file.flush()
+            self._reserve(self._pending_size(), _HEADROOM)
+            self._write_pending()
         self._flushed_at = time.monotonic()
+
+    def _pending_size(self) -> int:
+        """Return the largest number of bytes by which a flush extends the file."""
+        rows = sum(len(each) for each in self._rows) + CHUNK_ROWS
+        texts = sum(4 * len(line) for lines in self._lines.values() for line in lines)
+        return rows * self._row.itemsize + texts + _METADATA
+
+    def _reserve(self, size: int, headroom: int = 0) -> None:
+        """Allocate space for `size` bytes more, and twice `headroom` if less is left. Raises _NoSpaceError."""
+        end = self._file.id.get_filesize() + size
+        if end + headroom > self._allocated:
+            try:
+                _allocate(self._sync_handle, end + 2 * headroom)
+            except OSError as exc:
+                raise _NoSpaceError(exc.errno, exc.strerror) from exc
+            self._allocated = end + 2 * headroom
+
+    def _write_pending(self) -> None:
+        """Write all buffered data into space that is allocated."""
+        if self._rows:
+            rows = np.concatenate(self._rows)
+            self._rows.clear()
+            end = self._samples.shape[0]
+            self._samples.resize((end + len(rows),))
+            self._samples[end:] = rows
+        for name, lines in self._lines.items():
+            if lines:
+                _extend(self._file[name], "".join(lines))
+                lines.clear()
+        self._file.flush()
 
     def sync(self) -> None:
         """Flush and wait until all data are on disk, so that they survive a power failure."""
@@ -278,38 +319,89 @@ class RawLogWriter:
         facts = self.facts()
         if not self._file:
             return facts
-        if self._failed:
-            # Closing a file after a failed write may crash the process inside HDF5, so it stays open.
-            if self not in _failed_writers:
-                _failed_writers.append(self)
-                self._disk.submit(os.close, self._sync_handle)  # executed after the pending writes
-                self._disk.shutdown(wait=self._syncing.done())
-            return facts
-        self._write_line("closing", {"outcome": outcome, "sha256": facts.sha256})
-        self.sync()
-        self._file.close()
-        os.fsync(self._sync_handle)
-        os.close(self._sync_handle)
-        self._disk.shutdown()
+        failed, self._failed = self._failed, False
+        try:
+            self._syncing.result()
+            if self._disconnected:
+                self._raise_failure()
+            else:
+                self._write_line("closing", {"outcome": outcome, "sha256": facts.sha256})
+                with self._writing():
+                    self._reserve(self._pending_size())
+                    self._write_pending()
+                    os.fsync(self._sync_handle)
+        except ConfigurationError:
+            if not failed:
+                raise
+        finally:
+            self._close_files()
         return facts
+
+    def discard(self) -> None:
+        """Close and remove the file."""
+        with suppress(ConfigurationError):  # the disk may have failed
+            self.close("incomplete")
+        self.path.unlink(missing_ok=True)
+
+    def _not_created(self, error: ConfigurationError) -> ConfigurationError:
+        reason = error.values.get("reason", Text("os.disk_full"))
+        return ConfigurationError("log.not_created", file=self.path, reason=reason)
+
+    def _close_files(self) -> None:
+        with suppress(*(OSError, RuntimeError) if self._disconnected else ()):
+            self._file.close()
+
+        def close() -> None:
+            try:
+                if not self._disconnected:
+                    os.ftruncate(self._sync_handle, self._stated_length())
+                    os.fsync(self._sync_handle)
+            finally:
+                os.close(self._sync_handle)
+
+        closing = self._disk.submit(close)  # executed after the pending writes
+        self._disk.shutdown(wait=False)
+        if self._syncing.done():
+            closing.result()
+
+    def _remove(self) -> None:
+        """Remove a file that could not be created."""
+        os.close(self._sync_handle)
+        if hasattr(self, "_file"):
+            self._file.close()
+        self.path.unlink(missing_ok=True)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Convert a failed write to a ConfigurationError, after which no more data are written."""
+        """Convert a failed write to a ConfigurationError, after which no samples are written."""
         try:
             yield
         except (OSError, RuntimeError) as exc:  # h5py raises both
             self._failed = True
-            with suppress(OSError):
-                self._extend_to_stated_length()
+            if not isinstance(exc, _NoSpaceError):
+                self._disconnect()
             raise ConfigurationError("log.not_written", file=self.path, reason=_os_reason(exc)) from exc
+
+    def _disconnect(self) -> None:
+        """Let HDF5 write to nothing, because closing its objects after a failed write may crash the process."""
+        self._disconnected = True
+        with suppress(OSError):
+            nothing = os.open(os.devnull, os.O_RDWR)
+            os.dup2(nothing, self._hdf5_handle)
+            os.close(nothing)
+        with suppress(OSError):
+            self._extend_to_stated_length()
 
     def _extend_to_stated_length(self) -> None:
         """Extend the file to the length in its superblock, because readers reject a truncated file."""
-        os.lseek(self._sync_handle, 0, os.SEEK_SET)
-        length = superblock_end(os.read(self._sync_handle, SUPERBLOCK))
+        length = self._stated_length()
         if os.fstat(self._sync_handle).st_size < length:
             os.ftruncate(self._sync_handle, length)
+
+    def _stated_length(self) -> int:
+        """Return the length in the superblock."""
+        os.lseek(self._sync_handle, 0, os.SEEK_SET)
+        return superblock_end(os.read(self._sync_handle, SUPERBLOCK))
 
     def _create_growing(self, name: str, dtype: DTypeLike, chunk: int) -> h5py.Dataset:
         return self._file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(chunk,))
@@ -319,6 +411,7 @@ class RawLogWriter:
 
     def _stage_index(self, name: str) -> int:
         if name not in self._stages:
+            self._reserve(_METADATA)
             self._stages[name] = len(self._stages)
             self._stage_names.resize((len(self._stages),))
             self._stage_names[-1] = name.encode()
@@ -332,8 +425,27 @@ def _extend(dataset: h5py.Dataset, text: str) -> None:
     dataset[end:] = data
 
 
+def _allocate(handle: int, size: int) -> None:
+    """Extend a file to at least `size` bytes of allocated space. Raises OSError."""
+    present = os.fstat(handle).st_size
+    if size <= present:
+        return
+    try:
+        os.posix_fallocate(handle, present, size - present)
+    except AttributeError:  # Windows and macOS
+        os.ftruncate(handle, size)
+    except OSError as exc:
+        if exc.errno not in _NOT_SUPPORTED:
+            raise
+        os.ftruncate(handle, size)
+
+
 class _ReplacedError(OSError):
     """The log has been replaced by another file."""
+
+
+class _NoSpaceError(OSError):
+    """No space can be allocated; nothing has been written."""
 
 
 def _os_reason(error: OSError | RuntimeError) -> Text:
@@ -370,9 +482,9 @@ def write_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> Log
     try:
         for block in itertools.chain([first], blocks):
             writer.append(block)
-    except BaseException:
-        with suppress(OSError, RuntimeError):  # the disk may have failed
-            writer.close("incomplete")
-        target.unlink()
+        return writer.close("imported")
+    except BaseException as error:
+        writer.discard()
+        if isinstance(error, ConfigurationError):
+            raise writer._not_created(error) from error
         raise
-    return writer.close("imported")

@@ -38,7 +38,7 @@ logger = logging.getLogger(__name__)
 
 
 def close_run(run: OpenRun, ended: RunEnd) -> None:
-    """Write the result into the log and next to it, and emit the verdict.
+    """Write the result into the log and next to it, and emit the verdict, which a failure to write does not change.
 
     A run that ended early is judged by the stages that it solved. The caller starts the reports of a batch after the
     table has stopped.
@@ -61,16 +61,25 @@ def close_run(run: OpenRun, ended: RunEnd) -> None:
         table=run.chain.table(),
     )
     result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending).to_json()
-    log.add_result(result)
-    log.close(verdict.outcome)
     result_file = log.path.with_suffix(".json")
-    suppressed = () if ended.error is None else (ConfigurationError,)  # the fault is reported instead
-    with suppress(*suppressed):
-        write_json(result_file, result)
+    not_written = dict[str, ConfigurationError]()
+    for write in (
+        lambda: log.add_result(result),
+        lambda: log.close(verdict.outcome),
+        lambda: write_json(result_file, result),
+    ):
+        try:
+            write()
+        except ConfigurationError as error:
+            not_written.setdefault(error.code, error)
+    for failure in not_written.values():
+        logger.error("%s", failure)
+        if ended.error is None or failure.code != ended.error.code:
+            run.prepared.emit(Message("not_stored", {"serial": run.serial, "reason": failure.as_text}))
     with suppress(OSError):  # the next run restores the index
         history.refresh()
     logger.info("verdict %s, result %s", verdict, result_file)
-    if verdict.judged:
+    if verdict.judged and result_file.exists():
         _report_table(run, result_file.stem)
         run.report = report_command(run.setup, result_file.absolute(), run.prepared.emit)
         if not run.setup.request.batch:

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 
@@ -34,7 +35,10 @@ from calstation.registers import journal as register_journal
 from calstation.results import estimate_of
 from calstation.runs.closing import close_run
 from calstation.runs.preparation import OpenRun
-from calstation.sequencer import Message, RunEnd, RunInBackground, StopRequested, UnitDecision, VerificationData
+from calstation.sequencer import Message, RunEnd, RunInBackground, State, StopRequested, UnitDecision, VerificationData
+
+#: Codes of the failures of a log, which do not change the verdict on a unit that is complete.
+_LOG_FAILURES = ("log.not_written", "log.disk_nearly_full")
 
 logger = logging.getLogger(__name__)
 
@@ -191,7 +195,15 @@ class Finalization:
         run = self.run
         if run.unverified is not None and run.unverified.open:
             run.emit(Message("transfer_unproved"))
+        if self._is_complete and ended.judgement is not None and ended.error and ended.error.code in _LOG_FAILURES:
+            run.emit(Message("not_stored", {"serial": run.serial, "reason": ended.error.as_text}))
+            ended = replace(ended, state=State.DONE, error=None)
         close_run(run, ended)
+
+    @property
+    def _is_complete(self) -> bool:
+        """Whether nothing is left to do after the judgement: the registers are kept, or were written and verified."""
+        return not self._target or bool(self.run.registers.get("verified"))
 
     def _registers_to_write(self, solutions: tuple[Solution, ...]) -> dict[str, float]:
         """Return the registers of the parameters that a stage has estimated."""

@@ -218,7 +218,7 @@ def test_power_cut_loses_less_than_two_seconds(tmp_path: Path, meta: LogMeta, mo
             done.set_result(work(*values))
             return done
 
-        def shutdown(self) -> None:
+        def shutdown(self, wait: bool) -> None:
             """Do nothing, because no thread is running."""
 
     monkeypatch.setattr(raw_log.os, "fsync", fsync)
@@ -355,10 +355,10 @@ def test_removed_folder_is_reported(tmp_path: Path, meta: LogMeta) -> None:
 
 @pytest.fixture
 def tiny_disk(tmp_path: Path) -> Iterator[Path]:
-    """Mount a file system of 600 kB, or skip the test if not permitted."""
+    """Mount a file system of 5 MB, or skip the test if not permitted."""
     place = tmp_path / "tiny"
     place.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=600k", "tmpfs", str(place)]
+    mount = ["mount", "-t", "tmpfs", "-o", "size=5m", "tmpfs", str(place)]
     if shutil.which("mount") is None or subprocess.run(mount, capture_output=True, check=False).returncode:
         pytest.skip("may not mount a file system")
     yield place
@@ -374,8 +374,13 @@ from calstation.errors import ConfigurationError
 from calstation.records import raw_log
 from calstation.records.meta import meta_from_json
 raw_log.RESERVED_SPACE = 0
-path = Path(sys.argv[1])
+path, limit = Path(sys.argv[1]), int(sys.argv[3])
 log = raw_log.RawLogWriter(path, meta_from_json(sys.stdin.read(), path))
+if limit:
+    import resource
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+if sys.argv[4] == "HDF5":
+    raw_log._allocate = lambda handle, size: None
 kept = 0
 try:
     while True:
@@ -384,20 +389,68 @@ try:
         kept += 200
 except ConfigurationError as error:
     print(error)
+log.event({"event": "Fault"})
+log.add_result({"parameters": "x" * 100_000})
 log.close("fault")
 print(kept, flush=True)
 """
 
 
-def test_full_disk_caused_by_other_files_is_reported_and_the_log_readable(tiny_disk: Path, meta: LogMeta) -> None:
-    path = tiny_disk / "a.h5"
-    command = [sys.executable, "-c", _FILLS_ITS_DISK, str(path), str(Path(__file__).parent)]
-    output = subprocess.run(command, input=meta.to_json(), capture_output=True, text=True, check=False).stdout
-    error, kept = output.strip().splitlines()
-    assert "The log cannot be written any more (the disk is full)" in error
+def fill(path: Path, meta: LogMeta, limit: int = 0, failing: str = "allocation") -> tuple[str, int]:
+    """Write a log until the disk is full, and close it in a process that must end normally.
+
+    Returns the error and the number of samples that were flushed.
+    """
+    command = [sys.executable, "-c", _FILLS_ITS_DISK, str(path), str(Path(__file__).parent), str(limit), failing]
+    done = subprocess.run(command, input=meta.to_json(), capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    error, kept = done.stdout.strip().splitlines()
+    return error, int(kept)
+
+
+def check_complete(path: Path, kept: int) -> None:
+    """Check that a log contains all samples and its last records although the disk was full."""
     log = open_log(path)
+    assert (log.outcome, log.events[-1], len(log.results)) == ("fault", {"event": "Fault"}, 1)
+    facts = log.facts()
+    assert facts.samples >= kept
+    assert facts.sha256 == log.stored_sha256
+
+
+def test_log_is_completed_on_a_disk_that_other_files_have_filled(tiny_disk: Path, meta: LogMeta) -> None:
+    error, kept = fill(tiny_disk / "a.h5", meta)
+    assert "The log cannot be written any more (the disk is full)" in error
+    check_complete(tiny_disk / "a.h5", kept)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no limits")
+@pytest.mark.parametrize(
+    "limit",
+    [
+        2_500_000,
+        *(pytest.param(3_000_000 + 12_345 * k, marks=pytest.mark.exhaustive) for k in range(60)),
+    ],
+)
+def test_log_is_completed_at_the_largest_permitted_size(tmp_path: Path, meta: LogMeta, limit: int) -> None:
+    error, kept = fill(tmp_path / "a.h5", meta, limit)
+    assert "the largest permitted size of a file is reached" in error
+    check_complete(tmp_path / "a.h5", kept)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no limits")
+@pytest.mark.parametrize(
+    "limit",
+    [
+        1_500_000,
+        *(pytest.param(1_500_000 + 12_345 * k, marks=pytest.mark.exhaustive) for k in range(1, 40)),
+    ],
+)
+def test_failed_write_of_hdf5_does_not_crash_the_process(tmp_path: Path, meta: LogMeta, limit: int) -> None:
+    error, kept = fill(tmp_path / "a.h5", meta, limit, "HDF5")
+    assert "The log cannot be written any more" in error
+    log = open_log(tmp_path / "a.h5")
     assert log.outcome is None
-    assert sum(len(block) for block in log.blocks()) >= int(kept)
+    assert sum(len(block) for block in log.blocks()) >= kept - 200
 
 
 def test_nearly_full_disk_is_reported_while_the_log_can_still_be_closed(
