@@ -10,6 +10,7 @@ import math
 import socket
 import time
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +24,9 @@ from calstation.results import History
 
 #: File name of the outbox's random name and location; the history ignores hidden files.
 LOCATION_FILE = ".outbox.json"
+
+#: The file and its copy, which replaces it if it is damaged: the database would take a new name for another folder.
+_FILES = (LOCATION_FILE, ".outbox-copy.json")
 
 #: File name of the record of log copies in an archive.
 COPIES_FILE = ".copies.jsonl"
@@ -73,16 +77,15 @@ class Outbox:
 
     def _read_id(self) -> str:
         """Return the random name of the outbox; create it if it is missing."""
-        file, location = self._folder / LOCATION_FILE, _location(self._folder)
-        try:
-            if not file.exists():
-                _write_location(self._folder, str(uuid4()))
-            content = json.loads(file.read_bytes())
-            name, *stored = str(content["id"]), content["host"], content["folder"]
-        except (OSError, ValueError, KeyError, TypeError) as exc:
-            raise ConfigurationError("database.outbox_unusable", file=file, reason=str(exc)) from exc
-        if stored != [*location]:
-            raise ConfigurationError("database.folder_moved", folder=self._folder, was=":".join(map(str, stored)))
+        if not any((self._folder / name).exists() for name in _FILES):
+            try:
+                _write_location(self._folder, str(uuid4()), *_location(self._folder))
+            except OSError as exc:
+                file = self._folder / LOCATION_FILE
+                raise ConfigurationError("database.outbox_unusable", file=file, reason=str(exc)) from exc
+        name, *stored = _read_location(self._folder)
+        if stored != [*_location(self._folder)]:
+            raise ConfigurationError("database.folder_moved", folder=self._folder, was=":".join(stored))
         return name
 
     @cached_property
@@ -215,19 +218,39 @@ def adopt_folder(folder: Path, *, copied: bool) -> None:
 
     Raises ConfigurationError if the folder has no outbox or cannot be written.
     """
-    file = folder / LOCATION_FILE
-    if not file.exists():
+    if not any((folder / file).exists() for file in _FILES):
         raise ConfigurationError("database.never_exchanged", folder=folder)
+    name, *_ = _read_location(folder)
     try:
-        name = str(json.loads(file.read_bytes())["id"])
-        _write_location(folder, str(uuid4()) if copied else name)
-    except (OSError, ValueError, KeyError, TypeError) as exc:
-        raise ConfigurationError("database.outbox_unusable", file=file, reason=str(exc)) from exc
+        _write_location(folder, str(uuid4()) if copied else name, *_location(folder))
+    except OSError as exc:
+        raise ConfigurationError("database.outbox_unusable", file=folder / LOCATION_FILE, reason=str(exc)) from exc
 
 
-def _write_location(folder: Path, name: str) -> None:
-    host, path = _location(folder)
-    write_atomic(folder / LOCATION_FILE, json.dumps({"id": name, "host": host, "folder": path}))
+def _read_location(folder: Path) -> tuple[str, str, str]:
+    """Return the name of the outbox, and its computer and folder; a file that is damaged is restored from its copy.
+
+    Raises ConfigurationError if neither the file nor its copy can be read.
+    """
+    readable: list[tuple[str, str, str]] = []
+    failures: list[Exception] = []
+    for file in _FILES:
+        try:
+            content = json.loads((folder / file).read_bytes())
+            readable.append((str(content["id"]), str(content["host"]), str(content["folder"])))
+        except (OSError, ValueError, KeyError, TypeError) as exc:
+            failures.append(exc)
+    if not readable:
+        raise ConfigurationError("database.outbox_unusable", file=folder / LOCATION_FILE, reason=str(failures[0]))
+    if failures or readable[0] != readable[1]:
+        with suppress(OSError):  # the next exchange restores the file
+            _write_location(folder, *readable[0])
+    return readable[0]
+
+
+def _write_location(folder: Path, name: str, host: str, path: str) -> None:
+    for file in _FILES:
+        write_atomic(folder / file, json.dumps({"id": name, "host": host, "folder": path}))
 
 
 def _location(folder: Path) -> tuple[str, str]:

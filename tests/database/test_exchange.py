@@ -564,3 +564,16 @@ def test_results_of_other_stations_are_exported_and_compared(url: str, stations:
     rows = list(csv.DictReader(table.read_text("utf-8").splitlines()))
     assert [(row["station"], float(row["gyro_bias_x [rad/s]"])) for row in rows] == [("two", 0.2), ("one", 0.1)]
     assert History(two).refresh() == 0  # the copies are not runs of this folder
+
+
+@pytest.mark.parametrize("content", [None, b"", b"{", b"[]", b"\0" * 60])
+@pytest.mark.parametrize("damaged", [".outbox.json", ".outbox-copy.json"])
+def test_damaged_outbox_is_restored_from_its_copy(tmp_path: Path, damaged: str, content: bytes | None) -> None:
+    name, file = Outbox(tmp_path).id, tmp_path / damaged
+    intact = file.read_bytes()
+    if content is None:
+        file.unlink()
+    else:
+        file.write_bytes(content)
+    assert Outbox(tmp_path).id == name
+    assert file.read_bytes() == intact
