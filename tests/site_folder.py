@@ -92,11 +92,15 @@ class SiteFolder:
             if on_event is not None:
                 on_event(event)
 
-        execute(self.request(*stages), emit, self.control, self.hooks)
+        self.execute(emit, *stages)
         ended = self.events[-1]
         assert isinstance(ended, Finalized)
         assert Path(ended.result_file).is_file()
         return ended
+
+    def execute(self, emit: Callable[[Event], None], *stages: str) -> None:
+        """Run in this process. Raises the errors of `execute`."""
+        execute(self.request(*stages), emit, self.control, self.hooks)
 
     def events_of(self, kind: type) -> list[Any]:
         """Return the events of a type."""

@@ -237,7 +237,8 @@ def _show_run(run: Finalized, json: str | None, request: RunRequest) -> None:
     if result.cycle:
         show_line(console, _cycle_line(result.cycle_seconds))
     show_line(console, say("cli.log_file", file=run.log))
-    show_line(console, say("cli.result_file", file=run.result_file))
+    if Path(run.result_file).exists():
+        show_line(console, say("cli.result_file", file=run.result_file))
     if result.advice == "resume":
         show_line(console, _resume_hint(run, request))
 
@@ -258,7 +259,8 @@ def _show_batch(runs: Sequence[Finalized], json: str | None, request: RunRequest
     for run, result in zip(runs, results, strict=True):
         partial_failure = result.partial and run.verdict is Verdict.FAILED
         verdict = say("cli.outcome_partial_failed" if partial_failure else f"cli.outcome_{run.verdict}")
-        table.add_row(run.slot, result.serial, verdict, _failure_reason(result), Path(run.result_file).name)
+        file = Path(run.result_file)
+        table.add_row(run.slot, result.serial, verdict, _failure_reason(result), file.name if file.exists() else "")
     console.print(table)
     longest = max((result.cycle_seconds for result in results), key=lambda cycle: sum(cycle.values()))
     if longest:

@@ -87,6 +87,8 @@ def is_locked(path: Path, timeout: float = TEST_TIMEOUT) -> bool:
 
     Raises OSError if the file cannot be opened or locked.
     """
+    if not path.is_file():  # opening a pipe would wait forever
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
     handle = os.open(path, os.O_RDONLY)
     try:
         return not acquire_lock(handle, timeout)

@@ -28,7 +28,9 @@ END_FAILING = "failing"
 
 _READ_ROWS = 16 * CHUNK_ROWS
 #: Exceptions that h5py raises for a damaged file.
-_HDF5_ERRORS = (OSError, RuntimeError, KeyError)
+_HDF5_ERRORS = (
+    *(OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, IndexError, MemoryError, OverflowError),
+)
 _NO_DAMAGE = np.empty((0, 2), np.int64)
 #: Number of attempts to open a file that a run may be writing, and the time between them, s.
 _ATTEMPTS, _RETRY_INTERVAL = 4, 0.05

@@ -6,7 +6,15 @@ from calstation.results.calibration import current_calibration, estimate_of
 from calstation.results.corrected import CorrectedOutput, CorrectedStream, CorrectedTrace, CorrectedTraceBuilder
 from calstation.results.diagnostics import Diagnostics, StageDiagnostics, diagnose, stage_diagnostics
 from calstation.results.handover import Delivery, HandOver, deliver_pending, register_pending
-from calstation.results.history import History, ShiftCount, count_shift, load_results, refresh_history, shift_start
+from calstation.results.history import (
+    History,
+    ShiftCount,
+    count_shift,
+    ended_result,
+    load_results,
+    refresh_history,
+    shift_start,
+)
 from calstation.results.inspection import inspect_recording, recording_faults
 from calstation.results.offline import drop_partial, export_log, export_result, export_runs, offline_solve
 from calstation.results.override import is_release_recorded, override_required, override_result, run_files

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, time, timedelta
@@ -207,8 +208,12 @@ def _files(folder: Path, known: Mapping[str, str]) -> dict[str, str]:
         for entry in entries:
             stem, _, suffix = entry.name.rpartition(".")
             if suffix in stamps and stem and not stem.startswith("."):
-                status = entry.stat()
-                stamps[suffix][stem] = f"{status.st_mtime_ns} {status.st_size}"
+                try:
+                    status = entry.stat()
+                except OSError:  # such as a link to a file that has been removed
+                    continue
+                if stat.S_ISREG(status.st_mode):  # reading a pipe would wait forever
+                    stamps[suffix][stem] = f"{status.st_mtime_ns} {status.st_size}"
     logs, results = stamps.values()
     without_result = {stem: f"log {stamp}" for stem, stamp in logs.items() if stem not in results}
     ended = {
@@ -250,10 +255,17 @@ def _read_file(folder: Path, name: str, stamp: str) -> IndexedRun | None:
     contents = open_log(folder / f"{name}{SUFFIX}")
     if contents.outcome is None:
         return _from_log(folder, name, stamp, contents)
-    for result in map(Result.from_json, reversed(contents.results)):
-        if _is_run(result, name):
-            return _from_result(folder, name, stamp, result, None)
-    return None
+    ended = ended_result(contents)
+    return None if ended is None else _from_result(folder, name, stamp, ended, None)
+
+
+def ended_result(log: Log) -> Result | None:
+    """Return the last result in the log of the run to which it belongs, or None if the log contains no valid one."""
+    try:
+        results = map(Result.from_json, reversed(log.results))
+        return next((result for result in results if _is_run(result, log.path.stem)), None)
+    except _NO_RESULT:
+        return None
 
 
 def _check_texts(run: IndexedRun) -> None:

@@ -1,6 +1,7 @@
 """Incomplete runs: results of runs whose process died, and closing of runs that will not be resumed."""
 
 import json
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -17,6 +18,7 @@ from calstation.results import (
     History,
     build_result,
     deliver_pending,
+    ended_result,
     load_result,
     register_pending,
     write_json,
@@ -24,9 +26,11 @@ from calstation.results import (
 
 
 def finish_incomplete(folder: Path) -> list[Path]:
-    """Write the result ``incomplete`` next to every log in `folder` whose run died, and return these logs.
+    """Write the missing result next to every log in `folder`, and return the logs of the runs that died.
 
-    The results are delivered at the next hand-over, and the runs can still be resumed. Unreadable logs are ignored.
+    The result of a run that died is ``incomplete``, and the run can still be resumed; that of a run that ended is in
+    its log. The results are delivered at the next hand-over. Logs that cannot be read, and results that cannot be
+    written, are ignored.
     """
     logs = []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
@@ -39,9 +43,29 @@ def finish_incomplete(folder: Path) -> list[Path]:
             if log.outcome is None:
                 _write_result(log)
                 logs.append(path)
-        except InputError:
+            elif (result := ended_result(log)) is not None:
+                _store(log, result.to_json())
+        except (InputError, ConfigurationError):
             continue
     return logs
+
+
+def attempts_in_progress(folder: Path, name: str, serial: str) -> list[int]:
+    """Return the sequence numbers of the runs of a unit that programs are executing in a folder.
+
+    Parameters
+    ----------
+    folder : folder of runs
+    name : beginning of the names of the unit's logs
+    serial : serial number of the unit
+    """
+    attempts = []
+    for path in folder.glob(f"{name}_*{SUFFIX}"):
+        with suppress(InputError):
+            if not path.with_suffix(".json").exists() and being_written(path):
+                meta = open_log(path).meta
+                attempts += [meta.run.attempt] if meta.run is not None and meta.imu.serial == serial else []
+    return attempts
 
 
 def close_incomplete(path: Path, operator: str | None = None) -> Path:
@@ -77,9 +101,14 @@ def _write_result(log: Log) -> None:
     action = "resume" if finished else "repeat"
     ending = Ending(verdict, str(log.path), facts, advice=action, finished_stages=finished)
     result = build_result(log.meta, prior, (), judgement, ending)
+    _store(log, result.to_json())
+
+
+def _store(log: Log, result: Mapping[str, Any]) -> None:
+    """Write the result of a log next to it, and register it for the hand-over. Raises ConfigurationError."""
     with suppress(OSError):  # the result is still written
         register_pending(log.path.parent, log.path.stem)
-    write_json(log.path.with_suffix(".json"), result.to_json())
+    write_json(log.path.with_suffix(".json"), result)
 
 
 def close_incomplete_job(progress: ProgressCallback, log: Path, operator: str | None) -> Path:

@@ -2,8 +2,8 @@
 
 import logging
 import re
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -26,15 +26,18 @@ from calstation.judgement import is_partial
 from calstation.messages import Text, os_reason
 from calstation.physics import INDEX, group_indices
 from calstation.quality import require_standards
-from calstation.records import RESERVED_SPACE, LogMeta, RawLogWriter, append_audit, free_space
+from calstation.records import RESERVED_SPACE, LogMeta, RawLogWriter, append_audit, free_space, locked
 from calstation.registers import UnverifiedTransfer, check_flash, check_interrupted
 from calstation.results import History, StageChain, current_calibration, register_pending
 from calstation.runs.cycle import Cycle
 from calstation.runs.hooks import RunHooks, station_hooks
-from calstation.runs.incomplete import finish_incomplete
+from calstation.runs.incomplete import attempts_in_progress, finish_incomplete
 from calstation.runs.resume import Continuation
 from calstation.runs.start import attempts_used
 from calstation.sequencer import Control, Emit, Event, Message, to_json
+
+#: Longest time to wait for another program that creates a log, s.
+_LOCK_TIMEOUT = 10.0
 
 logger = logging.getLogger(__name__)
 
@@ -77,7 +80,7 @@ class PreparedRun:
         have changed.
         """
         continuation, serial, message = self.continuation, self.setup.request.serial, None
-        attempt = 1 + self.history.attempts(serial) if continuation is None else continuation.attempt
+        attempt = 1 + self._attempts() if continuation is None else continuation.attempt
         meta = self.setup.log_meta(self.started, attempt, registers)
         if registers is not None and is_partial(meta):
             calibration, message = current_calibration(self.history, self.setup, registers)
@@ -93,13 +96,28 @@ class PreparedRun:
         values = {name: each.value for name, each in previous if name in INDEX and INDEX[name] not in mounting}
         return meta.model_copy(update={"previous": values}), message
 
+    def _attempts(self) -> int:
+        """Return the number of runs of the unit in the folder, including those that other programs are executing."""
+        serial = self.setup.request.serial
+        return max([self.history.attempts(serial), *attempts_in_progress(self.folder, self._file_name, serial)])
+
+    @property
+    def _file_name(self) -> str:
+        """Beginning of the name of the log."""
+        return re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
+
     def open(self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None = None) -> "OpenRun":
         """Create the log of the run, and register its result as pending for the hand-over.
 
         Raises the errors of `meta`, and ConfigurationError if the log cannot be created.
         """
+        with _attempts_locked(self.folder):
+            self.history.refresh()
+            return self._open(registers, unverified)
+
+    def _open(self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None) -> "OpenRun":
         meta, message = self.meta(registers)
-        stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
+        stem = self._file_name
         if self.setup.request.batch:  # the names of its units must differ
             stem = f"{stem}_{self.slot}"
         log = RawLogWriter(
@@ -117,6 +135,15 @@ class PreparedRun:
         if message is not None:
             run.emit(message)
         return run
+
+
+@contextmanager
+def _attempts_locked(folder: Path) -> Iterator[None]:
+    """Let one program at a time count the runs in a folder and create the next log, if the folder supports locks."""
+    with ExitStack() as stack:
+        with suppress(OSError):
+            stack.enter_context(locked(folder / ".attempts.lock", _LOCK_TIMEOUT))
+        yield
 
 
 @dataclass
