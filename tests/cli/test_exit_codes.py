@@ -23,12 +23,15 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no PO
 
 #: The command, which says when its own code begins: before, Python itself ends.
 COMMAND = """
-import sys
+import sys, time
 from calstation.cli import main
 from calstation.cli.process import prepare
 prepare()
 print("begun", file=sys.stderr, flush=True)
-main()
+try:
+    main()
+finally:
+    print("ended", time.monotonic(), file=sys.stderr)
 """
 
 COMMANDS: dict[str, Callable[[Path], list[object]]] = {
@@ -54,7 +57,7 @@ def start(folder: Path, arguments: list[object], **streams: Any) -> "subprocess.
         [sys.executable, "-c", COMMAND, *map(str, arguments)],
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, "CALSTATION_SITE": str(folder / "site"), "COLUMNS": "200"},
+        env={**os.environ, "CALSTATION_HOME": str(folder / "site"), "COLUMNS": "200"},
         process_group=0,
         preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # a test in the background ignores Ctrl-C
         **{"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, **streams},
@@ -72,14 +75,18 @@ def interrupt(folder: Path, name: str, delay: float, number: int) -> None:
         time.sleep(delay)
         if process.poll() is not None:
             pytest.skip("the command has already ended")
+        sent = time.monotonic()
         os.killpg(process.pid, number)
         try:
             _, errors = process.communicate(timeout=60.0)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             raise
-    assert process.returncode == 4, errors
     assert "Traceback" not in errors
+    if process.returncode == 0:
+        assert float(errors.split()[-1]) < sent + 0.05  # only Python itself had not ended yet
+        return
+    assert process.returncode == 4, errors
     assert not list(folder.glob("*imported.h5"))
     assert not list(folder.glob("*exported.csv"))
     for log in (folder / "runs").glob("*.h5"):
