@@ -117,10 +117,13 @@ def test_signal_at_a_random_moment_stops_a_command(tmp_path: Path, seed: int) ->
     interrupt(tmp_path, name, rng.uniform(0.0, LATEST.get(name, 4.0)), number)
 
 
-def ended(folder: Path, redirection: str, *arguments: object) -> "subprocess.CompletedProcess[str]":
-    """Run a command with a redirection of a shell."""
+def ended(
+    folder: Path, redirection: str, *arguments: object, limit: str = "unlimited"
+) -> "subprocess.CompletedProcess[str]":
+    """Run a command with a redirection of a shell and a limit for the size of files, kB."""
     command = shlex.join([sys.executable, "-m", "calstation", *map(str, arguments)])
-    return subprocess.run(["sh", "-c", f"{command} {redirection}"], capture_output=True, text=True, cwd=folder)
+    line = f"ulimit -f {limit}; {command} {redirection}"
+    return subprocess.run(["bash", "-c", line], capture_output=True, text=True, cwd=folder, check=False)
 
 
 @pytest.mark.parametrize("redirection", ["2>&-", "2>/dev/full", "0<&- 1>&- 2>&-"])
@@ -146,3 +149,13 @@ def test_exit_code_of_a_run_is_its_verdict_whatever_becomes_of_its_output(tmp_pa
     (result,) = (tmp_path / "runs").glob("SN-*.json")
     assert json.loads(result.read_text(encoding="utf-8"))["passed"]
     assert ("Standard output" in done.stderr) == ("2>" not in redirection)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("limit", ["3", "300", "1000", "1100", "1300"])
+def test_import_beyond_the_largest_size_of_a_file_leaves_nothing(tmp_path: Path, limit: str) -> None:
+    write_log(tmp_path, six_position_rows())
+    done = ended(tmp_path, "", "import", "log.csv", "-o", "out.h5", limit=limit)
+    assert (done.returncode, (tmp_path / "out.h5").exists()) == (2, False)
+    assert len(done.stderr.splitlines()) == 1
+    assert "the largest permitted size of a file is reached" in done.stderr

@@ -1,5 +1,7 @@
 """Links are tested and files are checked from the terminal."""
 
+import errno
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -8,7 +10,7 @@ import pytest
 import tomli_w
 
 from calstation.config.library import KINDS, shipped_folder
-from tests.cli.conftest import Done
+from tests.cli.conftest import Done, six_position_rows, write_log
 from tests.connection.fake_links import FakeImu, FakeTable, server, terminal
 from tests.site_folder import STATION
 
@@ -207,3 +209,28 @@ def test_site_file_is_found_by_its_name(calstation: Run, tmp_path: Path, monkeyp
         done = calstation("test", "table", option, "unit7")
         assert done.code == 2
         assert f"There is no {kind} file “unit7”. Give the path of a file, or one of the names: " in done.err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+@pytest.mark.parametrize("name", ["out.csv", "out.csv.gz"])
+def test_export_to_a_full_disk_leaves_nothing(calstation: Callable[..., Done], tmp_path: Path, name: str) -> None:
+    log = write_log(tmp_path, six_position_rows(3.0))
+    (tmp_path / f"partial-{name}").symlink_to("/dev/full")
+    done = calstation("export", log, "-o", tmp_path / name)
+    assert done.code == 2
+    assert "the disk is full" in done.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "log.toml"]
+
+
+def test_import_to_a_full_disk_leaves_nothing(
+    calstation: Callable[..., Done], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(handle: int, offset: int, size: int) -> None:
+        raise OSError(errno.EDQUOT, "Disk quota exceeded")
+
+    log = write_log(tmp_path, six_position_rows(3.0))
+    monkeypatch.setattr(os, "posix_fallocate", full, raising=False)
+    done = calstation("import", log, "-o", tmp_path / "out.h5")
+    assert (done.code, len(done.err.splitlines())) == (2, 1)
+    assert "cannot be created (the disk is full)" in done.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "log.toml"]
