@@ -19,7 +19,7 @@ from calstation.config import StationConfig, load_station
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
 from calstation.records import SUFFIX, locked, sync_folder, write_atomic
-from calstation.results.result import Result
+from calstation.results.result import NO_RESULT, Result
 from calstation.sequencer import Emit, Message
 
 CSV_NAME = "handover.csv"
@@ -126,7 +126,7 @@ def _pending(runs: Path) -> list[str]:
     names = []
     for entry in (runs / PENDING).glob("*"):
         with suppress(FileNotFoundError):  # another process has already delivered it
-            if (runs / f"{entry.name}.json").exists():
+            if (runs / f"{entry.name}.json").is_file():
                 names.append((entry.stat().st_mtime, entry.name))
             elif not (runs / f"{entry.name}{SUFFIX}").exists() and not entry.name.startswith("."):
                 entry.unlink()
@@ -159,7 +159,7 @@ def _deliver(runs: Path, folder: Path, create: bool) -> Delivery:
 def _hand_over(runs: Path, name: str, folder: Path) -> None:
     content = (runs / f"{name}.json").read_bytes()
     write_atomic(folder / f"{name}.json", content)
-    with suppress(ValueError):  # a JSON file of another program has no line
+    with suppress(*NO_RESULT):  # a JSON file of another program has no line
         _append(folder, name, Result.from_json(json.loads(content)))
     (runs / PENDING / name).unlink(missing_ok=True)
 

@@ -29,7 +29,7 @@ from calstation.records import (
     resolve_file,
     solved_stages,
 )
-from calstation.results.result import SCHEMA, Parameter, Result, load_result
+from calstation.results.result import NO_RESULT, SCHEMA, Parameter, Result, load_result
 
 if TYPE_CHECKING:
     from calstation.records import RunIndex
@@ -39,9 +39,6 @@ _BATCH = 100
 
 _PASSED = (Verdict.PASSED, Verdict.PARTIAL)
 _SOLVED = (*_PASSED, Verdict.FAILED)
-
-#: Exceptions raised for JSON that is not a result.
-_NO_RESULT = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
 
 _MAX_ATTEMPTS = 1_000_000
 
@@ -242,7 +239,7 @@ def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
         run = _read_file(folder, name, stamp)
         if run is not None:
             _check_texts(run)
-    except (OSError, InputError, *_NO_RESULT):
+    except (OSError, InputError, *NO_RESULT):
         return None
     return run
 
@@ -264,7 +261,7 @@ def ended_result(log: Log) -> Result | None:
     try:
         results = map(Result.from_json, reversed(log.results))
         return next((result for result in results if _is_run(result, log.path.stem)), None)
-    except _NO_RESULT:
+    except NO_RESULT:
         return None
 
 

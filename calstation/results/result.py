@@ -23,6 +23,9 @@ from calstation.schema import Number, ResultSection
 
 SCHEMA = "calstation.result/1"
 
+#: Exceptions that `Result.from_json` raises for JSON that is not a result.
+NO_RESULT = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
+
 #: A check, serialised as in the result JSON.
 CheckField = Annotated[
     Check,

@@ -229,3 +229,12 @@ def test_a_folder_without_permission_is_reported(factory: Factory) -> None:
     (message,) = factory.events
     assert isinstance(message, Message)
     assert message.values["reason"].code == "os.no_permission"
+
+
+@pytest.mark.parametrize("content", ["[]", "{}", '{"unit": []}', "[" * 100_000])
+def test_file_that_is_no_result_does_not_block_other_results(factory: Factory, content: str) -> None:
+    register_pending(factory.runs, "a")
+    (factory.runs / "a.json").write_text(content, encoding="utf-8")
+    factory.result("SN-1_b")
+    factory.hand_over()
+    assert [row["serial"] for row in factory.rows()] == ["SN-1"]
