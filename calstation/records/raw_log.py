@@ -185,6 +185,7 @@ class RawLogWriter:
         self._lines: dict[str, list[str]] = {name: [] for name in _TEXTS}
         self._flushed_at = self._synced_at = time.monotonic()
         self._failed = self._warned = False
+        self._closed = False
         self._disconnected = False  #: Whether the file has failed, and HDF5 writes to nothing.
         self._failure: ConfigurationError | None = None
         self._disk = ThreadPoolExecutor(1, "log-disk")
@@ -317,11 +318,12 @@ class RawLogWriter:
     def close(self, outcome: str) -> LogFacts:
         """Write the closing record and close the file; later calls have no effect."""
         facts = self.facts()
-        if not self._file:
+        if self._closed:
             return facts
         failed, self._failed = self._failed, False
         try:
-            self._syncing.result()
+            if not self._disconnected:
+                self._syncing.result()  # may disconnect the file
             if self._disconnected:
                 self._raise_failure()
             else:
@@ -348,16 +350,18 @@ class RawLogWriter:
         return ConfigurationError("log.not_created", file=self.path, reason=reason)
 
     def _close_files(self) -> None:
-        with suppress(*(OSError, RuntimeError) if self._disconnected else ()):
+        self._closed = self._failed = True
+        try:
             self._file.close()
+        except (OSError, RuntimeError):  # all data have been written before
+            self._disconnect()
 
         def close() -> None:
-            try:
+            with suppress(OSError):
                 if not self._disconnected:
                     os.ftruncate(self._sync_handle, self._stated_length())
                     os.fsync(self._sync_handle)
-            finally:
-                os.close(self._sync_handle)
+            os.close(self._sync_handle)
 
         closing = self._disk.submit(close)  # executed after the pending writes
         self._disk.shutdown(wait=False)
