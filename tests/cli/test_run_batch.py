@@ -120,9 +120,13 @@ def verdict(slot: str, outcome: str, seconds: float, **more: Any) -> Finalized:
 
 
 def test_summary_lists_the_units_of_a_batch(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs").mkdir()
+    for written_file in ("2.json", "4.json"):
+        (tmp_path / "runs" / written_file).touch()
     written = {"registers": {"new": {"gyro_bias_x": 1e-5}, "verified": False}}
     verdicts = (
         verdict("1", "fault", 20.0, error="no answer", **written),
@@ -136,6 +140,7 @@ def test_summary_lists_the_units_of_a_batch(
     assert "2 SN-2 STOPPED stopped by the operator 2.json" in said
     assert "3 SN-3 STOPPED the window or terminal that monitored the run has ended" in said
     assert "4 SN-4 PASSED 4.json" in said
+    assert "1.json" not in said
     assert said.count("50.0 s") == 2, "the longest cycle, and its stages"
     assert "20.0 s" not in said
     assert said.count("to resume: ") == 1
