@@ -149,6 +149,9 @@ class RawLogWriter:
         self.path = path
         self.meta = meta
         self.free_space = free_space
+        self._allocated = 0
+        self._closed = False
+        self._disconnected = False  #: Whether the file has failed, and HDF5 writes to nothing.
         content = meta.to_json().encode()
         try:
             self._sync_handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
@@ -159,7 +162,6 @@ class RawLogWriter:
             # HDF5 would release its own lock when SWMR mode is switched on.
             self._file = h5py.File(path, "w", libver="latest", locking=False)
             self._hdf5_handle: int = self._file.id.get_vfd_handle()
-            self._allocated = 0
             self._reserve(len(content) + _METADATA)
             locked = acquire_lock(self._sync_handle, _LOCK_TIMEOUT, shared=True)
         except OSError as exc:
@@ -185,8 +187,6 @@ class RawLogWriter:
         self._lines: dict[str, list[str]] = {name: [] for name in _TEXTS}
         self._flushed_at = self._synced_at = time.monotonic()
         self._failed = self._warned = False
-        self._closed = False
-        self._disconnected = False  #: Whether the file has failed, and HDF5 writes to nothing.
         self._failure: ConfigurationError | None = None
         self._disk = ThreadPoolExecutor(1, "log-disk")
         self._syncing = self._disk.submit(lambda: None)
@@ -370,9 +370,11 @@ class RawLogWriter:
 
     def _remove(self) -> None:
         """Remove a file that could not be created."""
+        if hasattr(self, "_hdf5_handle"):
+            self._disconnect()
+            with suppress(RuntimeError):  # nothing cannot be extended
+                self._file.close()
         os.close(self._sync_handle)
-        if hasattr(self, "_file"):
-            self._file.close()
         self.path.unlink(missing_ok=True)
 
     @contextmanager
@@ -388,6 +390,8 @@ class RawLogWriter:
 
     def _disconnect(self) -> None:
         """Let HDF5 write to nothing, because closing its objects after a failed write may crash the process."""
+        if self._disconnected:  # the descriptor may already belong to another file
+            return
         self._disconnected = True
         with suppress(OSError):
             nothing = os.open(os.devnull, os.O_RDWR)

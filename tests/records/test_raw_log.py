@@ -314,6 +314,23 @@ def test_full_disk_at_the_start_of_a_stage_is_reported(
     log.close("fault")
 
 
+@pytest.mark.parametrize("calls", [0, 1, 2])
+def test_log_that_cannot_be_created_leaves_no_file(
+    tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch, calls: int
+) -> None:
+    remaining, allocate = iter(range(calls)), raw_log._allocate
+
+    def full(handle: int, size: int) -> None:
+        if next(remaining, None) is None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        allocate(handle, size)
+
+    monkeypatch.setattr(raw_log, "_allocate", full)
+    with raises_code(ConfigurationError, "log.not_created"):
+        RawLogWriter(tmp_path / "a.h5", meta)
+    assert not list(tmp_path.iterdir())
+
+
 def test_slow_disk_does_not_block_and_its_errors_are_reported(
     tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
 ) -> None:
