@@ -67,7 +67,8 @@ ROW = np.dtype(
 CHUNK_ROWS = 1024
 #: Free disk space, bytes, reserved for the end of the log and the result.
 RESERVED_SPACE = 32_000_000
-_TEXTS = ("events", "results", "closing")
+#: Datasets of JSON lines.
+TEXTS = ("events", "results", "closing")
 #: Initial value of a row's checksum, so that a row of zeros that was never written is invalid.
 _SEED = np.uint64(0x9E3779B97F4A7C15)
 
@@ -177,14 +178,14 @@ class RawLogWriter:
         self._row = row_dtype(len(meta.secondaries), joints, station)
         self._samples = self._create_growing("samples", self._row, CHUNK_ROWS)
         self._stage_names = self._create_growing("stages", "S64", 16)
-        for name in _TEXTS:
+        for name in TEXTS:
             self._create_growing(name, np.uint8, 8192)
         self._file.swmr_mode = True
         self._facts = FactsBuilder(meta)
         self._stages: dict[str, int] = {}
         self._stage = ""
         self._rows: list[np.ndarray] = []
-        self._lines: dict[str, list[str]] = {name: [] for name in _TEXTS}
+        self._lines: dict[str, list[str]] = {name: [] for name in TEXTS}
         self._flushed_at = self._synced_at = time.monotonic()
         self._failed = self._warned = False
         self._failure: ConfigurationError | None = None

@@ -20,7 +20,8 @@ from calstation.messages import os_reason
 from calstation.records.files import TEST_TIMEOUT, is_locked
 from calstation.records.log import DamagedRows, Log
 from calstation.records.meta import meta_from_json
-from calstation.records.raw_log import CHECKSUM_COLUMN, CHUNK_ROWS, FORMAT, row_checks
+from calstation.records.raw_log import CHECKSUM_COLUMN, CHUNK_ROWS, row_checks
+from calstation.records.raw_structure import StructureError, check_structure, is_raw_log
 from calstation.records.superblock import SUPERBLOCK, AsClosed, is_unclosed, superblock_end, superblock_valid
 
 #: Reason for the end of a stage that is not solved, because the units fail without it.
@@ -197,6 +198,8 @@ def _open_for_reading(path: Path) -> Iterator[h5py.File]:
     try:
         with ExitStack() as stack:
             yield _open_repeatedly(path, stack)
+    except StructureError as exc:
+        raise InputError("log.structure", file=path, part=exc.part, what=exc.what) from exc
     except _HDF5_ERRORS as exc:
         raise InputError("log.damaged", file=path) from exc
 
@@ -224,17 +227,10 @@ def _open(path: Path, stack: ExitStack) -> h5py.File:
     source = stack.enter_context(AsClosed(path)) if short or is_unclosed(head) else path
     # HDF5's chunk cache is off, because no chunk would be reused
     file = stack.enter_context(h5py.File(source, "r", libver="latest", rdcc_nbytes=0))
-    if not _is_raw_log(file):
+    if not is_raw_log(file):
         raise InputError("log.foreign", file=path)
+    check_structure(file)
     return file
-
-
-def _is_raw_log(file: h5py.File) -> bool:
-    """Return whether a file is a raw log, without reading strings of variable length, on which HDF5 may hang."""
-    if "format" not in file.attrs or "samples" not in file:
-        return False
-    is_fixed = file.attrs.get_id("format").dtype.kind == "S"
-    return is_fixed and bool(file.attrs["format"] == FORMAT.encode())
 
 
 def _text(data: NDArray[np.uint8]) -> str:
