@@ -29,7 +29,10 @@ class StructureError(OSError):
 
 
 def is_raw_log(file: h5py.File) -> bool:
-    """Return whether a file states the raw log's format, without reading strings of variable length, on which HDF5 may hang."""
+    """Return whether a file has the format of a raw log.
+
+    Strings of variable length are not read, because HDF5 may hang on them.
+    """
     if "format" not in file.attrs or not file.id.links.exists(b"samples"):
         return False
     form = file.attrs.get_id("format")
@@ -87,8 +90,8 @@ def _is_expected(name: str, dtype: np.dtype) -> bool:
         return dtype == _STAGE
     if name != "samples":
         return dtype == np.uint8
-    fields = dtype.fields or {}
-    others = fields["others"][0].shape if "others" in fields else (0,)
+    fields = dict(dtype.fields or {})
+    others = fields["others"][0].shape if "others" in fields else ()
     further_imus = others[0] if others else 0
     return further_imus <= _MAX_FURTHER_IMUS and dtype == row_dtype(
         further_imus, "joints" in fields, "station" in fields

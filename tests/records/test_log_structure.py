@@ -1,4 +1,4 @@
-"""Files with the names of a raw log but another structure are refused before data are read; the message names the part."""
+"""A file with the parts of a raw log but another structure is refused before data are read."""
 
 from collections.abc import Callable
 from pathlib import Path
