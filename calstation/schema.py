@@ -17,10 +17,13 @@ from pydantic_core import ErrorDetails
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.messages import Text, os_reason, render, sentence
 from calstation.messages import entry as catalogue_entry
+from calstation.parsing import MAX_TOML, parse_toml, read_limited
 
 #: Keys and element numbers that lead to a value, as in pydantic's ``loc``.
 KeyPath = tuple[str | int, ...]
 
+#: Largest magnitude of a number in a file, whose fifth power is still finite.
+MAX_MAGNITUDE = 1e60
 _TOML_POSITION = re.compile(r"\(at (?:line (\d+), column \d+|end of document)\)")
 
 
@@ -116,7 +119,7 @@ def read_toml(path: Path, error: type[CalstationError] = ConfigurationError) -> 
 
 def _content(path: Path, error: type[CalstationError] = ConfigurationError) -> bytes:
     try:
-        return path.read_bytes()
+        return read_limited(path, MAX_TOML)
     except FileNotFoundError as exc:
         raise error("entry.not_found", file=path) from exc
     except OSError as exc:
@@ -125,7 +128,7 @@ def _content(path: Path, error: type[CalstationError] = ConfigurationError) -> b
 
 def _parsed(content: bytes, path: Path, error: type[CalstationError] = ConfigurationError) -> dict[str, Any]:
     try:
-        return tomllib.loads(content.decode())
+        return parse_toml(content.decode())
     except UnicodeDecodeError as exc:
         line = content.count(b"\n", 0, exc.start) + 1
         raise error("entry.not_toml", file=path, line=line, detail=str(exc)) from exc
@@ -148,6 +151,8 @@ def validate(
 
     Raises `error` with the first wrong entry and its remedy.
     """
+    if problem := _excessive_number(data):
+        raise error("entry.in_file", file=source, what=problem.as_text)
     try:
         return model.model_validate(data)
     except ValidationError as exc:
@@ -214,8 +219,24 @@ class Problem:
         return sentence(self.as_text)
 
 
+def _excessive_number(data: Any) -> Problem | None:
+    """Return the problem of a number whose powers would overflow, None if there is none."""
+    rest: list[tuple[KeyPath, Any]] = [((), data)]
+    while rest:
+        key_path, value = rest.pop()
+        if isinstance(value, dict | list):
+            pairs: Iterable[tuple[Any, Any]] = value.items() if isinstance(value, dict) else enumerate(value)
+            rest += [((*key_path, key), each) for key, each in pairs if isinstance(each, dict | list | int | float)]
+        elif isinstance(value, int | float) and MAX_MAGNITUDE < abs(value) < math.inf:
+            what = Text.of("entry.too_large", value=value, limit=MAX_MAGNITUDE)
+            return Problem(key_path, "value_error", what, data=data)
+    return None
+
+
 def problems_of(model: type[BaseModel], data: Any) -> list[Problem]:
     """Return all errors of `data` found by `model`; a misspelt name precedes the missing name that was meant."""
+    if problem := _excessive_number(data):
+        return [problem]
     try:
         model.model_validate(data)
     except ValidationError as exc:

@@ -1,10 +1,8 @@
 """Command `python -m calstation.bench --config FILE_OR_JSON`, which runs a virtual bench and prints its ports."""
 
 import argparse
-import json
 import os
 import sys
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +10,7 @@ from calstation import applog
 from calstation.bench.config import BenchConfig
 from calstation.bench.process import serve
 from calstation.errors import ConfigurationError
+from calstation.parsing import parse_json, parse_toml
 from calstation.schema import validate
 
 
@@ -19,7 +18,7 @@ def read_config(text: str) -> dict[str, Any]:
     """Read the configuration from JSON text, or from a .json or .toml file. Raises ValueError or OSError."""
     path, is_json = Path(text), text.lstrip().startswith("{")
     content = text if is_json else path.read_text(encoding="utf-8")
-    values = tomllib.loads(content) if not is_json and path.suffix == ".toml" else json.loads(content)
+    values = parse_toml(content) if not is_json and path.suffix == ".toml" else parse_json(content)
     if not isinstance(values, dict):
         raise ValueError("the configuration is not a table of names and values")
     return values

@@ -20,6 +20,7 @@ from calstation.config import library
 from calstation.config.request import computer_user
 from calstation.errors import ConfigurationError
 from calstation.messages import os_reason
+from calstation.parsing import read_json
 from calstation.records import AuditEventName, append_audit, locked, write_atomic
 from calstation.schema import StrictModel, validate
 
@@ -144,7 +145,7 @@ def _file(badge: str) -> Path:
 def _load(badge: str) -> _Stored:
     path = _file(badge)
     try:
-        data: Any = json.loads(path.read_text(encoding="utf-8"))
+        data: Any = read_json(path)
     except (OSError, ValueError) as exc:
         raise ConfigurationError("access.pin_unreadable", file=path, detail=str(exc)) from exc
     return validate(_Stored, data, path)

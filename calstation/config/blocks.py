@@ -10,6 +10,7 @@ from typing import Any
 
 import tomlkit
 
+from calstation.parsing import parse_toml
 from calstation.schema import KeyPath
 
 
@@ -114,7 +115,7 @@ def arrange_entries(text: str, key: str, order: Sequence[int | Mapping[str, Any]
     blocks = _blocks(text)
     entries = [block for block in blocks if block.inside((key,))]
     if not entries:
-        present = tomllib.loads(text).get(key, [])
+        present = parse_toml(text).get(key, [])
         document = tomlkit.parse(text)
         document.pop(key, None)
         order = [present[entry] if isinstance(entry, int) else entry for entry in order]
@@ -173,7 +174,7 @@ def _paths(headers: Iterable[str]) -> list[KeyPath]:
     counts: dict[tuple[str, ...], int] = {}
     for header in headers:
         keys: tuple[str, ...] = ()
-        inner = tomllib.loads(header)
+        inner = parse_toml(header)
         path: list[str | int] = []
         while inner:
             ((key, inner),) = inner.items()
@@ -192,7 +193,7 @@ def _paths(headers: Iterable[str]) -> list[KeyPath]:
 def _is_toml(lines: Sequence[str]) -> bool:
     """Return whether lines are valid TOML, so that the next line is not inside a list or a multi-line text."""
     try:
-        tomllib.loads("".join(lines))
+        parse_toml("".join(lines))
     except tomllib.TOMLDecodeError:
         return False
     return True

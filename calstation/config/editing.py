@@ -23,6 +23,7 @@ from calstation.config.station import BenchSettings, StationConfig, load_bench
 from calstation.devices.profiles import FrameSection, ImuProfile, TableProfile, load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
+from calstation.parsing import MAX_TOML, parse_toml, read_limited
 from calstation.schema import KeyPath, Problem, problems_of, read_toml, toml_error
 from procedures import method
 
@@ -84,7 +85,7 @@ def check(kind: str, text: str, path: Path | None = None) -> list[Problem]:
     path : path of the file, which determines the files that it names; None for a new file
     """
     try:
-        data = tomllib.loads(text)
+        data = parse_toml(text)
     except tomllib.TOMLDecodeError as exc:
         line, detail = toml_error(exc, text)
         return [Problem((), "toml", Text.of("configuration.not_toml", detail=detail), line)]
@@ -273,7 +274,7 @@ def new_name(kind: str, name: str) -> str:
 def read_text(path: Path) -> str:
     """Read a file. Raises ConfigurationError."""
     try:
-        return path.read_text(encoding="utf-8")
+        return read_limited(path, MAX_TOML).decode().replace("\r\n", "\n")
     except (OSError, UnicodeDecodeError) as exc:
         reason = os_reason(exc) if isinstance(exc, OSError) else Text.of("configuration.not_utf8")
         raise ConfigurationError("configuration.unreadable", file=path, reason=reason) from exc

@@ -31,6 +31,7 @@ from calstation.devices.links import SOCKETS
 from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import SolveContext, without_gravity
+from calstation.parsing import MAX_TOML, read_limited
 from calstation.physics import INDEX, NAMES, PARAMETERS, Step, entry_of, group_indices
 from calstation.records import (
     FileSection,
@@ -65,7 +66,7 @@ class SourceFile:
     @classmethod
     def read(cls, kind: str, path: Path) -> "SourceFile":
         """Read a file of the given kind (``station``, ``product``, ``table`` or ``imu``)."""
-        text = path.read_bytes().decode()
+        text = read_limited(path, MAX_TOML).decode()
         version = versions.version_number(f"{kind}s", path.stem, text)
         return cls(path, text, FileSection(name=path.stem, version=version, sha256=versions.sha256(text)))
 

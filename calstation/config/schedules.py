@@ -1,6 +1,5 @@
 """Parameters of the stages' schedules: their fields, ranges and values in a product, and how they are saved."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from calstation.config.run_configuration import load_configuration
 from calstation.config.versions import Version
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
+from calstation.parsing import parse_toml
 from calstation.physics import TableGeometry
 from calstation.schema import EntryError, Problem, problems_of
 from procedures import DEFAULT_STAGES, method
@@ -128,7 +128,7 @@ def save_schedule(
 
 def _check_stored(text: str, changes: Mapping[str, Mapping[str, Any]]) -> None:
     """Check that the text contains the values, or omits those that equal the methods' defaults. Raises EntryError."""
-    stored = tomllib.loads(text).get("schedule", {})
+    stored = parse_toml(text).get("schedule", {})
     for stage, values in changes.items():
         model = method(stage).schedule
         for name, value in values.items():

@@ -1,6 +1,5 @@
 """The form for a station's slots, and the conversion of a station file between a single unit and slots."""
 
-import tomllib
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +10,7 @@ from calstation.config.blocks import arrange_entries, has_table, replace_header
 from calstation.config.editing import edit_toml
 from calstation.config.forms import Form, FormCell, FormColumn, Get, cell_of, entry_rows
 from calstation.config.slots import DeviceSection, SlotSection
+from calstation.parsing import parse_toml
 from calstation.physics import ORIENTATIONS, unit_of
 from calstation.schema import KeyPath
 
@@ -68,7 +68,7 @@ def with_slots(text: str) -> str:
 
     A virtual bench is given a slot for each of its units.
     """
-    data = tomllib.loads(text)
+    data = parse_toml(text)
     units = data.get("bench", {}).get("units", 1)
     first = {"name": "1"}
     if has_table(text, ("imu",)):
@@ -81,7 +81,7 @@ def with_slots(text: str) -> str:
 
 def with_one_unit(text: str) -> str:
     """Convert the single slot of a station file to `[imu]`, with its link and its comments."""
-    (slot,) = tomllib.loads(text)["slots"]
+    (slot,) = parse_toml(text)["slots"]
     link = {key: value for key, value in slot.items() if key in DeviceSection.model_fields}
     if not (link and has_table(text, ("slots", 0))):
         text = arrange_entries(text, "slots", [])

@@ -17,6 +17,7 @@ from calstation.config.request import plain_text
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
+from calstation.parsing import parse_toml, read_json
 from calstation.physics import NOISE_DISPLAY
 from calstation.records import AuditEventName, append_audit, write_atomic
 
@@ -43,7 +44,7 @@ def list_versions(kind: str, name: str) -> tuple[Version, ...]:
     versions = []
     for path in _folder(kind, name).glob("*.json"):
         with suppress(OSError, ValueError, TypeError):  # a damaged entry is skipped, but its text still exists
-            versions.append(Version(**json.loads(path.read_text(encoding="utf-8"))))
+            versions.append(Version(**read_json(path)))
     return tuple(sorted(versions, key=lambda version: version.number, reverse=True))
 
 
@@ -150,7 +151,7 @@ def _save_present(kind: str, name: str, path: Path) -> None:
     """Add the current file as a version if it is a shipped default or has been changed outside the program."""
     try:
         present = (path if path.exists() else library.find(kind, name)).read_bytes().decode()
-        tomllib.loads(present)
+        parse_toml(present)
     except (ConfigurationError, UnicodeDecodeError, tomllib.TOMLDecodeError):
         return  # there is no file, or it is unreadable
     versions = list_versions(kind, name)

@@ -3,7 +3,6 @@
 All reasons for which a run would be refused before its start are reported together.
 """
 
-import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -26,6 +25,7 @@ from calstation.connection.devices import port_conflict
 from calstation.devices.profiles import load_table_profile
 from calstation.errors import ConfigurationError
 from calstation.messages import Finding
+from calstation.parsing import parse_toml
 from calstation.schema import KeyPath, Problem, validate
 from procedures import method
 
@@ -69,7 +69,7 @@ def incompatibilities(setup: RunConfiguration) -> Iterator[Finding]:
 
 def station_conflicts(text: str) -> list[Problem]:
     """Return the valid entries of a station file for which a run would nevertheless be refused."""
-    data = tomllib.loads(text)
+    data = parse_toml(text)
     station = StationConfig.model_validate(data)
     problems = [] if (error := gravity_contradiction(station.site)) is None else [Problem.of(error)]
     problems += _port_problems(station)

@@ -19,6 +19,7 @@ from calstation.config import computer_user
 from calstation.devices.links import list_serial_ports, port_device
 from calstation.errors import DeviceFaultError
 from calstation.messages import os_reason
+from calstation.parsing import parse_json
 from calstation.records import acquire_lock
 
 #: Host time to wait for a process that is ending to release its lock, s.
@@ -74,7 +75,7 @@ def _in_use_fault(port: str, handle: int) -> DeviceFaultError:
     """Return the fault for a port in use, with the owner from the lock file."""
     os.lseek(handle, 0, os.SEEK_SET)
     try:
-        owner = json.loads(os.read(handle, 4096))
+        owner = parse_json(os.read(handle, 4096))
         pid, user, since = owner["pid"], owner["user"], owner["since"]
     except (ValueError, KeyError, TypeError):
         return DeviceFaultError("connection.port_in_use_unknown", port=port)

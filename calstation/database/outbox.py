@@ -19,6 +19,7 @@ from uuid import uuid4
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import Text
+from calstation.parsing import parse_json, read_json
 from calstation.records import ChainedFile, IndexedRun, RunIndex, Verdict, to_columns, write_atomic
 from calstation.results import History
 
@@ -207,7 +208,7 @@ class Outbox:
             "started_utc": record.started_utc,
             **to_columns(replace(run, record=content)),
             "result": result,
-            "log_sha256": None if result is None else json.loads(result)["log"].get("sha256"),
+            "log_sha256": None if result is None else parse_json(result)["log"].get("sha256"),
             "log": f"{socket.gethostname()}:{(self._folder / record.log.name).absolute()}",
         }
         return OutboxMessage("run", run.stamp, columns)
@@ -236,7 +237,7 @@ def _read_location(folder: Path) -> tuple[str, str, str]:
     failures: list[Exception] = []
     for file in _FILES:
         try:
-            content = json.loads((folder / file).read_bytes())
+            content = read_json(folder / file)
             readable.append((str(content["id"]), str(content["host"]), str(content["folder"])))
         except (OSError, ValueError, KeyError, TypeError) as exc:
             failures.append(exc)

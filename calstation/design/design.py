@@ -1,6 +1,5 @@
 """The request for a schedule, its limits from table and unit, the resulting schedule, and the product containing it."""
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.common import SolveContext, rest_mean_variance
 from calstation.estimation.effects import EffectLimit
 from calstation.jobs import ProgressCallback
+from calstation.parsing import parse_toml
 from calstation.physics import NAMES, FloatArray
 from calstation.schema import KeyPath
 from calstation.sequencer import plan_time, table_task
@@ -197,7 +197,7 @@ def designed_product(text: str, design: Design) -> str:
 
     Checks of the rests of other stages are removed; checks of gravity at rest and of motion angles apply to the stage.
     """
-    data = tomllib.loads(text)
+    data = parse_toml(text)
     checks = data.get("checks", {})
     changes: dict[KeyPath, Any] = {
         ("name",): f"{data['name'].removesuffix(_NAME_SUFFIX)}{_NAME_SUFFIX}",

@@ -1,6 +1,5 @@
 """Decision between PASS and FAIL: comparison of a run's solutions with the limits and checks, and its verdict."""
 
-import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -15,6 +14,7 @@ from calstation.judgement.conformity import Conformity, conformity, conformity_s
 from calstation.judgement.limits import check_limits, check_prior, not_compared
 from calstation.judgement.site import check_latitude, unconfirmed_latitude
 from calstation.judgement.standards import StandardComparison
+from calstation.parsing import parse_toml
 from calstation.records import NEAR_MISS_FRACTION, CheckKind, Limit, LogMeta, Verdict, context_from_meta
 from procedures import DEFAULT_STAGES
 
@@ -191,7 +191,7 @@ def is_partial(meta: LogMeta, solved: Collection[str] | None = None) -> bool:
     text = meta.profiles.get("product")
     if meta.run is None or text is None:
         return False
-    stages = tomllib.loads(text).get("stages", DEFAULT_STAGES)
+    stages = parse_toml(text).get("stages", DEFAULT_STAGES)
     return not set(stages) <= set(meta.run.stages if solved is None else solved)
 
 

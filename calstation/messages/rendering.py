@@ -40,6 +40,8 @@ _OS_REASONS = {
     errno.EEXIST: "os.exists",
     errno.EISDIR: "os.is_folder",
     errno.ENOTDIR: "os.not_folder",
+    errno.ESPIPE: "os.not_a_file",
+    errno.EFBIG: "os.too_large",
     errno.EIO: "os.io_error",
     errno.ENODEV: "os.no_device",
     errno.ENXIO: "os.no_device",

@@ -16,6 +16,7 @@ from calstation.config import load_product
 from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
+from calstation.parsing import MAX_JSON, read_limited
 from calstation.physics import NAMES, FloatArray, further_parameter
 from calstation.quality.gauge import GaugeStudy, check_size, crossed, gauge_study
 from calstation.quality.runs import judged_runs, product_runs
@@ -121,7 +122,7 @@ class GaugePlan(BaseModel):
     def load(cls, path: Path) -> "GaugePlan":
         """Read a plan. Raises InputError."""
         try:
-            return cls.model_validate_json(path.read_text(encoding="utf-8"))
+            return cls.model_validate_json(read_limited(path, MAX_JSON))
         except OSError as exc:
             raise InputError("result.unreadable", file=path, reason=os_reason(exc)) from exc
         except ValueError as exc:

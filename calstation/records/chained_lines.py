@@ -20,6 +20,7 @@ from pydantic import TypeAdapter
 
 from calstation.errors import InputError
 from calstation.messages import Text, os_reason
+from calstation.parsing import parse_json
 from calstation.records.files import locked, sync_folder, write_atomic
 
 #: Digest before the first line.
@@ -105,9 +106,9 @@ class ChainedFile(Generic[T]):
         if ending.end() != len(line) or _sha256(line[: ending.end(1)] + b"}") != ending[2].decode():
             return Text("log.line_altered")
         try:
-            content = json.loads(line)
+            content = parse_json(line)
             entries[number] = self._entry.validate_python(content)
-        except (ValueError, RecursionError):
+        except ValueError:
             return Text("log.line_unknown")
         return None if content["previous"] == digest else Text("log.line_out_of_order")
 
@@ -141,7 +142,7 @@ class ChainedFile(Generic[T]):
             digest = _next_digest(line, digest)
         text = json.dumps({**content, "previous": digest}, ensure_ascii=False).encode()
         line = text[:-1] + f', "digest": "{_sha256(text)}"}}'.encode()
-        entry = self._entry.validate_python(json.loads(line))
+        entry = self._entry.validate_python(parse_json(line))
         if exists:
             handle = os.open(self.path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
             try:

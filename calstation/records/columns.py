@@ -47,6 +47,8 @@ _TEMPERATURES = {"degC": 1.0, "°C": 1.0, "C": 1.0}
 #: Separators, which are tried in this order; a blank matches any number of blanks.
 _SEPARATORS = (",", ";", "\t", " ")
 _PLAIN_SEPARATOR = ","
+#: Largest number of columns.
+_MAX_COLUMNS = 1000
 _COMMENT = "#%"
 _SENSORS = ("gyro", "accel")
 
@@ -186,6 +188,8 @@ def read_layout(path: Path, head: str, columns: Mapping[str, ColumnSection], sec
     else:
         expected = {str(sources.get(name, name)) for name in _KNOWN}
         skipped, separator, names = _header(lines, expected)
+    if len(names) > _MAX_COLUMNS:
+        raise InputError("csv.too_many_columns", file=path, found=len(names), limit=_MAX_COLUMNS)
     for name, source in sources.items():
         names[_index_of(path, names, name, source)] = name
     _check_names(path, names, mapped=bool(columns), secondaries=secondaries)

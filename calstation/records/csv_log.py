@@ -52,6 +52,16 @@ _DECIMALS_CHECKED = 200
 #: Relative error of a count size of six digits, due to which counts are not quite whole numbers.
 _LSB_ERROR = 1e-6
 _CHUNK_BYTES = 1 << 17
+#: Size limit of a line, bytes; a longer one may also be read if it lies within a chunk.
+_MAX_LINE = 1 << 16
+#: Size limit of a stage's name, bytes, which the raw log also has.
+_MAX_STAGE = 64
+#: Largest number of characters of a cell that a message quotes.
+_MAX_QUOTED = 40
+#: Largest magnitude of a number in a cell, and of a whole number, which a float64 represents exactly.
+_MAX_NUMBER, _MAX_INTEGER = 1e20, 2**53
+#: Largest magnitudes that an IMU can measure, rad/s and m/s².
+_MAX_RATE, _MAX_FORCE = 1e3, 1e5
 
 
 def meta_path(path: Path) -> Path:
@@ -137,7 +147,7 @@ def csv_blocks(path: Path, meta: LogMeta, layout: Layout, jitter: list[float]) -
         if times is not None:
             time = times.time[part]
         seq = table.integers("seq") if table.has_counter or times is None else times.seq[part]
-        counts = table.counts()
+        counts = table.counts(meta)
         try:
             unwrapped, clock, restarts = unwrapper.feed(seq, time)
         except SequenceError as exc:
@@ -188,15 +198,19 @@ def csv_rows(path: Path) -> int:
 
 def _text_chunks(path: Path) -> Iterator[str]:
     """Yield the text of the file in chunks of whole lines, without the final line break."""
-    remainder = b""
+    remainder, lines, line_break = b"", 0, b""
     try:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
             while data := stream.read(_CHUNK_BYTES):
-                data = remainder + data
+                line_break = line_break or (b"\r" if b"\r" in data and b"\n" not in data else b"\n")
+                data = remainder + (data if line_break == b"\n" else data.replace(line_break, b"\n"))
                 end = data.rfind(b"\n") + 1
                 remainder = data[end:]
+                lines += data.count(b"\n")
                 if end:
                     yield data[:end].decode("utf-8").replace("\r\n", "\n").removesuffix("\n")
+                if len(remainder) > _MAX_LINE:
+                    raise InputError("csv.line_too_long", file=path, line=lines + 1, limit=_MAX_LINE)
         if remainder.strip():
             yield remainder.decode("utf-8")
     except FileNotFoundError as exc:
@@ -279,6 +293,7 @@ class _Table:
 
     def _wrong_cell(self, code: str, column: str, row: int) -> InputError:
         cell = self._columns[column][row]
+        cell = cell if len(cell) <= _MAX_QUOTED else cell[:_MAX_QUOTED] + "…"
         return InputError(code, file=self._path, line=self.first + row, column=column, cell=cell)
 
     @cached_property
@@ -288,12 +303,23 @@ class _Table:
             return np.asarray(self.integers("valid") != 0)
         return np.ones(len(self), np.bool_)
 
-    def counts(self) -> FloatArray:
-        """Return the raw output, counts, shape (n, 6); NaN for gyros that are not in the file."""
+    def counts(self, meta: LogMeta) -> FloatArray:
+        """Return the raw output, counts, shape (n, 6); NaN for gyros that are not in the file. Raises InputError."""
         invalid = ~self.valid
         absent = np.full(len(self), np.nan)
         columns = [self.floats(n, invalid=invalid) + 0.0 if n in self._header else absent for n in CHANNELS]
-        return np.column_stack(columns)
+        counts = np.column_stack(columns)
+        imu = meta.imu
+        per_second = imu.sample_rate_hz if imu.output == "increment" else 1.0
+        sensors = ((CHANNELS[:3], imu.gyro_lsb, _MAX_RATE, "rad/s"), (CHANNELS[3:], imu.accel_lsb, _MAX_FORCE, "m/s²"))
+        for number, (names, lsb, limit, unit) in enumerate(sensors):
+            values = counts[:, 3 * number : 3 * number + 3] * (lsb * per_second)
+            is_large = (np.abs(values) > limit) & self.valid[:, None]
+            if is_large.any():
+                row, column = divmod(int(np.argmax(is_large)), 3)
+                error = self._wrong_cell("csv.cell_implausible", names[column], row)
+                raise InputError(error.code, **error.values, value=float(values[row, column]), unit=unit)
+        return counts
 
     def floats(self, name: str, may_be_empty: bool = False, *, invalid: BoolArray | None = None) -> FloatArray:
         """Return a column as float64, shape (n,); empty cells become NaN if `may_be_empty` or in `invalid` rows."""
@@ -312,7 +338,14 @@ class _Table:
             if not cells[row].strip():
                 raise self._wrong_cell("csv.cell_empty", name, row)
             raise self._wrong_cell("csv.cell_nan" if np.isnan(values[row]) else "csv.cell_infinite", name, row)
+        self._check_size(name, values if invalid is None else np.where(invalid, 0.0, values), _MAX_NUMBER)
         return values * self._factors[name] if name in self._factors else values
+
+    def _check_size(self, name: str, values: FloatArray | IntArray, limit: float) -> None:
+        """Raise InputError if the magnitude of a value of a column exceeds the limit."""
+        is_large = (values > limit) | (values < -limit)
+        if is_large.any():
+            raise self._wrong_cell("csv.cell_too_large", name, int(np.argmax(is_large)))
 
     def _float(self, name: str, row: int, cell: str, may_be_empty: bool) -> float:
         if not cell.strip():
@@ -331,13 +364,16 @@ class _Table:
     def integers(self, name: str) -> IntArray:
         """Return a column as int64, shape (n,)."""
         try:
-            return np.fromiter(map(int, self._columns[name]), np.int64, len(self._columns[name]))
+            integers = np.fromiter(map(int, self._columns[name]), np.int64, len(self._columns[name]))
         except (ValueError, OverflowError):
             values = self.floats(name)
-        is_wrong = (values != np.rint(values)) | (np.abs(values) > 2**53)
-        if is_wrong.any():
-            raise self._wrong_cell("csv.cell_not_whole", name, int(np.argmax(is_wrong)))
-        return values.astype(np.int64)
+            is_wrong = values != np.rint(values)
+            if is_wrong.any():
+                raise self._wrong_cell("csv.cell_not_whole", name, int(np.argmax(is_wrong))) from None
+            self._check_size(name, values, _MAX_INTEGER)
+            return values.astype(np.int64)
+        self._check_size(name, integers, _MAX_INTEGER)
+        return integers
 
     def blocks(
         self, seq: IntArray, time: FloatArray, counts: FloatArray, unwrapper: AngleUnwrapper
@@ -352,6 +388,9 @@ class _Table:
         secondaries, joints = self._secondary_counts(n), self._joints(n)
         station = self.floats(STATION, True)[:, None] if STATION in self._header else np.empty((n, 0))
         stages = self._columns.get("stage", [self._layout.stage] * n)
+        for row, stage in enumerate(stages):
+            if len(stage) > _MAX_STAGE or (not stage.isascii() and len(stage.encode()) > _MAX_STAGE):
+                raise self._wrong_cell("csv.stage_too_long", "stage", row)
         if stages.count(stages[0]) == n:
             edges = np.array([0, n])
         else:

@@ -1,6 +1,5 @@
 """A log on disk, regardless of its file format (see `log_formats`)."""
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text
+from calstation.parsing import read_json
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.meta import LogMeta
 
@@ -123,7 +123,7 @@ def truth_path(path: Path) -> Path:
 def read_truth(path: Path) -> dict[str, float]:
     """Read the true parameters of a simulated recording, SI; empty for a recording of a real unit."""
     try:
-        values = json.loads(truth_path(path).read_text(encoding="utf-8"))
+        values = read_json(truth_path(path))
         return {str(name): float(value) for name, value in values.items()}
     except (OSError, ValueError, AttributeError, TypeError):
         return {}

@@ -27,6 +27,7 @@ from calstation.estimation.common import (
     TemperatureModel,
 )
 from calstation.messages import os_reason
+from calstation.parsing import parse_json, parse_toml
 from calstation.physics import (
     AXIS_OFFSET_SIGMA,
     COUNT,
@@ -289,6 +290,18 @@ class LogMeta(StrictModel):
     imu8: SecondaryImuSection | None = None
     imu9: SecondaryImuSection | None = None
 
+    @field_validator("profiles")
+    @classmethod
+    def _are_toml(cls, texts: dict[str, str]) -> dict[str, str]:
+        for kind, text in texts.items():
+            try:
+                stages = parse_toml(text).get("stages", [])
+            except tomllib.TOMLDecodeError:
+                raise EntryError("log.profile_damaged", kind, kind=kind) from None
+            if not isinstance(stages, list) or not all(isinstance(stage, str) for stage in stages):
+                raise EntryError("log.profile_damaged", kind, kind=kind)
+        return texts
+
     @property
     def secondaries(self) -> dict[int, SecondaryImuSection]:
         """The secondary IMUs by number."""
@@ -312,12 +325,12 @@ class LogMeta(StrictModel):
 
         It is stated in `[stability]` of the IMU profile in the log.
         """
-        try:
-            stability = tomllib.loads(self.profiles.get("imu", "")).get("stability", {})
-        except tomllib.TOMLDecodeError:
-            return {}
+        stability = parse_toml(self.profiles.get("imu", "")).get("stability", {})
+        rows = stability.items() if isinstance(stability, dict) else ()
         stated = {
-            name: row["power_up"] for name, row in stability.items() if isinstance(row, dict) and "power_up" in row
+            name: float(row["power_up"])
+            for name, row in rows
+            if isinstance(row, dict) and isinstance(row.get("power_up"), int | float)
         }
         sigmas = {name: entry_of(stated, name) for name in NAMES}
         return {name: sigma for name, sigma in sigmas.items() if sigma is not None}
@@ -381,7 +394,7 @@ def _without_none(value: Any) -> Any:
 def meta_from_json(text: str, source: str | Path) -> LogMeta:
     """Read the configuration stored in a raw log. Raises InputError."""
     try:
-        data = json.loads(text)
+        data = parse_json(text)
     except ValueError as exc:
         raise InputError("log.damaged_configuration", file=source, detail=str(exc)) from exc
     return validate(LogMeta, data, source, InputError)

@@ -1,7 +1,6 @@
 """Reader of raw logs, including logs of killed runs, which omits and reports damaged rows."""
 
 import itertools
-import json
 import time
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, true_intervals
 from calstation.messages import os_reason
+from calstation.parsing import parse_json
 from calstation.records.files import TEST_TIMEOUT, is_locked
 from calstation.records.log import DamagedRows, Log
 from calstation.records.meta import meta_from_json
@@ -246,8 +246,8 @@ def _json_lines(file: h5py.File, name: str) -> list[dict[str, Any]]:
     lines = []
     for line in text.split("\n")[:-1]:
         try:
-            content = json.loads(line)
-        except (ValueError, RecursionError):
+            content = parse_json(line)
+        except ValueError:
             continue
         if isinstance(content, dict):
             lines.append(content)

@@ -1,11 +1,11 @@
 """Deviations of a run from its method, and other notes for readers of the certificate."""
 
-import tomllib
 from collections.abc import Iterator, Sequence
 from datetime import date
 
 from calstation.errors import CalstationError
 from calstation.messages import Text
+from calstation.parsing import parse_toml
 from calstation.records import CheckKind, InstrumentSection
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import LATITUDE_ERROR_DEG
@@ -81,7 +81,7 @@ def _end_deviations(result: Result) -> Iterator[Text]:
 def _value_deviations(certificate: Certificate) -> Iterator[Text]:
     result = certificate.result
     if result.partial:
-        product = tomllib.loads(certificate.meta.profiles.get("product", ""))
+        product = parse_toml(certificate.meta.profiles.get("product", ""))
         omitted = [stage for stage in product.get("stages", DEFAULT_STAGES) if stage not in result.stages]
         yield Text.of("certificate.d_partial", stages=omitted)
     if result.calibration is not None:

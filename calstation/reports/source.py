@@ -4,7 +4,6 @@ The result file of a run must equal the result in the log. A later override must
 log that was solved again is solved once more, and the file must agree with the new solution.
 """
 
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 from calstation import __version__
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
+from calstation.parsing import read_json
 from calstation.records import Log, open_log
 from calstation.results import (
     Registers,
@@ -113,7 +113,7 @@ def _with_registers(result: Result, run: Result | None) -> Result:
 
 
 def _content(path: Path, omitted: tuple[str, ...]) -> dict[str, Any]:
-    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    content: dict[str, Any] = read_json(path)
     return {key: value for key, value in content.items() if key not in omitted}
 
 

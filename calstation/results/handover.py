@@ -5,7 +5,6 @@ A run is pending from its start until its result is delivered, regardless of its
 
 import csv
 import io
-import json
 import os
 import threading
 from collections.abc import Callable, Sequence
@@ -18,6 +17,7 @@ from typing import Any
 from calstation.config import StationConfig, load_station
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
+from calstation.parsing import MAX_JSON, parse_json, read_limited
 from calstation.records import SUFFIX, locked, sync_folder, write_atomic
 from calstation.results.result import NO_RESULT, Result
 from calstation.sequencer import Emit, Message
@@ -157,10 +157,10 @@ def _deliver(runs: Path, folder: Path, create: bool) -> Delivery:
 
 
 def _hand_over(runs: Path, name: str, folder: Path) -> None:
-    content = (runs / f"{name}.json").read_bytes()
+    content = read_limited(runs / f"{name}.json", MAX_JSON)
     write_atomic(folder / f"{name}.json", content)
     with suppress(*NO_RESULT):  # a JSON file of another program has no line
-        _append(folder, name, Result.from_json(json.loads(content)))
+        _append(folder, name, Result.from_json(parse_json(content)))
     (runs / PENDING / name).unlink(missing_ok=True)
 
 

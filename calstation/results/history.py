@@ -1,6 +1,5 @@
 """Searchable history of the runs in a folder, from an index of the runs' files, and counts of a shift."""
 
-import json
 import math
 import os
 import stat
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
+from calstation.parsing import read_json
 from calstation.records import (
     SUFFIX,
     IndexedRun,
@@ -247,7 +247,7 @@ def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
 def _read_file(folder: Path, name: str, stamp: str) -> IndexedRun | None:
     path = folder / f"{name}.json"
     if not stamp.startswith("log "):
-        result = Result.from_json(json.loads(path.read_text(encoding="utf-8")))
+        result = Result.from_json(read_json(path))
         return _from_result(folder, name, stamp, result, path) if _is_run(result, name) else None
     contents = open_log(folder / f"{name}{SUFFIX}")
     if contents.outcome is None:

@@ -1,7 +1,5 @@
 """Release of a unit that failed: the result keeps its outcome and records who released the unit, and why."""
 
-import json
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeVar
@@ -21,6 +19,7 @@ from calstation.config import (
 )
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
+from calstation.parsing import parse_toml, read_json
 from calstation.records import AuditEvent, FileSection, audit_path, audit_writer, open_log, read_audit
 from calstation.results.resolving import find_log
 from calstation.results.result import Override, Result, load_result, write_json
@@ -58,7 +57,7 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
         about = {"serial": result.serial, "result": path.name, "log_sha256": result.log.sha256, "pin": people.pin}
         event = audit.append_event("override", people.by, why, confirmed_by=people.confirmed_by, **about)
         override = _override(event)
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         write_json(path, {**content, "override": override.model_dump()})
     return override
 
@@ -107,8 +106,8 @@ def run_files(
 def _file(kind: str, model: type[T], file_section: FileSection | None, path: Path, text: str | None) -> T:
     """Parse the text of a file of a run, or the library file of that name without a text. Raises InputError."""
     if text is not None:
-        return validate(model, tomllib.loads(text), path, InputError)
+        return validate(model, parse_toml(text), path, InputError)
     if file_section is None or file_section.name not in library.names(f"{kind}s"):
         raise InputError("override.no_files", file=path, kind=kind)
     file = library.find(f"{kind}s", file_section.name)
-    return validate(model, tomllib.loads(file.read_text(encoding="utf-8")), file)
+    return validate(model, parse_toml(file.read_text(encoding="utf-8")), file)

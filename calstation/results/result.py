@@ -17,6 +17,7 @@ from calstation.estimation.common import Consistency
 from calstation.estimation.temperature import TemperatureFit
 from calstation.judgement import Check, Conformity, End, StandardComparison, verdict_of
 from calstation.messages import known, os_reason, values_from_json
+from calstation.parsing import read_json
 from calstation.physics import EFFECT_STATES, NAMES, PARAMETERS, EffectName
 from calstation.records import FileSection, OnlineDifference, Verdict, write_atomic
 from calstation.schema import Number, ResultSection
@@ -436,7 +437,7 @@ def online_difference(offline: Result, online: Result) -> OnlineDifference:
 def load_result(path: Path) -> Result:
     """Read a result file. Raises InputError."""
     try:
-        return Result.from_json(json.loads(path.read_text(encoding="utf-8")))
+        return Result.from_json(read_json(path))
     except OSError as exc:
         raise InputError("result.unreadable", file=path, reason=os_reason(exc)) from exc
     except json.JSONDecodeError as exc:

@@ -1,6 +1,5 @@
 """Incomplete runs: results of runs whose process died, and closing of runs that will not be resumed."""
 
-import json
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.judgement import End, judge, verdict_of
+from calstation.parsing import read_json
 from calstation.records import SUFFIX, Log, being_written, open_log, prior_from_meta, solved_stages
 from calstation.results import (
     Delivery,
@@ -86,7 +86,7 @@ def close_incomplete(path: Path, operator: str | None = None) -> Path:
         else:
             raise InputError("run.not_resumable", path=path)
     load_result(result_file)  # raises the errors of an unreadable file
-    result: dict[str, Any] = json.loads(result_file.read_text(encoding="utf-8"))
+    result: dict[str, Any] = read_json(result_file)
     decision = {"closed_utc": datetime.now(UTC).isoformat(timespec="seconds"), "closed_by": operator}
     write_json(result_file, {**result, **decision})
     return result_file

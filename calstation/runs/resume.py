@@ -3,7 +3,6 @@
 The same chain solves these stages again with bit-identical results, so that posteriors need not be stored.
 """
 
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from calstation.estimation import Solution
 from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
 from calstation.judgement import latitude_agrees
+from calstation.parsing import parse_toml
 from calstation.records import (
     SUFFIX,
     Log,
@@ -275,10 +275,7 @@ def _check_station(log: Log, here: StationConfig) -> None:
     if began is not None and began != here.name:
         raise ConfigurationError("run.other_station", path=log.path, began=began, here=here.name)
     text = log.meta.profiles.get("station", "")
-    try:
-        virtual = "bench" in tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
-        return
+    virtual = "bench" in parse_toml(text)
     if text and virtual != (here.bench is not None):
         code = "run.station_now_hardware" if virtual else "run.station_now_virtual"
         raise ConfigurationError(code, path=log.path, station=here.name)

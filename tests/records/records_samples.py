@@ -44,7 +44,7 @@ def make_block(stage: str, first: int, count: int, seed: int = 0, step: int = 0)
         stage,
         seq,
         (seq + 1) / 100.0,
-        random.integers(-(2**31), 2**31, (count, 6)).astype(np.float64),
+        random.integers(-(2**27), 2**27, (count, 6)).astype(np.float64),
         angles,
         np.full(count, step, np.int64),
         random.random(count) < 0.9,

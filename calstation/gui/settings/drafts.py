@@ -12,6 +12,7 @@ from calstation.config import editing, library, versions
 from calstation.errors import ConfigurationError
 from calstation.gui.widgets import FormValues
 from calstation.messages import Text
+from calstation.parsing import parse_toml
 from calstation.schema import KeyPath, Problem, value_at
 
 
@@ -214,6 +215,6 @@ class Drafts(QObject):
 
 def _parsed(text: str) -> dict[str, Any]:
     try:
-        return tomllib.loads(text)
+        return parse_toml(text)
     except tomllib.TOMLDecodeError:
         return {}
