@@ -11,6 +11,7 @@ import typer
 from pydantic import ValidationError
 
 from calstation.errors import CalstationError, ConfigurationError
+from calstation.escaping import for_terminal
 
 _USAGE_CODES = {
     "int_parsing": "cli.not_whole",
@@ -22,7 +23,7 @@ _USAGE_CODES = {
 
 def print_error(text: str) -> None:
     """Write an error as one line to standard error."""
-    sys.stderr.write(f"calstation: {text}\n")
+    sys.stderr.write(f"calstation: {for_terminal(text)}\n")
 
 
 def usage_error(error: typer.TyperException, arguments: list[str]) -> CalstationError:

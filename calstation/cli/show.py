@@ -15,8 +15,10 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text as RichText
 
 from calstation.cli.text import say, sentence, term
+from calstation.escaping import for_terminal
 from calstation.jobs import ProgressCallback
 from calstation.judgement import Check
 from calstation.messages import Text, known
@@ -36,9 +38,14 @@ _TEXT_COLUMNS = (
 _TABLE_WIDTH = 200
 
 
+class _PlainConsole(Console):
+    def render_str(self, text: str, **options: Any) -> RichText:
+        return super().render_str(for_terminal(text), **options)
+
+
 def plain_console(*, stderr: bool = False, file: IO[str] | None = None, width: int | None = None) -> Console:
-    """Return a console that prints text as it is: brackets, as in ``[imu]``, are no formatting."""
-    return Console(stderr=stderr, file=file, width=width, markup=False, highlight=False)
+    """Return a console that prints text as it is: neither brackets, as in ``[imu]``, nor control characters act."""
+    return _PlainConsole(stderr=stderr, file=file, width=width, markup=False, emoji=False, highlight=False)
 
 
 def show_line(console: Console, text: str) -> None:

@@ -1,7 +1,5 @@
 """The audit trail of the site for the window: reading with verification, and export."""
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +7,7 @@ from pathlib import Path
 
 from calstation.config import library
 from calstation.errors import ConfigurationError
+from calstation.escaping import for_csv
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
 from calstation.records import AuditEvent, AuditTrail, audit_path, read_audit, write_atomic
@@ -45,11 +44,8 @@ def export_trail(report: ProgressCallback, events: Sequence[AuditEvent], target:
     """Job: write events to a ``.csv`` file, or as a JSON list. Raises ConfigurationError if it cannot be written."""
     rows = [each.model_dump() for each in events]
     if target.suffix == ".csv":
-        stream = io.StringIO(newline="")
-        writer = csv.DictWriter(stream, tuple(AuditEvent.model_fields))
-        writer.writeheader()
-        writer.writerows({**row, "values": json.dumps(row["values"], ensure_ascii=False)} for row in rows)
-        content = "\ufeff" + stream.getvalue()  # so that spreadsheets recognise UTF-8
+        lines = [[*{**row, "values": json.dumps(row["values"], ensure_ascii=False)}.values()] for row in rows]
+        content = "\ufeff" + for_csv([[*AuditEvent.model_fields], *lines])  # so that spreadsheets recognise UTF-8
     else:
         content = json.dumps(rows, indent=1, ensure_ascii=False) + "\n"
     try:

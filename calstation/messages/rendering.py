@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
+from calstation.escaping import for_sentence
 from calstation.messages.catalogue import entry, known
 
 Language = Literal["en", "zh_CN"]
@@ -22,6 +23,9 @@ COMMAND_OPTIONS = ("station_options", "out_option", "slot_option")
 
 #: Remedy for operators instead of one for engineers.
 _ASK = "advice.ask_about_device"
+
+#: Largest numbers of characters of a value and of a list in a sentence.
+_MAX_VALUE, _MAX_LIST = 500, 1500
 
 #: Endings of complete sentences.
 _ENDS = (".", "?", "!", ".)", "。", "？", "！", "。）")
@@ -254,6 +258,13 @@ class _Formatter(string.Formatter):
         return super().get_value(key, args, kwargs)
 
     def format_field(self, value: Any, format_spec: str) -> str:
+        text = self._formatted(value, format_spec)
+        if isinstance(value, Text):
+            return text
+        limit = _MAX_LIST if isinstance(value, list | tuple) else _MAX_VALUE
+        return for_sentence(text if len(text) <= limit else text[:limit] + "…")
+
+    def _formatted(self, value: Any, format_spec: str) -> str:
         if isinstance(value, Text):
             values = {**value.values, **self._options}
             text = render(value.code, values, self._language, window=self._window, operator=self._operator)

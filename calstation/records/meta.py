@@ -4,7 +4,6 @@ It is stored next to a CSV as TOML or inside a raw log, and includes the last cr
 """
 
 import json
-import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -16,6 +15,7 @@ import tomli_w
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.errors import ConfigurationError, InputError
+from calstation.escaping import for_file_name
 from calstation.estimation.common import (
     ImuModel,
     Posterior,
@@ -489,8 +489,7 @@ def correlation_of(covariance: FloatArray) -> dict[str, dict[str, float]]:
 
 def pair_path(folder: Path, primary: str, secondary: str) -> Path:
     """Return the path of the file for a pair of IMUs, which is named after both serial numbers."""
-    names = [re.sub(r"[^A-Za-z0-9.-]", "-", serial) for serial in (primary, secondary)]
-    return folder / f"{names[0]}_{names[1]}.toml"
+    return folder / f"{for_file_name(primary)}_{for_file_name(secondary)}.toml"
 
 
 def load_pair(folder: Path, primary: str, secondary: str) -> StoredCrossCalibration:

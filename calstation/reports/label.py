@@ -10,6 +10,7 @@ from pathlib import Path
 from calstation.config import library, load_product, load_station
 from calstation.devices.links import host_and_port
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
+from calstation.escaping import for_zpl
 from calstation.jobs import ProgressCallback
 from calstation.messages import local_time, os_reason
 from calstation.records import Verdict, write_atomic
@@ -19,9 +20,6 @@ from calstation.results import History, Result, load_result
 
 #: Timeout for connecting to a printer and for sending a label, host time, s.
 _TIMEOUT_S = 5.0
-
-#: Translation that removes the characters that begin a ZPL command, which a value must not contain.
-_COMMAND_REMOVAL = str.maketrans("^~", "  ")
 
 
 def label_template(result: Result) -> Path | None:
@@ -105,7 +103,7 @@ def qr_code(text: str) -> str:
 
 
 def _fill_template(template: Path, result: Result) -> str:
-    fields = {name: text.translate(_COMMAND_REMOVAL) for name, text in label_fields(result).items()}
+    fields = {name: for_zpl(text) for name, text in label_fields(result).items()}
     try:
         return string.Template(template.read_text(encoding="utf-8")).substitute(fields)
     except OSError as exc:

@@ -3,11 +3,9 @@
 A run is pending from its start until its result is delivered, regardless of its outcome; a later run may deliver it.
 """
 
-import csv
-import io
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from operator import attrgetter
@@ -15,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.config import StationConfig, load_station
+from calstation.escaping import for_csv
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
 from calstation.parsing import MAX_JSON, parse_json, read_limited
@@ -183,17 +182,10 @@ def _append(folder: Path, name: str, result: Result) -> None:
         if f",{name}.json\n".encode() in tail:
             return
         begin = "" if not tail or tail.endswith(b"\n") else "\n"  # the last line may be truncated by a power failure
-        header = "" if size else csv_line([*COLUMNS, "result"])
-        os.write(handle, (begin + header + csv_line(cells)).encode())
+        header = "" if size else for_csv([[*COLUMNS, "result"]])
+        os.write(handle, (begin + header + for_csv([cells])).encode())
         os.fsync(handle)
 
 
 def _cell(value: Any) -> str:
     return "" if value is None else " ".join(str(value).split())
-
-
-def csv_line(cells: Sequence[str | None]) -> str:
-    """Return a line of a CSV file; None is an empty cell."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(cells)
-    return text.getvalue()

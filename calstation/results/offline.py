@@ -7,11 +7,11 @@ from contextlib import suppress
 from pathlib import Path
 
 from calstation.errors import ConfigurationError
+from calstation.escaping import for_csv
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.physics import INDEX, NAMES, PARAMETERS, EffectName, further_parameter
 from calstation.records import IndexedRun, RunFilter, Verdict, export_csv, partial_path, write_atomic
-from calstation.results.handover import csv_line
 from calstation.results.history import History
 from calstation.results.plots import StageSpan
 from calstation.results.resolving import Resolved, resolve
@@ -140,7 +140,7 @@ def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[str]:
     solved = dict.fromkeys(name for run in runs for name in run.values)
     names = [*(name for name in NAMES if name in solved), *(name for name in solved if name not in INDEX)]
     heads = [f"{name}{end}{_unit_text(name)}" for name in names for end in ("", "_sigma")]
-    yield csv_line([*_RUN_COLUMNS, *heads])
+    yield for_csv([[*_RUN_COLUMNS, *heads]])
     for run in runs:
         record = run.record
         cells = [record.serial, record.started_utc, repr(record.duration), record.product, record.station]
@@ -148,7 +148,7 @@ def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[str]:
         cells += ["; ".join(check.name for check in run.failed_checks), record.batch, record.slot]
         for name in names:
             cells += [repr(run.values[name]), repr(run.sigmas.get(name, math.nan))] if name in run.values else ["", ""]
-        yield csv_line(cells)
+        yield for_csv([cells])
 
 
 def _unit_text(name: str) -> str:
@@ -160,11 +160,11 @@ def _unit_text(name: str) -> str:
 def _parameters_csv(result: Result, stored: Result | None) -> str:
     before = stored.parameters if stored is not None else {}
     head = ("parameter", "value", "sigma", "unit", "stage", "online_value", "online_sigma", "difference_in_sigma")
-    lines = [csv_line(head)]
+    lines = [for_csv([head])]
     for name, row in result.parameters.items():
         online = before.get(name)
         compared = ["", "", ""]
         if online is not None:
             compared = [repr(online.value), repr(online.sigma), f"{in_sigma(row, online):.6g}"]
-        lines.append(csv_line([name, repr(row.value), repr(row.sigma), row.unit, row.stage, *compared]))
+        lines.append(for_csv([[name, repr(row.value), repr(row.sigma), row.unit, row.stage, *compared]]))
     return "".join(lines)

@@ -1,7 +1,6 @@
 """Preparation of a requested run: its configuration, folder, history and log."""
 
 import logging
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -22,6 +21,7 @@ from calstation.config import (
     site_folder,
 )
 from calstation.errors import ConfigurationError
+from calstation.escaping import for_file_name
 from calstation.judgement import is_partial
 from calstation.messages import Text, os_reason
 from calstation.physics import INDEX, group_indices
@@ -104,7 +104,7 @@ class PreparedRun:
     @property
     def _file_name(self) -> str:
         """Beginning of the name of the log."""
-        return re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
+        return for_file_name(self.setup.request.serial)
 
     def open(self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None = None) -> "OpenRun":
         """Create the log of the run, and register its result as pending for the hand-over.

@@ -5,12 +5,24 @@ from functools import partial
 from typing import Any
 
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
-from PySide6.QtWidgets import QCheckBox, QFrame, QLabel, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QFrame, QToolButton, QVBoxLayout, QWidget
 
 from calstation.config import ScheduleOptions
 from calstation.gui.engineer.schedule_form import ScheduleForm
 from calstation.gui.text import about, bind, on_language_change, product_text, say, term
-from calstation.gui.widgets import box, button, clear, column, enable, label, row, scroll_area, show_text, theme
+from calstation.gui.widgets import (
+    PlainLabel,
+    box,
+    button,
+    clear,
+    column,
+    enable,
+    label,
+    row,
+    scroll_area,
+    show_text,
+    theme,
+)
 from calstation.messages import Text
 
 #: Stages of each part of the calibration, by the suffix of the object name of its check box.
@@ -262,7 +274,7 @@ class _StageRow(QFrame):
     def __init__(self, stage: str, parent: QWidget) -> None:
         super().__init__(parent)
         self.stage = stage
-        self.number = QLabel()
+        self.number = PlainLabel()
         self.number.setFixedWidth(2 * theme.GRID)
         self.number.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.check = QCheckBox()

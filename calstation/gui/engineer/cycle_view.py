@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
-from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
+from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.text import Words, bind, duration_text, say, term
-from calstation.gui.widgets import clear, column, grid, label, row, theme
+from calstation.gui.widgets import PlainLabel, clear, column, grid, label, row, theme
 from calstation.results import Result
 
 #: Height of a bar, and size of a colour in the legend, px.
@@ -127,7 +127,7 @@ class CycleView(QWidget):
             self._legend.addWidget(swatch, number, 0)
         share = 100.0 * seconds / total if total > 0.0 else 0.0
         for index, text in enumerate((name, duration_text(seconds, tenths=True), f"{share:.1f} %"), 1):
-            cell = QLabel(text)
+            cell = PlainLabel(text)
             cell.setFont(theme.font(bold=colour is None))
             if index > 1:
                 cell.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)

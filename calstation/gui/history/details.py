@@ -41,6 +41,7 @@ from calstation.gui.widgets import (
     fill_combo,
     label,
     ordered,
+    plain_tip,
     row,
     scroll_area,
     set_subject,
@@ -325,7 +326,7 @@ class RunDetails(QFrame):
         enable(self.result_button, "" if solved else say("history.no_parameters"), say("history.show_parameters"))
         enable(self.log_button, self._why_no_log(run), say("history.draw_log"))
         self.folder_button.setVisible(not run.origin)
-        self.folder_button.setToolTip(str(run.log.parent))
+        self.folder_button.setToolTip(plain_tip(str(run.log.parent)))
         busy = say("history.wait_for_run") if actions.running else ""
         enable(self.resume_button, busy, say("history.resume_tip"))
         enable(

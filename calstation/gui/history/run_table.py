@@ -9,7 +9,7 @@ from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
 
 from calstation.gui.text import KINDS, duration_text, on_language_change, product_text, say, term
-from calstation.gui.widgets import state_colour, state_icon, theme
+from calstation.gui.widgets import plain_tip, state_colour, state_icon, theme
 from calstation.messages import local_time
 from calstation.records import RunRecord
 
@@ -144,7 +144,9 @@ class RunTable(QTableWidget):
             cells[_OUTCOME].setIcon(state_icon(kind))
             cells[_OUTCOME].setForeground(state_colour(kind))
             for column, cell in enumerate(cells):
-                cell.setToolTip(local_time(run.started_utc, zone=True) if column == _STARTED else cell.text())
+                cell.setToolTip(
+                    plain_tip(local_time(run.started_utc, zone=True) if column == _STARTED else cell.text())
+                )
                 self.setItem(number, column, cell)
 
     def _refresh(self) -> None:

@@ -6,11 +6,11 @@ import numpy as np
 from PySide6.QtCore import QRectF, QSizeF, Qt
 from PySide6.QtGui import QColor, QPaintEvent, QPixmap
 from PySide6.QtSvg import QSvgRenderer
-from PySide6.QtWidgets import QFrame, QLabel, QWidget
+from PySide6.QtWidgets import QFrame, QWidget
 
 from calstation.gui.operator.live import PositionPicture, TablePicture
 from calstation.gui.text import on_language_change, rendered
-from calstation.gui.widgets import column, grid, label, row, theme
+from calstation.gui.widgets import PlainLabel, column, grid, label, row, theme
 from calstation.messages import Text
 from calstation.runs import RunSummary
 
@@ -67,7 +67,7 @@ class Loading(QFrame):
         self._texts = [label(kind="muted", wrap=True) for _ in range(4)]
         steps = grid(across=2 * theme.GRID, down=0, stretch=1)
         for step, (title, text) in enumerate(zip(self._titles, self._texts, strict=True)):
-            number = QLabel(str(step + 1))
+            number = PlainLabel(str(step + 1))
             number.setFont(theme.font(theme.SECTION, bold=True))
             title.setFont(theme.font(theme.SECTION))
             text.setContentsMargins(0, 0, 0, 2 * theme.GRID)

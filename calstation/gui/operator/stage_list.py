@@ -3,11 +3,23 @@
 from typing import cast
 
 from PySide6.QtCore import QSize, Qt
-from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListWidget, QListWidgetItem
+from PySide6.QtWidgets import QAbstractItemView, QFrame, QListWidget, QListWidgetItem
 
 from calstation.gui.state import EndStageButton, RunStatus, StageState, stage_rows
 from calstation.gui.text import about, duration_text, on_language_change, say, term
-from calstation.gui.widgets import PANEL, STEPS, StateIcon, column, label, progress_bar, row, show_text, theme
+from calstation.gui.widgets import (
+    PANEL,
+    STEPS,
+    PlainLabel,
+    StateIcon,
+    column,
+    label,
+    plain_tip,
+    progress_bar,
+    row,
+    show_text,
+    theme,
+)
 from calstation.runs import RunSummary
 
 _KINDS = {
@@ -30,7 +42,7 @@ class _Row(QFrame):
         super().__init__()
         self.setProperty("kind", "")
         self._icon, self._bar = StateIcon(18), progress_bar(3)
-        self._name, self._state, self._time = QLabel(), QLabel(), label(kind="muted")
+        self._name, self._state, self._time = PlainLabel(), PlainLabel(), label(kind="muted")
         right = Qt.AlignmentFlag.AlignRight
         times = column(None, (self._state, 0, right), (self._time, 0, right), None, spacing=0)
         line = row(self._icon, (self._name, 1), times, spacing=theme.GRID, margins=(2 * theme.GRID, 0, theme.GRID, 0))
@@ -67,7 +79,7 @@ class StageList(QFrame):
         self.list.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.list.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
         self.list.setVerticalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
-        self._remaining, self._note = QLabel(), label(kind="muted", wrap=True)
+        self._remaining, self._note = PlainLabel(), label(kind="muted", wrap=True)
         self._remaining.setFont(theme.font(theme.SECTION))
         self._remaining.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 0)
         self._partial = label(kind="partial", name="partial_label", wrap=True)
@@ -120,7 +132,7 @@ class StageList(QFrame):
         cast("_Row", self.list.itemWidget(item)).show_stage(kind, name, state, time, stage.fraction)
         text = ", ".join(filter(None, (name, state, time)))
         item.setData(Qt.ItemDataRole.AccessibleTextRole, text)
-        item.setToolTip("\n".join(filter(None, (text, about("stage", stage.name)))))
+        item.setToolTip(plain_tip("\n".join(filter(None, (text, about("stage", stage.name))))))
 
     def _time_text(self, stage: StageState, planning: bool) -> str:
         """Return the time from the start of a stage to its solution, or its remaining time."""

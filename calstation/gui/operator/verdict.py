@@ -7,7 +7,7 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QFrame, QLabel, QWidget
+from PySide6.QtWidgets import QFrame, QWidget
 
 from calstation.config import load_station
 from calstation.connection import LinkTestRequest
@@ -17,7 +17,20 @@ from calstation.gui.operator.production import CertificateButton, LabelButton
 from calstation.gui.operator.units import Banner
 from calstation.gui.state import AppContext, ResetBar
 from calstation.gui.text import duration_text, fault_text, say
-from calstation.gui.widgets import NoticeBar, StateIcon, button, clear, column, grid, label, row, show_text, theme
+from calstation.gui.widgets import (
+    NoticeBar,
+    PlainLabel,
+    StateIcon,
+    button,
+    clear,
+    column,
+    grid,
+    label,
+    plain_tip,
+    row,
+    show_text,
+    theme,
+)
 from calstation.messages import Rendered, entry, event_text, known
 from calstation.physics import aligned
 from calstation.results import Result, load_result
@@ -62,13 +75,13 @@ class FiguresTable(QWidget):
             icon = StateIcon(self._size)
             icon.set_kind("bad" if not figure.passed else "caution" if figure.near else "good")
             hints = (figure.about, say("operator.near_tip") if figure.near else "")
-            icon.setToolTip(tip := "\n".join(filter(None, hints)))
+            icon.setToolTip(plain_tip(tip := "\n".join(filter(None, hints))))
             self._grid.addWidget(icon, number, 0)
             decisive = 3 if figure.by_sigma else 2
             for at, text in enumerate((figure.name, value, sigma, figure.limit, figure.unit), start=1):
-                cell = QLabel(text)
+                cell = PlainLabel(text)
                 cell.setFont(theme.font(self._size, bold=at == decisive))
-                cell.setToolTip(tip)
+                cell.setToolTip(plain_tip(tip))
                 cell.setWordWrap(self._wrap and at == 1)
                 self._add_cell(cell, number, at)
             number += 1
@@ -77,7 +90,7 @@ class FiguresTable(QWidget):
         """Set the font size of the next result, px."""
         self._size = size
 
-    def _add_cell(self, cell: QLabel, row: int, column: int) -> None:
+    def _add_cell(self, cell: PlainLabel, row: int, column: int) -> None:
         side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
         cell.setAlignment(side | Qt.AlignmentFlag.AlignVCenter)
         self._grid.addWidget(cell, row, column)

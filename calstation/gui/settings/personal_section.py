@@ -20,6 +20,7 @@ from calstation.gui.widgets import (
     enable,
     label,
     line_edit,
+    plain_tip,
     row,
     theme,
 )
@@ -92,7 +93,7 @@ class PersonalSection(QWidget):
             self._language.show_value(language.current())
             self._theme.show_value(theme.current())
         self._runs.setText(str(self._app.runs_folder.absolute()))
-        self._runs.setToolTip(self._runs.text())
+        self._runs.setToolTip(plain_tip(self._runs.text()))
         known = access.has_pin(self._badge)
         self._old_row.setVisible(access.has_pin())
         self._old.setPlaceholderText("" if known else say("settings.site_pin"))

@@ -16,7 +16,19 @@ from calstation.gui.settings.form_view import FormView
 from calstation.gui.settings.standards_form import StandardsForm
 from calstation.gui.state import AppContext
 from calstation.gui.text import bind, on_language_change, say
-from calstation.gui.widgets import ChoiceBox, NameBar, box, button, column, enable, label, row, show_text, theme
+from calstation.gui.widgets import (
+    ChoiceBox,
+    NameBar,
+    box,
+    button,
+    column,
+    enable,
+    label,
+    plain_tip,
+    row,
+    show_text,
+    theme,
+)
 from calstation.messages import local_time
 from calstation.schema import Problem
 
@@ -187,7 +199,7 @@ class ProfilesSection(QWidget):
         """Disable changes and show `reason` in tooltips; "" enables them."""
         self._locked = reason
         self.editor.setReadOnly(bool(reason))
-        self.editor.setToolTip(reason)
+        self.editor.setToolTip(plain_tip(reason))
         enable(self._new_button, reason)
         for form in self.forms:
             form.lock(reason)
@@ -223,7 +235,7 @@ class ProfilesSection(QWidget):
         self._problems.setFixedHeight((min(len(draft.problems), 3) * 5 + 1) * theme.GRID)
         shipped = any(entry.path == draft.path and entry.shipped for entry in editing.list_files(draft.kind))
         self._about.setText(say("setting.file_shipped" if shipped else "setting.file_own"))
-        self._about.setToolTip(str(draft.path))
+        self._about.setToolTip(plain_tip(str(draft.path)))
         self._versions_panel.setVisible(not isinstance(view, FormView))
         self._show_versions(draft)
         self._show_difference()

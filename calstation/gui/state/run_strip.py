@@ -5,13 +5,24 @@ from collections.abc import Callable, Sequence
 from datetime import datetime
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QLabel, QPushButton, QWidget
+from PySide6.QtWidgets import QPushButton, QWidget
 
 from calstation.database import ExchangeState
 from calstation.gui.state.context import AppContext
 from calstation.gui.state.run_status import RunStatus
 from calstation.gui.text import KINDS, bind, duration_text, on_language_change, say, term
-from calstation.gui.widgets import STEPS, ElidedLabel, StateBadge, column, enable, progress_bar, show_text, theme
+from calstation.gui.widgets import (
+    STEPS,
+    ElidedLabel,
+    PlainLabel,
+    StateBadge,
+    column,
+    enable,
+    plain_tip,
+    progress_bar,
+    show_text,
+    theme,
+)
 from calstation.messages import local_time
 
 #: Outcomes of units in the order in which they are counted.
@@ -113,7 +124,7 @@ class PauseButton(QPushButton):
         self.setText(say("common.resume" if run.state in ("pausing", "paused") else "operator.pause"))
 
 
-class ExchangeLabel(QLabel):
+class ExchangeLabel(PlainLabel):
     """A line with the numbers of runs and logs that cannot be sent because of an error, which its tooltip shows."""
 
     def __init__(self, app: AppContext) -> None:
@@ -128,7 +139,7 @@ class ExchangeLabel(QLabel):
         state = self._app.exchange_state
         show_text(self, "" if state is None else "  ·  ".join(filter(None, (self._runs(state), self._logs(state)))))
         errors = () if state is None else (state.error, state.archive_error)
-        self.setToolTip("\n".join(say(error) for error in errors if error is not None))
+        self.setToolTip(plain_tip("\n".join(say(error) for error in errors if error is not None)))
 
     def _runs(self, state: ExchangeState) -> str:
         count, since = state.pending, state.contact_utc

@@ -5,10 +5,10 @@ from functools import cache, partial
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QIcon, QPainter, QPaintEvent, QPen, QPixmap, QPolygonF
-from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
+from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import row
+from calstation.gui.widgets.layout import PlainLabel, row
 
 #: Kinds of states, with the symbols ring, ring with a dot, filled triangle, tick, half-filled ring, cross, triangle
 #: with an exclamation mark, two bars, square, and a tick that makes no statement about quality.
@@ -160,7 +160,7 @@ class StateBadge(QWidget):
     def __init__(self, size: int = theme.BODY, name: str = "") -> None:
         super().__init__()
         self.setObjectName(name)
-        self._icon, self._word = StateIcon(), QLabel()
+        self._icon, self._word = StateIcon(), PlainLabel()
         self.set_size(size)
         row(self._icon, self._word, on=self)
         self.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)

@@ -11,7 +11,18 @@ from calstation.config import FieldSpec
 from calstation.gui.text import Words, bind, on_language_change, say
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.inputs import ChoiceBox, Editor, FlagBox, NumberEdit, TextEdit, VectorEdit
-from calstation.gui.widgets.layout import Item, button, column, enable, grid, label, line_edit, row, show_text
+from calstation.gui.widgets.layout import (
+    Item,
+    PlainLabel,
+    button,
+    column,
+    enable,
+    grid,
+    label,
+    line_edit,
+    row,
+    show_text,
+)
 from calstation.messages import known
 from calstation.schema import KeyPath, Problem, value_at
 
@@ -87,7 +98,7 @@ class FormField(QWidget):
         self.default: Any = None
         editor.setObjectName(name)
         self.label = label(words, wrap=True, buddy=editor)
-        self.unit = QLabel(unit)
+        self.unit = PlainLabel(unit)
         self.message = label(name=f"{name.removesuffix('_edit')}_message", wrap=True)
         bind(editor.setAccessibleName, words)
         if isinstance(editor, FlagBox):

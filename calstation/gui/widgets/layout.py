@@ -6,6 +6,7 @@ from typing import Any, Generic, TypeVar
 
 from PySide6.QtCore import QEvent, QObject, QSignalBlocker, QSize, Qt, SignalInstance
 from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
+from PySide6.QtGui import Qt as QtText
 from PySide6.QtWidgets import (
     QBoxLayout,
     QComboBox,
@@ -44,6 +45,20 @@ STEPS = 1000
 
 Box = TypeVar("Box", bound=QBoxLayout)
 Data = TypeVar("Data")
+
+
+class PlainLabel(QLabel):
+    """A label that shows its text as it is, even if Qt would take it for rich text."""
+
+    def __init__(self, text: str = "") -> None:
+        super().__init__()
+        self.setTextFormat(Qt.TextFormat.PlainText)
+        self.setText(text)
+
+
+def plain_tip(text: str) -> str:
+    """Return a tooltip that Qt shows as plain text."""
+    return QtText.convertFromPlainText(text) if QtText.mightBeRichText(text) else text
 
 
 def column(
@@ -187,7 +202,7 @@ def label(
     buddy
         The labelled input.
     """
-    text_label = QLabel()
+    text_label = PlainLabel()
     text_label.setObjectName(name)
     text_label.setWordWrap(wrap)
     if kind:
@@ -310,10 +325,10 @@ def clear(layout: QLayout) -> None:
 def enable(widget: QWidget, why_not: str, tip: str = "") -> None:
     """Enable a widget, or disable it with the reason as its tooltip; `tip` is the tooltip while it is enabled."""
     widget.setEnabled(not why_not)
-    widget.setToolTip(why_not or tip)
+    widget.setToolTip(plain_tip(why_not or tip))
 
 
-class ElidedLabel(QLabel):
+class ElidedLabel(PlainLabel):
     """A line of text that ends in an ellipsis if it is too long; the tooltip shows the whole text."""
 
     def __init__(self, kind: str = "") -> None:
@@ -329,7 +344,7 @@ class ElidedLabel(QLabel):
     def setText(self, text: str) -> None:
         """Set the text and the tooltip."""
         super().setText(text)
-        self.setToolTip(text)
+        self.setToolTip(plain_tip(text))
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw as much of the text as fits."""

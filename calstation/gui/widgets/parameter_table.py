@@ -1,6 +1,5 @@
 """Tables with one parameter per row: a model that is defined by its columns, and views that can be copied and saved."""
 
-import csv
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QTableView, QWidget
 
+from calstation.escaping import for_csv
 from calstation.gui.text import Words, about, bind, parameter_text, say, with_minus, without_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import state_colour, state_icon
@@ -236,7 +236,7 @@ class ParameterTable(QTableView):
 
     def _save(self, target: Path) -> None:
         with target.open("w", encoding="utf-8-sig", newline="") as file:
-            csv.writer(file).writerows(self.parameters.lines(range(self.parameters.rowCount())))
+            file.write(for_csv(self.parameters.lines(range(self.parameters.rowCount()))))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Copy rows on Ctrl+C."""

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPaintEvent, QPen
-from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
+from PySide6.QtWidgets import QGridLayout, QWidget
 
 from calstation.gui.text import duration_text, on_language_change, term
-from calstation.gui.widgets import StateBadge, clear, draw_state, label, state_colour, theme
+from calstation.gui.widgets import PlainLabel, StateBadge, clear, draw_state, label, state_colour, theme
 from calstation.results import PairProgress
 
 #: Position of the threshold as a fraction of the full width of the bars; longer bars are clipped.
@@ -50,9 +50,9 @@ class CheckBars(QWidget):
             limit, verdict = label(kind="muted"), StateBadge()
             limit.setText(bar.limit)
             verdict.show_state(bar.state, bar.verdict)
-            self._grid.addWidget(QLabel(bar.name), line, 0)
+            self._grid.addWidget(PlainLabel(bar.name), line, 0)
             self._grid.addWidget(_Bar(bar.share), line, 1)
-            self._grid.addWidget(QLabel(bar.value), line, 2, right)
+            self._grid.addWidget(PlainLabel(bar.value), line, 2, right)
             self._grid.addWidget(limit, line, 3, right)
             self._grid.addWidget(verdict, line, 4)
 

@@ -3,7 +3,7 @@
 from math import ceil
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QLabel, QWidget
+from PySide6.QtWidgets import QFrame, QWidget
 
 from calstation.gui.logs.methods import GimbalView
 from calstation.gui.operator.live.convergence import Convergence
@@ -13,7 +13,7 @@ from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.units import COLUMNS, UnitTiles
 from calstation.gui.state import AppContext, RunStatus, largest_sigmas
 from calstation.gui.text import on_language_change, rendered
-from calstation.gui.widgets import PANEL, StateIcon, column, grid, label, row, set_subject, stack, theme
+from calstation.gui.widgets import PANEL, PlainLabel, StateIcon, column, grid, label, row, set_subject, stack, theme
 from calstation.messages import Text
 from calstation.physics import ALIGNED
 from calstation.results.plots import gimbal_turns
@@ -47,7 +47,7 @@ class Preparation(QFrame):
         self.setProperty("kind", "panel")
         self._run = run
         self._current = 0
-        self._rows = [(StateIcon(20), QLabel(), label(kind="muted", wrap=True)) for _ in _STEPS]
+        self._rows = [(StateIcon(20), PlainLabel(), label(kind="muted", wrap=True)) for _ in _STEPS]
         steps = grid(across=2 * theme.GRID, down=theme.GRID, stretch=2)
         for number, widgets in enumerate(self._rows):
             for at, widget in enumerate(widgets):

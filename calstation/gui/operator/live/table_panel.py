@@ -2,13 +2,14 @@
 
 import numpy as np
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QGraphicsOpacityEffect, QLabel
+from PySide6.QtWidgets import QFrame, QGraphicsOpacityEffect
 
 from calstation.gui.text import on_language_change, say, with_minus
 from calstation.gui.widgets import (
     PANEL,
     VIEWER,
     Drawing,
+    PlainLabel,
     StateBadge,
     basis,
     column,
@@ -131,7 +132,7 @@ class TablePanel(QFrame):
         self._moved: TableMoved | JointsMoved | None = None
         self._order = ""
         self._names = [label(), label(), label()]
-        self.angle_labels = [QLabel(), QLabel(), QLabel()]
+        self.angle_labels = [PlainLabel(), PlainLabel(), PlainLabel()]
         self._rates = [label(kind="muted"), label(kind="muted"), label(kind="muted")]
         figures = grid(down=0, stretch=1)
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter

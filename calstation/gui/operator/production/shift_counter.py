@@ -3,11 +3,10 @@
 from datetime import datetime
 
 from PySide6.QtCore import QTimer
-from PySide6.QtWidgets import QLabel
 
 from calstation.gui.state import AppContext
 from calstation.gui.text import duration_text, on_language_change, say
-from calstation.gui.widgets import show_text
+from calstation.gui.widgets import PlainLabel, show_text
 from calstation.results import ShiftCount, count_shift, shift_start
 from calstation.runs import RunSummary
 
@@ -15,7 +14,7 @@ from calstation.runs import RunSummary
 _CHECK_MS = 60_000
 
 
-class ShiftCounter(QLabel):
+class ShiftCounter(PlainLabel):
     """A line with the counts of the shift, which a background job computes; hidden while the station is unusable."""
 
     def __init__(self, app: AppContext) -> None:

@@ -1,12 +1,24 @@
 """Panel with a tile for each slot of the table, in which the units of the next run are scanned."""
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFrame, QLabel
+from PySide6.QtWidgets import QFrame
 
 from calstation.gui.operator.units.tiles import Tile, arrange, pass_clicks
 from calstation.gui.state import Slot, Slots
 from calstation.gui.text import on_language_change, rendered, say
-from calstation.gui.widgets import PANEL, ElidedLabel, StateIcon, button, column, grid, label, row, show_text, theme
+from calstation.gui.widgets import (
+    PANEL,
+    ElidedLabel,
+    PlainLabel,
+    StateIcon,
+    button,
+    column,
+    grid,
+    label,
+    row,
+    show_text,
+    theme,
+)
 from calstation.messages import Text
 
 
@@ -75,7 +87,7 @@ class SlotsPanel(QFrame):
         self._situation = "driven"
         self._tiles: list[_SlotTile] = []
         self._title, self._text = label(kind="section"), label(kind="muted", wrap=True)
-        self._count = QLabel()
+        self._count = PlainLabel()
         self._count.setObjectName(f"{prefix}slots_count_label")
         self._grid = grid()
         column(row((self._title, 1), self._count), self._text, (self._grid, 1), on=self, margins=PANEL)

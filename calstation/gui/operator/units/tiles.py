@@ -18,7 +18,7 @@ from PySide6.QtWidgets import (
 
 from calstation.gui.state import TRANSFER, RunStatus, UnitStatus
 from calstation.gui.text import KINDS, bind, fault_text, on_language_change, rendered, say, term
-from calstation.gui.widgets import ElidedLabel, StateIcon, clear, column, grid, label, row, theme
+from calstation.gui.widgets import ElidedLabel, StateIcon, clear, column, grid, label, plain_tip, row, theme
 
 #: Maximum number of tiles in a row.
 COLUMNS = 4
@@ -49,7 +49,7 @@ class Tile(QAbstractButton):
     def describe(self, *texts: str) -> None:
         """Set the accessible name and the tooltip from texts; empty texts are omitted."""
         self.setAccessibleName(", ".join(filter(None, texts)))
-        self.setToolTip(self.accessibleName())
+        self.setToolTip(plain_tip(self.accessibleName()))
 
 
 def pass_clicks(*widgets: QWidget) -> None:

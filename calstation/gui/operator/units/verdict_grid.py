@@ -14,7 +14,19 @@ from calstation.gui.operator.units.banner import Banner
 from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange_in_slots, pass_clicks
 from calstation.gui.state import AppContext, UnitStatus, run_badge
 from calstation.gui.text import fault_text, say
-from calstation.gui.widgets import PANEL, ElidedLabel, NoticeBar, StateBadge, button, column, grid, label, row, theme
+from calstation.gui.widgets import (
+    PANEL,
+    ElidedLabel,
+    NoticeBar,
+    StateBadge,
+    button,
+    column,
+    grid,
+    label,
+    plain_tip,
+    row,
+    theme,
+)
 from calstation.records import Verdict
 from calstation.results import Result
 
@@ -63,7 +75,7 @@ class _VerdictTile(Tile):
         self._banner.show_state("released" if released else state, unit.slot)
         for widget, text in zip((self.reason, self._action), whole if self.roomy else brief, strict=True):
             widget.setText(text)
-        self.setToolTip("\n".join(whole))
+        self.setToolTip(plain_tip("\n".join(whole)))
         self.setAccessibleName(", ".join((unit.slot, unit.serial, self._banner.word.text(), *whole)))
 
 
