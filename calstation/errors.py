@@ -3,7 +3,7 @@
 from functools import partial
 from typing import Any
 
-from calstation.messages import Language, Rendered, Text, entry, render
+from calstation.messages import Language, Rendered, Text, entry, os_reason, render
 
 
 class CalstationError(Exception):
@@ -40,6 +40,13 @@ class CalstationError(Exception):
 
 class ConfigurationError(CalstationError):
     """A station, profile, product or command-line value is wrong (exit code 2)."""
+
+
+def system_error(error: OSError) -> ConfigurationError | None:
+    """Return the error of a file that the system does not let the program use; None if no file is concerned."""
+    if error.filename is None or error.errno is None:
+        return None
+    return ConfigurationError("program.file_unusable", file=error.filename, reason=os_reason(error))
 
 
 class InputError(CalstationError):

@@ -43,6 +43,11 @@ def for_csv(rows: Iterable[Iterable[object]]) -> str:
     return stream.getvalue()
 
 
+def surrogates(text: str) -> bool:
+    """Return whether a text, such as a path that is not UTF-8, contains characters that no UTF-8 file can store."""
+    return any("\ud800" <= char <= "\udfff" for char in text)
+
+
 def for_zpl(text: str) -> str:
     """Return the text without control characters and those that begin a command of a label printer."""
     return "".join(" " if unicodedata.category(char) in _INVISIBLE else char for char in text.translate(_ZPL_COMMANDS))

@@ -19,7 +19,8 @@ from calstation import applog
 from calstation.cli import commands
 from calstation.cli.process import STOPPED, interruption
 from calstation.cli.text import say, sentence
-from calstation.errors import CalstationError
+from calstation.errors import CalstationError, ConfigurationError, system_error
+from calstation.escaping import surrogates
 from calstation.messages import known
 
 _NAME = "calstation"
@@ -154,12 +155,18 @@ def _report(error: BaseException, arguments: list[str], debug: bool) -> int:
         logger.error("%s: %s", type(error).__name__, error)
         print_error(sentence(error.as_text))
         return error.exit_code
-    logger.error("the command ended with a programming error", exc_info=error)
+    logger.error("the command ended with an unforeseen error", exc_info=error)
+    if isinstance(error, OSError) and (known_error := system_error(error)):
+        print_error(sentence(known_error.as_text))
+        return known_error.exit_code
     print_error(say("cli.internal", words=f"{type(error).__name__}: {error}"))
     return 2 if isinstance(error, OSError) else 3
 
 
 def _run(arguments: list[str], debug: bool) -> int:
+    for argument in arguments:
+        if surrogates(argument):
+            raise ConfigurationError("cli.not_utf8", argument=argument)
     code = app(arguments, prog_name=_NAME, standalone_mode=False, obj=debug)
     if code == _INTERRUPTED:
         raise KeyboardInterrupt

@@ -11,12 +11,19 @@ KINDS = ("stations", "tables", "imus", "products")
 
 
 def site_folder() -> Path:
-    """Return the site's folder: $CALSTATION_HOME, or else the platform's configuration folder."""
+    """Return the site's folder: $CALSTATION_HOME, or else the platform's configuration folder.
+
+    Raises ConfigurationError if neither is set and the user has no home folder.
+    """
     if home := os.environ.get("CALSTATION_HOME"):
         return Path(home)
-    if sys.platform == "win32":
-        return Path(os.environ.get("APPDATA", Path.home())) / "calstation"
-    return Path(os.environ.get("XDG_CONFIG_HOME", Path.home() / ".config")) / "calstation"
+    windows = sys.platform == "win32"
+    if folder := os.environ.get("APPDATA" if windows else "XDG_CONFIG_HOME"):
+        return Path(folder) / "calstation"
+    try:
+        return (Path.home() if windows else Path.home() / ".config") / "calstation"
+    except RuntimeError as exc:
+        raise ConfigurationError("configuration.no_home") from exc
 
 
 def pair_folder() -> Path:

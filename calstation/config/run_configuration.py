@@ -30,6 +30,7 @@ from calstation.devices.imu import RegisterMap
 from calstation.devices.links import SOCKETS
 from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile
 from calstation.errors import ConfigurationError
+from calstation.escaping import surrogates
 from calstation.estimation.common import SolveContext, without_gravity
 from calstation.parsing import MAX_TOML, read_limited
 from calstation.physics import INDEX, NAMES, PARAMETERS, Step, entry_of, group_indices
@@ -254,6 +255,8 @@ def load_configuration(request: RunRequest, adjust: Adjustment = lambda setup: s
 
     Raises ConfigurationError, which names the file, the entry and the remedy.
     """
+    if surrogates(folder := str(request.out.absolute())):
+        raise ConfigurationError("run.folder_not_utf8", folder=folder)
     station_path, station = load_station(request.station)
     with in_file(station_path):
         station = at_slot(station, request.slot)

@@ -15,7 +15,7 @@ from queue import Empty
 from typing import Any, Literal, Protocol
 
 from calstation import applog
-from calstation.errors import CalstationError
+from calstation.errors import CalstationError, system_error
 from calstation.jobs.process import ChildProcess, receive_stop_signals
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
@@ -288,7 +288,9 @@ def _run_job(connection: "Connection[Any, Any]", call: bytes) -> None:
 
 
 def _internal(error: BaseException) -> CalstationError:
-    """Convert an unexpected exception to an internal error of the program."""
+    """Convert an unexpected exception to an error of the system or of the program."""
+    if isinstance(error, OSError) and (of_system := system_error(error)):
+        return of_system
     text = " ".join(str(error).split())
     detail = f"{type(error).__name__}: {text}" if text else type(error).__name__
     return CalstationError("program.internal", detail=detail)

@@ -46,6 +46,7 @@ _OS_REASONS = {
     errno.ENOTDIR: "os.not_folder",
     errno.ESPIPE: "os.not_a_file",
     errno.EFBIG: "os.too_large",
+    errno.ENOLCK: "os.no_locks",
     errno.EIO: "os.io_error",
     errno.ENODEV: "os.no_device",
     errno.ENXIO: "os.no_device",

@@ -20,8 +20,15 @@ _MARK = "kernel_sources"
 
 
 def kernel(function: F) -> F:
-    """Compile a function when it is first called, or load it from the cache; other threads run meanwhile."""
-    return cast(F, nb.njit(cache=True, nogil=True)(function))
+    """Compile a function when it is first called, or load it from the cache; other threads run meanwhile.
+
+    The cache is next to the source or, in an installation that cannot be written, in the user's cache folder; without
+    either, every process compiles again.
+    """
+    try:
+        return cast(F, nb.njit(cache=True, nogil=True)(function))
+    except RuntimeError:  # no folder for the cache can be written
+        return cast(F, nb.njit(nogil=True)(function))
 
 
 def discard_outdated(root: Path) -> None:

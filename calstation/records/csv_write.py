@@ -30,7 +30,7 @@ def write_csv_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) ->
     except OSError as exc:
         raise InputError("csv.not_written", file=target, reason=os_reason(exc)) from exc
     finally:
-        with suppress(FileNotFoundError):
+        with suppress(OSError):
             partial.unlink()
 
 

@@ -12,6 +12,9 @@ from pathlib import Path
 #: Error numbers for a file that another process has locked.
 _LOCKED_ERRORS = (errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK)
 
+#: Error numbers of a file system without locks.
+NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
+
 #: Time between two attempts, s.
 _RETRY_INTERVAL = 0.02
 

@@ -17,7 +17,7 @@ from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, true_intervals
 from calstation.messages import os_reason
 from calstation.parsing import parse_json
-from calstation.records.files import TEST_TIMEOUT, is_locked
+from calstation.records.files import NO_LOCKS, TEST_TIMEOUT, is_locked
 from calstation.records.log import DamagedRows, Log
 from calstation.records.meta import meta_from_json
 from calstation.records.raw_log import CHECKSUM_COLUMN, CHUNK_ROWS, row_checks
@@ -35,6 +35,8 @@ _HDF5_ERRORS = (
 _NO_DAMAGE = np.empty((0, 2), np.int64)
 #: Number of attempts to open a file that a run may be writing, and the time between them, s.
 _ATTEMPTS, _RETRY_INTERVAL = 4, 0.05
+#: Age of the last change of a file that nobody writes, where the file system has no locks, s.
+_RECENT = 10.0
 
 
 def intact_rows(damaged: NDArray[np.int64], start: int, stop: int) -> NDArray[np.int64]:
@@ -67,11 +69,14 @@ def open_raw(path: Path, _: Path | None = None) -> Log:
 def being_written(path: Path, within: float = TEST_TIMEOUT) -> bool:
     """Return whether a run is still writing the log, as shown by its lock, which is tested for `within` s.
 
+    On a file system without locks, where no run of this program is recorded, a recent change counts instead.
     Raises InputError if the file cannot be read.
     """
     try:
         return is_locked(path, within)
     except OSError as exc:
+        if exc.errno in NO_LOCKS:
+            return time.time() - path.stat().st_mtime < _RECENT
         raise InputError("log.unreadable", file=path, reason=os_reason(exc)) from exc
 
 
@@ -225,8 +230,8 @@ def _open(path: Path, stack: ExitStack) -> h5py.File:
         raise OSError("the superblock is damaged")
     short = path.stat().st_size < superblock_end(head)
     source = stack.enter_context(AsClosed(path)) if short or is_unclosed(head) else path
-    # HDF5's chunk cache is off, because no chunk would be reused
-    file = stack.enter_context(h5py.File(source, "r", libver="latest", rdcc_nbytes=0))
+    # HDF5's chunk cache is off, because no chunk would be reused; its lock would fail on a share without locks
+    file = stack.enter_context(h5py.File(source, "r", libver="latest", rdcc_nbytes=0, locking=False))
     if not is_raw_log(file):
         raise InputError("log.foreign", file=path)
     check_structure(file)

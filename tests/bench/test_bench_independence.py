@@ -13,6 +13,7 @@ SHARED = {
     *("BoolArray", "FloatArray", "IntArray"),
     *("COUNT", "INDEX", "PARAMETERS", "group_indices", "group_matrix", "group_vector"),
     *("Dwell", "Move", "RoundEnd", "Step"),
+    "kernel",
 }
 
 MODULES = sorted(Path(calstation.bench.__file__).parent.rglob("*.py"))

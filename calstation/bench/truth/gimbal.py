@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from calstation.bench.truth.imu import Digitiser, ImuTruth, StreamOutput
-from calstation.bench.truth.kinematics import compiled
 from calstation.bench.truth.noise import INSTABILITY_TIMES, draw_instability, instability_steps
-from calstation.physics import FloatArray, IntArray
+from calstation.physics import FloatArray, IntArray, kernel
 
 AXES = "xyz"
 #: Fraction of the rate error that the loop removes per sample.
@@ -247,7 +246,7 @@ def _smooth(count: int) -> FloatArray:
     return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
 
 
-@compiled
+@kernel
 def _drift(bank: FloatArray, decay: FloatArray, driven: FloatArray, normals: FloatArray, out: FloatArray) -> None:
     """Add the bias instability of the six channels to each sample of `out`; updates `bank`, shape (6, m)."""
     m = decay.shape[0]
@@ -258,7 +257,7 @@ def _drift(bank: FloatArray, decay: FloatArray, driven: FloatArray, normals: Flo
                 out[n, i] += bank[i, k]
 
 
-@compiled
+@kernel
 def _turn_matrix(axis: int, angle: float) -> FloatArray:
     R = np.eye(3)
     j, k = (axis + 1) % 3, (axis + 2) % 3
@@ -268,7 +267,7 @@ def _turn_matrix(axis: int, angle: float) -> FloatArray:
     return R
 
 
-@compiled
+@kernel
 def joint_rates(order: IntArray, joints: FloatArray, omega: FloatArray) -> FloatArray:
     """Return the rates of joints x y z that turn the body at `omega` (rad/s, in the body), rad/s, shape (3,)."""
     S = np.zeros((3, 3))
@@ -281,7 +280,7 @@ def joint_rates(order: IntArray, joints: FloatArray, omega: FloatArray) -> Float
     return rates
 
 
-@compiled
+@kernel
 def attitude(order: IntArray, joints: FloatArray) -> FloatArray:
     """Return C_body^base for angles of joints x y z, rad, shape (3, 3)."""
     C = np.eye(3)
@@ -290,7 +289,7 @@ def attitude(order: IntArray, joints: FloatArray) -> FloatArray:
     return C
 
 
-@compiled
+@kernel
 def _simulate(
     model: FloatArray,
     order: IntArray,

@@ -6,10 +6,10 @@ import numpy as np
 
 from calstation.bench.truth.base_motion import BaseMotion
 from calstation.bench.truth.effects import Changes, EffectTruth
-from calstation.bench.truth.kinematics import JointProfile, compiled, joint_state
+from calstation.bench.truth.kinematics import JointProfile, joint_state
 from calstation.bench.truth.noise import Vibration, draw_instability, instability_steps
 from calstation.bench.truth.table import TableTruth, body_motion, to_body
-from calstation.physics import BoolArray, FloatArray, group_matrix, group_vector
+from calstation.physics import BoolArray, FloatArray, group_matrix, group_vector, kernel
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ LAGUERRE = tuple(np.polynomial.laguerre.laggauss(4))
 MOVING = 1e-3
 
 
-@compiled
+@kernel
 def _measured_rates(
     model: FloatArray,
     chain: FloatArray,
@@ -112,7 +112,7 @@ def _measured_rates(
             rates[3 + i] += model[34, i]
 
 
-@compiled
+@kernel
 def true_increments(
     model: FloatArray,
     chain: FloatArray,
@@ -189,7 +189,7 @@ def true_increments(
     return result
 
 
-@compiled
+@kernel
 def _add_tilt(
     increments: FloatArray,
     model: FloatArray,
@@ -219,7 +219,7 @@ def _add_tilt(
                 increments[n, 3 + i] += model[3 + i, j] * force[j]
 
 
-@compiled
+@kernel
 def digitise(
     increments: FloatArray,
     normals: FloatArray,

@@ -4,22 +4,11 @@ The command u(t) has piecewise constant acceleration. The joint follows it like 
 d'' + 2ζω d' + ω² d = u''; on each segment, d is a damped oscillation about a constant deflection.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar, cast
 
-import numba
 import numpy as np
 
-from calstation.physics import FloatArray
-
-F = TypeVar("F", bound=Callable[..., object])
-
-
-def compiled(function: F) -> F:
-    """Compile a function at its first call, and cache the machine code on disk next to the source."""
-    return cast(F, numba.njit(cache=True)(function))
-
+from calstation.physics import FloatArray, kernel
 
 #: Undamped frequency of the drive, rad/s, and its damping ratio.
 DRIVE_FREQUENCY = 2.0 * np.pi * 12.0
@@ -32,7 +21,7 @@ _DECAY = DRIVE_DAMPING * DRIVE_FREQUENCY
 _DAMPED = DRIVE_FREQUENCY * np.sqrt(1.0 - DRIVE_DAMPING**2)
 
 
-@compiled
+@kernel
 def joint_state(segments: FloatArray, rest_time: float, time: float) -> tuple[float, float, float]:
     """Return angle, rate and acceleration of a joint at one time; rad, rad/s, rad/s².
 
@@ -65,7 +54,7 @@ def joint_state(segments: FloatArray, rest_time: float, time: float) -> tuple[fl
     )
 
 
-@compiled
+@kernel
 def _joint_states(segments: FloatArray, rest_time: float, times: FloatArray) -> FloatArray:
     states = np.empty((times.shape[0], 3))
     for i in range(times.shape[0]):

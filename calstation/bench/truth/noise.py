@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from calstation.bench.truth.kinematics import compiled
-from calstation.physics import FloatArray
+from calstation.physics import FloatArray, kernel
 
 #: Correlation times of the bank of processes, s, with ratios of four.
 INSTABILITY_TIMES: tuple[float, ...] = (2.0, 8.0, 32.0, 128.0, 512.0, 2048.0)
@@ -62,7 +61,7 @@ class Vibration:
         return _shake(self._state, self._transition, self._root, normals)
 
 
-@compiled
+@kernel
 def _shake(state: FloatArray, transition: FloatArray, root: FloatArray, normals: FloatArray) -> FloatArray:
     """Return velocities of the base, m/s, shape (n + 1, 3); updates `state`, shape (2, 3)."""
     velocity = np.empty((normals.shape[0] + 1, 3))

@@ -19,8 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calstation.bench.truth.base_motion import TableMotion
-from calstation.bench.truth.kinematics import compiled
-from calstation.physics import FloatArray
+from calstation.physics import FloatArray, kernel
 
 #: Rotation rate of the earth, rad/s.
 EARTH_RATE = 7.292115e-5
@@ -143,7 +142,7 @@ def _unit(vector: FloatArray | tuple[float, float, float]) -> FloatArray:
     return array / np.linalg.norm(array)
 
 
-@compiled
+@kernel
 def _rotate_back(axis: FloatArray, sine: float, cosine: float, vector: FloatArray) -> None:
     """Replace `vector` by R(axis, θ)ᵀ vector."""
     ax, ay, az = axis[0], axis[1], axis[2]
@@ -154,7 +153,7 @@ def _rotate_back(axis: FloatArray, sine: float, cosine: float, vector: FloatArra
     vector[2] = z * cosine - (ax * y - ay * x) * sine + az * along
 
 
-@compiled
+@kernel
 def _apply_constant(link: FloatArray, vector: FloatArray) -> None:
     """Replace `vector` by Pᵀ vector, with Pᵀ in the first nine numbers of a link."""
     x, y, z = vector[0], vector[1], vector[2]
@@ -163,7 +162,7 @@ def _apply_constant(link: FloatArray, vector: FloatArray) -> None:
     vector[2] = link[6] * x + link[7] * y + link[8] * z
 
 
-@compiled
+@kernel
 def to_body(chain: FloatArray, outer: float, inner: float, vector_n: FloatArray) -> FloatArray:
     """Transform a vector from n to b at joint angles in rad, shape (3,)."""
     vector = vector_n.copy()
@@ -175,7 +174,7 @@ def to_body(chain: FloatArray, outer: float, inner: float, vector_n: FloatArray)
     return vector
 
 
-@compiled
+@kernel
 def body_motion(chain: FloatArray, outer: FloatArray, inner: FloatArray, vectors: FloatArray) -> None:
     """Transform a force, ω and its derivative (rows of `vectors`) from n to b, in place.
 

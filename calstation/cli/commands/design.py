@@ -1,5 +1,7 @@
 """`design`: searches for the shortest schedule that meets the limits of a product, or shortens its stages."""
 
+import errno
+import os
 import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -23,7 +25,9 @@ from calstation.design import (
 )
 from calstation.errors import ConfigurationError
 from calstation.jobs import on_stop_signals
+from calstation.messages import os_reason
 from calstation.physics import display_by_unit
+from calstation.records import write_atomic
 
 #: Code of the text for each step of the search; the note of any other step is the best result so far.
 _STEPS = {"checking": "cli.design_checking", "present": "cli.design_present", "": ""}
@@ -58,8 +62,7 @@ def design(
     for option, value in (("--duration", duration), ("--time-limit", time_limit)) if keep_stages else ():
         if value is not None:
             raise ConfigurationError("design.with_stages", option=option)
-    if out.is_dir() or not out.parent.is_dir():
-        raise ConfigurationError("cli.out_unwritable", path=out)
+    _check_writable(out)
     present = read_text(product or library.find("products", DEFAULT_PRODUCT))
     with (
         tempfile.TemporaryDirectory(prefix="calstation-design-") as folder,
@@ -72,12 +75,23 @@ def design(
             with on_stop_signals(stop.touch):
                 designed = design_schedule(progress, replace(request, stop=stop))
     if keep_stages:
-        out.write_text(shorter_product(present, stages), encoding="utf-8")
+        write_atomic(out, shorter_product(present, stages))
         emit(stages.to_json(), json, _shorter_lines(stages, out))
         return 0
-    out.write_text(designed_product(present, designed), encoding="utf-8")
+    write_atomic(out, designed_product(present, designed))
     emit(designed.to_json(), json, _lines(designed, out))
     return 0 if designed.worst <= 1.0 else 1
+
+
+def _check_writable(out: Path) -> None:
+    """Raise ConfigurationError, before a long search, if the file cannot be written."""
+    try:
+        if out.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(out))
+        with tempfile.TemporaryFile(dir=out.parent):
+            pass
+    except OSError as exc:
+        raise ConfigurationError("result.unwritable", file=out, reason=os_reason(exc)) from exc
 
 
 def _step(note: str) -> str:

@@ -5,10 +5,11 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Literal
 
-import numba as nb
 import numpy as np
 from fastcrc import crc16, crc32
 from numpy.typing import NDArray
+
+from calstation.physics import kernel
 
 CheckFunction = Callable[[bytes], int]
 
@@ -94,7 +95,7 @@ def parametric_crc(
     return crc
 
 
-@nb.njit(cache=True)
+@kernel
 def _remainder(data: NDArray[np.uint8], table: NDArray[np.int64], initial: int, width: int) -> int:
     mask = (1 << width) - 1
     value = initial
