@@ -31,6 +31,8 @@ _READ_HOLDING = 3
 _MODBUS_PORT = 502
 #: Size of an RTU read request, bytes.
 _REQUEST_SIZE = 8
+#: Shortest time to wait for a late reply, s.
+_LATE_REPLY = 1.0
 #: Tolerance for comparing the travel set in the table with the profile's travel, degrees.
 _TRAVEL_TOLERANCE = 0.01
 
@@ -79,7 +81,7 @@ def query_table(
     except NoAnswerError as exc:
         # If a second drive does not reply, the bytes received before are those of the first drive.
         received = table.received if exc.unit == profile.unit else b""
-        yield _modbus_finding(received, profile, settings, port, exc)
+        yield _deviation_finding(table, profile, exc) or _modbus_finding(received, profile, settings, port, exc)
     except DeviceFaultError as exc:
         if isinstance(table, ModbusTable):
             yield Finding("no_number", "error", {"words": exc.as_text})
@@ -127,12 +129,26 @@ def _status_findings(status: TableStatus, profile: TableProfile) -> Iterator[Fin
         travel: dict[str, Value] = {"profile_low": section.low_deg, "profile_high": section.high_deg}
         values: dict[str, Value] = {"joint": name, "low": float(low), "high": float(high), **travel}
         inside = section.low_deg - _TRAVEL_TOLERANCE <= angles[joint] <= section.high_deg + _TRAVEL_TOLERANCE
-        if status.homed and not inside:
-            yield Finding("outside_travel", "error", {**values, "angle": angles[joint]})
+        if not inside:
+            entry = "" if status.homed else "outside_travel_unhomed"
+            yield Finding("outside_travel", "warning" if entry else "error", {**values, "angle": angles[joint]}, entry)
         elif low > section.low_deg + _TRAVEL_TOLERANCE or high < section.high_deg - _TRAVEL_TOLERANCE:
             yield Finding("travel_narrower", "warning", values)
         else:
             yield Finding("travel", "ok", values)
+
+
+def _deviation_finding(table: RegisterTable | TextTable, profile: TableProfile, error: NoAnswerError) -> Finding | None:
+    """Return the finding on a unit that replies, but not as Modbus requires, or too late; None for neither."""
+    if not isinstance(table, RegisterTable):
+        return None
+    values: dict[str, Value] = {"unit": error.unit, "timeout": profile.timeout_s}
+    if table.deviation is not None:
+        return Finding(f"gateway_{table.deviation}", "error", values)
+    delay = table.late_reply(error.unit, max(_LATE_REPLY, 3.0 * profile.timeout_s))
+    if delay is None or delay < profile.timeout_s:
+        return None
+    return Finding("late_reply", "error", {**values, "seconds": delay})
 
 
 def _modbus_finding(

@@ -18,4 +18,5 @@ from calstation.devices.interfaces import (
     Table,
     TableIdentity,
     TableStatus,
+    latched_fault_error,
 )

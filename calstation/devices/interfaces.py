@@ -13,6 +13,16 @@ LOCAL_CONTROL = "local control"
 #: `fault` of a table that reports a fault without its cause.
 UNKNOWN_FAULT = "cause not told"
 
+#: Names of latched faults that have a message of their own.
+_LATCHED = ("interlock", "watchdog", "limit", "drive", "stall")
+
+
+def latched_fault_error(fault: str) -> DeviceFaultError:
+    """Return the error for a latched fault of the table, given by its name in the table profile."""
+    if fault == UNKNOWN_FAULT:
+        return DeviceFaultError("table.latched_unknown")
+    return DeviceFaultError(f"table.latched_{fault if fault in _LATCHED else 'other'}", fault=fault)
+
 
 class OtherModelError(DeviceFaultError):
     """The device that replies is of a different model than the profile."""

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calstation.devices import LOCAL_CONTROL, TableStatus
+from calstation.devices import LOCAL_CONTROL, TableStatus, latched_fault_error
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.sequencer.context import RunContext
 from calstation.sequencer.control import PauseRequested
 from calstation.sequencer.events import JointsMoved, TableMoved
-from calstation.sequencer.guard import check_joints, latched_fault_error
+from calstation.sequencer.guard import check_joints
 from calstation.sequencer.units import StepInvalid, Unit, Units
 
 #: Minimum host time between two events that only refresh a display, s.

@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import Callable
 
-from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, Table, TableStatus
+from calstation.devices import LOCAL_CONTROL, Table, TableStatus, latched_fault_error
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.messages import Text, os_reason
 from calstation.physics import AXES, JOINTS, FloatArray, GimbalJoints, JointLimits, Move
@@ -18,8 +18,6 @@ _STOP_TIMEOUT = 30.0
 _UNRESPONSIVE_WAIT = 5.0
 
 _TICK = 0.05
-
-_LATCHED = ("interlock", "watchdog", "limit", "drive", "stall")
 
 logger = logging.getLogger(__name__)
 
@@ -37,13 +35,6 @@ def check_power(status: TableStatus) -> None:
         raise DeviceFaultError("motion.interlock_open")
     if not status.watchdog > 0.0:
         raise DeviceFaultError("motion.watchdog_off")
-
-
-def latched_fault_error(fault: str) -> DeviceFaultError:
-    """Return the error for a latched fault of the table, given by its name in the table profile."""
-    if fault == UNKNOWN_FAULT:
-        return DeviceFaultError("table.latched_unknown")
-    return DeviceFaultError(f"table.latched_{fault if fault in _LATCHED else 'other'}", fault=fault)
 
 
 def check_motion(status: TableStatus) -> None:

@@ -3,6 +3,7 @@
 import socket
 import struct
 import sys
+import time
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -144,12 +145,75 @@ def test_serial_links_pass_and_the_table_state_is_reported() -> None:
 def test_angle_outside_the_travel_is_an_error_if_the_table_is_homed() -> None:
     fake = FakeTable({30: 2000.0 / 1e-5})
     with server(fake.answer) as address:
-        assert table(port=f"tcp://{address}").find("outside_travel") is None
+        report = table(port=f"tcp://{address}")
+        assert report.state == "warning"
+        assert "word order" in english_texts(next(f for f in report.findings if f.id == "outside_travel"))[1]
         fake.words[17] |= 1 << 12
         found = wrong(table(port=f"tcp://{address}"))
     assert (found.id, found.values["joint"]) == ("outside_travel", "outer")
     assert found.values["angle"] == pytest.approx(2000.0)
     assert set(fake.functions) == {3}, "something was written to the table"
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda reply: b"\0\0" + reply[2:], "gateway_transaction"),
+        (lambda reply: reply[:6] + b"\xff" + reply[7:], "gateway_unit"),
+    ],
+)
+def test_the_deviation_of_a_gateway_is_named(change: Any, expected: str) -> None:
+    fake = FakeTable({})
+    with server(lambda heard: change(fake.answer(heard))) as address:
+        assert wrong(table(port=f"tcp://{address}")).id == expected
+
+
+def test_a_gateway_that_closes_the_connection_is_named() -> None:
+    fake = FakeTable({})
+
+    def answer_once() -> None:
+        fake.functions.clear()
+
+    def answer(heard: bytes) -> bytes:
+        if fake.functions:
+            raise ConnectionError
+        return fake.answer(heard)
+
+    with server(answer, answer_once) as address:
+        assert wrong(table(port=f"tcp://{address}")).id == "gateway_closed"
+
+
+def test_a_late_answer_is_named_with_its_delay() -> None:
+    fake = FakeTable({})
+
+    def late(heard: bytes) -> bytes:
+        time.sleep(0.25)
+        return fake.answer(heard)
+
+    with server(late) as address:
+        found = wrong(table(port=f"tcp://{address}"))
+    assert found.id == "late_reply"
+    assert found.values["seconds"] == pytest.approx(0.25, abs=0.2)
+    assert set(fake.functions) == {3}, "something was written to the table"
+
+
+@needs_terminals
+def test_a_late_answer_on_a_serial_line_does_not_blame_the_shielding() -> None:
+    requests: list[tuple[float, bytes]] = []
+
+    def answer(heard: bytes) -> bytes:
+        requests.append((time.monotonic(), heard))
+        return b""
+
+    def sends() -> bytes:
+        if not requests or time.monotonic() - requests[0][0] < 0.3:
+            return b""
+        _, heard = requests.pop(0)
+        count = heard[5]
+        return rtu(bytes([heard[0], 3, 2 * count]) + bytes(2 * count))
+
+    with terminal(answer, sends) as port:
+        assert wrong(table(port=port)).id == "late_reply"
 
 
 # A port that does not open

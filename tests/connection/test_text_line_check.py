@@ -45,6 +45,17 @@ def test_valid_sample_lines_pass() -> None:
 
 
 @pytest.mark.parametrize(
+    ("tail", "end", "found"), [("0D 0A", b"\n", "0A"), ("0D 0A", b"\r", "0D"), ("0A", b"\r\n", "0D 0A")]
+)
+def test_another_line_end_is_reported(tail: str, end: bytes, found: str) -> None:
+    finding = finding_for(3 * line().replace(b"\r\n", end), tail=tail)
+    assert finding is not None
+    assert (finding.id, finding.values["found"]) == ("line_tail", found)
+    assert str(finding.values["line"]).startswith("$IMU,7,1,2")
+    assert finding_for(3 * line().replace(b"\r\n", end), tail=end.hex()) is None
+
+
+@pytest.mark.parametrize(
     ("changes", "expected", "values"),
     [
         ({"sync": "$GPS"}, "line_sync", {"sync": "$GPS"}),

@@ -131,6 +131,17 @@ def test_commands_match_the_protocol() -> None:
         driver.reset_fault()
 
 
+def test_a_command_that_a_tripped_watchdog_refuses_is_reported_as_the_watchdog() -> None:
+    tripped = image(0x0248, 2)[17:64]
+    for number, calls in ((21, "heartbeat"), (22, "home")):
+        refused = (write(number, 1 if calls == "heartbeat" else HOME)[0], bytes([0x86, 4]))
+        with (
+            table([refused, read(17, tripped)]) as (driver, _),
+            raises_code(DeviceFaultError, "table.latched_watchdog"),
+        ):
+            getattr(driver, calls)()
+
+
 @pytest.mark.parametrize(
     ("number", "meaning"),
     [(2, "modbus.exception_2"), (3, "modbus.exception_3"), (4, "modbus.exception_4"), (99, "modbus.exception_other")],

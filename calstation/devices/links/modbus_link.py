@@ -1,12 +1,14 @@
 """Access to the holding registers of a Modbus unit over TCP (by pymodbus) or RTU."""
 
 import logging
+import socket
+import struct
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Literal, TypeVar
 
-from calstation.devices.links.modbus_rtu import RefusedError, RtuLine, UnansweredError
+from calstation.devices.links.modbus_rtu import MAX_FRAME_SIZE, READ, RefusedError, RtuLine, UnansweredError
 from calstation.devices.links.serial_link import LINK_ERRORS, PortLostError, host_and_port, link_reason
 from calstation.devices.profiles import SerialSettings
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
@@ -27,6 +29,8 @@ BUSY_EXCEPTIONS = (ACKNOWLEDGED, 6)
 _RETRY_DELAY = 0.05
 
 _ATTEMPTS = 3
+#: Size of the header of a Modbus TCP frame, bytes.
+_MBAP = 7
 T = TypeVar("T")
 
 
@@ -86,6 +90,15 @@ class ModbusLink:
     def received(self) -> bytes:
         """Bytes received last, whether valid or not."""
         return self._transport.received
+
+    @property
+    def deviation(self) -> str | None:
+        """The difference of a Modbus TCP reply from its request; see `TcpConnection`."""
+        return self._transport.deviation
+
+    def late_reply(self, unit: int, limit: float) -> float | None:
+        """Return the delay of the reply to one read, s, up to `limit` s of host time; None without a reply."""
+        return self._transport.late_reply(unit, limit)
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
         """Read unsigned 16-bit words; repeat a lost transfer.
@@ -186,7 +199,9 @@ class TcpConnection:
             raise ConfigurationError("link.not_an_address", device="table", port=port)
         self.received = b""
         self.open = False
-        self._port = port
+        self._sent = b""
+        self._was_closed = False
+        self._port, self._address = port, address
         self._client = ModbusTcpClient(
             address[0], port=address[1], timeout=timeout, retries=0, trace_packet=self._receive
         )
@@ -229,12 +244,41 @@ class TcpConnection:
         except (ModbusException, *LINK_ERRORS) as exc:
             self.close()
             timed_out = isinstance(exc, ModbusIOException)
+            self._was_closed = not timed_out and bool(self.received)
             raise UnansweredError(Text("modbus.no_answer") if timed_out else link_reason(exc)) from exc
         if response.isError():
             raise RefusedError(response.exception_code)
         return response
 
     def _receive(self, sending: bool, data: bytes) -> bytes:
-        if not sending and data:
+        if sending:
+            self._sent = data
+        elif data:
             self.received = data
         return data
+
+    @property
+    def deviation(self) -> str | None:
+        """The difference of the last reply from its request: transaction, unit or closed; None for no difference."""
+        if self._was_closed:
+            return "closed"
+        reply, request = self.received, self._sent
+        is_reply = len(reply) > _MBAP and reply[2:4] == b"\0\0" and len(reply) >= _MBAP - 1 + reply[5]
+        if not is_reply or len(request) <= _MBAP or reply[_MBAP] & 0x7F != request[_MBAP]:
+            return None
+        if reply[6] != request[6]:
+            return "unit"
+        return "transaction" if reply[:2] != request[:2] else None
+
+    def late_reply(self, unit: int, limit: float) -> float | None:
+        """Return the delay of the reply to one read over a connection of its own, s; None without one in `limit` s."""
+        request = struct.pack(">HHHBBHH", 1, 0, 6, unit, READ, 0, 1)
+        try:
+            with socket.create_connection(self._address, timeout=limit) as connection:
+                begin = time.monotonic()
+                connection.sendall(request)
+                reply = connection.recv(MAX_FRAME_SIZE)
+        except OSError:
+            return None
+        is_reply = len(reply) > _MBAP and reply[:4] == request[:4] and reply[6] == unit
+        return time.monotonic() - begin if is_reply else None

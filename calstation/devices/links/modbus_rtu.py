@@ -119,6 +119,8 @@ class RtuLine:
     `timeout` is the host time for a reply, s; `received` contains the bytes received last, whether valid or not.
     """
 
+    deviation: str | None = None  #: For TCP only.
+
     def __init__(self, port: str, timeout: float, settings: SerialSettings) -> None:
         self.received = b""
         self._port, self._timeout, self._settings = port, timeout, settings
@@ -158,6 +160,21 @@ class RtuLine:
         repeat, again : `urgent` and `again` of `Dialogue.ask`
         """
         self._ask(RtuRequest.write(unit, address, values), urgent=repeat, again=again)
+
+    def late_reply(self, unit: int, limit: float) -> float | None:
+        """Discard late replies, and return the delay of the reply to one read, s; None without one in `limit` s."""
+        try:
+            while self.receive(limit):
+                pass
+            self.send(RtuRequest.read(unit, 0, 1).frame)
+            begin, received = time.monotonic(), b""
+            while (passed := time.monotonic() - begin) < limit:
+                received += self.receive(limit - passed)
+                if any(True for _ in replies(unit, received)):
+                    return time.monotonic() - begin
+        except (PortLostError, UnansweredError):
+            pass
+        return None
 
     def receive(self, wait: float) -> bytes:
         """Return the bytes received within `wait` s of host time. Raises PortLostError as `read` does."""

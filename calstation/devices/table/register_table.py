@@ -5,7 +5,8 @@ IMU's driver, which owns the port.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 
 import numpy as np
 
@@ -18,8 +19,9 @@ from calstation.devices.interfaces import (
     Table,
     TableIdentity,
     TableStatus,
+    latched_fault_error,
 )
-from calstation.devices.links import ModbusLink
+from calstation.devices.links import ModbusLink, ModbusRefusalError
 from calstation.devices.profiles import (
     JOINTS,
     ImuLinkSection,
@@ -42,6 +44,7 @@ class ImuWords:
     """Registers of axes that are accessed by commands of their IMU. Raises DeviceFaultError if a command fails."""
 
     received = b""
+    deviation = None
 
     def __init__(self, imu: FramedImu, *, owned: bool) -> None:
         self._imu, self._owned = imu, owned
@@ -146,8 +149,9 @@ class RegisterTable(Table):
 
     def enable(self) -> None:
         """Switch both axes on with the CiA 402 sequence."""
-        for word in (SHUTDOWN, SWITCH_ON, ENABLE):
-            self._write_registers("controlword", word)
+        with self._fault_as_cause():
+            for word in (SHUTDOWN, SWITCH_ON, ENABLE):
+                self._write_registers("controlword", word)
         self._powered = True
 
     def disable(self) -> None:
@@ -190,7 +194,8 @@ class RegisterTable(Table):
 
     def heartbeat(self) -> None:
         """Feed the table's watchdog if it has one."""
-        self._write_registers("heartbeat", 1)
+        with self._fault_as_cause():
+            self._write_registers("heartbeat", 1)
 
     def close(self) -> None:
         """Close the link."""
@@ -200,6 +205,15 @@ class RegisterTable(Table):
     def received(self) -> bytes:
         """Bytes received last."""
         return self._link.received
+
+    @property
+    def deviation(self) -> str | None:
+        """The difference of a Modbus TCP reply from its request; see `links.TcpConnection`."""
+        return self._link.deviation
+
+    def late_reply(self, unit: int, limit: float) -> float | None:
+        """Return the delay of a unit's reply, s, up to `limit` s of host time; None without a reply."""
+        return self._link.late_reply(unit, limit) if isinstance(self._link, ModbusLink) else None
 
     def _unit(self, name: str) -> int | None:
         """Return the unit number for a register in the separate drive of the inner axis; None for the link's unit."""
@@ -255,10 +269,24 @@ class RegisterTable(Table):
         self._link.write(register.address, _words(register, raw), repeat, self._unit(register_name))
 
     def _command(self, command: str, values: Sequence[Mapping[str, float]] = (), repeat: bool = True) -> None:
-        for words in [self._encoded(register_name) for register_name in values]:
-            self._write_together(words)
-        for name, raw in self._writes(command):
-            self._write_registers(name, raw, repeat)
+        with self._fault_as_cause():
+            for words in [self._encoded(register_name) for register_name in values]:
+                self._write_together(words)
+            for name, raw in self._writes(command):
+                self._write_registers(name, raw, repeat)
+
+    @contextmanager
+    def _fault_as_cause(self) -> Iterator[None]:
+        """Raise the error of a latched fault, such as a tripped watchdog, if the table refuses a command."""
+        try:
+            yield
+        except ModbusRefusalError as exc:
+            fault = None
+            with suppress(DeviceFaultError):
+                fault = self.status().fault
+            if fault in (None, LOCAL_CONTROL):
+                raise
+            raise latched_fault_error(str(fault)) from exc
 
     def _travel(self, end: str, value: Mapping[str, float], otherwise: tuple[float, float]) -> tuple[float, float]:
         """Return the lower or upper travel limit of both joints, rad, from the table or else from the profile."""
