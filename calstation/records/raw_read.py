@@ -33,6 +33,8 @@ _HDF5_ERRORS = (
     *(OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, IndexError, MemoryError, OverflowError),
 )
 _NO_DAMAGE = np.empty((0, 2), np.int64)
+#: Largest magnitudes of the floats and integers of a row.
+_MAX_VALUE, _MAX_INTEGER = 1e20, 2**53
 #: Number of attempts to open a file that a run may be writing, and the time between them, s.
 _ATTEMPTS, _RETRY_INTERVAL = 4, 0.05
 #: Age of the last change of a file that nobody writes, where the file system has no locks, s.
@@ -117,6 +119,7 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
             columns = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
             intact = (columns["stage"] < len(names)) & (row_checks(columns) == columns[CHECKSUM_COLUMN])
             intact &= _is_increasing(columns["seq"], intact, last)
+            _check_magnitudes(path, columns, intact)
             for a, b in true_intervals(intact):
                 if damaged is not None and start + a > intact_end:
                     after = None if last < 0 else last
@@ -126,6 +129,18 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
         missing = int(samples.shape[0]) - intact_end
         if damaged is not None and closed and missing > 0:
             damaged.append(DamagedRows(intact_end, missing, None if last < 0 else last, None))
+
+
+def _check_magnitudes(path: Path, columns: Mapping[str, np.ndarray], intact: NDArray[np.bool_]) -> None:
+    """Raise InputError for a value so large that no device sends it and its powers overflow; NaN is permitted."""
+    for name, values in columns.items():
+        if name == CHECKSUM_COLUMN:
+            continue
+        limit = _MAX_VALUE if values.dtype.kind == "f" else _MAX_INTEGER
+        is_large = ((values > limit) | (values < -limit)).reshape(len(intact), -1).any(axis=1) & intact
+        if is_large.any():
+            seq = int(columns["seq"][np.argmax(is_large)])
+            raise InputError("log.impossible_sample", file=path, column=name, seq=seq)
 
 
 def row_count(path: Path) -> int:

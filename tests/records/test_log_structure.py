@@ -10,6 +10,7 @@ import pytest
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.records import LogMeta, RawLogWriter, open_log
+from calstation.records.raw_log import row_checks
 
 PARTS = ("samples", "meta", "stages", "events", "results", "closing")
 Edit = Callable[[h5py.File, str], object]
@@ -118,6 +119,17 @@ def test_a_huge_number_of_rows_is_limited_by_the_size_of_the_file(path: Path, bl
     with h5py.File(path, "r+", libver="latest") as file:
         file["samples"].resize((1 << 40,))
     assert open_log(path).facts().samples == len(blocks[0])
+
+
+@pytest.mark.parametrize(("column", "value"), [("angles", 1e300), ("counts", np.inf), ("time", -1e300), ("seq", 2**62)])
+def test_an_impossible_value_with_a_valid_checksum_is_named(path: Path, column: str, value: float) -> None:
+    with h5py.File(path, "r+", libver="latest") as file:
+        rows = file["samples"][-1:]
+        rows[column] = value
+        rows["check"] = row_checks(rows)
+        file["samples"][-1:] = rows
+    error = _refusal(path)
+    assert (error.code, error.values["column"]) == ("log.impossible_sample", column)
 
 
 @pytest.mark.parametrize("value", ["text", np.zeros(3, np.uint32), 1.5, h5py.Empty("u4")])
