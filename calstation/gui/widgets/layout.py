@@ -186,7 +186,7 @@ def label(
     wrap: bool = False,
     buddy: QWidget | None = None,
     selectable: bool = False,
-) -> QLabel:
+) -> PlainLabel:
     """Create a label.
 
     Parameters
