@@ -11,6 +11,7 @@ from calstation.config.confirmation import (
     Person,
     can_confirm_identity,
     confirm,
+    confirm_at_site,
     confirmation_required,
 )
 from calstation.config.editing import check, detect_kind, edit_toml, line_of, read_text
@@ -97,5 +98,5 @@ from calstation.config.station_sections import (
     has_password,
     missing_report_paths,
 )
-from calstation.config.trail import SiteTrail, export_trail, read_site_trail, verification
+from calstation.config.trail import SiteTrail, export_trail, read_site_trail, read_trail_copy, restart_site_trail
 from calstation.config.versions import Version, save_noise

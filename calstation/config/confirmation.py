@@ -83,6 +83,19 @@ def confirm(
     return Confirmation(first.badge, None if second is None else second.badge, "personal" if needed.badge else "site")
 
 
+def confirm_at_site(person: Person) -> Confirmation:
+    """Check the identity of a person who acts for the whole site, who needs the site's PIN if there is one.
+
+    Raises ConfigurationError.
+    """
+    if not person.badge:
+        raise ConfigurationError("confirmation.no_person")
+    if not access.has_pin():
+        return Confirmation(person.badge)
+    _identify(person, [])
+    return Confirmation(person.badge, pin="site")
+
+
 def _engineers(station: StationConfig) -> list[str]:
     return [] if station.sign_in is None else station.sign_in.engineers
 

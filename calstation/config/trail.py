@@ -6,11 +6,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calstation.config import library
+from calstation.config.confirmation import Person, confirm_at_site
+from calstation.config.request import plain_text
 from calstation.errors import ConfigurationError
 from calstation.escaping import for_csv
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
-from calstation.records import AuditEvent, AuditTrail, audit_path, read_audit, write_atomic
+from calstation.records import (
+    AuditEvent,
+    AuditTrail,
+    audit_path,
+    damage_text,
+    read_audit,
+    restart_trail,
+    verify_trail,
+    write_atomic,
+)
 
 
 @dataclass(frozen=True)
@@ -24,20 +35,51 @@ class SiteTrail:
 
 def read_site_trail(report: ProgressCallback) -> SiteTrail:
     """Job: read and verify the audit trail of the site. Raises InputError if it cannot be read."""
-    path = audit_path(library.site_folder())
-    trail = read_audit(path)
+    folder = library.site_folder()
+    state = verify_trail(folder, every_signature=True)
     report(1.0)
-    return SiteTrail(trail, verification(path, trail), trail.damage is None)
+    texts = _verification(audit_path(folder), state.trail, state.faults)
+    if state.key_error is not None:
+        texts = (*texts, state.key_error.as_text)
+    return SiteTrail(state.trail, texts, not state.faults)
 
 
-def verification(path: Path, trail: AuditTrail) -> tuple[Text, ...]:
+def read_trail_copy(path: Path) -> SiteTrail:
+    """Read and verify a copy of an audit trail with the key that it contains. Raises InputError."""
+    trail = read_audit(path)
+    faults = [] if trail.damage is None else [damage_text(path, trail.damage)]
+    return SiteTrail(trail, _verification(path, trail, faults), not faults)
+
+
+def _verification(path: Path, trail: AuditTrail, faults: Sequence[Text]) -> tuple[Text, ...]:
     """Return what the verification of an audit trail has found."""
-    if not path.exists():
-        return (Text.of("audit.none", file=path),)
-    interrupted = (Text.of("audit.interrupted", file=path, line=number) for number in trail.incomplete)
-    if trail.damage is not None:
-        return (*interrupted, Text.of("audit.damaged", file=path, line=trail.damage.number))
-    return (*interrupted, Text.of("audit.intact", file=path, lines=len(trail.entries), digest=trail.digest))
+    if faults:
+        state = tuple(faults)
+    elif not path.exists():
+        state = (Text.of("audit.none", file=path),)
+    else:
+        key = next((each.key for each in trail.entries if each.key is not None), None)
+        unsigned = sum(each.signature is None for each in trail.entries)
+        values = {"file": path, "lines": len(trail.entries), "digest": trail.digest}
+        signed = [] if key is None else [Text.of("audit.signed", key=key)]
+        state = (
+            Text.of("audit.intact", **values),
+            *signed,
+            *([Text.of("audit.unsigned", lines=unsigned)] if unsigned else []),
+        )
+    return (*(Text.of("audit.interrupted", file=path, line=number) for number in trail.incomplete), *state)
+
+
+def restart_site_trail(why: str, person: Person) -> AuditEvent:
+    """Begin a new audit trail of the site, which names the present one; return its first event.
+
+    Raises ConfigurationError if the person is not identified or no reason is given.
+    """
+    why = plain_text(why)
+    if not why:
+        raise ConfigurationError("audit.no_reason")
+    people = confirm_at_site(person)
+    return restart_trail(library.site_folder(), people.by, why, people.pin)
 
 
 def export_trail(report: ProgressCallback, events: Sequence[AuditEvent], target: Path) -> Path:

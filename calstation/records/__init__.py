@@ -10,11 +10,16 @@ from calstation.records.audit import (
     AuditEvent,
     AuditEventName,
     AuditTrail,
+    TrailState,
     append_audit,
     audit_path,
     audit_writer,
+    damage_text,
     read_audit,
+    restart_trail,
     select_audit,
+    site_events,
+    verify_trail,
 )
 from calstation.records.chained_lines import Chain, ChainedFile
 from calstation.records.check_id import MODEL_KINDS, CheckId, CheckKind, read_check_ids
@@ -79,8 +84,18 @@ from calstation.records.raw_read import (
     step_labels,
     unsolved_stages,
 )
-from calstation.records.reports import IssuedReport, audit_values, issued_reports, read_reports, report_file
+from calstation.records.reports import (
+    IssuedReport,
+    audit_values,
+    complete_reports,
+    issued_reports,
+    read_reports,
+    report_faults,
+    report_file,
+    reports_head,
+)
 from calstation.records.resolves import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolve_file
+from calstation.records.station_key import TrailHead
 from calstation.records.verdict import Verdict
 
 if TYPE_CHECKING:

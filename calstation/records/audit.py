@@ -1,16 +1,37 @@
-"""The audit trail of a site, a chained file that records every action that can change the meaning of a result."""
+"""The audit trail of a site, a chained file that records every action that can change the meaning of a result.
 
+Every line is signed with the key of the station. The first signed line contains the public key; earlier lines are from
+versions of the program without signatures. Nothing is appended to a trail that was changed; `restart_trail` begins a
+new one, with a new key, that names the changed one.
+"""
+
+import hashlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, JsonValue
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.messages import os_reason
-from calstation.records.chained_lines import Chain, ChainedFile
+from calstation.messages import Text, os_reason
+from calstation.records.chained_lines import Chain, ChainedFile, Damage, SignedLine
+from calstation.records.files import write_atomic
+from calstation.records.station_key import (
+    StationKey,
+    TrailHead,
+    finish_key,
+    head_file,
+    is_signed,
+    key_file,
+    load_head,
+    load_key,
+    new_key,
+    store_head,
+)
 
 #: Names of the events.
 AuditEventName = Literal[
@@ -23,6 +44,7 @@ AuditEventName = Literal[
     "certificate",
     "standard_overridden",
     "attempt_allowed",
+    "trail_restarted",
 ]
 AUDIT_EVENTS: tuple[AuditEventName, ...] = get_args(AuditEventName)
 
@@ -38,6 +60,8 @@ class AuditEvent(BaseModel):
     confirmed_by: str | None  #: Second person who confirmed the action.
     why: str
     values: dict[str, JsonValue]
+    key: str | None = None  #: Public key of the station, in the first signed line.
+    signature: str | None = None
     previous: str
     digest: str
 
@@ -50,16 +74,152 @@ def audit_path(folder: Path) -> Path:
     return folder / "audit.jsonl"
 
 
+@dataclass(frozen=True)
+class TrailState:
+    """The audit trail of a site, and what its verification has found."""
+
+    path: Path
+    trail: AuditTrail
+    faults: tuple[Text, ...]  #: Changes after the trail had been written.
+    key: StationKey | None  #: The private key; None if there is none or it cannot be read.
+    key_error: ConfigurationError | None  #: Why the private key cannot be read.
+    stored: TrailHead | None  #: Head stored next to the key.
+
+    @cached_property
+    def public_key(self) -> str | None:
+        """Public key with which the trail is signed; None before the first signed line."""
+        return next((each.key for each in self.trail.entries if each.key is not None), None)
+
+    @property
+    def head(self) -> TrailHead | None:
+        """Present head of the trail; None before its first line."""
+        if not self.trail.digests:
+            return None
+        return TrailHead(self.public_key or "", len(self.trail.digests), self.trail.digest)
+
+    def require_intact(self) -> None:
+        """Raise ConfigurationError if the trail was changed, or the key cannot be read."""
+        if self.faults:
+            raise ConfigurationError("audit.broken", fault=self.faults[0])
+        if self.key_error is not None:
+            raise self.key_error
+
+
+class _SignatureCheck:
+    """Checks the signatures of the lines of an audit trail in order, except those of the first `known` lines."""
+
+    def __init__(self, known: int = 0) -> None:
+        self._known, self._key = known, ""
+
+    def __call__(self, line: SignedLine[AuditEvent]) -> Text | None:
+        key = line.entry.key
+        if key is not None and self._key:
+            return Text("log.line_forged")
+        self._key = self._key or key or ""
+        if line.signature is None:
+            return Text("log.line_unsigned") if self._key else None
+        if line.number <= self._known or is_signed(self._key, line.message, line.signature):
+            return None
+        return Text("log.line_forged")
+
+
+def damage_text(path: Path, damage: Damage) -> Text:
+    """Return the description of a changed line of an audit trail."""
+    return Text.of("audit.damaged", file=path, line=damage.number, why=damage.reason)
+
+
+def verify_trail(folder: Path, *, every_signature: bool = False) -> TrailState:
+    """Read and verify the audit trail of a site.
+
+    The signed head next to the key vouches for the lines before it, so that their signatures are verified only if
+    `every_signature` is set. Raises InputError if the trail or its head cannot be read.
+    """
+    path, head_path = audit_path(folder), head_file(folder)
+    stored: TrailHead | None = None
+    faults: list[Text] = []
+    try:
+        stored = load_head(folder)
+    except ValueError:
+        faults.append(Text.of("audit.head_changed", file=head_path))
+    except OSError as exc:
+        raise InputError("result.unreadable", file=head_path, reason=os_reason(exc)) from exc
+    trail = read_audit(path, 0 if every_signature or stored is None else stored.lines)
+    key, error, interrupted = None, None, False
+    recorded = next((each.key for each in trail.entries if each.key is not None), None)
+    try:
+        key, interrupted = load_key(folder, recorded)
+    except ConfigurationError as exc:
+        error = exc
+    if trail.damage is not None:
+        faults.append(damage_text(path, trail.damage))
+    has_key = key is not None or error is not None
+    if not trail.digests and (has_key or stored is not None):
+        faults.append(Text.of("audit.removed", file=path))
+    elif recorded is None and (has_key or stored is not None):
+        faults.append(Text.of("audit.key_not_recorded", file=path))
+    elif recorded is not None and not interrupted:
+        if not has_key:
+            faults.append(Text.of("audit.key_missing", file=key_file(folder)))
+        elif key is not None and key.public != recorded:
+            faults.append(Text.of("audit.key_other", file=key_file(folder)))
+        if stored is None and not faults:
+            faults.append(Text.of("audit.head_missing", file=head_path))
+        elif stored is not None and not (stored.key == recorded and trail.contains(stored.lines, stored.digest)):
+            faults.append(Text.of("audit.cut", file=path, lines=len(trail.digests), expected=stored.lines))
+    return TrailState(path, trail, tuple(faults), key, error, stored)
+
+
 class AuditWriter(ChainedFile[AuditEvent]):
     """An audit trail that is locked against other programs."""
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the site."""
+        return self.path.parent
 
     def append_event(
         self, event: AuditEventName, by: str, why: str = "", *, confirmed_by: str | None = None, **values: Any
     ) -> AuditEvent:
-        """Append an event; see `append_audit` for the arguments. Raises OSError."""
-        utc = datetime.now(UTC).isoformat(timespec="seconds")
-        row = {"utc": utc, "event": event, "by": by, "confirmed_by": confirmed_by, "why": why, "values": values}
-        return self.append(row)
+        """Append an event; see `append_audit` for the arguments. Raises OSError or ConfigurationError."""
+        state = verify_trail(self.folder)
+        state.require_intact()
+        content = _content(event, by, why, confirmed_by, values)
+        key = state.key or new_key(self.folder)
+        entry = self.append(content if state.public_key else {**content, "key": key.public}, key.sign)
+        self._keep(key, len(state.trail.digests) + 1, entry)
+        return entry
+
+    def restart(self, by: str, why: str, pin: str | None) -> AuditEvent:
+        """Begin a new trail with a new key; see `restart_trail`. Raises OSError or ConfigurationError."""
+        state = verify_trail(self.folder)
+        values: dict[str, Any] = {
+            "pin": pin,
+            "faults": [each.code for each in state.faults],
+            "key": state.public_key,
+            "stored": state.stored and asdict(state.stored),
+        }
+        if self.path.exists():
+            content = self.path.read_bytes()
+            former = self.path.with_name(f"audit_until_{datetime.now(UTC):%Y%m%dT%H%M%S%f}.jsonl")
+            write_atomic(former, content)
+            values |= {"file": former.name, "sha256": hashlib.sha256(content).hexdigest()}
+        key = new_key(self.folder)
+        entry = self.begin({**_content("trail_restarted", by, why, None, values), "key": key.public}, key.sign)
+        self._keep(key, 1, entry)
+        return entry
+
+    def _keep(self, key: StationKey, lines: int, entry: AuditEvent) -> None:
+        """Store the head of the trail, and finish the creation of a new key."""
+        store_head(self.folder, key, TrailHead(key.public, lines, entry.digest))
+        if load_key(self.folder, key.public)[1]:
+            finish_key(self.folder)
+
+
+def _content(
+    event: AuditEventName, by: str, why: str, confirmed_by: str | None, values: dict[str, Any]
+) -> dict[str, Any]:
+    utc = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"utc": utc, "event": event, "by": by, "confirmed_by": confirmed_by, "why": why, "values": values}
 
 
 @contextmanager
@@ -74,6 +234,10 @@ def audit_writer(folder: Path) -> Iterator[AuditWriter]:
             yield writer
     except OSError as exc:
         raise ConfigurationError("audit.unwritable", file=writer.path, reason=os_reason(exc)) from exc
+    except InputError as exc:
+        if exc.code != "result.unreadable":
+            raise
+        raise ConfigurationError("audit.unwritable", **exc.values) from exc
 
 
 def append_audit(
@@ -109,9 +273,48 @@ def select_audit(
     ]
 
 
-def read_audit(path: Path) -> AuditTrail:
-    """Read and verify an audit trail; it is empty if the file is missing. Raises InputError if it cannot be read."""
+def restart_trail(folder: Path, by: str, why: str, pin: str | None) -> AuditEvent:
+    """Begin a new audit trail that names the present one, which is kept, and return its first event.
+
+    Parameters
+    ----------
+    folder : the site's folder
+    by, why : person who decides to continue, and the reason
+    pin : how the person was identified, see `calstation.config.Confirmation`
+
+    Raises
+    ------
+    ConfigurationError : if the trail cannot be written.
+    """
+    with audit_writer(folder) as audit:
+        return audit.restart(by, why, pin)
+
+
+def read_audit(path: Path, known: int = 0) -> AuditTrail:
+    """Read and verify an audit trail, except the signatures of the first `known` lines; it is empty if it is missing.
+
+    Raises InputError if it cannot be read.
+    """
     try:
-        return ChainedFile[AuditEvent](path, AuditEvent).read()
+        return ChainedFile[AuditEvent](path, AuditEvent).read(_SignatureCheck(known))
     except OSError as exc:
         raise InputError("result.unreadable", file=path, reason=os_reason(exc)) from exc
+
+
+def site_events(folder: Path) -> list[AuditEvent]:
+    """Return the events of the site, including those of changed trails that later trails name, up to the change.
+
+    Raises InputError if a trail cannot be read.
+    """
+    events: list[AuditEvent] = []
+    pending = [audit_path(folder)]
+    while pending:
+        path = pending.pop()
+        trail = read_audit(path)
+        last = len(trail.digests) if trail.damage is None else trail.damage.number - 1
+        events = [each for number, each in zip(trail.numbers, trail.entries, strict=True) if number <= last] + events
+        restarted = trail.entries[0].values if trail.entries and trail.entries[0].event == "trail_restarted" else {}
+        former = folder / Path(str(restarted.get("file", ""))).name
+        if former.is_file() and hashlib.sha256(former.read_bytes()).hexdigest() == restarted.get("sha256"):
+            pending.append(former)
+    return events

@@ -4,13 +4,15 @@ Every line ends with ``, "previous": "...", "digest": "..."}``. `digest` is the 
 without ``, "digest": "..."``; `previous` is the digest of the line before, or 64 zeros in the first line. A power
 failure or a killed program can only leave an incomplete last line. The next append keeps this line and closes it with
 ``#incomplete``; `previous` of the new line is then the SHA-256 of the preceding digest and the incomplete line's bytes.
+
+A signed line has ``, "signature": "..."`` before `previous`: the signature of the line's bytes without it and `digest`.
 """
 
 import hashlib
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +33,7 @@ LOCK_TIMEOUT = 5.0
 
 _INCOMPLETE = b"#incomplete"
 _ENDING = re.compile(rb'(, "previous": "[0-9a-f]{64}"), "digest": "([0-9a-f]{64})"\}')
+_SIGNATURE = re.compile(rb', "signature": "([0-9a-f]{128})"$')
 
 T = TypeVar("T")
 
@@ -53,6 +56,21 @@ class Chain(Generic[T]):
     truncated: bool = False  #: Whether the last line is incomplete.
     damage: Damage | None = None
     digest: str = START  #: Digest of the last line; a copy kept elsewhere proves that no line was changed.
+    digests: tuple[str, ...] = ()  #: Digest of every line, with which the next one begins.
+
+    def contains(self, lines: int, digest: str) -> bool:
+        """Return whether the file had this digest when it had this number of lines; 0 lines have the digest START."""
+        return (START, *self.digests)[lines : lines + 1] == (digest,)
+
+
+@dataclass(frozen=True)
+class SignedLine(Generic[T]):
+    """A complete line with its signature."""
+
+    number: int  #: From 1.
+    entry: T
+    message: bytes  #: The signed bytes.
+    signature: str | None  #: Hexadecimal digits; None for a line without a signature.
 
 
 class ChainedFile(Generic[T]):
@@ -69,8 +87,11 @@ class ChainedFile(Generic[T]):
         with locked(self.path.with_name(f".{self.path.stem}.lock"), LOCK_TIMEOUT):
             yield
 
-    def read(self) -> Chain[T]:
-        """Read and verify the file; it is empty if it is missing. Raises OSError."""
+    def read(self, check: Callable[[SignedLine[T]], Text | None] | None = None) -> Chain[T]:
+        """Read and verify the file; it is empty if it is missing.
+
+        `check` returns what is wrong with the signature of a line, or None. Raises OSError.
+        """
         try:
             content = self.path.read_bytes()
         except (FileNotFoundError, NotADirectoryError):
@@ -82,21 +103,30 @@ class ChainedFile(Generic[T]):
         incomplete: list[int] = []
         unconfirmed: list[int] = []  # incomplete lines that no valid line follows
         damage: Damage | None = None
-        digest = START
+        digests = [START]
         for number, line in enumerate([*lines, last_line] if last_line else lines, 1):
             is_last = bool(last_line) and number > len(lines)
             if number > 1 and (line.endswith(_INCOMPLETE) or (is_last and not _ENDING.search(line))):
                 unconfirmed.append(number)
             else:
-                reason = self._check_line(number, line, digest, entries)
+                reason = self._check_line(number, line, digests[-1], entries)
+                if reason is None and check is not None:
+                    reason = check(SignedLine(number, entries[number], *_signed(line)))
                 if reason is None:
                     incomplete += unconfirmed
                 elif damage is None:
                     damage = Damage(min([*unconfirmed, number]), reason)
                 unconfirmed.clear()
-            digest = _next_digest(line, digest)
-        truncated = bool(unconfirmed)
-        return Chain(tuple(entries.values()), tuple(entries), (*incomplete, *unconfirmed), truncated, damage, digest)
+            digests.append(_next_digest(line, digests[-1]))
+        return Chain(
+            tuple(entries.values()),
+            tuple(entries),
+            (*incomplete, *unconfirmed),
+            bool(unconfirmed),
+            damage,
+            digests[-1],
+            tuple(digests[1:]),
+        )
 
     def _check_line(self, number: int, line: bytes, digest: str, entries: dict[int, T]) -> Text | None:
         """Check a line and add its entry if it agrees with its own digest; return a description of damage, or None."""
@@ -125,11 +155,12 @@ class ChainedFile(Generic[T]):
             raise InputError(code, file=self.path, line=chain.damage.number, why=chain.damage.reason)
         return list(chain.entries)
 
-    def append(self, content: Mapping[str, Any]) -> T:
+    def append(self, content: Mapping[str, Any], sign: Callable[[bytes], str] | None = None) -> T:
         """Append an entry given as JSON data, write it to disk and return it.
 
-        The file is created with its first line; a file that was emptied remains damaged. The caller must lock the file
-        unless no other program can append to it. Raises OSError, and ValueError if the content is not an entry.
+        `sign` returns the signature of a line. The file is created with its first line; a file that was emptied remains
+        damaged. The caller must lock the file unless no other program can append to it. Raises OSError, and ValueError
+        if the content is not an entry.
         """
         exists = self.path.exists()
         *lines, last_line = (self.path.read_bytes() if exists else b"").split(b"\n")
@@ -140,9 +171,7 @@ class ChainedFile(Generic[T]):
             lines.append(last_line if complete else last_line + _INCOMPLETE)
         for line in lines:
             digest = _next_digest(line, digest)
-        text = json.dumps({**content, "previous": digest}, ensure_ascii=False).encode()
-        line = text[:-1] + f', "digest": "{_sha256(text)}"}}'.encode()
-        entry = self._entry.validate_python(parse_json(line))
+        line, entry = self._line(content, digest, sign)
         if exists:
             handle = os.open(self.path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
             try:
@@ -151,14 +180,44 @@ class ChainedFile(Generic[T]):
             finally:
                 os.close(handle)
         else:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            write_atomic(self.path, line + b"\n")
-            sync_folder(self.path.parent.parent)
+            self._begin(line)
         return entry
+
+    def begin(self, content: Mapping[str, Any], sign: Callable[[bytes], str] | None = None) -> T:
+        """Replace the file by a new chain with this first entry; see `append`."""
+        line, entry = self._line(content, START, sign)
+        self._begin(line)
+        return entry
+
+    def _begin(self, line: bytes) -> None:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(self.path, line + b"\n")
+        sync_folder(self.path.parent.parent)
+
+    def _line(self, content: Mapping[str, Any], digest: str, sign: Callable[[bytes], str] | None) -> tuple[bytes, T]:
+        """Return the line after the line with a digest, and its entry. Raises ValueError."""
+        text = json.dumps({**content, "previous": digest}, ensure_ascii=False).encode()
+        if sign is not None:
+            signed = {**content, "signature": sign(text), "previous": digest}
+            text = json.dumps(signed, ensure_ascii=False).encode()
+        line = text[:-1] + f', "digest": "{_sha256(text)}"}}'.encode()
+        return line, self._entry.validate_python(parse_json(line))
 
 
 def _sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
+
+
+def _signed(line: bytes) -> tuple[bytes, str | None]:
+    """Return the signed bytes of a complete line, and its signature."""
+    ending = _ENDING.search(line)
+    if ending is None:
+        return line, None
+    content = line[: ending.start()]
+    signature = _SIGNATURE.search(content)
+    if signature is None:
+        return content + ending[1] + b"}", None
+    return content[: signature.start()] + ending[1] + b"}", signature[1].decode()
 
 
 def _next_digest(line: bytes, digest: str) -> str:

@@ -1,17 +1,23 @@
 """Records of issued reports, each a line of a chained file next to the runs and an event in the site's audit trail.
 
 The file belongs to the logs and lists their reports for everyone who uses the folder. The audit trail belongs to the
-site and also lists reports of copied logs and reports missing at the end of a truncated file.
+site and also lists reports of copied logs and reports missing at the end of a truncated file. Each proves that the
+other is complete: a line contains the head of the trail before its event, and an event the head of the file before its
+line. Lines are signed; a line of another site contains the key of that site.
 """
 
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, JsonValue, TypeAdapter, ValidationError
 
-from calstation.records.audit import AuditEvent, AuditEventName, AuditTrail
-from calstation.records.chained_lines import ChainedFile
+from calstation.errors import InputError
+from calstation.messages import Text, os_reason
+from calstation.records.audit import AuditEvent, AuditEventName, TrailState
+from calstation.records.chained_lines import ChainedFile, SignedLine
+from calstation.records.station_key import StationKey, TrailHead, is_signed
 
 
 @dataclass(frozen=True)
@@ -27,6 +33,7 @@ class IssuedReport:
     received: str | None = None  #: Date of receipt of the unit, ISO 8601; None if it was not stated.
     #: Names of the persons who issued it and confirmed their identity with their own PIN.
     authorised: tuple[str, ...] = ()
+    trail: TrailHead | None = None  #: Head of the audit trail before the issue, as stated in the report.
 
     @property
     def identification(self) -> str:
@@ -36,6 +43,18 @@ class IssuedReport:
 
 #: Name of the event of an issued report in the audit trail.
 _EVENT: AuditEventName = "certificate"
+#: Values of an event that identify a report.
+_IDENTITY = ("number", "revision", "content_sha256")
+
+
+class _ReportLine(BaseModel):
+    """Entries of a line that are not part of the report."""
+
+    number: str
+    revision: int
+    content_sha256: str
+    trail: TrailHead | None = None  #: As in `IssuedReport`.
+    key: str | None = None  #: Public key of the site that issued the report; None for a line without a signature.
 
 
 def report_file(folder: Path) -> ChainedFile[IssuedReport]:
@@ -43,12 +62,94 @@ def report_file(folder: Path) -> ChainedFile[IssuedReport]:
     return ChainedFile(folder / "reports.jsonl", IssuedReport)
 
 
+def append_report(folder: Path, report: IssuedReport, key: StationKey) -> None:
+    """Append a report to the locked file of a folder, signed with the key of the site. Raises OSError."""
+    report_file(folder).append({**asdict(report), "key": key.public}, key.sign)
+
+
+def reports_head(folder: Path) -> dict[str, JsonValue]:
+    """Return the present head of the reports of a folder, for the event of the next one. Raises OSError."""
+    chain = report_file(folder).read()
+    return {"folder": str(folder.resolve()), "lines": len(chain.digests), "digest": chain.digest}
+
+
+def report_faults(folder: Path, state: TrailState) -> list[Text]:
+    """Return what is wrong with the reports of a folder and with their agreement with the audit trail of the site.
+
+    Raises InputError if the file cannot be read.
+    """
+    file: ChainedFile[_ReportLine] = ChainedFile(report_file(folder).path, _ReportLine)
+    try:
+        chain = file.read(_check_signature())
+    except OSError as exc:
+        raise InputError("result.unreadable", file=file.path, reason=os_reason(exc)) from exc
+    if chain.damage is not None:
+        line, why = chain.damage.number, chain.damage.reason
+        return [Text.of("report.record_damaged", file=file.path, line=line, why=why)]
+    for event in _events_of(folder, state.trail.entries):
+        before: Any = event.values["reports"]
+        if not chain.contains(before["lines"], before["digest"]):
+            return [Text.of("report.record_cut", file=file.path, lines=len(chain.digests), expected=before["lines"])]
+    recorded = {_identity(event.values) for event in state.trail.entries if event.event == _EVENT}
+    for line in chain.entries:
+        if line.key is None or line.key != state.public_key:
+            continue  # issued before lines were signed, or at another site
+        head = line.trail
+        if head is not None and not state.trail.contains(head.lines, head.digest):
+            values = {"line": head.lines, "digest": head.digest, "witness": file.path}
+            return [Text.of("audit.contradicts", file=state.path, **values)]
+        if _identity(line.model_dump()) not in recorded:
+            return [Text.of("report.not_in_trail", file=file.path, number=line.number, trail=state.path)]
+    return []
+
+
+def _events_of(folder: Path, events: Iterable[AuditEvent]) -> list[AuditEvent]:
+    """Return the events of the reports in the file of a folder."""
+    certificates = (event for event in events if event.event == _EVENT)
+    return [each for each in certificates if _folder(each) == str(folder.resolve())]
+
+
+def _folder(event: AuditEvent) -> JsonValue:
+    reports = event.values.get("reports")
+    return reports.get("folder") if isinstance(reports, dict) else None
+
+
+def _identity(values: Mapping[str, Any]) -> tuple[Any, ...]:
+    return tuple(values.get(name) for name in _IDENTITY)
+
+
+def complete_reports(folder: Path, state: TrailState) -> None:
+    """Append the last report of the audit trail if the program was ended before it did; see `report_faults`.
+
+    Raises OSError.
+    """
+    events = _events_of(folder, state.trail.entries)
+    report = _from_event(events[-1]) if events else None
+    if report is not None and state.key is not None and report not in report_file(folder).read().entries:
+        append_report(folder, report, state.key)
+
+
+def _check_signature() -> Callable[[SignedLine[_ReportLine]], Text | None]:
+    """Return a function that checks the signature of the lines in order."""
+    is_signed_part = False
+
+    def check(line: SignedLine[_ReportLine]) -> Text | None:
+        nonlocal is_signed_part
+        if line.signature is None:
+            return Text("log.line_unsigned") if is_signed_part or line.entry.key is not None else None
+        is_signed_part = True
+        valid = line.entry.key is not None and is_signed(line.entry.key, line.message, line.signature)
+        return None if valid else Text("log.line_forged")
+
+    return check
+
+
 def read_reports(folder: Path) -> list[IssuedReport]:
     """Read the reports of a folder, the oldest first; an empty list if there is no file. Raises InputError."""
     return report_file(folder).entries("report.record_damaged")
 
 
-def issued_reports(folder: Path, trail: AuditTrail, number: str) -> list[IssuedReport]:
+def issued_reports(folder: Path, events: Iterable[AuditEvent], number: str) -> list[IssuedReport]:
     """Return the reports with a number that are recorded next to the logs of a folder or in the site's audit trail.
 
     They are sorted by revision. Two reports with the same revision differ if one was issued for a copy of the log.
@@ -57,11 +158,11 @@ def issued_reports(folder: Path, trail: AuditTrail, number: str) -> list[IssuedR
     Parameters
     ----------
     folder : folder of the logs
-    trail : audit trail of the site
+    events : events of the site
     number : number of the reports
     """
-    events = (_from_event(event) for event in trail.entries if event.event == _EVENT)
-    reports = dict.fromkeys(each for each in (*read_reports(folder), *events) if each is not None)
+    certificates = (_from_event(event) for event in events if event.event == _EVENT)
+    reports = dict.fromkeys(each for each in (*read_reports(folder), *certificates) if each is not None)
     return sorted((each for each in reports if each.number == number), key=lambda each: each.revision)
 
 

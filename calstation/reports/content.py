@@ -20,7 +20,16 @@ from calstation.physics import (
     compose,
     entry_of,
 )
-from calstation.records import LOG_SUFFIXES, InstrumentSection, LaboratorySection, Limit, LogMeta, Rule, Verdict
+from calstation.records import (
+    LOG_SUFFIXES,
+    InstrumentSection,
+    LaboratorySection,
+    Limit,
+    LogMeta,
+    Rule,
+    TrailHead,
+    Verdict,
+)
 from calstation.reports.budget import Budget
 from calstation.results import Result
 
@@ -68,6 +77,7 @@ class Certificate:
     received: date | None = None  #: Date of receipt of the unit; None if not stated.
     #: Names of the persons who issued the certificate and confirmed their identity with their own PINs.
     authorised: tuple[str, ...] = ()
+    trail: TrailHead | None = None  #: Head of the audit trail of the site before the issue.
 
     @property
     def identification(self) -> str:

@@ -5,7 +5,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 
@@ -23,19 +23,23 @@ from calstation.config import (
     plain_text,
     site_folder,
 )
-from calstation.errors import InputError
+from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Language, os_reason
 from calstation.records import (
     IssuedReport,
     Log,
     LogMeta,
-    audit_path,
+    TrailState,
     audit_values,
     audit_writer,
+    complete_reports,
     issued_reports,
-    read_audit,
+    report_faults,
     report_file,
+    reports_head,
+    site_events,
+    verify_trail,
 )
 from calstation.reports.analysis import analyse
 from calstation.reports.content import Certificate, build_certificate, certificate_number, earliest_issue, performed
@@ -225,6 +229,8 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
     certificate, before, record = _number_certificate(result, log, request)
     confirmation = Confirmation("")
     if record is not None:
+        record = replace(record, trail=_intact_trail(log.path.absolute().parent).head)
+        certificate = replace(certificate, trail=record.trail)
         confirmation, names = _confirm_issue(log.meta, request)
         record, certificate = replace(record, authorised=names), replace(certificate, authorised=names)
     share = _ANALYSED - _READ
@@ -233,8 +239,8 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
     dcc = write_dcc(certificate, deviations(certificate, analysis))
     dcc = dcc if signer is None else sign_xml(dcc, signer)
     digital = Attachment(f"{certificate.identification}.xml", "application/xml", dcc, "alternative")
-    files = [digital, *attachments(certificate)]
-    pdf = typeset(certificate, analysis, request.language, files, request.templates)
+    embedded = [digital, *attachments(certificate)]
+    pdf = typeset(certificate, analysis, request.language, embedded, request.templates)
     out = request.out
     if out.is_dir():
         out = out / pdf_name(certificate.identification, request.language)
@@ -243,7 +249,8 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
         written[request.dcc] = dcc
     unwritten = {path: content for path, content in written.items() if not _is_written(path, content)}
     if record is not None:
-        _record(log, certificate, before, record, confirmation)
+        files = {path.name: hashlib.sha256(content).hexdigest() for path, content in written.items()}
+        _record(log, certificate, before, record, confirmation, files)
     for path, content in unwritten.items():
         _write(path, content)
     report(1.0)
@@ -335,7 +342,7 @@ def _today() -> date:
 
 def _find_issued(log: Log, number: str) -> list[IssuedReport]:
     """Return the records with a number next to the log and in the audit trail of the site; see `issued_reports`."""
-    return issued_reports(log.path.absolute().parent, read_audit(audit_path(site_folder())), number)
+    return issued_reports(log.path.absolute().parent, site_events(site_folder()), number)
 
 
 def _find_reprint(
@@ -355,12 +362,27 @@ def _is_same(each: IssuedReport, digest: str, issued: str | None, received: str 
 
 
 def _record(
-    log: Log, certificate: Certificate, before: list[IssuedReport], record: IssuedReport, people: Confirmation
+    log: Log,
+    certificate: Certificate,
+    before: list[IssuedReport],
+    record: IssuedReport,
+    people: Confirmation,
+    files: Mapping[str, str],
 ) -> None:
     """Write the issue of a certificate to the audit trail, then to the record of issued reports.
 
-    Raises InputError if another program has issued the same or the next revision since `before` was read, or
-    ConfigurationError.
+    Parameters
+    ----------
+    log, certificate : log and content of the certificate
+    before : earlier reports with its number
+    record : the new report
+    people : persons who issue and confirm it
+    files : SHA-256 of its files by name
+
+    Raises
+    ------
+    InputError : if another program has issued the same or the next revision since `before` was read.
+    ConfigurationError : if the audit trail or the record was changed, or cannot be written.
     """
     folder, result = log.path.absolute().parent, certificate.result
     values = {"serial": result.serial, "certificate": certificate.identification, "verdict": certificate.verdict}
@@ -368,7 +390,8 @@ def _record(
     try:
         with report_file(folder).locked():
             with audit_writer(site_folder()) as audit:
-                current = issued_reports(folder, audit.read(), record.number)
+                complete_reports(folder, _intact_trail(folder))
+                current = issued_reports(folder, site_events(site_folder()), record.number)
                 if current == [record] and not before:
                     return  # another process has recorded the same first issue
                 if current != before:
@@ -379,11 +402,26 @@ def _record(
                     record.reason or "",
                     confirmed_by=people.confirmed_by,
                     pin=people.pin,
+                    reports=reports_head(folder),
+                    files=files,
                     **values,
                 )
-            report_file(folder).append(asdict(record))
+            complete_reports(folder, verify_trail(site_folder()))
     except OSError as exc:
         raise InputError("report.unwritable", file=folder, reason=os_reason(exc)) from exc
+
+
+def _intact_trail(folder: Path) -> TrailState:
+    """Return the audit trail of the site.
+
+    Raises ConfigurationError if the trail, or the record of issued reports in a folder, was changed.
+    """
+    state = verify_trail(site_folder())
+    state.require_intact()
+    faults = report_faults(folder, state)
+    if faults:
+        raise ConfigurationError("report.broken", fault=faults[0])
+    return state
 
 
 def _with_record(certificate: Certificate, record: IssuedReport, records: list[IssuedReport]) -> Certificate:
@@ -397,6 +435,7 @@ def _with_record(certificate: Certificate, record: IssuedReport, records: list[I
         issued=date.fromisoformat(record.issued),
         received=None if record.received is None else date.fromisoformat(record.received),
         authorised=record.authorised,
+        trail=record.trail,
     )
 
 

@@ -60,7 +60,8 @@ def test_changing_a_pin_requires_the_current_pin(home: Path) -> None:
     access.set_pin("246813", "ключ 密码")
     assert access.check("ключ 密码")
     assert not access.check("246813")
-    assert {path.name for path in home.iterdir()} == {"engineer.json", "audit.jsonl", ".audit.lock", ".pin.lock"}
+    trail = {"audit.jsonl", ".audit.lock", "station.key", "station.head"}
+    assert {path.name for path in home.iterdir()} == {"engineer.json", ".pin.lock", *trail}
 
 
 def test_a_short_pin_is_refused() -> None:

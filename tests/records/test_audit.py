@@ -1,15 +1,30 @@
-"""The audit trail is a hash chain that reveals later changes and survives a process killed while writing."""
+"""The audit trail is a signed hash chain that reveals later changes and survives a process killed while writing."""
 
 import hashlib
 import json
 import multiprocessing
 import re
+import stat
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from calstation.errors import ConfigurationError
-from calstation.records import append_audit, audit_path, files, read_audit
+from calstation.records import (
+    ChainedFile,
+    append_audit,
+    audit,
+    audit_path,
+    files,
+    read_audit,
+    restart_trail,
+    site_events,
+    verify_trail,
+)
+from calstation.records.station_key import StationKey, head_file, key_file
 from tests.helpers import raises_code
 
 
@@ -67,32 +82,162 @@ def test_removed_or_moved_line_is_detected_at_the_next_line(trail: Path) -> None
         assert first_bad(trail) == bad
 
 
-def test_line_with_a_recomputed_digest_is_detected_at_the_next_line(tmp_path: Path, trail: Path) -> None:
+def test_line_with_a_recomputed_digest_has_a_wrong_signature(tmp_path: Path, trail: Path) -> None:
     lines = trail.read_text("utf-8").splitlines(keepends=True)
     rest = re.sub(r', "digest": "[0-9a-f]{64}"\}\n$', "}", lines[1]).replace("new limits", "none")
     digest = hashlib.sha256(rest.encode()).hexdigest()
     lines[1] = f'{rest[:-1]}, "digest": "{digest}"}}\n'
     trail.write_text("".join(lines), encoding="utf-8")
-    assert first_bad(trail) == 3
+    assert first_bad(trail) == 2
 
 
 def test_truncated_line_is_reported_and_the_chain_continues_after_it(tmp_path: Path, trail: Path) -> None:
+    head = head_file(tmp_path).read_bytes()
+    append_audit(tmp_path, "pin_set", "li")
     whole = trail.read_bytes()
     start = whole.rstrip(b"\n").rindex(b"\n") + 1
-    for end in range(start + 1, len(whole) - 1):
+    for end in range(start + 1, len(whole) - 1, 7):
         trail.write_bytes(whole[:end])
-        assert (read_audit(trail).incomplete, first_bad(trail)) == ((3,), None)
+        head_file(tmp_path).write_bytes(head)  # it is written after the line
+        assert (read_audit(trail).incomplete, first_bad(trail)) == ((4,), None)
         append_audit(tmp_path, "pin_changed", "li")
         chain = read_audit(trail)
-        assert (chain.incomplete, chain.damage) == ((3,), None)
-        assert [each.event for each in chain.entries] == ["pin_set", "file_saved", "pin_changed"]
+        assert (chain.incomplete, chain.damage) == ((4,), None)
+        assert [each.event for each in chain.entries] == ["pin_set", "file_saved", "override", "pin_changed"]
         assert trail.read_bytes().startswith(whole[:end])
 
 
-def test_emptied_trail_remains_damaged_after_the_next_event(tmp_path: Path, trail: Path) -> None:
-    trail.write_bytes(b"")
+def _drop(trail: Path, lines: int) -> None:
+    trail.write_bytes(b"".join(trail.read_bytes().splitlines(keepends=True)[:-lines]))
+
+
+def _forge(trail: Path) -> None:
+    """Append a line with a correct chain, as the program did before lines were signed."""
+    ChainedFile[object](trail, object).append(
+        {"utc": "", "event": "pin_set", "by": "x", "confirmed_by": None, "why": "", "values": {}}
+    )
+
+
+def _own_key(trail: Path) -> None:
+    """Write the whole trail anew with another key."""
+    lines = [json.loads(line) for line in trail.read_bytes().splitlines()]
+    trail.unlink()
+    other = StationKey(Ed25519PrivateKey.generate())
+    for line in lines:
+        content = {name: value for name, value in line.items() if name not in ("signature", "previous", "digest")}
+        content |= {"key": other.public} if "key" in line else {}
+        ChainedFile[object](trail, object).append(content, other.sign)
+
+
+def _without_signatures(trail: Path) -> None:
+    lines = [json.loads(line) for line in trail.read_bytes().splitlines()]
+    trail.unlink()
+    for line in lines:
+        names = ("key", "signature", "previous", "digest")
+        ChainedFile[object](trail, object).append({name: line[name] for name in line if name not in names})
+
+
+#: What somebody who can write the folder, but not read the key, does to it.
+TAMPERING: dict[str, Callable[[Path], object]] = {
+    "last line removed": lambda trail: _drop(trail, 1),
+    "last lines removed": lambda trail: _drop(trail, 2),
+    "emptied": lambda trail: trail.write_bytes(b""),
+    "removed": lambda trail: trail.unlink(),
+    "unsigned line appended": _forge,
+    "written anew with another key": _own_key,
+    "written anew without signatures": _without_signatures,
+    "key removed": lambda trail: key_file(trail.parent).unlink(),
+    "head removed": lambda trail: head_file(trail.parent).unlink(),
+    "head changed": lambda trail: head_file(trail.parent).write_bytes(
+        head_file(trail.parent).read_bytes().replace(b'"lines": 3', b'"lines": 2')
+    ),
+    "trail and head removed": lambda trail: (trail.unlink(), head_file(trail.parent).unlink()),
+}
+
+
+@pytest.mark.parametrize("kind", TAMPERING)
+def test_nothing_is_appended_to_a_changed_trail_until_it_is_restarted(tmp_path: Path, trail: Path, kind: str) -> None:
+    TAMPERING[kind](trail)
+    before = trail.read_bytes() if trail.exists() else None
+    assert verify_trail(tmp_path).faults
+    assert verify_trail(tmp_path, every_signature=True).faults
+    with raises_code(ConfigurationError, "audit.broken"):
+        append_audit(tmp_path, "pin_changed", "li")
+    assert (trail.read_bytes() if trail.exists() else None) == before
+    event = restart_trail(tmp_path, "li", "disk repaired", None)
+    assert (event.event, event.by, event.why, len(event.values["faults"]) > 0) == (
+        "trail_restarted", "li", "disk repaired", True,
+    )  # fmt: skip
+    if before is not None:
+        assert (tmp_path / str(event.values["file"])).read_bytes() == before
     append_audit(tmp_path, "pin_changed", "li")
-    assert first_bad(trail) == 1
+    assert not verify_trail(tmp_path, every_signature=True).faults
+    assert [each.event for each in read_audit(trail).entries] == ["trail_restarted", "pin_changed"]
+
+
+def test_every_byte_of_key_and_head_is_covered(tmp_path: Path, trail: Path) -> None:
+    for path in (key_file(tmp_path), head_file(tmp_path)):
+        content = path.read_bytes()
+        for i in range(0, len(content) - 1, 5):
+            changed = bytearray(content)
+            changed[i] ^= 4
+            path.write_bytes(bytes(changed))
+            state = verify_trail(tmp_path)
+            assert state.faults or state.key_error is not None
+        path.write_bytes(content)
+    assert not verify_trail(tmp_path).faults
+
+
+def test_events_before_the_change_remain_known_after_a_restart(tmp_path: Path, trail: Path) -> None:
+    _forge(trail)
+    restart_trail(tmp_path, "li", "forged", None)
+    assert [each.event for each in site_events(tmp_path)] == ["pin_set", "file_saved", "override", "trail_restarted"]
+
+
+def test_lines_older_than_the_key_are_accepted_only_before_it(tmp_path: Path) -> None:
+    trail = audit_path(tmp_path)
+    _forge(trail)
+    _forge(trail)
+    assert not verify_trail(tmp_path).faults
+    append_audit(tmp_path, "pin_changed", "li")
+    assert not verify_trail(tmp_path).faults
+    assert [each.key is not None for each in read_audit(trail).entries] == [False, False, True]
+    _forge(trail)
+    assert first_bad(trail) == 4
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such permissions")
+def test_only_the_owner_may_read_the_key(tmp_path: Path, trail: Path) -> None:
+    assert stat.S_IMODE(key_file(tmp_path).stat().st_mode) == 0o600
+
+
+def test_site_chooses_where_the_key_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CALSTATION_STATION_KEY", str(tmp_path / "safe" / "line1.key"))
+    append_audit(tmp_path / "site", "pin_set", "wang")
+    append_audit(tmp_path / "site", "pin_changed", "wang")
+    assert {path.name for path in (tmp_path / "safe").iterdir()} == {"line1.key", "line1.head"}
+    assert not verify_trail(tmp_path / "site").faults
+
+
+@pytest.mark.parametrize("step", ["store_head", "finish_key"])
+@pytest.mark.parametrize("begin", ["first", "restart"])
+def test_key_whose_creation_was_interrupted_is_finished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str, begin: str
+) -> None:
+    def killed(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    if begin == "restart":
+        append_audit(tmp_path, "pin_set", "wang")
+        audit_path(tmp_path).unlink()
+    monkeypatch.setattr(audit, step, killed)
+    with pytest.raises(KeyboardInterrupt):
+        restart_trail(tmp_path, "li", "lost", None) if begin == "restart" else append_audit(tmp_path, "pin_set", "wang")
+    monkeypatch.undo()
+    assert not verify_trail(tmp_path).faults
+    append_audit(tmp_path, "pin_changed", "li")
+    assert not verify_trail(tmp_path).faults
+    assert len(read_audit(audit_path(tmp_path)).entries) == 2
 
 
 def test_event_that_could_not_be_read_back_is_not_written(tmp_path: Path, trail: Path) -> None:
@@ -113,15 +258,17 @@ def test_line_without_its_newline_is_complete(tmp_path: Path, trail: Path) -> No
 def test_modified_last_line_is_not_treated_as_incomplete(tmp_path: Path, trail: Path) -> None:
     trail.write_bytes(trail.read_bytes()[:-1].replace(b"SN-1", b"SN-2"))
     assert first_bad(trail) == 3
-    append_audit(tmp_path, "pin_changed", "li")
-    assert first_bad(trail) == 3
 
 
 def test_change_of_an_incomplete_line_is_detected(tmp_path: Path, trail: Path) -> None:
+    head = head_file(tmp_path).read_bytes()
+    append_audit(tmp_path, "override", "wang", serial="SN-1")
     trail.write_bytes(trail.read_bytes()[:-60])
+    head_file(tmp_path).write_bytes(head)
     append_audit(tmp_path, "pin_changed", "li")
-    trail.write_bytes(trail.read_bytes().replace(b"SN-1", b"SN-2"))
-    assert first_bad(trail) == 3
+    lines = trail.read_bytes().splitlines(keepends=True)
+    trail.write_bytes(b"".join([*lines[:3], lines[3].replace(b"SN-1", b"SN-2"), *lines[4:]]))
+    assert first_bad(trail) == 4
 
 
 def _append_many(folder: Path) -> None:

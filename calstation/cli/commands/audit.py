@@ -6,13 +6,22 @@ from typing import Annotated, Any
 
 import typer
 
+from calstation.cli.confirmation import ask_person
 from calstation.cli.options import JsonOption, check_choice, command_group
-from calstation.cli.show import emit
+from calstation.cli.show import emit, ignore_progress
 from calstation.cli.text import say
-from calstation.config import site_folder, verification
+from calstation.config import (
+    SiteTrail,
+    access,
+    computer_user,
+    read_site_trail,
+    read_trail_copy,
+    restart_site_trail,
+    site_folder,
+)
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
-from calstation.records import AUDIT_EVENTS, AuditEvent, AuditTrail, audit_path, read_audit, select_audit
+from calstation.records import AUDIT_EVENTS, AuditEvent, audit_path, select_audit
 
 app = command_group()
 
@@ -23,9 +32,10 @@ def audit(
     by: str | None = None,
     since: Annotated[str | None, typer.Option(metavar="YYYY-MM-DD")] = None,
     file: Path | None = None,
+    restart: Annotated[str | None, typer.Option(metavar="REASON")] = None,
     json: JsonOption = None,
 ) -> int:
-    """List the events of an audit trail, filtered by event, person and first day (UTC).
+    """List the events of an audit trail, filtered by event, person and first day (UTC), or begin a new one.
 
     The default is the audit trail of the site. Returns the exit code of an input error if the trail was changed.
     Raises InputError if `file` is missing, or ConfigurationError for an unknown event.
@@ -34,12 +44,16 @@ def audit(
         first = "" if since is None else date.fromisoformat(since).isoformat()
     except ValueError as exc:
         raise ConfigurationError("cli.not_a_date", option="--since", value=since, program="calstation audit") from exc
-    path, trail = _read(file)
-    names = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in trail.entries)))  # includes events of later versions
+    if restart is not None:
+        event_made = restart_site_trail(restart, ask_person(by or computer_user() or "", pin=access.has_pin()))
+        emit(event_made.model_dump(), json, [_line(event_made)])
+        return 0
+    path, site = _read(file)
+    names = dict.fromkeys((*AUDIT_EVENTS, *(e.event for e in site.trail.entries)))  # includes events of later versions
     check_choice("--event", event, tuple(names))
-    events = select_audit(trail.entries, event, by, first)
-    emit(_row(path, trail, events), json, [*map(_line, events), *_verified(path, trail)])
-    return 0 if trail.damage is None else InputError.exit_code
+    events = select_audit(site.trail.entries, event, by, first)
+    emit(_row(path, site, events), json, [*map(_line, events), *_verified(site)])
+    return 0 if site.intact else InputError.exit_code
 
 
 def check_audit(file: Path | None, json: str | None) -> int:
@@ -47,28 +61,30 @@ def check_audit(file: Path | None, json: str | None) -> int:
 
     Raises InputError if `file` is missing.
     """
-    path, trail = _read(file)
-    emit(_row(path, trail, []), json, _verified(path, trail))
-    return 0 if trail.damage is None else InputError.exit_code
+    path, site = _read(file)
+    emit(_row(path, site, []), json, _verified(site))
+    return 0 if site.intact else InputError.exit_code
 
 
-def _read(file: Path | None) -> tuple[Path, AuditTrail]:
-    if file is not None and not file.exists():
+def _read(file: Path | None) -> tuple[Path, SiteTrail]:
+    if file is None:
+        return audit_path(site_folder()), read_site_trail(ignore_progress)
+    if not file.exists():
         raise InputError("audit.not_found", file=file)
-    path = file or audit_path(site_folder())
-    return path, read_audit(path)
+    return file, read_trail_copy(file)
 
 
-def _row(path: Path, trail: AuditTrail, events: list[AuditEvent]) -> dict[str, Any]:
+def _row(path: Path, site: SiteTrail, events: list[AuditEvent]) -> dict[str, Any]:
+    trail = site.trail
     return {
         **{"file": str(path), "kind": "audit", "lines": len(trail.entries), "interrupted": list(trail.incomplete)},
-        **{"first_bad": trail.damage and trail.damage.number, "digest": trail.digest},
+        **{"first_bad": trail.damage and trail.damage.number, "digest": trail.digest, "intact": site.intact},
         "events": [each.model_dump() for each in events],
     }
 
 
-def _verified(path: Path, trail: AuditTrail) -> list[str]:
-    return [say(each.code, **each.values) for each in verification(path, trail)]
+def _verified(site: SiteTrail) -> list[str]:
+    return [say(each.code, **each.values) for each in site.state]
 
 
 def _line(each: AuditEvent) -> str:
