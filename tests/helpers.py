@@ -1,17 +1,20 @@
 """Helpers shared by the tests of all packages."""
 
+import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
 from calstation.errors import CalstationError
 from calstation.physics import FloatArray, TableGeometry, rotation_vector
 from calstation.records import LogFacts, open_log, write_log
+from calstation.records.raw_log import FORMAT
 from calstation.schema import EntryError
 
 
@@ -67,3 +70,12 @@ def joint_axis(geometry: TableGeometry, joint: int, inner: float) -> FloatArray:
     """Return the axis of a joint in b at an inner angle (rad), from attitudes before and after a 0.5 rad rotation."""
     before, after = geometry.body_to_home(0.0, inner), geometry.body_to_home(0.5 * (joint == 0), inner + 0.5 * joint)
     return np.asarray(rotation_vector(before.T @ after) / 0.5)
+
+
+def write_log_of(result_file: Path) -> None:
+    """Write a log without samples next to a result file, which contains this result."""
+    content = json.dumps(json.loads(result_file.read_text(encoding="utf-8"))) + "\n"
+    with h5py.File(result_file.with_suffix(".h5"), "w", libver="latest") as file:
+        file.attrs["format"] = np.bytes_(FORMAT)
+        file.create_dataset("samples", (0,), "f8", maxshape=(None,), chunks=(1024,))
+        file.create_dataset("results", data=np.frombuffer(content.encode(), np.uint8))

@@ -17,6 +17,7 @@ from calstation.records import (
     AuditTrail,
     audit_path,
     damage_text,
+    public_key,
     read_audit,
     restart_trail,
     verify_trail,
@@ -58,7 +59,7 @@ def _verification(path: Path, trail: AuditTrail, faults: Sequence[Text]) -> tupl
     elif not path.exists():
         state = (Text.of("audit.none", file=path),)
     else:
-        key = next((each.key for each in trail.entries if each.key is not None), None)
+        key = public_key(trail)
         unsigned = sum(each.signature is None for each in trail.entries)
         values = {"file": path, "lines": len(trail.entries), "digest": trail.digest}
         signed = [] if key is None else [Text.of("audit.signed", key=key)]

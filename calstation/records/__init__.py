@@ -15,10 +15,12 @@ from calstation.records.audit import (
     audit_path,
     audit_writer,
     damage_text,
+    public_key,
     read_audit,
     restart_trail,
     select_audit,
     site_events,
+    site_trails,
     verify_trail,
 )
 from calstation.records.chained_lines import Chain, ChainedFile
@@ -79,6 +81,7 @@ from calstation.records.raw_log import RESERVED_SPACE, SUFFIX, RawLogWriter, fre
 from calstation.records.raw_read import (
     END_FAILING,
     being_written,
+    last_result,
     raw_rows,
     solved_stages,
     step_labels,
@@ -95,7 +98,7 @@ from calstation.records.reports import (
     reports_head,
 )
 from calstation.records.resolves import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolve_file
-from calstation.records.station_key import TrailHead
+from calstation.records.station_key import TrailHead, find_heads
 from calstation.records.verdict import Verdict
 
 if TYPE_CHECKING:

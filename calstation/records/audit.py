@@ -42,6 +42,7 @@ AuditEventName = Literal[
     "registers",
     "override",
     "certificate",
+    "certificate_printed",
     "standard_overridden",
     "attempt_allowed",
     "trail_restarted",
@@ -88,7 +89,7 @@ class TrailState:
     @cached_property
     def public_key(self) -> str | None:
         """Public key with which the trail is signed; None before the first signed line."""
-        return next((each.key for each in self.trail.entries if each.key is not None), None)
+        return public_key(self.trail)
 
     @property
     def head(self) -> TrailHead | None:
@@ -145,7 +146,7 @@ def verify_trail(folder: Path, *, every_signature: bool = False) -> TrailState:
         raise InputError("result.unreadable", file=head_path, reason=os_reason(exc)) from exc
     trail = read_audit(path, 0 if every_signature or stored is None else stored.lines)
     key, error, interrupted = None, None, False
-    recorded = next((each.key for each in trail.entries if each.key is not None), None)
+    recorded = public_key(trail)
     try:
         key, interrupted = load_key(folder, recorded)
     except ConfigurationError as exc:
@@ -301,20 +302,35 @@ def read_audit(path: Path, known: int = 0) -> AuditTrail:
         raise InputError("result.unreadable", file=path, reason=os_reason(exc)) from exc
 
 
+def site_trails(folder: Path) -> list[tuple[Path, AuditTrail]]:
+    """Return the audit trails of the site: the present one, and the former ones that later trails name.
+
+    Raises InputError if a trail cannot be read.
+    """
+    trails: list[tuple[Path, AuditTrail]] = []
+    path: Path | None = audit_path(folder)
+    while path is not None:
+        trail = read_audit(path)
+        trails.append((path, trail))
+        restarted = trail.entries[0].values if trail.entries and trail.entries[0].event == "trail_restarted" else {}
+        former = folder / Path(str(restarted.get("file", ""))).name
+        is_named = former.is_file() and hashlib.sha256(former.read_bytes()).hexdigest() == restarted.get("sha256")
+        path = former if is_named and former not in [each for each, _ in trails] else None
+    return trails
+
+
 def site_events(folder: Path) -> list[AuditEvent]:
-    """Return the events of the site, including those of changed trails that later trails name, up to the change.
+    """Return the events of all audit trails of the site, each up to its first changed line, the oldest first.
 
     Raises InputError if a trail cannot be read.
     """
     events: list[AuditEvent] = []
-    pending = [audit_path(folder)]
-    while pending:
-        path = pending.pop()
-        trail = read_audit(path)
+    for _, trail in site_trails(folder):
         last = len(trail.digests) if trail.damage is None else trail.damage.number - 1
         events = [each for number, each in zip(trail.numbers, trail.entries, strict=True) if number <= last] + events
-        restarted = trail.entries[0].values if trail.entries and trail.entries[0].event == "trail_restarted" else {}
-        former = folder / Path(str(restarted.get("file", ""))).name
-        if former.is_file() and hashlib.sha256(former.read_bytes()).hexdigest() == restarted.get("sha256"):
-            pending.append(former)
     return events
+
+
+def public_key(trail: AuditTrail) -> str | None:
+    """Return the public key with which a trail is signed; None before its first signed line."""
+    return next((each.key for each in trail.entries if each.key is not None), None)

@@ -68,6 +68,16 @@ def open_raw(path: Path, _: Path | None = None) -> Log:
     return Log(path, meta, blocks, events, results, last.get("outcome"), last.get("sha256"), _damaged=damaged)
 
 
+def last_result(path: Path) -> dict[str, Any] | None:
+    """Return the last result in a raw log as JSON data without reading anything else; None if it has none.
+
+    Raises InputError.
+    """
+    with _open_for_reading(path) as file:
+        results = _json_lines(file, "results")
+    return results[-1] if results else None
+
+
 def being_written(path: Path, within: float = TEST_TIMEOUT) -> bool:
     """Return whether a run is still writing the log, as shown by its lock, which is tested for `within` s.
 

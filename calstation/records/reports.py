@@ -91,15 +91,15 @@ def report_faults(folder: Path, state: TrailState) -> list[Text]:
         if not chain.contains(before["lines"], before["digest"]):
             return [Text.of("report.record_cut", file=file.path, lines=len(chain.digests), expected=before["lines"])]
     recorded = {_identity(event.values) for event in state.trail.entries if event.event == _EVENT}
-    for line in chain.entries:
-        if line.key is None or line.key != state.public_key:
+    for row in chain.entries:
+        if row.key is None or row.key != state.public_key:
             continue  # issued before lines were signed, or at another site
-        head = line.trail
+        head = row.trail
         if head is not None and not state.trail.contains(head.lines, head.digest):
             values = {"line": head.lines, "digest": head.digest, "witness": file.path}
             return [Text.of("audit.contradicts", file=state.path, **values)]
-        if _identity(line.model_dump()) not in recorded:
-            return [Text.of("report.not_in_trail", file=file.path, number=line.number, trail=state.path)]
+        if _identity(row.model_dump()) not in recorded:
+            return [Text.of("report.not_in_trail", file=file.path, number=row.number, trail=state.path)]
     return []
 
 

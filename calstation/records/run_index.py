@@ -25,7 +25,7 @@ from calstation.records.indexed_run import Categories, IndexedRun, RunChoices, R
 from calstation.records.verdict import Verdict
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 17
+_VERSION = 18
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"

@@ -6,6 +6,7 @@ the audit trail, signed with the key, is in the file ``station.head`` next to it
 
 import json
 import os
+import re
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 #: Environment variable with the path of the private key, for a site that keeps it outside its folder.
 KEY_VARIABLE = "CALSTATION_STATION_KEY"
 _FILE = "station.key"
+_HEAD = re.compile(rb"calstation-trail:(\d{1,9}):([0-9a-f]{64}):([0-9a-f]{64}|-)")
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,16 @@ class TrailHead:
     key: str
     lines: int  #: Number of lines.
     digest: str  #: Digest of the last line.
+
+    def __str__(self) -> str:
+        """Return the text in certificates, which `find_heads` finds."""
+        return f"calstation-trail:{self.lines}:{self.digest}:{self.key or '-'}"
+
+
+def find_heads(content: bytes) -> list[TrailHead]:
+    """Return the heads of audit trails that a certificate states, each once: a PDF, or an XML document."""
+    matches = dict.fromkeys(_HEAD.findall(content))
+    return [TrailHead("" if key == b"-" else key.decode(), int(n), digest.decode()) for n, digest, key in matches]
 
 
 class StationKey:

@@ -18,3 +18,4 @@ from calstation.reports.issue import (
     station_request,
 )
 from calstation.reports.label import label_template, print_label, print_labels
+from calstation.reports.verification import CertificateState, verify_certificate, verify_reports

@@ -73,8 +73,10 @@ def _core_data(certificate: Certificate) -> etree._Element:
     core.extend(_DCC("usedLangCodeISO639_1", code) for code in _LANGUAGES)
     core.append(_DCC("mandatoryLangCodeISO639_1", "en"))
     core.append(_DCC("uniqueIdentifier", _token(certificate.identification)))
-    if log.sha256:
-        core.append(_DCC("identifications", _identification("calibrationLaboratory", log.sha256, "log")))
+    identified = {"log": log.sha256, "trail": str(certificate.trail or "")}
+    identifications = [_identification("calibrationLaboratory", text, key) for key, text in identified.items() if text]
+    if identifications:
+        core.append(_DCC("identifications", *identifications))
     if certificate.received is not None:
         core.append(_DCC("receiptDate", certificate.received.isoformat()))
     core.append(_DCC("beginPerformanceDate", begin.isoformat()))

@@ -376,7 +376,7 @@ class _Document:
         }
 
     def _configuration(self) -> dict[str, Any]:
-        result = self._result
+        result, trail = self._result, self._certificate.trail
         return {
             "files": [
                 {"kind": kind, "name": file.name, "version": file.version, "sha256": file.sha256}
@@ -385,6 +385,9 @@ class _Document:
             "configuration_sha256": result.configuration_sha256,
             "log": self._certificate.number,
             "log_sha256": result.log.sha256,
+            "trail": None
+            if trail is None
+            else {"text": str(trail), "lines": str(trail.lines), "digest": trail.digest, "key": trail.key or NONE},
             "range": f"{result.log.first_seq} … {result.log.last_seq}",
             "solved_with": result.software.version if result.software is not None else NONE,
             "written_with": __version__,

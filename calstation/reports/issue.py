@@ -31,6 +31,7 @@ from calstation.records import (
     Log,
     LogMeta,
     TrailState,
+    append_audit,
     audit_values,
     audit_writer,
     complete_reports,
@@ -249,12 +250,19 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
         written[request.dcc] = dcc
     unwritten = {path: content for path, content in written.items() if not _is_written(path, content)}
     if record is not None:
-        files = {path.name: hashlib.sha256(content).hexdigest() for path, content in written.items()}
-        _record(log, certificate, before, record, confirmation, files)
+        _record(log, certificate, before, record, confirmation, _digests(written))
+    elif unwritten:
+        by, number = "" if request.first is None else request.first.badge, certificate.identification
+        append_audit(site_folder(), "certificate_printed", by, certificate=number, files=_digests(unwritten))
     for path, content in unwritten.items():
         _write(path, content)
     report(1.0)
     return certificate, out
+
+
+def _digests(files: Mapping[Path, bytes]) -> dict[str, str]:
+    """Return the SHA-256 of files by name."""
+    return {path.name: hashlib.sha256(content).hexdigest() for path, content in files.items()}
 
 
 def _confirm_issue(meta: LogMeta, request: ReportRequest) -> tuple[Confirmation, tuple[str, ...]]:

@@ -4,7 +4,6 @@ The result file of a run must equal the result in the log. A later override must
 log that was solved again is solved once more, and the file must agree with the new solution.
 """
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,12 +14,16 @@ from calstation.jobs import ProgressCallback
 from calstation.parsing import read_json
 from calstation.records import Log, open_log
 from calstation.results import (
+    ADDED_LATER,
     Registers,
     Result,
+    difference,
     find_log,
     is_release_recorded,
     load_result,
+    plain,
     resolve_log,
+    stated_by_log,
     stored_result,
     with_states,
 )
@@ -28,9 +31,6 @@ from calstation.results import (
 #: Largest difference of a value between two computers, in sigmas, or relative to the largest number of its row.
 ROUNDING = 1e-3
 
-#: Entries that are added later to the result file of a run: an override, which must be in the audit trail, and the
-#: decision not to resume an interrupted run, which certificates do not state.
-_ADDED_LATER = ("override", "closed_utc", "closed_by")
 #: Entries that are attached to the certificate of a log that was solved again, but not printed, because their numbers
 #: have no common scale for rounding.
 _ONLY_ATTACHED = ("details", "observability")
@@ -44,8 +44,10 @@ def load_source(report: ProgressCallback, path: Path) -> tuple[Result, Log]:
     result, log = read_source(path)
     if result is None or result.outcome == "resolved":
         result = _with_registers(_solve_again(report, path, result, log), stored_result(log))
-    elif path.suffix == ".json":
-        result = _run_result(path, result, log)
+    else:
+        if path.suffix == ".json":
+            result = _run_result(path, result, log)
+        _check_with_log(result, log)
     # The folder of the log is not part of the report.
     section = result.log.model_copy(update={"file": log.path.name})
     return result.model_copy(update={"log": section}), log
@@ -76,12 +78,27 @@ def _run_result(path: Path, result: Result, log: Log) -> Result:
     stored = stored_result(log)
     if stored is None:
         raise InputError("report.no_result_in_log", file=path, log=log.path)
-    _check_content(path, log, _content(path, _ADDED_LATER), log.results[-1], 0.0)
+    _check_content(path, log, _content(path, ADDED_LATER), log.results[-1], 0.0)
     if result.override is None:
         return stored
     if not is_release_recorded(result):
         raise InputError("report.release_unknown", file=path, by=result.override.by)
     return stored.model_copy(update={"override": result.override})
+
+
+def _check_with_log(result: Result, log: Log) -> None:
+    """Raise InputError if the result of a run contradicts the configuration, the samples or the events of its log."""
+    facts = log.facts()
+    expected = {**stated_by_log(log.meta, facts), "sha256": facts.sha256}
+    content = result.to_json()
+    stated = {key: content.get(key) for key in expected} | {"sha256": result.log.sha256}
+    registers = [event["registers"] for event in log.events if event.get("event") == "OldRegisters"]
+    if result.registers is not None and (registers or log.meta.registers):
+        expected["registers"] = log.meta.registers or registers[-1]
+        stated["registers"] = result.registers.old
+    entry = difference(stated, plain(expected), 0.0)
+    if entry is not None:
+        raise InputError("report.contradicts_log", log=log.path, entry=entry)
 
 
 def _solve_again(report: ProgressCallback, path: Path, result: Result | None, log: Log) -> Result:
@@ -125,44 +142,3 @@ def _check_content(
     entry = difference(content, {**expected, "log": log_section}, rounding)
     if entry is not None:
         raise InputError("report.other_result", file=path, log=log.path, entry=entry)
-
-
-def difference(one: Any, other: Any, rounding: float, scale: float = 0.0) -> str | None:
-    """Return the first entry in which two JSON values differ, such as ``checks.2.value``; None if they agree.
-
-    Numbers agree within `rounding` times the `sigma` next to them or, without one, times the largest number of their
-    row; whole numbers must be equal.
-
-    Parameters
-    ----------
-    one, other : JSON values
-    rounding : tolerance of numbers, relative to their scale
-    scale : scale of numbers without a `sigma`
-    """
-    if isinstance(one, dict) and isinstance(other, dict):
-        pairs = {key: (one.get(key, ...), other.get(key, ...)) for key in (*other, *one)}
-        scale = _scale(other)
-    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
-        pairs = {str(k): pair for k, pair in enumerate(zip(one, other, strict=True))}
-        scale = _scale(dict(enumerate(other)))
-    else:
-        floats = isinstance(one, float) and isinstance(other, float)
-        equal = floats and math.isclose(one, other, rel_tol=0.0, abs_tol=rounding * scale)
-        return None if equal or (one == other and type(one) is type(other)) else ""
-    for key, (a, b) in pairs.items():
-        entry = difference(a, b, rounding, scale)
-        if entry is not None:
-            return f"{key}.{entry}".removesuffix(".")
-    return None
-
-
-def _scale(row: Mapping[Any, Any]) -> float:
-    """Return the scale for the rounding of the numbers of a row."""
-    if _is_number(row.get("sigma")):
-        return float(row["sigma"])
-    numbers = (part for value in row.values() for part in (value if isinstance(value, list) else [value]))
-    return max((abs(number) for number in numbers if _is_number(number)), default=0.0)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)

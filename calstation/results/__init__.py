@@ -1,7 +1,7 @@
 """The solver chain, solving of logs, results, history and hand-over, without devices and estimators."""
 
 from calstation.estimation.common import EXCESSIVE, NOTABLE, PositionResidual
-from calstation.results.building import Ending, build_result, solved_parameters
+from calstation.results.building import Ending, build_result, solved_parameters, stated_by_log
 from calstation.results.calibration import current_calibration, estimate_of
 from calstation.results.corrected import CorrectedOutput, CorrectedStream, CorrectedTrace, CorrectedTraceBuilder
 from calstation.results.diagnostics import Diagnostics, StageDiagnostics, diagnose, stage_diagnostics
@@ -56,3 +56,4 @@ from calstation.results.result import (
 )
 from calstation.results.run_events import TimedEvent, load_events
 from calstation.results.solver_chain import StageChain, one_blas_thread, solve
+from calstation.results.stated import ADDED_LATER, altered_entry, difference, load_run_result, run_log

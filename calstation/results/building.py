@@ -25,6 +25,9 @@ from calstation.results.result import (
     plain,
 )
 
+#: Entries of `RunSection` that a result has only if they are known.
+_STATED_IF_KNOWN = ("resumed_from", "standard_override", "batch", "slot")
+
 
 @dataclass(frozen=True)
 class Ending:
@@ -49,9 +52,9 @@ def build_result(
     meta: LogMeta, prior: Posterior, solutions: Sequence[Solution], judgement: Judgement, ending: Ending
 ) -> Result:
     """Build the result of a run from its solutions, in order, and the posterior before the first stage."""
-    run, facts, error = meta.run, ending.facts, ending.error
+    facts, error = ending.facts, ending.error
     first, last = ending.first_seq, ending.last_seq
-    stages = [solution.stage for solution in solutions]
+    stages, stated = [solution.stage for solution in solutions], stated_by_log(meta, facts)
     optional = {
         "calibration": _calibration(meta, prior, solutions),
         "error": None if error is None else str(error),
@@ -66,10 +69,6 @@ def build_result(
             (TemperatureResult.of(s.temperature, s.estimated) for s in solutions if s.temperature is not None), None
         ),
         "check_standard": judgement.standard,
-        "resumed_from": run.resumed_from if run else None,
-        "standard_override": run.standard_override if run else None,
-        "batch": run.batch if run else None,
-        "slot": run.slot if run else None,
     }
     tests = {
         "conformity": judgement.conformity,
@@ -79,7 +78,7 @@ def build_result(
     return Result.model_validate(
         {
             "schema": SCHEMA,
-            "unit": {"serial": meta.imu.serial},
+            **{key: value for key, value in stated.items() if value is not None or key not in _STATED_IF_KNOWN},
             "stages": stages,
             "partial": judgement.partial,
             "passed": ending.verdict.passed,
@@ -92,13 +91,6 @@ def build_result(
             "details": {s.stage: plain(s.details) for s in solutions if s.details},
             "outcome": "resolved" if ending.solved_again else ending.verdict.outcome,
             "advice": ending.advice,
-            "attempt": run.attempt if run else 1,
-            "operator": run.operator if run else None,
-            "station": run.station if run else None,
-            "product": meta.product.name if meta.product else None,
-            "configuration_sha256": hashlib.sha256(meta.to_json().encode()).hexdigest(),
-            "configuration": {kind: file.model_dump() for kind, file in ((run.files if run else None) or {}).items()},
-            "temperature_c": facts.temperature and dict(zip(("mean", "min", "max"), facts.temperature, strict=True)),
             "registers": ending.registers,
             "log": {
                 "file": ending.log_file,
@@ -108,11 +100,27 @@ def build_result(
                 "gaps": facts.gaps,
             },
             "software": {"version": __version__},
-            "started_utc": run.started_utc if run else None,
-            "duration_s": facts.samples / meta.imu.sample_rate_hz,
             **{key: value for key, value in optional.items() if value is not None},
         }
     )
+
+
+def stated_by_log(meta: LogMeta, facts: LogFacts) -> dict[str, Any]:
+    """Return the entries of a result that follow from the configuration and the samples of its log; None if unknown."""
+    run = meta.run
+    return {
+        "unit": {"serial": meta.imu.serial},
+        "attempt": run.attempt if run else 1,
+        "operator": run.operator if run else None,
+        "station": run.station if run else None,
+        "product": meta.product.name if meta.product else None,
+        "configuration_sha256": hashlib.sha256(meta.to_json().encode()).hexdigest(),
+        "configuration": {kind: file.model_dump() for kind, file in ((run.files if run else None) or {}).items()},
+        "temperature_c": facts.temperature and dict(zip(("mean", "min", "max"), facts.temperature, strict=True)),
+        "started_utc": run.started_utc if run else None,
+        "duration_s": facts.samples / meta.imu.sample_rate_hz,
+        **{name: getattr(run, name) if run else None for name in _STATED_IF_KNOWN},
+    }
 
 
 def _calibration(meta: LogMeta, prior: Posterior, solutions: Sequence[Solution]) -> CalibrationUsed | None:

@@ -4,7 +4,8 @@ import math
 import os
 import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, time, timedelta
 from itertools import takewhile
 from pathlib import Path
@@ -24,12 +25,14 @@ from calstation.records import (
     RunRecord,
     Verdict,
     being_written,
+    last_result,
     open_log,
     read_resolves,
     resolve_file,
     solved_stages,
 )
 from calstation.results.result import NO_RESULT, SCHEMA, Parameter, Result, load_result
+from calstation.results.stated import ADDED_LATER, altered_entry, content_digest, load_run_result
 
 if TYPE_CHECKING:
     from calstation.records import RunIndex
@@ -80,11 +83,17 @@ class History:
             yield len(removed), 0.0
         for start in range(0, len(changed), _BATCH):
             names = changed[start : start + _BATCH]
-            read = {name: _read(self._folder, name, files[name]) for name in names}
+            earlier = self._known_without_log(names, known)
+            read = {name: _read(self._folder, name, files[name], earlier.get(name)) for name in names}
             runs = [run for run in read.values() if run is not None]
             no_runs = [name for name, run in read.items() if run is None and name in known]
             self._index.update(runs, no_runs)
             yield len(runs) + len(no_runs), (start + len(names)) / len(changed)
+
+    def _known_without_log(self, names: Sequence[str], known: Mapping[str, str]) -> dict[str, IndexedRun]:
+        """Return the runs in the index whose result files have changed, and whose logs are missing."""
+        missing = [name for name in names if name in known and not (self._folder / f"{name}{SUFFIX}").is_file()]
+        return {run.name: run for run in self._index.runs_by_name(missing)} if missing else {}
 
     def runs(self, conditions: RunFilter = NO_FILTER, limit: int | None = 200) -> list[RunRecord]:
         """Return at most `limit` runs that meet all conditions, the latest first."""
@@ -133,7 +142,7 @@ class History:
                 raise InputError("result.elsewhere", log=record.log.name, station=record.station or "?")
             return load_result(copy)
         if record.result is not None:
-            return load_result(record.result)
+            return load_run_result(record.result)
         try:
             return Result.from_json(open_log(record.log).results[-1])
         except (ValueError, IndexError) as exc:
@@ -233,10 +242,15 @@ def _is_running(folder: Path, stem: str) -> bool:
         return True
 
 
-def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
-    """Read a run from its result, or from its log if it has no result; return None for other or damaged files."""
+def _read(folder: Path, name: str, stamp: str, earlier: IndexedRun | None = None) -> IndexedRun | None:
+    """Read a run from its result, or from its log if it has no result; return None for other or damaged files.
+
+    `earlier` is the run in the index if its log is missing.
+    """
     try:
         run = _read_file(folder, name, stamp)
+        if run is not None and earlier is not None and run.record.result_sha256 != earlier.record.result_sha256 != "":
+            run = replace(earlier, stamp=stamp, record=replace(earlier.record, altered=True))
         if run is not None:
             _check_texts(run)
     except (OSError, InputError, *NO_RESULT):
@@ -247,8 +261,7 @@ def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
 def _read_file(folder: Path, name: str, stamp: str) -> IndexedRun | None:
     path = folder / f"{name}.json"
     if not stamp.startswith("log "):
-        result = Result.from_json(read_json(path))
-        return _from_result(folder, name, stamp, result, path) if _is_run(result, name) else None
+        return _from_file(folder, name, stamp, path)
     contents = open_log(folder / f"{name}{SUFFIX}")
     if contents.outcome is None:
         return _from_log(folder, name, stamp, contents)
@@ -263,6 +276,29 @@ def ended_result(log: Log) -> Result | None:
         return next((result for result in results if _is_run(result, log.path.stem)), None)
     except NO_RESULT:
         return None
+
+
+def _from_file(folder: Path, name: str, stamp: str, path: Path) -> IndexedRun | None:
+    """Read a run from its result file or, if that was altered, from its log."""
+    content = read_json(path)
+    result = Result.from_json(content)
+    if not _is_run(result, name):
+        return None
+    run = _from_result(folder, name, stamp, result, path)
+    log = run.record.log
+    entry, stored = None, None
+    if log.is_file():
+        with suppress(InputError):  # a damaged log does not hide the run
+            stored = last_result(log)
+            entry = altered_entry(content, stored)
+    if entry is None:
+        return replace(run, record=replace(run.record, result_sha256=content_digest(content)))
+    if stored is None:
+        run = _from_log(folder, name, stamp, open_log(log))
+    else:
+        later = {key: content[key] for key in ADDED_LATER if key in content}
+        run = _from_result(folder, name, stamp, Result.from_json({**stored, **later}), path)
+    return replace(run, record=replace(run.record, result=path, altered=True))
 
 
 def _check_texts(run: IndexedRun) -> None:

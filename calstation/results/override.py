@@ -22,7 +22,8 @@ from calstation.jobs import ProgressCallback
 from calstation.parsing import parse_toml, read_json
 from calstation.records import AuditEvent, FileSection, audit_path, audit_writer, open_log, read_audit
 from calstation.results.resolving import find_log
-from calstation.results.result import Override, Result, load_result, write_json
+from calstation.results.result import Override, Result, write_json
+from calstation.results.stated import load_run_result
 from calstation.schema import validate
 
 T = TypeVar("T", bound=BaseModel)
@@ -76,7 +77,7 @@ def _override(event: AuditEvent) -> Override:
 
 def _failed(path: Path) -> Result:
     """Read a result whose unit can be released. Raises InputError."""
-    result = load_result(path)
+    result = load_run_result(path)
     if result.outcome != "failed":
         raise InputError("override.not_failed", file=path)
     if result.override is not None:

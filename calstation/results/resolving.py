@@ -42,8 +42,9 @@ from calstation.records import (
 from calstation.results.building import Ending, build_result, solved_parameters
 from calstation.results.diagnostics import stage_diagnostics
 from calstation.results.history import History
-from calstation.results.result import SCHEMA, DamagedRange, Parameter, Result, load_result, online_difference
+from calstation.results.result import SCHEMA, DamagedRange, Parameter, Result, online_difference
 from calstation.results.solver_chain import SolveProgress, StageChain, one_blas_thread, solve
+from calstation.results.stated import load_run_result
 
 
 def warm_up() -> None:
@@ -260,7 +261,7 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
     Raises InputError or ConfigurationError if the file cannot be used.
     """
     if path.suffix == ".json":
-        result = load_result(path)
+        result = load_run_result(path)
         log = find_log(result, path)
     else:
         log = path

@@ -437,13 +437,24 @@ def online_difference(offline: Result, online: Result) -> OnlineDifference:
 def load_result(path: Path) -> Result:
     """Read a result file. Raises InputError."""
     try:
-        return Result.from_json(read_json(path))
+        return Result.from_json(read_content(path))
+    except ValueError as exc:
+        raise InputError("result.not_a_result", file=path, schema=SCHEMA) from exc
+
+
+def read_content(path: Path) -> dict[str, Any]:
+    """Read a result file as JSON data. Raises InputError."""
+    try:
+        content = read_json(path)
     except OSError as exc:
         raise InputError("result.unreadable", file=path, reason=os_reason(exc)) from exc
     except json.JSONDecodeError as exc:
         raise InputError("result.not_json", file=path, line=exc.lineno, detail=exc.msg) from exc
     except ValueError as exc:
         raise InputError("result.not_a_result", file=path, schema=SCHEMA) from exc
+    if not isinstance(content, dict):
+        raise InputError("result.not_a_result", file=path, schema=SCHEMA)
+    return content
 
 
 def plain(value: Any) -> Any:

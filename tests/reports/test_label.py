@@ -17,6 +17,7 @@ from calstation.messages import local_time, render
 from calstation.reports import label_template, print_label, print_labels
 from calstation.reports.label import label_fields, qr_code
 from calstation.results import Result, load_result
+from tests.helpers import raises_code, write_log_of
 from tests.reports.test_fonts import RARE, fonts_of, write_font
 from tests.site_folder import BENCH, PRODUCT, STATION
 
@@ -60,9 +61,10 @@ def write_station(site: Path, **entries: Any) -> Path:
 
 
 def write_result(site: Path, **changes: Any) -> Path:
-    """Write a result file."""
+    """Write a result file and its log."""
     path = site / "runs" / "SN-000042_1.json"
     path.write_text(json.dumps({**RESULT, **changes}), encoding="utf-8")
+    write_log_of(path)
     return path
 
 
@@ -185,6 +187,7 @@ def test_labels_of_several_units_are_printed_one_after_another(site: Path) -> No
     use_template(site, "label.typ", "#set page(width: 50mm, height: 30mm)\n#sys.inputs.serial")
     first = write_result(site)
     second = first.rename(first.with_name("SN-000043_1.json"))
+    write_log_of(second)
     done: list[float] = []
     pdfs = print_labels(lambda fraction, *_, **__: done.append(fraction), [write_result(site), second], None)
     assert [pdf.name for pdf in pdfs] == ["SN-000042_1.pdf", "SN-000043_1.pdf"]
@@ -199,6 +202,16 @@ def test_no_label_is_printed_for_a_unit_that_failed_later(site: Path) -> None:
     (passed.parent / f"{name}.json").write_text(json.dumps(failed), encoding="utf-8")
     with pytest.raises(InputError, match="latest run of all stages has not passed"):
         print_label(lambda *args, **more: None, passed, None)
+
+
+def test_no_label_is_printed_for_an_edited_result_or_without_its_log(site: Path) -> None:
+    path = write_result(site, outcome="failed", passed=False)
+    path.write_text(json.dumps({**RESULT}), encoding="utf-8")
+    with raises_code(InputError, "result.altered"):
+        print_label(lambda *args, **more: None, path, None)
+    path.with_suffix(".h5").unlink()
+    with raises_code(InputError, "report.no_log"):
+        print_label(lambda *args, **more: None, path, None)
 
 
 def test_every_shipped_template_uses_known_fields() -> None:

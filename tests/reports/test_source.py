@@ -195,6 +195,52 @@ def test_range_and_stages_in_the_result_are_solved_again(run: Honest) -> None:
     assert stated(path)["log"]["first_seq"] == first + 10
 
 
+@pytest.mark.parametrize(
+    ("entry", "value"),
+    [
+        ("unit", {"serial": "SN-7"}),
+        ("started_utc", "2020-01-01T00:00:00+00:00"),
+        ("operator", "somebody"),
+        ("temperature_c", {"mean": 20.0, "min": 20.0, "max": 20.0}),
+        ("configuration", {}),
+        ("attempt", 5),
+        ("duration_s", 1.0),
+        ("slot", "left"),
+    ],
+)
+def test_result_in_the_log_that_contradicts_the_log_is_not_certified(
+    run: Honest, entry: str, value: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever edits the result in the log too must also change its configuration and samples, and so its digest."""
+    path = run.path.with_suffix(".h5")
+    log = source.open_log(path)
+    monkeypatch.setattr(log, "results", [{**log.results[-1], entry: value}])
+    with raises_code(InputError, "report.contradicts_log"):
+        stated(path)
+
+
+@pytest.mark.parametrize("acting", [True, False], ids=["acting on the output", "not acting"])
+def test_registers_as_found_are_those_of_the_log(run: Honest, acting: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = run.path.with_suffix(".h5")
+    log = source.open_log(path)
+    found, other = {"gyro_bias_x": 1e-6}, {"old": {"gyro_bias_x": 2e-6}}
+    monkeypatch.setattr(log, "events", [{"event": "OldRegisters", "registers": {} if acting else found}])
+    if acting:
+        meta = log.meta.model_copy(update={"registers": found})
+        monkeypatch.setattr(log, "meta", meta)
+        monkeypatch.setattr(log, "_facts", None)
+        monkeypatch.setattr(log, "stored_sha256", None)
+    sha256 = log.facts().sha256
+    configuration = source.stated_by_log(log.meta, log.facts())["configuration_sha256"]
+    content = {**log.results[-1], "configuration_sha256": configuration}
+    content["log"] = {**content["log"], "sha256": sha256}
+    monkeypatch.setattr(log, "results", [{**content, "registers": {"old": found}}])
+    assert stated(path)["registers"]["old"] == found
+    monkeypatch.setattr(log, "results", [{**content, "registers": other}])
+    with raises_code(InputError, "report.contradicts_log"):
+        stated(path)
+
+
 def test_run_result_requires_the_log_that_contains_it(run: Honest, capsys: pytest.CaptureFixture[str]) -> None:
     csv = run.path.with_name("export.csv")
     assert run_app(["export", str(run.path.with_suffix(".h5")), "-o", str(csv)]) == 0

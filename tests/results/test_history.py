@@ -19,7 +19,7 @@ from calstation.results import History, refresh_history
 from calstation.results import history as history_module
 from calstation.runs import find_resumable, recover_at_startup
 from tests.check_rows import check_row
-from tests.helpers import raises_code
+from tests.helpers import raises_code, write_log_of
 from tests.records.records_samples import META, make_block
 
 
@@ -144,7 +144,53 @@ def test_refresh_reads_only_changed_files(three: Path) -> None:
     write(three, "b", "SN-1", "failed", 2)
     (three / "c.json").unlink()
     assert history.refresh() == 2
-    assert [run.verdict for run in history.runs()] == ["failed", "failed"]
+    assert [run.badge for run in history.runs()] == ["altered", "failed"]
+
+
+@pytest.mark.parametrize("log", ["beside", "missing", "missing, index removed"])
+def test_edited_result_does_not_turn_a_failure_into_a_pass(tmp_path: Path, log: str) -> None:
+    """The verdict is that of the log, or that of the index if the log is missing; without both nothing is known."""
+    path = write(tmp_path, "a", "SN-1", "failed", 1)
+    write_log_of(path)
+    history = refreshed(tmp_path)
+    (run,) = history.runs()
+    assert (run.badge, run.altered) == ("failed", False)
+    if log != "beside":
+        run.log.unlink()
+    if log.endswith("removed"):
+        (tmp_path / "history.sqlite").unlink()
+    write(tmp_path, "a", "SN-2", "passed", 1, attempt=7, released_by="nobody")
+    history = refreshed(tmp_path)
+    (run,) = history.runs()
+    if log.endswith("removed"):
+        assert run.badge == "passed"
+        return
+    assert (run.badge, run.verdict, run.serial, run.attempt) == ("altered", "failed", "SN-1", 1)
+    assert (history.attempts("SN-1"), history.attempts("SN-2"), history.failures("SN-1")) == (1, 0, 1)
+    if log == "beside":
+        with raises_code(InputError, "result.altered"):
+            history.result(run)
+
+
+def test_result_that_a_log_without_a_result_contradicts_is_altered(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    meta = LogMeta.model_validate(META)
+    writer = RawLogWriter(path, meta)
+    writer.append(make_block("rate", 0, 10))
+    writer.close("incomplete")
+    write(tmp_path, "a", "SN-1", "passed", 1)
+    (run,) = refreshed(tmp_path).runs()
+    assert (run.badge, run.verdict, run.serial) == ("altered", "incomplete", meta.imu.serial)
+
+
+@pytest.mark.parametrize("key", ["override", "closed_utc"])
+def test_entries_added_later_do_not_alter_a_result(tmp_path: Path, key: str) -> None:
+    path = write(tmp_path, "a", "SN-1", "failed", 1)
+    write_log_of(path)
+    later = {"override": {"by": "li", "why": "x", "utc": "2026-11-02T00:00:00+00:00"}, "closed_utc": "2026-11-02"}
+    write(tmp_path, "a", "SN-1", "failed", 1, **{key: later[key]})
+    (run,) = refreshed(tmp_path).runs()
+    assert (run.altered, run.released, run.closed) == (False, key == "override", key == "closed_utc")
 
 
 @pytest.mark.parametrize("damage", ["delete", "garbage", "other version"])

@@ -15,7 +15,7 @@ from calstation.connection import OtherUnit, read_unit
 from calstation.errors import ConfigurationError
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, NAMES, FloatArray
 from calstation.records import export_corrected, open_log, prior_from_meta
-from calstation.results import find_log, load_result
+from calstation.results import find_log, load_run_result
 from calstation.results.plots import Applied, before_and_after, read_recording
 
 #: JSON name of each quantity in the table of results at rest, and the size of its display unit.
@@ -41,7 +41,7 @@ def apply(
     """
     if log is not None and station is not None:
         raise ConfigurationError("cli.apply_to_one")
-    result = load_result(result_file)
+    result = load_run_result(result_file)
     solved_log = find_log(result, result_file)
     values_before = registers = result.registers.old if result.registers is not None else {}
     if solved_log is not None:

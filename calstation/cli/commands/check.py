@@ -1,4 +1,4 @@
-"""`check`: shows the errors in a configuration file, the contents of a recording, or the state of an audit trail."""
+"""`check`: shows errors in a configuration file, the contents of a recording, or whether evidence was changed."""
 
 import math
 from dataclasses import replace
@@ -15,9 +15,10 @@ from calstation.cli.text import say, sentence
 from calstation.config import check as check_text
 from calstation.config import detect_kind, library, line_of, load_station, missing_report_paths, read_text
 from calstation.connection import station_conflicts
-from calstation.errors import ConfigurationError
+from calstation.errors import ConfigurationError, InputError
 from calstation.quality import due_certificates
 from calstation.records import log_format
+from calstation.reports import CertificateState, verify_certificate, verify_reports
 from calstation.results import inspect_recording
 from calstation.schema import Problem
 
@@ -29,12 +30,17 @@ def check(
     file: Annotated[Path | None, typer.Argument(metavar="[FILE]")] = None,
     json: JsonOption = None,
 ) -> int:
-    """Show every error in a configuration file or the contents of a recording, or verify an audit trail.
+    """Show every error in a configuration file or the contents of a recording, or verify a trail or a certificate.
 
-    Returns 0, or the exit code of a configuration error if there is an error or no method can solve the recording.
+    Returns 0, or the exit code of a configuration error if there is an error or no method can solve the recording, or
+    the exit code of an input error if an audit trail, a certificate or the record of reports was changed.
     """
     if file is None or file.match("audit*.jsonl"):
         return check_audit(file, json)
+    if file.suffix in (".pdf", ".xml"):
+        return _show_evidence(file, verify_certificate(file), json)
+    if file.name == "reports.jsonl":
+        return _show_evidence(file, verify_reports(file.parent), json)
     if log_format(file) is not None:
         return _check_recording(file, json)
     path = library.locate_any(file)
@@ -54,6 +60,12 @@ def check(
     row = {"file": str(path), "kind": kind, "problems": rows}
     emit({**row, "overdue": certificates} if certificates else row, json, lines or valid)
     return ConfigurationError.exit_code if problems else 0
+
+
+def _show_evidence(file: Path, state: CertificateState, json: str | None) -> int:
+    lines = [say(each.code, **each.values) for each in state.found]
+    emit({"file": str(file), "kind": "evidence", "intact": state.intact, "found": lines}, json, lines)
+    return 0 if state.intact else InputError.exit_code
 
 
 def _check_recording(path: Path, json: str | None) -> int:

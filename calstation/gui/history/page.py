@@ -35,7 +35,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.records import RunFilter, RunRecord, Verdict
-from calstation.results import History, Result, load_result, refresh_history
+from calstation.results import History, Result, load_run_result, refresh_history
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Finalized
 
@@ -343,7 +343,7 @@ class HistoryPage(Page):
 
 
 def _result(run: RunRecord) -> Result | None:
-    """Return the result of a run, or None if it is missing or unreadable.
+    """Return the result of a run, or None if it is missing, unreadable or altered.
 
     The result of a run of another station is available only after it has been opened, and lacks later overrides.
     """
@@ -351,7 +351,7 @@ def _result(run: RunRecord) -> Result | None:
     if path is None:
         return None
     try:
-        result = load_result(path)
+        result = load_run_result(path)
     except InputError:
         return None
     outdated = run.origin and (result.released, result.closed_utc is not None) != (run.released, run.closed)

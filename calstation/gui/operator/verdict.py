@@ -33,7 +33,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import Rendered, entry, event_text, known
 from calstation.physics import aligned
-from calstation.results import Result, load_result
+from calstation.results import Result, load_run_result
 from calstation.sequencer import Fault, Finalized
 
 #: Share of the panel's height for the texts below the banner, distance of lines as a multiple of the text size, number
@@ -239,7 +239,7 @@ class VerdictPanel(QFrame):
         """Show that the displayed unit has been released."""
         if self._finalized is not None and path.absolute() == Path(self._finalized.result_file).absolute():
             with suppress(InputError):
-                self._run.unit.result = load_result(path)
+                self._run.unit.result = load_run_result(path)
             self._refresh()
 
     def _table_request(self) -> LinkTestRequest | None:

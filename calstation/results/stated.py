@@ -1,0 +1,104 @@
+"""Comparison of the result file of a run with the result that the run wrote into its log.
+
+The result file can be edited with any editor. What a certificate, a label, the history or `apply` says comes from the
+log; an edited file is refused, or replaced by the result in the log.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from calstation.errors import InputError
+from calstation.records import SUFFIX, Verdict, last_result
+from calstation.results.result import Result, load_result, read_content
+
+#: Entries that are added later to the result file of a run: an override, which must be in the audit trail, and the
+#: decision not to resume an interrupted run, which certificates do not state.
+ADDED_LATER = ("override", "closed_utc", "closed_by")
+
+
+def load_run_result(path: Path) -> Result:
+    """Read a result file, and compare that of a run with its log, if the log is next to it or where the run wrote it.
+
+    Raises InputError, also if the file differs from the result in the log.
+    """
+    result = load_result(path)
+    if result.outcome == "resolved":
+        return result
+    log = run_log(result.log.file, path)
+    entry = None if log is None else altered_entry(read_content(path), last_result(log))
+    if entry is not None:
+        raise InputError("result.altered", file=path, log=log, entry=entry)
+    return result
+
+
+def run_log(file: str, path: Path) -> Path | None:
+    """Return the log of a run: next to its result file, or at the path in it; None if it is missing."""
+    return next((each for each in (path.with_suffix(SUFFIX), Path(file)) if each.is_file()), None)
+
+
+def altered_entry(content: Mapping[str, Any], stored: Mapping[str, Any] | None) -> str | None:
+    """Return the first entry of a run's result file that differs from the result in its log; None if they agree.
+
+    A log without a result belongs to a run that did not end normally, so its result file must not state that the unit
+    passed. The path of the log is not compared.
+    """
+    if stored is None:
+        return "outcome" if content.get("outcome") == Verdict.PASSED else None
+    stated = {key: value for key, value in content.items() if key not in ADDED_LATER}
+    log = stated.get("log")
+    if isinstance(log, dict):
+        stated["log"] = {**log, "file": stored["log"]["file"]}
+    return difference(stated, stored, 0.0)
+
+
+def content_digest(content: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a result without the entries that are added later, and without the path of its log."""
+    stated = {key: value for key, value in content.items() if key not in ADDED_LATER}
+    if isinstance(stated.get("log"), dict):
+        stated["log"] = {**stated["log"], "file": ""}
+    return hashlib.sha256(json.dumps(stated, sort_keys=True).encode()).hexdigest()
+
+
+def difference(one: Any, other: Any, rounding: float, scale: float = 0.0) -> str | None:
+    """Return the first entry in which two JSON values differ, such as ``checks.2.value``; None if they agree.
+
+    Numbers agree within `rounding` times the `sigma` next to them or, without one, times the largest number of their
+    row; whole numbers must be equal.
+
+    Parameters
+    ----------
+    one, other : JSON values
+    rounding : tolerance of numbers, relative to their scale
+    scale : scale of numbers without a `sigma`
+    """
+    if isinstance(one, dict) and isinstance(other, dict):
+        pairs = {key: (one.get(key, ...), other.get(key, ...)) for key in (*other, *one)}
+        scale = _scale(other)
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        pairs = {str(k): pair for k, pair in enumerate(zip(one, other, strict=True))}
+        scale = _scale(dict(enumerate(other)))
+    else:
+        floats = isinstance(one, float) and isinstance(other, float)
+        equal = floats and math.isclose(one, other, rel_tol=0.0, abs_tol=rounding * scale)
+        return None if equal or (one == other and type(one) is type(other)) else ""
+    for key, (a, b) in pairs.items():
+        entry = difference(a, b, rounding, scale)
+        if entry is not None:
+            return f"{key}.{entry}".removesuffix(".")
+    return None
+
+
+def _scale(row: Mapping[Any, Any]) -> float:
+    """Return the scale for the rounding of the numbers of a row."""
+    if _is_number(row.get("sigma")):
+        return float(row["sigma"])
+    numbers = (part for value in row.values() for part in (value if isinstance(value, list) else [value]))
+    return max((abs(number) for number in numbers if _is_number(number)), default=0.0)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

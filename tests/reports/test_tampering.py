@@ -1,0 +1,159 @@
+"""Any change of a certificate, of the record of reports or of the audit trail is found, and stops the issue."""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from calstation.cli.app import run_app
+from calstation.config import site_folder
+from calstation.records import ChainedFile, audit_path, find_heads, read_reports, restart_trail
+from calstation.reports import issue, verify_certificate, verify_reports
+from tests.reports.certificates import make
+from tests.shared_runs import SharedRuns
+
+#: Number of bytes of a file that are changed, one after another.
+_TRIALS = 60
+
+
+@pytest.fixture(scope="module")
+def issued(shared_runs: SharedRuns, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a site with two issued certificates of a run, the second a revision."""
+    folder = tmp_path_factory.mktemp("issued")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CALSTATION_HOME", str(folder / "home"))
+        made = make(shared_runs, folder / "site", "gimbal")
+        result = json.loads(made.result_file.read_text(encoding="utf-8"))
+        runs = folder / "runs"
+        runs.mkdir()
+        shutil.copy(made.result_file.with_suffix(".h5"), runs / "run.h5")
+        result["log"]["file"] = "run.h5"
+        (runs / "run.json").write_text(json.dumps(result), encoding="utf-8")
+        report = ["report", str(runs / "run.h5")]
+        assert run_app([*report, "-o", str(folder / "first.pdf"), "--dcc", str(folder / "first.xml")]) == 0
+        assert run_app([*report, "-o", str(folder / "r1.pdf"), "--revise", "Wrong customer"]) == 0
+    return folder
+
+
+@pytest.fixture
+def site(issued: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The only copy of `issued`, under its own path, which the audit trail contains; it is restored afterwards."""
+    monkeypatch.setenv("CALSTATION_HOME", str(issued / "home"))
+    backup = tmp_path / "backup"
+    shutil.copytree(issued, backup)
+    yield issued
+    shutil.rmtree(issued)
+    shutil.copytree(backup, issued)
+
+
+def test_intact_evidence_is_confirmed(site: Path) -> None:
+    for name in ("first.pdf", "first.xml", "r1.pdf"):
+        state = verify_certificate(site / name)
+        codes = [each.code for each in state.found]
+        assert (state.intact, codes[0]) == (True, "audit.file_recorded")
+        assert calstation("check", site / name) == 0
+    # the first certificate precedes the first line of the trail
+    assert [find_heads((site / name).read_bytes()) == [] for name in ("first.pdf", "r1.pdf")] == [True, False]
+    assert verify_reports(site / "runs").intact
+    assert calstation("check", site / "runs" / "reports.jsonl") == 0
+
+
+@pytest.mark.parametrize("name", ["r1.pdf", "first.xml"])
+def test_change_of_a_byte_of_a_certificate_is_found(site: Path, name: str) -> None:
+    path = site / name
+    content = path.read_bytes()
+    for i in range(0, len(content), len(content) // _TRIALS):
+        changed = bytearray(content)
+        changed[i] ^= 1
+        path.write_bytes(bytes(changed))
+        assert not verify_certificate(path).intact
+    assert calstation("check", path) == 2
+
+
+def calstation(*arguments: object) -> int:
+    return run_app([*map(str, arguments)])
+
+
+def contents(runs: Path) -> list[bytes | None]:
+    """Return the contents of the audit trail and of the record of reports."""
+    paths = (audit_path(site_folder()), runs / "reports.jsonl")
+    return [path.read_bytes() if path.exists() else None for path in paths]
+
+
+def _cut(path: Path) -> None:
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:-1]))
+
+
+def _forge(path: Path, **changes: object) -> None:
+    """Append a copy of the last line with changes and a correct chain."""
+    last = json.loads(path.read_bytes().splitlines()[-1])
+    content = {name: value for name, value in last.items() if name not in ("previous", "digest")}
+    ChainedFile[object](path, object).append({**content, **changes})
+
+
+def _edit(path: Path, old: bytes, new: bytes) -> None:
+    content = path.read_bytes()
+    assert old in content
+    path.write_bytes(content.replace(old, new))
+
+
+#: What somebody who can write the files, but not read the key, does to trail or reports.
+TAMPERING: dict[str, Callable[[Path], object]] = {
+    "trail cut": lambda runs: _cut(audit_path(site_folder())),
+    "trail removed": lambda runs: audit_path(site_folder()).unlink(),
+    "trail forged": lambda runs: _forge(audit_path(site_folder()), by="somebody"),
+    "trail edited": lambda runs: _edit(audit_path(site_folder()), b"Wrong customer", b"Wrong weather "),
+    "reports cut by two": lambda runs: (_cut(runs / "reports.jsonl"), _cut(runs / "reports.jsonl")),
+    "reports removed": lambda runs: (runs / "reports.jsonl").unlink(),
+    "reports forged": lambda runs: _forge(runs / "reports.jsonl", revision=2),
+    "reports forged without key": lambda runs: _forge(runs / "reports.jsonl", key=None, signature=None),
+    "reports edited": lambda runs: _edit(runs / "reports.jsonl", b"Wrong customer", b"Wrong weather "),
+}
+
+
+@pytest.mark.parametrize("kind", TAMPERING)
+def test_nothing_is_issued_after_a_change_until_the_trail_is_restarted(
+    site: Path, kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs = site / "runs"
+    TAMPERING[kind](runs)
+    assert not verify_reports(runs).intact
+    before = [
+        path.read_bytes() if path.exists() else None for path in (audit_path(site_folder()), runs / "reports.jsonl")
+    ]
+    assert calstation("report", runs / "run.h5", "-o", site / "r2.pdf", "--revise", "Once more") == 2
+    assert not (site / "r2.pdf").exists()
+    assert "calstation audit --restart" in " ".join(capsys.readouterr().err.split())
+    after = [
+        path.read_bytes() if path.exists() else None for path in (audit_path(site_folder()), runs / "reports.jsonl")
+    ]
+    assert before == after
+
+
+def test_numbers_continue_after_reports_were_removed_and_the_trail_restarted(site: Path) -> None:
+    runs = site / "runs"
+    (runs / "reports.jsonl").unlink()
+    restart_trail(site_folder(), "li", "restored without reports", None)
+    assert calstation("report", runs / "run.h5", "-o", site / "r2.pdf", "--revise", "Once more") == 0
+    assert [each.revision for each in read_reports(runs)] == [2]
+    assert verify_reports(runs).intact
+    assert verify_certificate(site / "r1.pdf").intact, "the former trail is named by the new one"
+
+
+def test_report_missing_after_the_end_of_the_program_is_completed(site: Path) -> None:
+    runs = site / "runs"
+    lines = (runs / "reports.jsonl").read_bytes()
+    _cut(runs / "reports.jsonl")
+    assert calstation("report", runs / "run.h5", "-o", site / "r2.pdf", "--revise", "Once more") == 0
+    assert (runs / "reports.jsonl").read_bytes().startswith(lines)
+
+
+def test_trail_of_a_removed_site_contradicts_its_certificates(site: Path) -> None:
+    """Without the key, trail and head of a site, its certificates and reports are what remains."""
+    shutil.rmtree(site_folder())
+    state = verify_certificate(site / "r1.pdf")
+    assert not state.intact
+    assert "audit.other_trail" in [each.code for each in state.found]
+    assert issue.report_faults(site / "runs", issue.verify_trail(site_folder())) == []
