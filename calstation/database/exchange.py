@@ -8,7 +8,7 @@ import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -17,12 +17,22 @@ from uuid import uuid4
 import sqlalchemy as sa
 from sqlalchemy.exc import DataError, DBAPIError
 
+from calstation.config import site_folder
 from calstation.database.connect import connect, database_reason, failure, sqlstate, without_password
 from calstation.database.outbox import Outbox, OutboxMessage
 from calstation.database.state import Claim
-from calstation.database.tables import claims, log_copies, outboxes, revisions, runs, upsert
-from calstation.errors import ConfigurationError
-from calstation.records import IndexedRun, from_columns
+from calstation.database.tables import claims, log_copies, outboxes, revisions, runs, trail_heads, upsert
+from calstation.errors import ConfigurationError, InputError
+from calstation.records import (
+    HeldHead,
+    IndexedRun,
+    TrailHead,
+    TrailState,
+    audit_path,
+    from_columns,
+    keep_held_heads,
+    verify_trail,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -50,6 +60,9 @@ class Exchange:
         self.complete = False  #: Whether the last exchange was complete; if not, the next one continues.
         self._claimed_serials: set[str] = set()  #: Serial numbers of units that are claimed in the database.
         self._engine: sa.Engine | None = None
+        self._trail_stamp: tuple[int, int] | None = None  #: Stamp of the audit trail whose head was sent last.
+        #: Heads in the database that contradicted this trail, and their stations.
+        self._contradicting: dict[TrailHead, str] = {}
         self.created_utc = datetime.now(UTC)  #: Time when this exchange was created.
         self.outbox = Outbox(folder)
         self._index = self.outbox.index
@@ -70,6 +83,7 @@ class Exchange:
             except (ConfigurationError, DBAPIError):
                 self.outbox.refresh()  # counts the pending runs
                 raise
+            self._exchange_heads(engine)
             self.complete = self._send_all(engine, end) and self._receive(engine, end)
             return other_claims(engine, self.outbox.id)
         except DBAPIError as exc:
@@ -106,6 +120,42 @@ class Exchange:
             release_units(engine, self.outbox.id, previous)
         claim_units(engine, self.outbox.id, self._station, claimed)
         self._claimed_serials = set(claimed)
+
+    def _exchange_heads(self, engine: sa.Engine) -> None:
+        """Store the head of the site's audit trail in the database, and keep the latest head of every trail in it."""
+        trail = audit_path(site_folder())
+        status = trail.stat() if trail.exists() else None
+        stamp = None if status is None else (status.st_mtime_ns, status.st_size)
+        if stamp is not None and stamp != self._trail_stamp:
+            with suppress(InputError):  # an unreadable trail does not stop the exchange
+                self._contradicting = self._send_head(engine, verify_trail(site_folder()))
+            self._trail_stamp = stamp
+        latest = sa.select(trail_heads.c.key, sa.func.max(trail_heads.c.lines).label("lines"))
+        last = latest.group_by(trail_heads.c.key).subquery()
+        is_last = (trail_heads.c.key == last.c.key) & (trail_heads.c.lines == last.c.lines)
+        query = sa.select(trail_heads).join(last, is_last).order_by(trail_heads.c.key, trail_heads.c.digest)
+        with engine.connect() as connection:
+            rows = connection.execute(query).all()
+        heads = {TrailHead(row.key, row.lines, row.digest): row.station for row in rows} | self._contradicting
+        with suppress(OSError):  # the next exchange tries again
+            keep_held_heads(self.outbox.folder, [HeldHead(head, station) for head, station in heads.items()])
+
+    def _send_head(self, engine: sa.Engine, state: TrailState) -> dict[TrailHead, str]:
+        """Store the head of the site's audit trail, and return the stored heads that contradict it, with stations.
+
+        A changed trail is not stored.
+        """
+        if state.head is None or not state.head.key or state.faults:
+            return {}
+        own = sa.select(trail_heads).where(trail_heads.c.key == state.head.key)
+        with engine.begin() as connection:
+            rows = connection.execute(own).all()
+            wrong = [row for row in rows if not state.trail.contains(row.lines, row.digest)]
+            values = {"outbox": self.outbox.id, **asdict(state.head)}
+            if not wrong and not any((row.outbox, row.lines) == (self.outbox.id, state.head.lines) for row in rows):
+                values |= {"station": self._station, "stored": database_time(connection)}
+                connection.execute(sa.insert(trail_heads).values(values))
+        return {TrailHead(row.key, row.lines, row.digest): row.station for row in wrong}
 
     def _synchronise(self, engine: sa.Engine) -> None:
         """Read the acknowledged stamps from the database if they differ from the copy in the index.

@@ -65,7 +65,7 @@ class Outbox:
 
     def __init__(self, folder: Path) -> None:
         """Open the outbox. Raises ConfigurationError if the folder was moved or copied, or cannot be used."""
-        self._folder = folder
+        self.folder = folder
         self._to_send: list[str] = []  #: Names of the runs to send, the oldest first.
         #: Value of the index's `mark` and revision when all messages had been sent; None before.
         self._compared: tuple[str | None, int] | None = None
@@ -78,25 +78,25 @@ class Outbox:
 
     def _read_id(self) -> str:
         """Return the random name of the outbox; create it if it is missing."""
-        if not any((self._folder / name).exists() for name in _FILES):
+        if not any((self.folder / name).exists() for name in _FILES):
             try:
-                _write_location(self._folder, str(uuid4()), *_location(self._folder))
+                _write_location(self.folder, str(uuid4()), *_location(self.folder))
             except OSError as exc:
-                file = self._folder / LOCATION_FILE
+                file = self.folder / LOCATION_FILE
                 raise ConfigurationError("database.outbox_unusable", file=file, reason=str(exc)) from exc
-        name, *stored = _read_location(self._folder)
-        if stored != [*_location(self._folder)]:
-            raise ConfigurationError("database.folder_moved", folder=self._folder, was=":".join(stored))
+        name, *stored = _read_location(self.folder)
+        if stored != [*_location(self.folder)]:
+            raise ConfigurationError("database.folder_moved", folder=self.folder, was=":".join(stored))
         return name
 
     @cached_property
     def index(self) -> RunIndex:
         """Index of the runs of the folder."""
-        return RunIndex(self._folder)
+        return RunIndex(self.folder)
 
     @cached_property
     def _history(self) -> History:
-        return History(self._folder, self.index)
+        return History(self.folder, self.index)
 
     def refresh(self, end: float = math.inf) -> bool:
         """Determine the runs to send.
@@ -209,7 +209,7 @@ class Outbox:
             **to_columns(replace(run, record=content)),
             "result": result,
             "log_sha256": None if result is None else parse_json(result)["log"].get("sha256"),
-            "log": f"{socket.gethostname()}:{(self._folder / record.log.name).absolute()}",
+            "log": f"{socket.gethostname()}:{(self.folder / record.log.name).absolute()}",
         }
         return OutboxMessage("run", run.stamp, columns)
 

@@ -26,11 +26,12 @@ REVOKE ALL ON ALL TABLES IN SCHEMA public FROM PUBLIC, calstation_station, calst
 GRANT USAGE ON SCHEMA public TO calstation_station, calstation_fleet, calstation_reader;
 
 GRANT SELECT ON alembic_version TO calstation_station, calstation_fleet, calstation_reader;
-GRANT SELECT ON outboxes, revisions, runs, log_copies, solutions, versions, locations
+GRANT SELECT ON outboxes, revisions, runs, log_copies, solutions, versions, locations, trail_heads
     TO calstation_station, calstation_fleet, calstation_reader;
 
 GRANT INSERT, UPDATE ON outboxes, runs, log_copies TO calstation_station;
 GRANT UPDATE ON revisions TO calstation_station;
+GRANT INSERT ON trail_heads TO calstation_station;
 GRANT SELECT, INSERT, UPDATE, DELETE ON claims TO calstation_station;
 
 GRANT INSERT ON solutions, versions TO calstation_fleet;
@@ -46,7 +47,7 @@ DECLARE
     name text;
     own text;
 BEGIN
-    FOREACH name IN ARRAY ARRAY['outboxes', 'runs', 'log_copies', 'claims'] LOOP
+    FOREACH name IN ARRAY ARRAY['outboxes', 'runs', 'log_copies', 'claims', 'trail_heads'] LOOP
         own := 'EXISTS (SELECT FROM outboxes WHERE outboxes.id = outbox AND outboxes.login = current_user)';
         IF name = 'outboxes' THEN
             own := 'coalesce(login, current_user) = current_user';

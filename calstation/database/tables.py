@@ -83,6 +83,19 @@ claims = sa.Table(
     sa.Column("expires", sa.DateTime(timezone=True), nullable=False),
 )
 
+#: Heads of the stations' audit trails at the times of their exchanges; rows are never changed or deleted, so that a
+#: trail that was cut later contradicts them.
+trail_heads = sa.Table(
+    "trail_heads",
+    metadata,
+    sa.Column("outbox", sa.String(36), sa.ForeignKey("outboxes.id"), primary_key=True),
+    sa.Column("key", sa.String(64), primary_key=True),  #: Public key of the trail.
+    sa.Column("lines", sa.BigInteger, primary_key=True, autoincrement=False),
+    sa.Column("digest", sa.String(64), primary_key=True),
+    sa.Column("station", sa.String, nullable=False),
+    sa.Column("stored", sa.DateTime(timezone=True), nullable=False),
+)
+
 #: Properties common to all solutions with a version; the first job that uses a version adds its row.
 versions = sa.Table(
     "versions",

@@ -91,14 +91,17 @@ from calstation.records.reports import (
     IssuedReport,
     audit_values,
     complete_reports,
+    held_faults,
+    intact_trail,
     issued_reports,
     read_reports,
     report_faults,
     report_file,
     reports_head,
+    reports_of_others,
 )
 from calstation.records.resolves import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolve_file
-from calstation.records.station_key import TrailHead, find_heads
+from calstation.records.station_key import HeldHead, TrailHead, find_heads, held_heads, keep_held_heads
 from calstation.records.verdict import Verdict
 
 if TYPE_CHECKING:

@@ -99,11 +99,9 @@ class TrailState:
         return TrailHead(self.public_key or "", len(self.trail.digests), self.trail.digest)
 
     def require_intact(self) -> None:
-        """Raise ConfigurationError if the trail was changed, or the key cannot be read."""
+        """Raise ConfigurationError if the trail was changed."""
         if self.faults:
             raise ConfigurationError("audit.broken", fault=self.faults[0])
-        if self.key_error is not None:
-            raise self.key_error
 
 
 class _SignatureCheck:
@@ -184,6 +182,8 @@ class AuditWriter(ChainedFile[AuditEvent]):
         """Append an event; see `append_audit` for the arguments. Raises OSError or ConfigurationError."""
         state = verify_trail(self.folder)
         state.require_intact()
+        if state.key_error is not None:
+            raise state.key_error
         content = _content(event, by, why, confirmed_by, values)
         key = state.key or new_key(self.folder)
         entry = self.append(content if state.public_key else {**content, "key": key.public}, key.sign)

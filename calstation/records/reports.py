@@ -13,11 +13,11 @@ from typing import Any
 
 from pydantic import BaseModel, JsonValue, TypeAdapter, ValidationError
 
-from calstation.errors import InputError
+from calstation.errors import ConfigurationError, InputError
 from calstation.messages import Text, os_reason
-from calstation.records.audit import AuditEvent, AuditEventName, TrailState
-from calstation.records.chained_lines import ChainedFile, SignedLine
-from calstation.records.station_key import StationKey, TrailHead, is_signed
+from calstation.records.audit import AuditEvent, AuditEventName, TrailState, verify_trail
+from calstation.records.chained_lines import Chain, ChainedFile, SignedLine
+from calstation.records.station_key import HeldHead, StationKey, TrailHead, held_heads, is_signed
 
 
 @dataclass(frozen=True)
@@ -101,6 +101,40 @@ def report_faults(folder: Path, state: TrailState) -> list[Text]:
         if _identity(row.model_dump()) not in recorded:
             return [Text.of("report.not_in_trail", file=file.path, number=row.number, trail=state.path)]
     return []
+
+
+def intact_trail(site: Path, runs: Path) -> TrailState:
+    """Return the audit trail of a site, after comparing it with the reports and the received heads in a folder of runs.
+
+    Raises ConfigurationError if the trail or the record of reports was changed, or InputError if a file cannot be read.
+    """
+    state = verify_trail(site)
+    state.require_intact()
+    held = held_faults(state, held_heads(runs))
+    if held:
+        raise ConfigurationError("audit.broken", fault=held[0])
+    faults = report_faults(runs, state)
+    if faults:
+        raise ConfigurationError("report.broken", fault=faults[0])
+    return state
+
+
+def held_faults(state: TrailState, held: Iterable[HeldHead]) -> list[Text]:
+    """Return the contradictions of an audit trail to heads that the shared database has."""
+    return [
+        Text.of("audit.contradicts_database", file=state.path, line=each.head.lines, digest=each.head.digest)
+        for each in held
+        if each.head.key == state.public_key and not state.trail.contains(each.head.lines, each.head.digest)
+    ]
+
+
+def reports_of_others(folder: Path, state: TrailState) -> int:
+    """Return the number of reports that the audit trail cannot confirm: those of other sites, or without a signature.
+
+    Raises OSError.
+    """
+    lines: Chain[_ReportLine] = ChainedFile[_ReportLine](report_file(folder).path, _ReportLine).read()
+    return sum(line.key is None or line.key != state.public_key for line in lines.entries)
 
 
 def _events_of(folder: Path, events: Iterable[AuditEvent]) -> list[AuditEvent]:

@@ -7,13 +7,13 @@ the audit trail, signed with the key, is in the file ``station.head`` next to it
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calstation.errors import ConfigurationError
+from calstation.errors import ConfigurationError, InputError
 from calstation.messages import os_reason
 from calstation.records.files import sync_folder, write_atomic
 
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 #: Environment variable with the path of the private key, for a site that keeps it outside its folder.
 KEY_VARIABLE = "CALSTATION_STATION_KEY"
 _FILE = "station.key"
+#: File in the folder of runs with the heads of audit trails in the shared database; the history ignores hidden files.
+HELD_FILE = ".trail_heads.json"
 _HEAD = re.compile(rb"calstation-trail:(\d{1,9}):([0-9a-f]{64}):([0-9a-f]{64}|-)")
 
 
@@ -44,6 +46,38 @@ def find_heads(content: bytes) -> list[TrailHead]:
     """Return the heads of audit trails that a certificate states, each once: a PDF, or an XML document."""
     matches = dict.fromkeys(_HEAD.findall(content))
     return [TrailHead("" if key == b"-" else key.decode(), int(n), digest.decode()) for n, digest, key in matches]
+
+
+@dataclass(frozen=True)
+class HeldHead:
+    """A head of an audit trail that the shared database has, and the name of the station that sent it."""
+
+    head: TrailHead
+    station: str
+
+
+def held_heads(runs: Path) -> list[HeldHead]:
+    """Return the heads in the shared database that the last exchange of a runs folder has received.
+
+    Raises InputError if the file cannot be read.
+    """
+    path = runs / HELD_FILE
+    try:
+        return [HeldHead(read_head(row["head"]), str(row["station"])) for row in json.loads(path.read_bytes())]
+    except FileNotFoundError:
+        return []
+    except OSError as exc:
+        raise InputError("result.unreadable", file=path, reason=os_reason(exc)) from exc
+    except (ValueError, KeyError, TypeError) as exc:
+        raise InputError("audit.held_damaged", file=path) from exc
+
+
+def keep_held_heads(runs: Path, heads: Iterable[HeldHead]) -> None:
+    """Replace the heads of `held_heads`. Raises OSError."""
+    content = json.dumps([asdict(each) for each in heads]) + "\n"
+    path = runs / HELD_FILE
+    if not path.exists() or path.read_text(encoding="utf-8") != content:
+        write_atomic(path, content)
 
 
 class StationKey:

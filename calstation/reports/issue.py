@@ -23,20 +23,19 @@ from calstation.config import (
     plain_text,
     site_folder,
 )
-from calstation.errors import ConfigurationError, InputError
+from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Language, os_reason
 from calstation.records import (
     IssuedReport,
     Log,
     LogMeta,
-    TrailState,
     append_audit,
     audit_values,
     audit_writer,
     complete_reports,
+    intact_trail,
     issued_reports,
-    report_faults,
     report_file,
     reports_head,
     site_events,
@@ -230,7 +229,7 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
     certificate, before, record = _number_certificate(result, log, request)
     confirmation = Confirmation("")
     if record is not None:
-        record = replace(record, trail=_intact_trail(log.path.absolute().parent).head)
+        record = replace(record, trail=intact_trail(site_folder(), log.path.absolute().parent).head)
         certificate = replace(certificate, trail=record.trail)
         confirmation, names = _confirm_issue(log.meta, request)
         record, certificate = replace(record, authorised=names), replace(certificate, authorised=names)
@@ -398,7 +397,7 @@ def _record(
     try:
         with report_file(folder).locked():
             with audit_writer(site_folder()) as audit:
-                complete_reports(folder, _intact_trail(folder))
+                complete_reports(folder, intact_trail(site_folder(), folder))
                 current = issued_reports(folder, site_events(site_folder()), record.number)
                 if current == [record] and not before:
                     return  # another process has recorded the same first issue
@@ -417,19 +416,6 @@ def _record(
             complete_reports(folder, verify_trail(site_folder()))
     except OSError as exc:
         raise InputError("report.unwritable", file=folder, reason=os_reason(exc)) from exc
-
-
-def _intact_trail(folder: Path) -> TrailState:
-    """Return the audit trail of the site.
-
-    Raises ConfigurationError if the trail, or the record of issued reports in a folder, was changed.
-    """
-    state = verify_trail(site_folder())
-    state.require_intact()
-    faults = report_faults(folder, state)
-    if faults:
-        raise ConfigurationError("report.broken", fault=faults[0])
-    return state
 
 
 def _with_record(certificate: Certificate, record: IssuedReport, records: list[IssuedReport]) -> Certificate:

@@ -8,7 +8,17 @@ from pathlib import Path
 from calstation.config import site_folder
 from calstation.errors import InputError
 from calstation.messages import Text, os_reason
-from calstation.records import find_heads, public_key, report_faults, site_events, site_trails, verify_trail
+from calstation.records import (
+    find_heads,
+    held_faults,
+    held_heads,
+    public_key,
+    report_faults,
+    reports_of_others,
+    site_events,
+    site_trails,
+    verify_trail,
+)
 
 
 @dataclass(frozen=True)
@@ -61,10 +71,21 @@ def _files(values: Mapping[str, object]) -> list[object]:
 
 
 def verify_reports(folder: Path) -> CertificateState:
-    """Verify the record of issued reports in a folder, and its agreement with the audit trail of the site.
+    """Verify the record of issued reports in a folder of runs, and the audit trail of the site with both its witnesses.
 
-    Raises InputError if a file cannot be read.
+    They are this record, and the heads that the shared database has. Raises InputError if a file cannot be read.
     """
     state = verify_trail(site_folder(), every_signature=True)
-    faults = (*state.faults, *report_faults(folder, state))
-    return CertificateState(faults or (Text.of("report.record_intact", folder=folder),), not faults)
+    held = held_heads(folder)
+    faults = (*state.faults, *held_faults(state, held), *report_faults(folder, state))
+    if faults:
+        return CertificateState(faults, intact=False)
+    found = [Text.of("report.record_intact", folder=folder)]
+    others = reports_of_others(folder, state)
+    if others:
+        found.append(Text.of("report.of_others", count=others))
+    own = [each.head for each in held if each.head.key == state.public_key]
+    found += [Text.of("audit.database_agrees", line=head.lines, digest=head.digest) for head in own]
+    if not own:
+        found.append(Text.of("audit.no_database"))
+    return CertificateState(tuple(found), intact=True)

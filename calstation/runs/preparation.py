@@ -26,7 +26,7 @@ from calstation.judgement import is_partial
 from calstation.messages import Text, os_reason
 from calstation.physics import INDEX, group_indices
 from calstation.quality import require_standards
-from calstation.records import RESERVED_SPACE, LogMeta, RawLogWriter, append_audit, free_space, locked
+from calstation.records import RESERVED_SPACE, LogMeta, RawLogWriter, append_audit, free_space, intact_trail, locked
 from calstation.registers import UnverifiedTransfer, check_flash, check_interrupted
 from calstation.results import History, StageChain, current_calibration, register_pending
 from calstation.runs.cycle import Cycle
@@ -208,6 +208,8 @@ def prepare(
         emit(Message("incomplete_run", {"log": str(log)}))
     history, started = History(request.out), datetime.now(UTC)
     history.refresh()
+    if any(setup.imu.registers for setup in setups):
+        intact_trail(site_folder(), request.out)  # nothing is written to a unit on a changed trail
     permitted = [_check_permitted(setup, history) for setup in setups]
     for setup in permitted:
         check_flash(setup, request.out, partial(_emit_of_slot, emit, setup.request.slot or ""))

@@ -9,8 +9,10 @@ import pytest
 
 from calstation.cli.app import run_app
 from calstation.config import site_folder
-from calstation.records import ChainedFile, audit_path, find_heads, read_reports, restart_trail
-from calstation.reports import issue, verify_certificate, verify_reports
+from calstation.database.exchange import Exchange
+from calstation.records import ChainedFile, append_audit, audit_path, find_heads, read_reports, restart_trail
+from calstation.records.station_key import head_file
+from calstation.reports import verify_certificate, verify_reports
 from tests.reports.certificates import make
 from tests.shared_runs import SharedRuns
 
@@ -156,4 +158,33 @@ def test_trail_of_a_removed_site_contradicts_its_certificates(site: Path) -> Non
     state = verify_certificate(site / "r1.pdf")
     assert not state.intact
     assert "audit.other_trail" in [each.code for each in state.found]
-    assert issue.report_faults(site / "runs", issue.verify_trail(site_folder())) == []
+    assert "report.of_others" in [each.code for each in verify_reports(site / "runs").found]
+
+
+def test_heads_in_the_shared_database_reveal_a_cut_with_the_station_s_own_key(
+    site: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whoever can read the key can sign a shorter trail, but not change what other stations have received."""
+    runs, url = site / "runs", f"sqlite:///{site / 'shared.sqlite'}"
+    before = {path: path.read_bytes() for path in (audit_path(site_folder()), head_file(site_folder()))}
+    append_audit(site_folder(), "override", "li", "to be hidden")
+    for folder in (runs, site / "other"):
+        folder.mkdir(exist_ok=True)
+        exchange = Exchange(folder, url, "line 1")
+        exchange.exchange()
+        exchange.close()
+        assert verify_reports(folder).intact
+    for path, content in before.items():
+        path.write_bytes(content)
+    for _ in range(3):
+        append_audit(site_folder(), "override", "li", "harmless")
+    assert calstation("check") == 0, "all that the site has itself agrees"
+    for folder in (runs, site / "other"):
+        assert "audit.contradicts_database" in [each.code for each in verify_reports(folder).found]
+        assert calstation("check", folder) == 2
+    assert calstation("report", runs / "run.h5", "-o", site / "r2.pdf", "--revise", "Once more") == 2
+    assert "which the shared database has" in " ".join(capsys.readouterr().err.split())
+    exchange = Exchange(runs, url, "line 1")
+    exchange.exchange()  # the database still has both heads
+    exchange.close()
+    assert not verify_reports(runs).intact

@@ -12,7 +12,7 @@ import typer
 from calstation.cli.confirmation import confirm_override
 from calstation.config import Confirmation, RunRequest, access
 from calstation.errors import ConfigurationError
-from calstation.records import AuditEvent, audit_path, read_audit
+from calstation.records import AuditEvent, audit_path, read_audit, restart_trail
 from calstation.runs import RunStart, prepare
 from calstation.sequencer import Control
 from tests.helpers import raises_code
@@ -121,3 +121,13 @@ def test_attempt_beyond_the_allowed_number_is_in_the_audit_trail(site_folder: Si
     assert event.by == "tester"
     about = {"serial": request.serial, "failures": 1, "allowed": 1, "product": "short", "station": "test bench"}
     assert event.values == about
+
+
+def test_no_run_that_writes_registers_starts_on_a_changed_audit_trail(site_folder: SiteFolder, home: Path) -> None:
+    access.set_pin("", "000000")
+    prepared(site_folder, site_folder.request())
+    audit_path(home).unlink()
+    with raises_code(ConfigurationError, "audit.broken"):
+        prepared(site_folder, site_folder.request())
+    restart_trail(home, "li", "disk repaired", None)
+    prepared(site_folder, site_folder.request())

@@ -39,8 +39,8 @@ def check(
         return check_audit(file, json)
     if file.suffix in (".pdf", ".xml"):
         return _show_evidence(file, verify_certificate(file), json)
-    if file.name == "reports.jsonl":
-        return _show_evidence(file, verify_reports(file.parent), json)
+    if file.name == "reports.jsonl" or file.is_dir():
+        return _show_evidence(file, verify_reports(file if file.is_dir() else file.parent), json)
     if log_format(file) is not None:
         return _check_recording(file, json)
     path = library.locate_any(file)

@@ -10,13 +10,16 @@ from calstation.database.tables import metadata, revisions
 revision = "0001"
 down_revision = None
 
+#: Tables of this revision.
+_TABLES = [table for table in metadata.sorted_tables if table.name != "trail_heads"]
+
 
 def upgrade() -> None:
     """Create all tables."""
-    metadata.create_all(op.get_bind())
+    metadata.create_all(op.get_bind(), _TABLES)
     op.execute(insert(revisions).values(last=0, database=str(uuid4())))
 
 
 def downgrade() -> None:
     """Drop all tables."""
-    metadata.drop_all(op.get_bind())
+    metadata.drop_all(op.get_bind(), _TABLES)
