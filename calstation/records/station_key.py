@@ -74,9 +74,9 @@ def held_heads(runs: Path) -> list[HeldHead]:
 
 def keep_held_heads(runs: Path, heads: Iterable[HeldHead]) -> None:
     """Replace the heads of `held_heads`. Raises OSError."""
-    content = json.dumps([asdict(each) for each in heads]) + "\n"
+    content = json.dumps([asdict(each) for each in heads]).encode() + b"\n"
     path = runs / HELD_FILE
-    if not path.exists() or path.read_text(encoding="utf-8") != content:
+    if not path.exists() or path.read_bytes() != content:
         write_atomic(path, content)
 
 

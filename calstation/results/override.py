@@ -20,7 +20,7 @@ from calstation.config import (
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
 from calstation.parsing import parse_toml, read_json
-from calstation.records import AuditEvent, FileSection, audit_path, audit_writer, open_log, read_audit
+from calstation.records import AuditEvent, FileSection, audit_writer, open_log, site_events, verify_trail
 from calstation.results.resolving import find_log
 from calstation.results.result import Override, Result, write_json
 from calstation.results.stated import load_run_result
@@ -65,10 +65,9 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
 
 def is_release_recorded(result: Result) -> bool:
     """Return whether the site's audit trail is intact and contains the release of a result; may raise InputError."""
-    trail = read_audit(audit_path(site_folder()))
-    events = (event for event in trail.entries if event.event == "override")
-    same = (event for event in events if event.values.get("log_sha256") == result.log.sha256)
-    return trail.damage is None and any(result.override == _override(event) for event in same)
+    releases = (event for event in site_events(site_folder()) if event.event == "override")
+    same = (event for event in releases if event.values.get("log_sha256") == result.log.sha256)
+    return not verify_trail(site_folder()).faults and any(result.override == _override(event) for event in same)
 
 
 def _override(event: AuditEvent) -> Override:

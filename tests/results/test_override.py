@@ -8,8 +8,8 @@ import pytest
 
 from calstation.config import Confirmation, Person, access, confirm, library
 from calstation.errors import ConfigurationError, InputError
-from calstation.records import RunFilter, audit_path, read_audit
-from calstation.results import History, load_result, override_required, override_result
+from calstation.records import RunFilter, audit_path, read_audit, restart_trail
+from calstation.results import History, is_release_recorded, load_result, override_required, override_result
 from calstation.results import override as override_module
 from tests.helpers import ignore_progress, raises_code
 from tests.results.test_history import write
@@ -104,6 +104,26 @@ def test_one_of_two_simultaneous_releases_is_refused(home: Path, failed: Path, m
     assert override is not None
     assert override.why == "first"
     assert [each.why for each in read_audit(audit_path(home)).entries if each.event == "override"] == ["first"]
+
+
+def test_release_on_a_changed_trail_is_refused_and_an_earlier_one_remains_known_after_a_restart(
+    home: Path, failed: Path
+) -> None:
+    release(failed)
+    trail = audit_path(home)
+    content = trail.read_bytes()
+    trail.write_bytes(b"".join(content.splitlines(keepends=True)[:-1]))
+    other = write(
+        failed.parent, "b", "SN-2", "failed", 2, configuration=json.loads(failed.read_text())["configuration"]
+    )
+    with raises_code(ConfigurationError, "audit.broken"):
+        release(other)
+    assert "override" not in json.loads(other.read_text("utf-8"))
+    assert not is_release_recorded(load_result(failed))
+    trail.write_bytes(content)
+    assert is_release_recorded(load_result(failed))
+    restart_trail(home, "li", "exercise", None)
+    assert is_release_recorded(load_result(failed))
 
 
 def test_release_is_refused_without_log_and_configuration_files(failed: Path) -> None:
