@@ -118,9 +118,11 @@ def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> flo
     total = float(np.sum(residual**2 / variance))
     if redundancy < 1.0 or total <= chi_square_quantile(CONFIDENCE, redundancy):
         return 0.0
+    upper = float(np.sum(residual**2)) / redundancy
+    if float(np.sum(residual**2 / (variance + upper))) >= redundancy:  # `variance` is lost in rounding
+        return float(np.sqrt(upper))
     from scipy.optimize import brentq  # takes half a second to import and is rarely needed
 
-    upper = float(np.sum(residual**2)) / redundancy
     variance_excess = brentq(lambda x: float(np.sum(residual**2 / (variance + x))) - redundancy, 0.0, upper)
     return float(np.sqrt(variance_excess))
 
