@@ -1,0 +1,272 @@
+"""Stages of motion: one least-squares problem of the trajectory and the parameters, solved for all samples at once.
+
+The unknowns are attitude and velocity errors (and drifts of the biases) at the ends of intervals of 0.1 s, and the
+parameters. Every interval gives nine equations: attitude and velocity at its end follow from those at its start and
+from the samples between (integrated in the body frame), and the mean velocity of the table's centre is zero except for
+its vibration. The errors of the samples correlate the nine equations. The trajectory is eliminated by a banded Cholesky
+factorisation, and the parameters follow from what remains of the equations. No filter is run.
+
+Derivatives use the specific force that gravity and the rotation imply, and not the measured one, whose noise would
+appear as information about the heading.
+"""
+
+import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
+
+from .model import (
+    AT,
+    COUNT,
+    UP,
+    earth_rate,
+    force_derivative,
+    force_of,
+    rate_derivative,
+    rate_of,
+    rotation,
+    skew,
+    vector,
+)  # fmt: skip
+from .samples import DRIFT_TIME, MARGIN, SHORTEST, NotCoveredError, mean_angles, rests
+
+#: Columns after the 30 parameters: the offset of the table's axes, and the relative error of gravity.
+OFFSET, GRAVITY = COUNT, COUNT + 1
+COLUMNS = COUNT + 2
+_PASSES, _CONVERGED = 25, 1e-3
+_LONGEST_ALIGNMENT = 20.0
+
+
+class Segment:
+    """The samples from the first rest of a span on, the prior attitude at its start, and the trajectory so far."""
+
+    def __init__(self, stage, setting, span, rest):
+        self.setting, self.stride = setting, max(round(setting.interval / setting.dt), 1)
+        self.T = self.stride * setting.dt
+        self.begin = rest[0]
+        self.count = (span[1] - self.begin) // self.stride
+        self.stop = self.begin + self.count * self.stride
+        self.gyro, self.accel, self.last = stage.gyro, stage.accel, span[1]
+        sigma = setting.sigma
+        end = min(rest[1], rest[0] + int(_LONGEST_ALIGNMENT / setting.dt))
+        tilt = np.sqrt(sigma["mount"] ** 2 + sigma["base_tilt"] ** 2 + sigma["encoder"] ** 2)
+        heading = np.sqrt(sigma["azimuth"] ** 2 + sigma["mount"] ** 2 + sigma["encoder"] ** 2)
+        self.prior_sigma = np.array([tilt, tilt, heading])
+        self.prior = self._attitudes(mean_angles(stage, self.begin, end)[None])[0]
+        at = np.arange(self.begin, self.stop + 1, self.stride)
+        polled = self.begin + np.flatnonzero(np.isfinite(stage.angles[self.begin : span[1]]).all(axis=1))
+        angles = np.stack([np.interp(at, polled + 1, stage.angles[polled, j]) for j in (0, 1)], axis=1)
+        self.attitude = self._attitudes(angles)
+        self.velocity = np.zeros((self.count + 1, 3))
+        self.drift = np.zeros((self.count + 1, 6))
+
+    def _attitudes(self, angles):
+        """Return C_bn at angles of the table, rad, shape (n, 2)."""
+        s = self.setting
+        table = rotation(angles[:, :1] * s.axes[0]) @ rotation(angles[:, 1:] * s.axes[1])
+        return rotation(-s.azimuth * UP) @ table @ s.orientation
+
+    def _integrate(self, p):
+        """Return rotation, velocity and displacement over intervals in b, their derivatives in n, and the rates."""
+        dt, n = self.setting.dt, self.count
+        raw = slice(max(self.begin - 1, 0), self.stop)
+        omega = rate_of(p, self.gyro[raw])
+        force = force_of(p, self.accel[raw], omega)
+        if self.begin == 0:
+            omega, force = np.vstack([omega[:1], omega]), np.vstack([force[:1], force])
+        turn, push = omega * dt, force * dt
+        before, now = (turn[:-1], push[:-1]), (turn[1:], push[1:])
+        angle = now[0] + np.cross(before[0], now[0]) / 12.0
+        change = now[1] + 0.5 * np.cross(now[0], now[1]) + np.cross(now[0], np.cross(now[0], now[1])) / 6.0
+        change += (np.cross(before[0], now[1]) + np.cross(before[1], now[0])) / 12.0
+        angle, change = (x.reshape(n, self.stride, 3) for x in (angle, change))
+        shift = (0.5 * now[1] + np.cross(now[0], now[1]) / 4.0).reshape(n, self.stride, 3) * dt
+        R, v, x = np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+        J_phi, J_v, J_x = (np.zeros((n, 3, COUNT)) for _ in range(3))
+        spin, up = omega[1:].reshape(n, self.stride, 3), self.attitude[:-1, 2]
+        for j in range(self.stride):
+            middle = R @ rotation(0.5 * angle[:, j])
+            lift = self.setting.gravity * up + np.einsum(
+                "nij,nj->ni", middle, np.cross(spin[:, j], np.cross(spin[:, j], p[AT["outer_lever"]]))
+            )
+            implied = np.einsum("nji,nj->ni", middle, lift)
+            turned = dt * middle @ rate_derivative(p, spin[:, j])
+            pushed = middle @ force_derivative(p, implied, spin[:, j]) - skew(lift) @ (J_phi + 0.5 * turned)
+            J_x += dt * (J_v + 0.5 * dt * pushed)
+            J_v += dt * pushed
+            J_phi += turned
+            x = x + v * dt + np.einsum("nij,nj->ni", R, shift[:, j])
+            v = v + np.einsum("nij,nj->ni", R, change[:, j])
+            R = R @ rotation(angle[:, j])
+        edge = omega[self.stride :: self.stride][:n]  # last sample of every interval
+        following = np.vstack([omega[self.stride + 1 :: self.stride][: n - 1], edge[-1:]])
+        if self.stop < self.last:
+            following[-1] = rate_of(p, self.gyro[self.stop : self.stop + 1])
+        ends = 0.5 * (edge + following)
+        first = 0.5 * (omega[:1] + omega[1:2])
+        C = self.attitude[:-1]
+        return R, v, x, (C @ J_phi, C @ J_v, C @ J_x), np.vstack([first, ends])
+
+    def equations(self, p):
+        """Return the whitened equations about the present trajectory and parameters.
+
+        Coefficients of the states at the start and at the end of every interval, of the columns, and the misclosures,
+        shapes (n, 9, m), (n, 9, m), (n, 9, 32), (n, 9); m is 6, or 12 with drifts.
+        """
+        s, T, n = self.setting, self.T, self.count
+        earth = earth_rate(s.latitude)
+        R, v, x, (J_phi, J_v, J_x), rate = self._integrate(p)
+        C0, C1, r = self.attitude[:-1], self.attitude[1:], p[AT["outer_lever"]]
+        arm = self.attitude @ r
+        u = np.einsum("nij,nj->ni", self.attitude, np.cross(rate - np.einsum("nji,j->ni", self.attitude, earth), r))
+        push, way = np.einsum("nij,nj->ni", C0, v), np.einsum("nij,nj->ni", C0, x)
+        impulse = s.gravity * T * UP + np.diff(u, axis=0)
+        moment = 0.5 * s.gravity * T**2 * UP + np.diff(arm, axis=0) - T * u[:-1]
+        bias = np.r_[AT["gyro_bias"], AT["accel_bias"]]
+        # the trajectory predicted over every interval, with the drifts of the biases to first order
+        lean = skew(impulse)
+        b = self.drift[:-1, :, None]
+        attitude = rotation(-earth * T) @ C0 @ R
+        attitude = rotation((J_phi[:, :, bias] @ b)[..., 0]) @ attitude
+        coriolis = np.cross(earth, np.diff(arm, axis=0))
+        velocity = self.velocity[:-1] + push - 0.5 * T * np.cross(earth, push) - s.gravity * T * UP - 2.0 * coriolis
+        velocity = velocity + (J_v[:, :, bias] @ b)[..., 0]
+        shift = T * self.velocity[:-1] + way - T / 3.0 * np.cross(earth, way) - 0.5 * s.gravity * T**2 * UP
+        shift = shift - T * np.cross(earth, T * self.velocity[:-1]) + (J_x[:, :, bias] @ b)[..., 0]
+        hinge = self._hinge()
+        m, columns = 12 if s.drift.any() else 6, np.zeros((n, 9, COLUMNS))
+        before, after, wrong = np.zeros((n, 9, m)), np.zeros((n, 9, m)), np.zeros((n, 9))
+        spin = skew(earth) * T
+        before[:, 0:3, 0:3] = -(np.eye(3) - spin)
+        before[:, 3:6, 0:3], before[:, 3:6, 3:6] = lean, -(np.eye(3) - 2.0 * spin)
+        before[:, 6:9, 0:3] = (skew(arm[:-1]) + skew(moment)) / T
+        before[:, 6:9, 3:6] = -np.eye(3)
+        after[:, 0:3, 0:3] = after[:, 3:6, 3:6] = np.eye(3)
+        after[:, 6:9, 0:3] = -skew(arm[1:]) / T
+        columns[:, 0:3, :COUNT], columns[:, 3:6, :COUNT], columns[:, 6:9, :COUNT] = -J_phi, -J_v, -J_x / T
+        columns[:, 6:9, AT["outer_lever"]] += (C1 - C0) / T
+        columns[:, 6:9, OFFSET] = np.diff(hinge, axis=0) / T
+        columns[:, 3:6, GRAVITY] = s.gravity * T * UP
+        columns[:, 6:9, GRAVITY] = 0.5 * s.gravity * T * UP
+        if m == 12:
+            before[:, :, 6:12] = columns[:, :, bias]
+        wrong[:, 0:3] = -vector(attitude @ C1.transpose(0, 2, 1))
+        wrong[:, 3:6] = self.velocity[1:] - velocity
+        wrong[:, 6:9] = (np.diff(arm, axis=0) + self.offset * np.diff(hinge, axis=0) - shift) / T
+        root = np.linalg.cholesky(self._noise(lean / T))
+        white = [np.linalg.solve(root, each) for each in (before, after, columns, wrong[:, :, None])]
+        return white[0], white[1], white[2], white[3][:, :, 0]
+
+    def _noise(self, F):
+        """Return the covariance of the nine equations of every interval for white noise of rate and force."""
+        s, T, n = self.setting, self.T, len(F)
+        q, a, FF, one = s.rate_noise, s.force_noise, F @ F.transpose(0, 2, 1), np.eye(3)
+        N = np.zeros((n, 9, 9))
+        N[:, 0:3, 0:3] = q * T * one
+        N[:, 3:6, 0:3] = -F * q * T**2 / 2.0
+        N[:, 6:9, 0:3] = -F * q * T**2 / 6.0
+        N[:, 3:6, 3:6] = FF * q * T**3 / 3.0 + a * T * one
+        N[:, 6:9, 3:6] = FF * q * T**3 / 8.0 + a * T / 2.0 * one
+        N[:, 6:9, 6:9] = FF * q * T**3 / 20.0 + a * T / 3.0 * one + s.velocity * one
+        lower = np.tril(N)
+        return lower + np.tril(N, -1).transpose(0, 2, 1)
+
+    def _hinge(self):
+        """Return the direction in n along which the inner axis may miss the outer one, at the ends of intervals."""
+        s = self.setting
+        outer = rotation(-s.azimuth * UP) @ s.axes[0]
+        inner = self.attitude @ (s.orientation.T @ s.axes[1])
+        hinge = np.cross(outer, inner)
+        return hinge / np.linalg.norm(hinge, axis=1, keepdims=True)
+
+    def reduce(self, p, offset):
+        """Eliminate the trajectory; return the remaining equations (k, 32), misclosures (k,), and a function (step)."""
+        s, n = self.setting, self.count
+        self.offset = offset
+        before, after, columns, wrong = self.equations(p)
+        m = before.shape[2]
+        if m == 12:  # the drift of the biases is a first-order Gauss-Markov process
+            keep = np.exp(-self.T / DRIFT_TIME)
+            scale = np.where(s.drift > 0, 1.0 / np.where(s.drift > 0, s.drift * np.sqrt(1 - keep**2), 1.0), 1e12)
+            before, after, columns, wrong = (
+                np.concatenate([x, np.zeros((n, 6, *x.shape[2:]))], axis=1) for x in (before, after, columns, wrong)
+            )
+            before[:, 9:, 6:] = -keep * np.diag(scale)
+            after[:, 9:, 6:] = np.diag(scale)
+            wrong[:, 9:] = (self.drift[1:] - keep * self.drift[:-1]) * scale
+        start = np.zeros((m, m))
+        start[:3, :3] = np.diag(1.0 / self.prior_sigma)
+        start[3:6, 3:6] = np.eye(3) / np.sqrt(100.0 * s.velocity)
+        known = np.zeros(m)
+        known[:3] = -start[:3, :3] @ vector(self.prior @ self.attitude[0].T)
+        known[3:6] = start[3:6, 3:6] @ self.velocity[0]
+        if m == 12:
+            start[6:, 6:] = np.diag(np.where(s.drift > 0, 1.0 / np.where(s.drift > 0, s.drift, 1.0), 1e12))
+            known[6:] = start[6:, 6:] @ self.drift[0]
+        # units in which the states are of order one
+        unit = np.r_[[1e-6] * 3, [1e-3] * 3, np.where(s.drift > 0, s.drift, 1e-9)][:m]
+        before, after, start = before * unit, after * unit, start * unit
+        blocks = np.zeros((n + 1, m, m))
+        blocks[:-1] += before.transpose(0, 2, 1) @ before
+        blocks[1:] += after.transpose(0, 2, 1) @ after
+        blocks[0] += start.T @ start
+        below = after.transpose(0, 2, 1) @ before
+        right = np.concatenate([columns, wrong[:, :, None]], axis=2)
+        load = np.zeros((n + 1, m, right.shape[2]))
+        load[:-1] += before.transpose(0, 2, 1) @ right
+        load[1:] += after.transpose(0, 2, 1) @ right
+        load[0, :, -1] += start.T @ known
+        band = np.zeros((2 * m, (n + 1) * m))
+        for i in range(m):
+            for j in range(m):
+                if i >= j:
+                    band[i - j, j::m] = blocks[:, i, j]
+                band[m + i - j, j : n * m : m] = below[:, i, j]
+        factor = cholesky_banded(band, lower=True)
+        flat = load.reshape((n + 1) * m, -1)
+        Y = cho_solve_banded((factor, True), flat)
+        Y = Y.reshape(n + 1, m, -1)
+        rest = right - before @ Y[:-1] - after @ Y[1:]
+        first = -start @ Y[0]
+        first[:, -1] += known
+        remaining = np.concatenate([rest.reshape(-1, rest.shape[2]), first])
+
+        def step(change):
+            states = -(Y[:, :, :GRAVITY] @ change + Y[:, :, -1]) * unit
+            self.attitude = rotation(states[:, :3]) @ self.attitude
+            self.velocity = self.velocity + states[:, 3:6]
+            if m == 12:
+                self.drift = self.drift + states[:, 6:]
+
+        return remaining[:, :-1], remaining[:, -1], step
+
+
+def segments_of(stage, setting, mean, sigma):
+    """Return the segments of a stage that begin with a rest. Raises NotCoveredError if there is none."""
+    found = []
+    for first, last in stage.spans:
+        span = (first + (first > 0), last - (last < len(stage.seq)))
+        for rest in rests(stage, setting, mean[AT["gyro_bias"]], sigma[AT["gyro_bias"]].max(), [span]):
+            if (rest[1] - rest[0]) * setting.dt >= SHORTEST:
+                if mean_angles(stage, *rest) is None:
+                    raise NotCoveredError("a stage without angles of the table")
+                found.append(Segment(stage, setting, span, rest))
+                break
+    if not found:
+        raise NotCoveredError(f"the stage {stage.name} without a rest of {SHORTEST + MARGIN} s")
+    return found
+
+
+def solve_motion(stage, setting, prior):
+    """Return the joint estimate after a stage of motion; `prior` and the estimate are `estimate.Joint`."""
+    segments = segments_of(stage, setting, prior.mean[:COUNT], prior.sigma[:COUNT])
+    point = prior.mean.copy()
+    for _ in range(_PASSES):
+        parts = [segment.reduce(point[:COUNT], point[OFFSET]) for segment in segments]
+        jacobian, wrong = np.concatenate([a for a, _, _ in parts]), np.concatenate([b for _, b, _ in parts])
+        posterior = prior.with_equations(jacobian, -wrong, point)
+        change = posterior.mean - point
+        for _, _, step in parts:
+            step(change)
+        point = posterior.mean.copy()
+        if np.max(np.abs(change) / np.where(posterior.sigma > 0, posterior.sigma, 1.0)) < _CONVERGED:
+            return posterior
+    raise NotCoveredError(f"the stage {stage.name}, whose solution does not converge")
