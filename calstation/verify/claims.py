@@ -11,6 +11,8 @@ from xml.etree import ElementTree
 from .model import NAMES
 from .samples import UnreadableError
 
+#: Further exceptions of a damaged file.
+_DAMAGED = (StopIteration, RecursionError, zlib.error, ElementTree.ParseError)
 #: Largest file and largest attachment, bytes.
 _LARGEST = 200_000_000
 
@@ -38,16 +40,7 @@ def read_claims(path):
         data = path.read_bytes()
         parts = list(_attachments(data)) if data.startswith(b"%PDF") else [data]
         claims = [_claim(part, path.name) for part in parts]
-    except (
-        OSError,
-        ValueError,
-        KeyError,
-        TypeError,
-        AttributeError,
-        zlib.error,
-        RecursionError,
-        ElementTree.ParseError,
-    ) as exc:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, *_DAMAGED) as exc:
         raise UnreadableError(f"{path} cannot be read: {exc}") from exc
     if not claims:
         raise UnreadableError(f"{path} has no attached digital certificate")

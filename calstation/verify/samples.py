@@ -5,6 +5,7 @@ import json
 import zlib
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -147,33 +148,40 @@ def _checks(rows):
     return (total >> np.uint64(32)).astype(np.uint32)
 
 
+def _stored(file, name, kind, size):
+    """Return a column of bytes, texts or rows. Raises ValueError unless it is stored in the file of `size` bytes."""
+    data = file.get(name) if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
+    if not isinstance(data, h5py.Dataset) or data.ndim != 1 or data.dtype.kind != kind or data.external:
+        raise ValueError(f"{name} is not a column of the expected kind")
+    if data.is_virtual or data.dtype.hasobject or data.size * data.dtype.itemsize > size:
+        raise ValueError(f"{name} is larger than the file")
+    return data[:]
+
+
 def read_log(path):
     """Read a raw log. Raises UnreadableError and NotCoveredError."""
     try:
+        size = Path(path).stat().st_size
         with h5py.File(path, "r", locking=False) as file:
-            if file.attrs.get("format") != b"calstation.log/1":
+            kind = file.attrs.get_id("format").dtype.kind if "format" in file.attrs else ""
+            if kind != "S" or file.attrs["format"] != b"calstation.log/1":
                 raise UnreadableError(f"{path} is not a raw log of format calstation.log/1")
-            texts = {key: bytes(file[key][:]) for key in ("meta", "results", "closing")}
-            checksum, rows, stages = (
-                file.attrs["meta_crc32"],
-                file["samples"][:],
-                [n.decode() for n in file["stages"][:]],
-            )
+            texts = {key: _stored(file, key, "u", size).tobytes() for key in ("meta", "results", "closing")}
+            checksum, rows = int(file.attrs["meta_crc32"]), _stored(file, "samples", "V", size)
+            stages = [name.decode() for name in _stored(file, "stages", "S", size)]
         if zlib.crc32(texts["meta"]) != checksum:
             raise UnreadableError(f"the configuration of {path} is damaged: its checksum is wrong")
         meta = json.loads(texts["meta"])
-        results, closing = (
-            [json.loads(line) for line in texts[key].decode().splitlines()] for key in ("results", "closing")
-        )
-    except (OSError, KeyError, ValueError, RuntimeError) as exc:
+        lines = {key: texts[key].decode().split("\n")[:-1] for key in ("results", "closing")}
+        results, closing = ([json.loads(line) for line in lines[key]] for key in ("results", "closing"))
+        wrong = _checks(rows) != rows["check"]
+        intact = rows[~wrong]
+        digest = hashlib.sha256(texts["meta"]).hexdigest()
+        digests = {"log": _digest(intact, stages, texts["meta"]), "configuration": digest}
+        setting = setting_of(meta)
+    except (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError) as exc:  # of a damaged file
         raise UnreadableError(f"{path} cannot be read: {exc}") from exc
-    wrong = _checks(rows) != rows["check"]
-    intact = rows[~wrong]
-    digests = {
-        "log": _digest(intact, stages, texts["meta"]),
-        "configuration": hashlib.sha256(texts["meta"]).hexdigest(),
-    }
-    return Log(setting_of(meta), intact, stages, results, closing[-1] if closing else {}, digests, int(wrong.sum()))
+    return Log(setting, intact, stages, results, closing[-1] if closing else {}, digests, int(wrong.sum()))
 
 
 @dataclass

@@ -95,7 +95,10 @@ def verify(source, log_path=None):
     noise = _noise(result)
     first, last = result["log"].get("first_seq", 0), result["log"].get("last_seq", np.iinfo(np.int64).max)
     log.rows = log.rows[(log.rows["seq"] >= first) & (log.rows["seq"] <= last)]
-    solution = Solution(log, result.get("stages", []), noise)
+    try:
+        solution = Solution(log, result.get("stages", []), noise)
+    except np.linalg.LinAlgError as exc:
+        raise NotCoveredError(f"a log without a solution ({exc})") from exc
     parameters = {}
     for claim in claims:
         _values(claim, solution, noise, parameters, findings)
@@ -239,8 +242,10 @@ def main(arguments: list[str] | None = None) -> int:
         report = verify(options.source, options.log)
         if options.json and options.json != "-":
             Path(options.json).write_text(json.dumps(report, indent=1), encoding="utf-8")
-    except (UnreadableError, NotCoveredError, OSError) as exc:
+    except (UnreadableError, NotCoveredError, OSError, LookupError, TypeError, ValueError, AttributeError) as exc:
         reason = f"This program does not cover {exc}." if isinstance(exc, NotCoveredError) else str(exc)
+        if not isinstance(exc, (UnreadableError, NotCoveredError, OSError)):
+            reason = f"{options.source} has an entry of another kind than expected: {exc!r}"
         print(f"verify: {_printable(reason)}", file=sys.stderr)
         return 2
     if options.json == "-":

@@ -207,6 +207,37 @@ def test_a_changed_sample_is_found(run: Path, tmp_path: Path) -> None:
     assert [f["subject"] for f in verify.verify(path)["findings"]] == ["log", "log"]
 
 
+@pytest.mark.parametrize("name", ["meta", "stages", "samples", "results"])
+@pytest.mark.parametrize("value", [0.0, "text", np.zeros((2, 2)), np.zeros(3, np.complex128), None])
+def test_a_log_of_another_structure_cannot_be_read(run: Path, tmp_path: Path, name: str, value: Any) -> None:
+    path = copied(run, tmp_path).with_suffix(".h5")
+    with h5py.File(path, "r+") as file:
+        del file[name]
+        if value is None:
+            file.create_dataset(name, (2**40,), np.uint8, chunks=(8192,))  # a terabyte that is not there
+        else:
+            file[name] = value
+    with pytest.raises(samples.UnreadableError, match=name):
+        samples.read_log(path)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{}", "[" * 100_000, '{"unit": 3}', "<a/>", "%PDF-1.7", "<!DOCTYPE a><a/>", "{unit"]
+)
+def test_a_damaged_certificate_cannot_be_read(tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    source = tmp_path / "certificate.pdf"
+    source.write_text(text, encoding="utf-8")
+    assert run_app(["verify", str(source)]) == 2
+    assert "certificate.pdf" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("change", [{"log": {"first_seq": "x"}}, {"stages": 3}, {"checks": [{"kind": "imu_noise"}]}])
+def test_a_result_with_entries_of_another_kind_cannot_be_read(
+    run: Path, tmp_path: Path, change: dict[str, Any]
+) -> None:
+    assert run_app(["verify", str(copied(run, tmp_path, lambda result: result.update(change)))]) == 2
+
+
 def test_a_method_that_is_not_covered_is_refused(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = copied(run, tmp_path, lambda result: result.update(stages=["gimbal"]))
     assert run_app(["verify", str(source)]) == 2
