@@ -5,7 +5,7 @@ VENV := .venv
 # Without compiled files every process of a test would compile its modules again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test rehearse exhaustive check docs benchmarks study fuzz figures fonts pictures clean
+.PHONY: run test rehearse exhaustive check docs benchmarks study fuzz figures sbom fonts pictures clean
 
 run: $(VENV)/installed
 	$(VENV)/bin/calstation
@@ -40,6 +40,11 @@ fuzz: $(VENV)/installed-dev
 
 figures:
 	$(PYTHON) tests/figures.py $(SINCE)
+
+# The software bill of materials of a release, with the hashes of its files in dist/.
+sbom: $(VENV)/installed
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable ".[fleet,signing]" packaging
+	$(VENV)/bin/python tests/make_sbom.py build/sbom.json $(wildcard dist/*)
 
 # The font of window and documents, from Debian packages that apt-get downloads.
 fonts: $(VENV)/installed-dev
