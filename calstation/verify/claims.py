@@ -77,8 +77,7 @@ def result_claim(result, source):
     for check in result.get("checks", []):
         if check.get("kind") in ("within", "sigma_below"):
             claim.decisions[check["subject"], check["kind"]] = bool(check["passed"])
-    outcome = {True: "pass", False: "fail"}.get(result.get("passed"))
-    claim.verdict = None if result.get("partial") else outcome
+    claim.verdict = {True: "pass", False: "fail"}.get(result.get("passed"))
     return claim
 
 
@@ -145,7 +144,8 @@ def contradictions(claims):
     first = claims[0]
     for other in claims[1:]:
         for key in ("serial", "verdict"):
-            if getattr(first, key) != getattr(other, key):
+            stated = {getattr(claim, key) for claim in (first, other)}  # a partial certificate states no verdict
+            if len(stated - {None}) > 1:
                 yield key, f"{first.source} states {getattr(first, key)}, {other.source} {getattr(other, key)}"
         for name in sorted(first.values.keys() | other.values.keys()):
             one, two = first.values.get(name), other.values.get(name)

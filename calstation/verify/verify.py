@@ -197,6 +197,9 @@ def _verdict(claim, result, decided, findings):
             findings.append({"code": "decision", "subject": name, "text": text})
     failed = [f"{name} {kind}" for (name, kind), (passed, near) in decided.items() if not passed and not near]
     others = [check["name"] for check in result.get("checks", []) if not check["passed"]]
+    if claim.verdict == "pass" and claim.result is None and result.get("partial"):
+        text = f"{claim.source} states pass, but the run omitted stages of the product"
+        findings.append({"code": "verdict", "subject": claim.verdict, "text": text})
     if claim.verdict == "pass" and (failed or others):
         text = f"{claim.source} states pass, but these failed: {', '.join([*failed, *others][:5])}"
         findings.append({"code": "verdict", "subject": claim.verdict, "text": text})

@@ -194,6 +194,20 @@ def test_an_error_planted_in_a_digital_certificate_is_found(run: Path, tmp_path:
 
 
 @pytest.mark.usefixtures("solved_once")
+def test_a_partial_run_is_no_pass(run: Path, tmp_path: Path) -> None:
+    result = copied(run, tmp_path)
+    certificate = build_certificate(load_result(result), open_log(result.with_suffix(".h5")).meta)
+    result.with_suffix(".xml").write_bytes(write_dcc(certificate))
+    assert codes(result.with_suffix(".xml")) == set()
+    with h5py.File(result.with_suffix(".h5"), "r+") as file:  # the result that the log contains is a partial one
+        line = json.loads(bytes(file["results"][:]))
+        data = np.frombuffer((json.dumps({**line, "partial": True}) + "\n").encode(), np.uint8)
+        file["results"].resize((len(data),))
+        file["results"][:] = data
+    assert codes(result.with_suffix(".xml")) == {"verdict"}
+
+
+@pytest.mark.usefixtures("solved_once")
 def test_a_changed_sample_is_found(run: Path, tmp_path: Path) -> None:
     path = copied(run, tmp_path).with_suffix(".h5")
     with h5py.File(path, "r+") as file:
