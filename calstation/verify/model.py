@@ -80,16 +80,18 @@ def rate_derivative(p, omega):
 
 
 def force_derivative(p, force, omega):
-    """Return the change of the computed force per parameter at a fixed rate, shape (n, 3, 30)."""
+    """Return the change of the computed force per parameter at a fixed rate, shape (n, 3, 30).
+
+    The force is that at the reference point, although the accelerometers sense it at their own.
+    """
     change = np.zeros((len(force), 3, COUNT))
-    sensed = force
     for axis in range(3):
         change[:, axis, AT["accel_bias"][axis]] = 1.0
-        change[:, axis, AT["accel_scale"][axis]] = sensed[:, axis]
-        change[:, axis, AT["accel_quadratic"][axis]] = sensed[:, axis] ** 2
+        change[:, axis, AT["accel_scale"][axis]] = force[:, axis]
+        change[:, axis, AT["accel_quadratic"][axis]] = force[:, axis] ** 2
     for i, (row, column) in zip(AT["accel_misalign"], _A_OFF, strict=True):
-        change[:, row, i] = sensed[:, column]
-    slope = accel_matrix(p) + 2.0 * p[AT["accel_quadratic"]][None, :, None] * sensed[:, :, None] * np.eye(3)
+        change[:, row, i] = force[:, column]
+    slope = accel_matrix(p) + 2.0 * p[AT["accel_quadratic"]][None, :, None] * force[:, :, None] * np.eye(3)
     change = -np.linalg.solve(slope, change)
     size = np.sum(omega**2, axis=1, keepdims=True) - omega**2
     for axis in range(3):

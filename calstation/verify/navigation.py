@@ -78,6 +78,7 @@ class Segment:
         change = now[1] + 0.5 * np.cross(now[0], now[1]) + np.cross(now[0], np.cross(now[0], now[1])) / 6.0
         change += (np.cross(before[0], now[1]) + np.cross(before[1], now[0])) / 12.0
         angle, change = (x.reshape(n, self.stride, 3) for x in (angle, change))
+        # from the mean of the velocities before and after a sample; exactly, the second term is a sixth
         shift = (0.5 * now[1] + np.cross(now[0], now[1]) / 4.0).reshape(n, self.stride, 3) * dt
         R, v, x = np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3))
         J_phi, J_v, J_x = (np.zeros((n, 3, COUNT)) for _ in range(3))
