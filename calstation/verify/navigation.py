@@ -45,6 +45,7 @@ class Segment:
         self.count = (span[1] - self.begin) // self.stride
         self.stop = self.begin + self.count * self.stride
         self.gyro, self.accel, self.last = stage.gyro, stage.accel, span[1]
+        self.first_time, self.last_time = (float(stage.seq[k]) * setting.dt for k in (self.begin, self.stop - 1))
         sigma = setting.sigma
         end = min(rest[1], rest[0] + int(_LONGEST_ALIGNMENT / setting.dt))
         tilt = np.sqrt(sigma["mount"] ** 2 + sigma["base_tilt"] ** 2 + sigma["encoder"] ** 2)
@@ -178,66 +179,94 @@ class Segment:
         hinge = np.cross(outer, inner)
         return hinge / np.linalg.norm(hinge, axis=1, keepdims=True)
 
-    def reduce(self, p, offset):
-        """Eliminate the trajectory; return the remaining equations (k, 32), misclosures (k,), and a function (step)."""
-        s, n = self.setting, self.count
-        self.offset = offset
-        before, after, columns, wrong = self.equations(p)
-        m = before.shape[2]
-        if m == 12:  # the drift of the biases is a first-order Gauss-Markov process
-            keep = np.exp(-self.T / DRIFT_TIME)
-            scale = np.where(s.drift > 0, 1.0 / np.where(s.drift > 0, s.drift * np.sqrt(1 - keep**2), 1.0), 1e12)
-            before, after, columns, wrong = (
-                np.concatenate([x, np.zeros((n, 6, *x.shape[2:]))], axis=1) for x in (before, after, columns, wrong)
-            )
-            before[:, 9:, 6:] = -keep * np.diag(scale)
-            after[:, 9:, 6:] = np.diag(scale)
-            wrong[:, 9:] = (self.drift[1:] - keep * self.drift[:-1]) * scale
-        start = np.zeros((m, m))
-        start[:3, :3] = np.diag(1.0 / self.prior_sigma)
-        start[3:6, 3:6] = np.eye(3) / np.sqrt(100.0 * s.velocity)
-        known = np.zeros(m)
-        known[:3] = -start[:3, :3] @ vector(self.prior @ self.attitude[0].T)
-        known[3:6] = start[3:6, 3:6] @ self.velocity[0]
-        if m == 12:
-            start[6:, 6:] = np.diag(np.where(s.drift > 0, 1.0 / np.where(s.drift > 0, s.drift, 1.0), 1e12))
-            known[6:] = start[6:, 6:] @ self.drift[0]
-        # units in which the states are of order one
-        unit = np.r_[[1e-6] * 3, [1e-3] * 3, np.where(s.drift > 0, s.drift, 1e-9)][:m]
-        before, after, start = before * unit, after * unit, start * unit
-        blocks = np.zeros((n + 1, m, m))
-        blocks[:-1] += before.transpose(0, 2, 1) @ before
-        blocks[1:] += after.transpose(0, 2, 1) @ after
-        blocks[0] += start.T @ start
-        below = after.transpose(0, 2, 1) @ before
-        right = np.concatenate([columns, wrong[:, :, None]], axis=2)
-        load = np.zeros((n + 1, m, right.shape[2]))
-        load[:-1] += before.transpose(0, 2, 1) @ right
-        load[1:] += after.transpose(0, 2, 1) @ right
-        load[0, :, -1] += start.T @ known
-        band = np.zeros((2 * m, (n + 1) * m))
-        for i in range(m):
-            for j in range(m):
-                if i >= j:
-                    band[i - j, j::m] = blocks[:, i, j]
-                band[m + i - j, j : n * m : m] = below[:, i, j]
-        factor = cholesky_banded(band, lower=True)
-        flat = load.reshape((n + 1) * m, -1)
-        Y = cho_solve_banded((factor, True), flat)
-        Y = Y.reshape(n + 1, m, -1)
-        rest = right - before @ Y[:-1] - after @ Y[1:]
-        first = -start @ Y[0]
-        first[:, -1] += known
-        remaining = np.concatenate([rest.reshape(-1, rest.shape[2]), first])
+    def start(self, m):
+        """Return the equations of attitude and velocity at the start, shapes (6, m) and (6,)."""
+        known, wrong = np.zeros((6, m)), np.zeros(6)
+        known[:3, :3], known[3:, 3:6] = (
+            np.diag(1.0 / self.prior_sigma),
+            np.eye(3) / np.sqrt(100.0 * self.setting.velocity),
+        )
+        wrong[:3] = -vector(self.prior @ self.attitude[0].T) / self.prior_sigma
+        wrong[3:] = self.velocity[0] / np.sqrt(100.0 * self.setting.velocity)
+        return known, wrong
 
-        def step(change):
-            states = -(Y[:, :, :GRAVITY] @ change + Y[:, :, -1]) * unit
-            self.attitude = rotation(states[:, :3]) @ self.attitude
-            self.velocity = self.velocity + states[:, 3:6]
-            if m == 12:
-                self.drift = self.drift + states[:, 6:]
+    def correct(self, states):
+        """Add the corrections of the states at the ends of the intervals, shape (n + 1, m)."""
+        self.attitude = rotation(states[:, :3]) @ self.attitude
+        self.velocity = self.velocity + states[:, 3:6]
+        if states.shape[1] == 12:
+            self.drift = self.drift + states[:, 6:]
 
-        return remaining[:, :-1], remaining[:, -1], step
+
+def _with_drift(setting, equations, seconds, before, after):
+    """Return equations with those of the drifts `before` and `after` intervals: a first-order Gauss-Markov process."""
+    keep, known = np.exp(-seconds / DRIFT_TIME), setting.drift > 0.0
+    scale = np.where(known, 1.0 / np.where(known, setting.drift * np.sqrt(1.0 - keep**2), 1.0), 1e12)
+    start, end, columns, wrong = (np.concatenate([x, np.zeros((len(x), 6, *x.shape[2:]))], axis=1) for x in equations)
+    start[:, 9:, 6:], end[:, 9:, 6:] = -keep * np.diag(scale), np.diag(scale)
+    wrong[:, 9:] = (after - keep * before) * scale
+    return start, end, columns, wrong
+
+
+def reduce(segments, p, offset):
+    """Eliminate the trajectory of all segments; return the remaining equations, their misclosures, and a step.
+
+    Shapes (k, 32) and (k,); `step` corrects the trajectory for a change of the columns. Attitude and velocity begin
+    anew with every segment, the drifts of the biases continue.
+    """
+    s, m, parts = segments[0].setting, 12 if segments[0].setting.drift.any() else 6, []
+    for k, segment in enumerate(segments):
+        segment.offset = offset
+        known, wrong = segment.start(m)
+        if k:
+            link = (np.zeros((1, 9, m)), np.zeros((1, 9, m)), np.zeros((1, 9, COLUMNS)), np.zeros((1, 9)))
+            link[1][0, :6], link[3][0, :6] = known, wrong
+            gap = segment.first_time - segments[k - 1].last_time
+            last = segments[k - 1].drift[-1:]
+            parts.append(_with_drift(s, link, gap, last, segment.drift[:1]) if m == 12 else link)
+        equations = segment.equations(p)
+        drift = segment.drift
+        parts.append(_with_drift(s, equations, segment.T, drift[:-1], drift[1:]) if m == 12 else equations)
+    before, after, columns, wrong = (np.concatenate(each) for each in zip(*parts, strict=True))
+    start, known = segments[0].start(m)
+    if m == 12:
+        scale = np.where(s.drift > 0.0, 1.0 / np.where(s.drift > 0.0, s.drift, 1.0), 1e12)
+        start = np.vstack([start, np.hstack([np.zeros((6, 6)), np.diag(scale)])])
+        known = np.append(known, scale * segments[0].drift[0])
+    n = len(before)
+    # units in which the states are of order one
+    unit = np.r_[[1e-6] * 3, [1e-3] * 3, np.where(s.drift > 0, s.drift, 1e-9)][:m]
+    before, after, start = before * unit, after * unit, start * unit
+    blocks = np.zeros((n + 1, m, m))
+    blocks[:-1] += before.transpose(0, 2, 1) @ before
+    blocks[1:] += after.transpose(0, 2, 1) @ after
+    blocks[0] += start.T @ start
+    below = after.transpose(0, 2, 1) @ before
+    right = np.concatenate([columns, wrong[:, :, None]], axis=2)
+    load = np.zeros((n + 1, m, right.shape[2]))
+    load[:-1] += before.transpose(0, 2, 1) @ right
+    load[1:] += after.transpose(0, 2, 1) @ right
+    load[0, :, -1] += start.T @ known
+    band = np.zeros((2 * m, (n + 1) * m))
+    for i in range(m):
+        for j in range(m):
+            if i >= j:
+                band[i - j, j::m] = blocks[:, i, j]
+            band[m + i - j, j : n * m : m] = below[:, i, j]
+    factor = cholesky_banded(band, lower=True)
+    Y = cho_solve_banded((factor, True), load.reshape((n + 1) * m, -1)).reshape(n + 1, m, -1)
+    rest = right - before @ Y[:-1] - after @ Y[1:]
+    first = -start @ Y[0]
+    first[:, -1] += known
+    remaining = np.concatenate([rest.reshape(-1, rest.shape[2]), first])
+
+    def step(change):
+        states = -(Y[:, :, :GRAVITY] @ change + Y[:, :, -1]) * unit
+        ends = np.cumsum([segment.count + 1 for segment in segments])
+        for segment, part in zip(segments, np.split(states, ends[:-1]), strict=True):
+            segment.correct(part)
+
+    return remaining[:, :-1], remaining[:, -1], step
 
 
 def segments_of(stage, setting, mean, sigma):
@@ -261,12 +290,10 @@ def solve_motion(stage, setting, prior):
     segments = segments_of(stage, setting, prior.mean[:COUNT], prior.sigma[:COUNT])
     point = prior.mean.copy()
     for _ in range(_PASSES):
-        parts = [segment.reduce(point[:COUNT], point[OFFSET]) for segment in segments]
-        jacobian, wrong = np.concatenate([a for a, _, _ in parts]), np.concatenate([b for _, b, _ in parts])
+        jacobian, wrong, step = reduce(segments, point[:COUNT], point[OFFSET])
         posterior = prior.with_equations(jacobian, -wrong, point)
         change = posterior.mean - point
-        for _, _, step in parts:
-            step(change)
+        step(change)
         point = posterior.mean.copy()
         if np.max(np.abs(change) / np.where(posterior.sigma > 0, posterior.sigma, 1.0)) < _CONVERGED:
             return posterior

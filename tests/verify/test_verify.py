@@ -263,3 +263,21 @@ def test_the_attachments_of_a_pdf_are_verified(run: Path, tmp_path: Path) -> Non
     result, pdf = copied(run, tmp_path), tmp_path / "certificate.pdf"
     assert run_app(["report", str(result), "-o", str(pdf)]) == 0
     assert run_app(["verify", str(pdf), "--log", str(result.with_suffix(".h5"))]) == 0
+
+
+@pytest.mark.long
+def test_a_log_with_a_gap_agrees(run: Path, tmp_path: Path) -> None:
+    log, result = copied(run, tmp_path).with_suffix(".h5"), tmp_path / "gap.json"
+    with h5py.File(log, "r+") as file:
+        rows, stage = file["samples"][:], [*file["stages"][:]].index(b"excitation")
+        middle = int(np.median(np.flatnonzero(rows["stage"] == stage)))
+        rows = np.delete(rows, slice(middle, middle + 37))
+        file["samples"].resize((len(rows),))
+        file["samples"][:] = rows
+    digest = samples.read_log(log).digests["log"]
+    with h5py.File(log, "r+") as file:
+        line = np.frombuffer((json.dumps({"outcome": "passed", "sha256": digest}) + "\n").encode(), np.uint8)
+        file["closing"].resize((len(line),))
+        file["closing"][:] = line
+    assert run_app(["resolve", str(log), "--json", str(result)]) in (0, 1)
+    assert run_app(["verify", str(result), "--log", str(log)]) == 0
