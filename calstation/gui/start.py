@@ -1,5 +1,6 @@
 """Start of the window: a picture until it is loaded, and the enlargement on a large screen, to be read from afar."""
 
+import gc
 import os
 import sys
 from collections.abc import Iterator
@@ -58,10 +59,17 @@ def main(screen: tuple[int, int]) -> int:
     signal_timer = QTimer(window, interval=200)  # lets Python run its signal handlers
     signal_timer.timeout.connect(lambda: None)
     signal_timer.start()
+    window.prepared.connect(freeze_objects)
     window.show()
     picture.close()
     with on_stop_signals(window.stop_and_close):
         return QApplication.exec()
+
+
+def freeze_objects() -> None:
+    """Exclude the objects of a complete window from garbage collection, which would block the window for 0.3 s."""
+    gc.collect()
+    gc.freeze()
 
 
 def opening_picture() -> QLabel:

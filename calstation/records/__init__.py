@@ -30,12 +30,17 @@ from calstation.records.convert import export_corrected, export_csv
 from calstation.records.facts import LogFacts
 from calstation.records.files import acquire_lock, locked, partial_path, sync_folder, write_atomic
 from calstation.records.indexed_run import (
+    LATEST_FIRST,
     Categories,
     IndexedRun,
     RunChoices,
     RunColumns,
     RunFilter,
+    RunOrder,
     RunRecord,
+    estimates_by_name,
+    from_columns,
+    to_columns,
 )
 from calstation.records.laboratory import Day, InstrumentSection, LaboratorySection
 from calstation.records.log import Log, damage_summary, read_truth, truth_path
@@ -105,12 +110,12 @@ from calstation.records.station_key import HeldHead, TrailHead, find_heads, held
 from calstation.records.verdict import Verdict
 
 if TYPE_CHECKING:
-    from calstation.records.run_index import RunIndex, estimates_by_name, from_columns, to_columns
+    from calstation.records.run_index import RunIndex
 
 
 def __getattr__(name: str) -> Any:
     """Import the index of runs on first use, because it loads SQLAlchemy, which `calstation resolve` does not need."""
-    if name not in ("RunIndex", "estimates_by_name", "from_columns", "to_columns"):
+    if name != "RunIndex":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from calstation.records import run_index
 

@@ -1,18 +1,25 @@
 """Representations of indexed runs: a single run, many runs in columns, and the conditions that select runs."""
 
+import json
+import math
+import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import asdict, dataclass, field
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from calstation.physics import BoolArray, FloatArray, IntArray
-from calstation.records.check_id import CheckId
+from calstation.records.check_id import CheckId, read_check_ids
 from calstation.records.verdict import Verdict
 
 T = TypeVar("T")
+#: Prefix of the table's quantities among the parameters of a row of the index.
+TABLE_PREFIX = "table."
+_DIGITS = re.compile(r"\d+")
 
 
 @dataclass(frozen=True)
@@ -134,6 +141,22 @@ class RunFilter:
 
 
 @dataclass(frozen=True)
+class RunOrder:
+    """The order of runs by a field of `RunRecord`; of equal ones, the latest is first."""
+
+    field: str
+    descending: bool = False
+
+
+def natural_key(value: object) -> object:
+    """Return the key for sorting a value, in which the numbers within a text count as numbers."""
+    return _DIGITS.sub(lambda digits: digits[0].zfill(20), value.casefold()) if isinstance(value, str) else value
+
+
+LATEST_FIRST = RunOrder("started_utc", descending=True)
+
+
+@dataclass(frozen=True)
 class RunChoices:
     """The sorted values that occur in the runs of a folder, and their earliest start; "" if there are no runs."""
 
@@ -141,3 +164,61 @@ class RunChoices:
     stations: tuple[str, ...] = ()
     operators: tuple[str, ...] = ()
     first_utc: str = ""
+
+
+def to_columns(run: IndexedRun) -> dict[str, Any]:
+    """Return the columns that contain a whole run: ``content``, ``failed_checks``, ``parameters`` and ``numbers``."""
+    table_rows = {f"{TABLE_PREFIX}{name}": row for name, row in run.table.items()}
+    rows = {name: (value, run.sigmas.get(name, math.nan)) for name, value in run.values.items()} | table_rows
+    return {
+        "content": json.dumps(asdict(run.record), default=str),
+        "failed_checks": json.dumps(run.failed_checks),
+        "parameters": json.dumps([*rows]),
+        "numbers": np.array([*rows.values()], dtype=float).reshape(-1, 2).T.tobytes(),
+    }
+
+
+def from_columns(
+    name: str, stamp: str, content: str, failed_checks: str, parameters: str, numbers: bytes
+) -> IndexedRun:
+    """Return the run in a row; see `to_columns` for the arguments."""
+    names = json.loads(parameters)
+    values, sigmas = (
+        {name: number for name, number in zip(names, part, strict=True) if not math.isnan(number)}
+        for part in np.frombuffer(numbers).reshape(2, len(names)).tolist()
+    )
+    table_names = [name for name in names if name.startswith(TABLE_PREFIX)]
+    table = {n.removeprefix(TABLE_PREFIX): (values.pop(n, math.nan), sigmas.pop(n, math.nan)) for n in table_names}
+    return IndexedRun(name, stamp, record_from(content), values, sigmas, read_check_ids(failed_checks), table)
+
+
+@cache
+def _adapter() -> TypeAdapter[RunRecord]:
+    return TypeAdapter(RunRecord)
+
+
+def record_from(content: str) -> RunRecord:
+    """Return the record in the column ``content``."""
+    return _adapter().validate_python(json.loads(content))
+
+
+def estimates_by_name(
+    parameters: Categories[str | None], numbers: Sequence[bytes], usual: str = ""
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """Return the values and the sigmas of n rows by parameter, shape (n,); NaN if a row lacks the parameter.
+
+    Parameters
+    ----------
+    parameters, numbers : columns of the n rows, as in `to_columns`
+    usual : names of the parameters in rows for which `parameters` is None
+    """
+    names_of = [json.loads(names_json or usual) for names_json in parameters.values]
+    column = {name: j for j, name in enumerate(dict.fromkeys(name for names in names_of for name in names))}
+    estimates = np.full((2, len(column), len(numbers)), np.nan)
+    for code, names in enumerate(names_of):
+        rows = np.flatnonzero(parameters.codes == code)
+        table = np.frombuffer(b"".join(map(numbers.__getitem__, rows.tolist()))).reshape(len(rows), 2, len(names))
+        indices = np.array([column[name] for name in names], dtype=np.int64)
+        estimates[np.ix_(np.arange(2), indices, rows)] = table.transpose(1, 2, 0)
+    values, sigmas = ({name: kind[j] for name, j in column.items()} for kind in estimates)
+    return values, sigmas

@@ -1,27 +1,38 @@
 """Search index of runs in SQLite, which is rebuilt from the authoritative files of the runs if it is lost."""
 
-import json
-import math
 import re
 import secrets
 import sqlite3
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import asdict, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 import sqlalchemy as sa
-from pydantic import TypeAdapter
 from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
 from calstation.errors import ConfigurationError
-from calstation.physics import FloatArray
 from calstation.records.check_id import read_check_ids
-from calstation.records.indexed_run import Categories, IndexedRun, RunChoices, RunColumns, RunFilter, RunRecord
+from calstation.records.indexed_run import (
+    LATEST_FIRST,
+    TABLE_PREFIX,
+    Categories,
+    IndexedRun,
+    RunChoices,
+    RunColumns,
+    RunFilter,
+    RunOrder,
+    RunRecord,
+    estimates_by_name,
+    from_columns,
+    natural_key,
+    record_from,
+    to_columns,
+)
 from calstation.records.verdict import Verdict
 
 #: Version of the table layout; an index of another version is rebuilt.
@@ -45,15 +56,11 @@ _MAX_REMOVED = 1000
 #: SQLite errors for a damaged file or a file that is not a database; all others, such as a full disk, may be temporary.
 _DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
-#: Prefix of the table's quantities among the parameters of a row.
-_TABLE_PREFIX = "table."
 #: Time in the file name of a log or in the identifier of a batch.
 _TIME_STAMP = re.compile(r"_?\d{8}T\d{6,}", re.IGNORECASE)
 
 T = TypeVar("T")
 
-
-_RECORD = TypeAdapter(RunRecord)
 #: Content of `failed_checks` if no check failed.
 _NO_CHECKS = "[]"
 #: Fields of a run that are searched. Column `text` of the table contains the searched text and `content` the whole
@@ -97,6 +104,7 @@ _acknowledged_at = sa.Table("acknowledged_at", _metadata, sa.Column("revision", 
 #: One row, added by the first change of the runs, with a random value that every change replaces.
 _changed = sa.Table("changed", _metadata, sa.Column("mark", sa.String, primary_key=True))
 _mark = sa.select(_changed.c.mark)
+_latest_first = (_runs.c.started_utc.desc(), _runs.c.name.desc())
 _rowid: sa.ColumnElement[int] = sa.literal_column("runs.rowid", sa.Integer)
 
 
@@ -107,12 +115,31 @@ class RunIndex:
         self._folder = folder
         self._path = folder / FILE
         self.may_lack_runs = False  #: Whether runs may be missing, because the index is new or its file was unusable.
-        self._engine = _file_engine(self._path)
+        self._engine = _engine(f"sqlite:///{self._path}", NullPool)
+        self._open: sa.Connection | None = None  #: Connection of `one_connection`.
         self._memory: sa.Engine | None = None  #: Index in memory, which replaces the file until `_retry_at`.
         self._retry_at = 0.0
         #: Stamps as last read, with the value of `mark` at that time.
         self._stamps: tuple[str | None, dict[str, str]] = (None, {})
         self._try(_create)
+
+    @contextmanager
+    def one_connection(self) -> Iterator[None]:
+        """Use one connection in this context, because opening the file takes longer than most queries."""
+        if self._open is not None:
+            yield
+            return
+        with suppress(DatabaseError, OSError):  # the queries handle an unusable file
+            self._open = self._engine.connect()
+        try:
+            yield
+        finally:
+            self._close()
+
+    def _close(self) -> None:
+        if self._open is not None:
+            self._open.close()
+            self._open = None
 
     @property
     def mark(self) -> str | None:
@@ -201,9 +228,19 @@ class RunIndex:
 
     def find(self, conditions: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Find at most `limit` runs that meet all conditions, the latest first."""
-        order = (_runs.c.started_utc.desc(), _runs.c.name.desc())
+        order = _latest_first
         rows = sa.select(_rowid).select_from(_runs).where(*_conditions(conditions)).order_by(*order).limit(limit)
         return self._select_runs(sa.select(_runs).where(_rowid.in_(rows)).order_by(*order))
+
+    def records(self, conditions: RunFilter, limit: int | None, offset: int, order: RunOrder) -> list[RunRecord]:
+        """Return at most `limit` runs that meet all conditions without their values, in this order from `offset`."""
+        key = _sort_key(order.field)
+        by = _latest_first if order == LATEST_FIRST else (key.desc() if order.descending else key, *_latest_first)
+        found = sa.select(_rowid).select_from(_runs).where(*_conditions(conditions)).order_by(*by)
+        part = _rowid.in_(found.limit(limit).offset(offset))
+        query = sa.select(_runs.c.content).where(part).order_by(*by)
+        contents = self._try(lambda connection: _rows(connection, query))
+        return [self._located(record_from(content)) for (content,) in contents]
 
     def count(self, conditions: RunFilter) -> int:
         """Return the number of runs that meet all conditions."""
@@ -213,9 +250,10 @@ class RunIndex:
     def choices(self) -> RunChoices:
         """Return the values that can be chosen as conditions."""
         query = sa.select(_runs.c.product, _runs.c.station, _runs.c.operator).distinct()
-        rows = self._try(lambda connection: connection.execute(query).all())
         query_first = sa.select(sa.func.min(_runs.c.started_utc)).where(_runs.c.started_utc != "")
-        first = self._try(lambda connection: connection.execute(query_first).scalar())
+        rows, first = self._try(
+            lambda connection: (connection.execute(query).all(), connection.execute(query_first).scalar())
+        )
         products, stations, operators = (tuple(sorted({row[k] for row in rows if row[k]})) for k in range(3))
         return RunChoices(products, stations, operators, first or "")
 
@@ -240,8 +278,13 @@ class RunIndex:
             query = query.where(_runs.c.verdict.in_(verdicts))
         if before is not None:
             query = query.where(_runs.c.started_utc < before)
-        query = query.order_by(_runs.c.started_utc.desc(), _runs.c.name.desc())
-        return self._select_runs(query.limit(limit))
+        return self._select_runs(query.order_by(*_latest_first).limit(limit))
+
+    def passed_units(self) -> set[str]:
+        """Return the serial numbers of the units with a run that passed and was not partial."""
+        passed = _runs.c.verdict == Verdict.PASSED, sa.not_(_runs.c.partial)
+        rows = self._try(lambda connection: _rows(connection, sa.select(_runs.c.serial).where(*passed).distinct()))
+        return {serial for (serial,) in rows}
 
     def attempts(self, serial: str) -> int:
         """Return the number of runs started for a unit; a resumed run counts once."""
@@ -276,8 +319,8 @@ class RunIndex:
         serials, verdicts, products, stations, operators = (Categories.of(column) for column in texts)
         values, sigmas = estimates_by_name(Categories.of(parameters), numbers, usual_parameters)
         checks = Categories.of(failed)
-        of_table = [name for name in values if name.startswith(_TABLE_PREFIX)]
-        table = {name.removeprefix(_TABLE_PREFIX): values.pop(name) for name in of_table}
+        of_table = [name for name in values if name.startswith(TABLE_PREFIX)]
+        table = {name.removeprefix(TABLE_PREFIX): values.pop(name) for name in of_table}
         return RunColumns(
             names,
             serials,
@@ -298,14 +341,17 @@ class RunIndex:
         return self._try(lambda connection: [self._run(row) for row in connection.execute(query)])
 
     def _run(self, row: sa.Row[Any]) -> IndexedRun:
-        """Return a stored run with the paths of its files in the folder of the index.
+        """Return a stored run with the paths of its files in the folder of the index."""
+        run = from_columns(row.name, row.stamp, row.content, row.failed_checks, row.parameters, row.numbers)
+        return replace(run, record=self._located(run.record))
+
+    def _located(self, record: RunRecord) -> RunRecord:
+        """Return a record with the paths of its files in the folder of the index.
 
         The log of a run of another folder is in a folder named after the outbox of the run.
         """
-        run = from_columns(row.name, row.stamp, row.content, row.failed_checks, row.parameters, row.numbers)
-        record = run.record
         result = record.result and self._folder / record.result.name
-        return replace(run, record=replace(record, log=self._folder / record.origin / record.log.name, result=result))
+        return replace(record, log=self._folder / record.origin / record.log.name, result=result)
 
     def _try(self, action: Callable[[sa.Connection], T]) -> T:
         """Execute `action` on the file, or in memory while the file cannot be used."""
@@ -319,7 +365,7 @@ class RunIndex:
                     self._memory, self.may_lack_runs = None, True
                 return result
         if self._memory is None:
-            self._memory, self.may_lack_runs = sa.create_engine("sqlite://", poolclass=StaticPool), True
+            self._memory, self.may_lack_runs = _engine("sqlite://", StaticPool), True
             with self._memory.begin() as connection:
                 _create(connection)
         with self._memory.begin() as connection:
@@ -336,11 +382,15 @@ class RunIndex:
     def _use_file(self, action: Callable[[sa.Connection], T]) -> T:
         """Execute `action` on the file, or on a new file if the file is damaged or missing."""
         try:
+            if self._open is not None:
+                with self._open.begin():
+                    return action(self._open)
             with self._engine.begin() as connection:
                 return action(connection)
         except DatabaseError as exc:
             if not _is_lost(exc):
                 raise
+        self._close()
         self._engine.dispose()
         for suffix in ("", "-wal", "-shm", "-journal"):
             self._path.with_name(self._path.name + suffix).unlink(missing_ok=True)
@@ -356,16 +406,15 @@ def _is_lost(error: DatabaseError) -> bool:
     return code & 0xFF in _DAMAGED or str(error.orig).startswith("no such table")
 
 
-def _file_engine(path: Path) -> sa.Engine:
-    engine = sa.create_engine(
-        f"sqlite:///{path}", poolclass=NullPool, connect_args={"timeout": _BUSY_S, "check_same_thread": False}
-    )
+def _engine(url: str, pool: type[sa.Pool]) -> sa.Engine:
+    engine = sa.create_engine(url, poolclass=pool, connect_args={"timeout": _BUSY_S, "check_same_thread": False})
 
     @sa.event.listens_for(engine, "connect")
     def _prepare(connection: sqlite3.Connection, _: object) -> None:
         with suppress(sqlite3.OperationalError):  # WAL is not available in a network folder
             connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=OFF")  # the index is rebuilt after a power failure
+        connection.create_function("natural_key", 1, natural_key, deterministic=True)
 
     return engine
 
@@ -382,6 +431,14 @@ def _rows(connection: sa.Connection, query: sa.Select[Any]) -> list[tuple[Any, .
     """Return the rows as tuples from SQLite, which takes a third of the time of SQLAlchemy's rows."""
     cursor = connection.execute(query).cursor
     return [] if cursor is None else list(cursor.fetchall())
+
+
+def _sort_key(field: str) -> sa.ColumnElement[Any]:
+    """Return the expression by which runs are sorted by a field of `RunRecord`."""
+    if field == "started_utc":
+        return _runs.c.started_utc
+    value = _runs.c[field] if field in _SEARCHED else sa.func.json_extract(_runs.c.content, f"$.{field}")
+    return sa.func.natural_key(sa.func.coalesce(value, ""))
 
 
 def _conditions(run_filter: RunFilter) -> list[sa.ColumnElement[bool]]:
@@ -411,58 +468,9 @@ def _row(run: IndexedRun) -> dict[str, Any]:
     return {"origin": record.origin, "name": run.name, "stamp": run.stamp, **columns, **to_columns(run)}
 
 
-def to_columns(run: IndexedRun) -> dict[str, Any]:
-    """Return the columns that contain a whole run: ``content``, ``failed_checks``, ``parameters`` and ``numbers``."""
-    table_rows = {f"{_TABLE_PREFIX}{name}": row for name, row in run.table.items()}
-    rows = {name: (value, run.sigmas.get(name, math.nan)) for name, value in run.values.items()} | table_rows
-    return {
-        "content": json.dumps(asdict(run.record), default=str),
-        "failed_checks": json.dumps(run.failed_checks),
-        "parameters": json.dumps([*rows]),
-        "numbers": np.array([*rows.values()], dtype=float).reshape(-1, 2).T.tobytes(),
-    }
-
-
-def from_columns(
-    name: str, stamp: str, content: str, failed_checks: str, parameters: str, numbers: bytes
-) -> IndexedRun:
-    """Return the run in a row; see `to_columns` for the arguments."""
-    names = json.loads(parameters)
-    values, sigmas = (
-        {name: number for name, number in zip(names, part, strict=True) if not math.isnan(number)}
-        for part in np.frombuffer(numbers).reshape(2, len(names)).tolist()
-    )
-    table_names = [name for name in names if name.startswith(_TABLE_PREFIX)]
-    table = {n.removeprefix(_TABLE_PREFIX): (values.pop(n, math.nan), sigmas.pop(n, math.nan)) for n in table_names}
-    record = _RECORD.validate_python(json.loads(content))
-    return IndexedRun(name, stamp, record, values, sigmas, read_check_ids(failed_checks), table)
-
-
 def _store(connection: sa.Connection, rows: list[dict[str, Any]]) -> None:
     """Add or replace rows, and change `mark`."""
     if rows:
         connection.execute(sa.insert(_runs).prefix_with("OR REPLACE"), rows)
     connection.execute(sa.delete(_changed))
     connection.execute(sa.insert(_changed).values(mark=secrets.token_hex(8)))
-
-
-def estimates_by_name(
-    parameters: Categories[str | None], numbers: Sequence[bytes], usual: str = ""
-) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-    """Return the values and the sigmas of n rows by parameter, shape (n,); NaN if a row lacks the parameter.
-
-    Parameters
-    ----------
-    parameters, numbers : columns of the n rows, as in `to_columns`
-    usual : names of the parameters in rows for which `parameters` is None
-    """
-    names_of = [json.loads(names_json or usual) for names_json in parameters.values]
-    column = {name: j for j, name in enumerate(dict.fromkeys(name for names in names_of for name in names))}
-    estimates = np.full((2, len(column), len(numbers)), np.nan)
-    for code, names in enumerate(names_of):
-        rows = np.flatnonzero(parameters.codes == code)
-        table = np.frombuffer(b"".join(map(numbers.__getitem__, rows.tolist()))).reshape(len(rows), 2, len(names))
-        indices = np.array([column[name] for name in names], dtype=np.int64)
-        estimates[np.ix_(np.arange(2), indices, rows)] = table.transpose(1, 2, 0)
-    values, sigmas = ({name: kind[j] for name, j in column.items()} for kind in estimates)
-    return values, sigmas

@@ -4,7 +4,7 @@ import math
 import os
 import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, time, timedelta
 from itertools import takewhile
@@ -15,6 +15,7 @@ from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
 from calstation.parsing import read_json
 from calstation.records import (
+    LATEST_FIRST,
     SUFFIX,
     IndexedRun,
     Log,
@@ -22,6 +23,7 @@ from calstation.records import (
     RunChoices,
     RunColumns,
     RunFilter,
+    RunOrder,
     RunRecord,
     Verdict,
     being_written,
@@ -63,6 +65,10 @@ class History:
         #: Stamp of the file with the offline solutions, and its content.
         self._resolves: tuple[tuple[int, int] | None, list[ResolveRecord]] = (None, [])
 
+    def one_connection(self) -> AbstractContextManager[None]:
+        """Use one connection to the index for all queries in this context, which is faster."""
+        return self._index.one_connection()
+
     def refresh(self, report: Callable[[float], None] | None = None) -> int:
         """Update the index from the folder; return the number of changed runs."""
         count = 0
@@ -95,9 +101,15 @@ class History:
         missing = [name for name in names if name in known and not (self._folder / f"{name}{SUFFIX}").is_file()]
         return {run.name: run for run in self._index.runs_by_name(missing)} if missing else {}
 
-    def runs(self, conditions: RunFilter = NO_FILTER, limit: int | None = 200) -> list[RunRecord]:
-        """Return at most `limit` runs that meet all conditions, the latest first."""
-        return [run.record for run in self.indexed(conditions, limit)]
+    def runs(
+        self,
+        conditions: RunFilter = NO_FILTER,
+        limit: int | None = 200,
+        offset: int = 0,
+        order: RunOrder = LATEST_FIRST,
+    ) -> list[RunRecord]:
+        """Return at most `limit` runs that meet all conditions, in this order from `offset`."""
+        return self._query(lambda: self._index.records(conditions, limit, offset, order))
 
     def indexed(self, conditions: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Return at most `limit` runs that meet all conditions with their values, the latest first."""
@@ -126,6 +138,10 @@ class History:
     def passed(self, serial: str) -> list[RunRecord]:
         """Return the unit's runs that passed, partial ones included, the latest first."""
         return [run.record for run in self._query(lambda: self._index.of_unit(serial, _PASSED))]
+
+    def passed_units(self) -> set[str]:
+        """Return the serial numbers of the units that passed a run that was not partial."""
+        return self._query(self._index.passed_units)
 
     def passed_before(self, serial: str) -> RunRecord | None:
         """Return the unit's latest run that passed and was not partial, or None."""

@@ -1,5 +1,6 @@
 """Start of a run: the questions before it, the reasons to refuse it, and the request that the engine executes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -76,17 +77,16 @@ class RunStart:
 
     def next_question(self) -> Question | None:
         """Return the first open question, or None if the run may start. Raises ConfigurationError."""
-        for subject, ask in (
-            ("resume", self._ask_resume),
-            ("attempts", self._ask_attempts),
-            ("passed", self._ask_passed),
-            ("standard", self._ask_standard),
-            ("table_moves", self._ask_motion),
-        ):
-            question = None if subject in self._answered else ask()
-            if question is not None:
-                return question
-        return None
+        questions: dict[Subject, Callable[[], Question | None]] = {
+            "resume": self._ask_resume,
+            "attempts": self._ask_attempts,
+            "passed": self._ask_passed,
+            "standard": self._ask_standard,
+            "table_moves": self._ask_motion,
+        }
+        with self._history.one_connection():
+            asked = (ask() for subject, ask in questions.items() if subject not in self._answered)
+            return next(filter(None, asked), None)
 
     def answer(self, question: Question, answer: str) -> None:
         """Process an answer to a question other than the one about a check standard, for which see `override`.

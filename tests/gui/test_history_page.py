@@ -308,7 +308,7 @@ def test_product_and_operator_are_visible_in_every_width(
     write_run(folder, "SN-000001", "passed", timedelta(hours=1), stages=stages, product="nav_a", operator="Zhang Min")
     listed_runs(page, qtbot)
     table = page.findChild(QTableView, "history_table")
-    headings = {heading: k for k in range(table.columnCount()) if (heading := table.horizontalHeaderItem(k).text())}
+    headings = {heading: k for k, heading in enumerate(table_headings(page))}
     product, operator, attempt, shown = (
         headings[say(each)] for each in ("common.product", "common.operator", "history.attempt", "common.stages")
     )
@@ -322,23 +322,24 @@ def test_product_and_operator_are_visible_in_every_width(
     language.use("en")
 
 
+def table_headings(page: HistoryPage) -> list[str]:
+    """Return the headings of the columns without the arrow of the order."""
+    model = page.table.model()
+    heading, across = model.headerData, Qt.Orientation.Horizontal
+    return [heading(k, across).split("  ")[0] for k in range(model.columnCount())]
+
+
 def click_heading(page: HistoryPage, heading: str, qtbot: QtBot) -> None:
     """Click the heading of a column."""
-    table, header = page.table, page.table.horizontalHeader()
-    column = next(
-        k for k in range(table.columnCount()) if table.horizontalHeaderItem(k).text().split("  ")[0] == heading
-    )
+    header, column = page.table.horizontalHeader(), table_headings(page).index(heading)
     at = QPoint(header.sectionViewportPosition(column) + 20, header.height() // 2)
     qtbot.mouseClick(header.viewport(), Qt.MouseButton.LeftButton, pos=at)
 
 
 def column(page: HistoryPage, heading: str) -> list[str]:
     """Return the texts of a column."""
-    table = page.table
-    column = next(
-        k for k in range(table.columnCount()) if table.horizontalHeaderItem(k).text().split("  ")[0] == heading
-    )
-    return [table.item(row, column).text() for row in range(table.rowCount())]
+    model, column = page.table.model(), table_headings(page).index(heading)
+    return [model.index(row, column).data() for row in range(model.rowCount())]
 
 
 def test_a_click_on_a_heading_sorts_by_its_column(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
@@ -360,7 +361,7 @@ def test_a_click_on_a_heading_sorts_by_its_column(page: HistoryPage, folder: Pat
     assert [run.serial for run in page.table.selected_runs] == ["SN-10"], "the selection is kept"
     click_heading(page, "Serial number", qtbot)
     assert column(page, "Attempt") == ["9", "10", "2", "1"]
-    assert page.table.horizontalHeaderItem(1).text() == "Serial number  ▼"
+    assert page.table.model().headerData(1, Qt.Orientation.Horizontal) == "Serial number  ▼"
     click_heading(page, "Attempt", qtbot)
     assert column(page, "Attempt") == ["1", "2", "9", "10"]
     click_heading(page, "Duration", qtbot)
@@ -375,6 +376,34 @@ def test_a_click_on_a_heading_sorts_by_its_column(page: HistoryPage, folder: Pat
     assert column(page, "Attempt") == ["2", "10", "1", "9"]
     page.table.selectAll()
     assert [run.attempt for run in page.table.selected_runs] == [2, 10, 1, 9]
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_all_runs_are_sorted_and_reached_by_scrolling(
+    page: HistoryPage, folder: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, code: str
+) -> None:
+    language.use(code)
+    monkeypatch.setattr("calstation.gui.history.run_table._PART", 4)
+    for k in range(15):
+        write_run(folder, f"SN-{k}", "passed", timedelta(hours=1 + k))
+    page.resize(1366, 768)
+    listed_runs(page, qtbot)
+    serial = say("common.serial_number")
+    qtbot.waitUntil(lambda: len(rows(page)) >= 4, timeout=WAIT)
+    assert column(page, serial)[:4] == ["SN-0", "SN-1", "SN-2", "SN-3"]
+    click_heading(page, serial, qtbot)
+    click_heading(page, serial, qtbot)
+    assert column(page, serial)[:4] == ["SN-14", "SN-13", "SN-12", "SN-11"], "the oldest runs are sorted, too"
+    bar = page.table.verticalScrollBar()
+    while len(rows(page)) < 15:
+        before = len(rows(page))
+        bar.setValue(bar.maximum())
+        qtbot.waitUntil(lambda before=before: len(rows(page)) > before, timeout=WAIT)
+    assert column(page, serial) == [f"SN-{k}" for k in range(14, -1, -1)]
+    select_row(page, 14, qtbot)
+    assert page.table.run is not None
+    assert page.table.run.serial == "SN-0"
+    language.use("en")
 
 
 def test_trend_shows_the_parameter_that_failed(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:

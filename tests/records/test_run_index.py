@@ -13,7 +13,17 @@ import pytest
 from sqlalchemy import event
 
 from calstation.errors import ConfigurationError
-from calstation.records import CheckId, IndexedRun, RunChoices, RunFilter, RunIndex, RunRecord, Verdict
+from calstation.records import (
+    LATEST_FIRST,
+    CheckId,
+    IndexedRun,
+    RunChoices,
+    RunFilter,
+    RunIndex,
+    RunOrder,
+    RunRecord,
+    Verdict,
+)
 from calstation.records.run_index import FILE
 from tests.helpers import raises_code
 
@@ -60,6 +70,31 @@ def test_search_does_not_find_digits_of_the_time_in_names(index: RunIndex) -> No
         assert index.find(RunFilter(search=digits)) == []
     for text in ("000042", "sn-0000", name, name.lower(), batch, "ab12"):
         assert [each.name for each in index.find(RunFilter(search=text))] == [name], text
+
+
+@pytest.mark.parametrize(
+    ("order", "names"),
+    [
+        (LATEST_FIRST, "dcba"),
+        (RunOrder("started_utc"), "abcd"),
+        (RunOrder("serial"), "dbac"),
+        (RunOrder("serial", descending=True), "cadb"),
+        (RunOrder("attempt"), "badc"),
+        (RunOrder("operator"), "cdab"),
+    ],
+)
+@pytest.mark.parametrize("in_memory", [False, True])
+def test_records_are_sorted_by_a_field_and_read_in_parts(
+    tmp_path: Path, order: RunOrder, names: str, in_memory: bool
+) -> None:
+    if in_memory:
+        (tmp_path / "history.sqlite").mkdir()
+    index = RunIndex(tmp_path)
+    fields = {"a": ("SN-10", 2, "li"), "b": ("sn-9", 2, "Zoe"), "c": ("SN-100", 12, None), "d": ("SN-9", 3, "Li")}
+    for day, (name, (serial, attempt, operator)) in enumerate(fields.items(), 1):
+        index.update([run(name, day, serial=serial, attempt=attempt, operator=operator)])
+    found = [index.records(RunFilter(), 3, offset, order) for offset in (0, 3)]
+    assert "".join(record.log.stem for part in found for record in part) == names
 
 
 def test_units_of_a_batch_are_found_by_its_id(index: RunIndex) -> None:

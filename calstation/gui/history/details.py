@@ -157,6 +157,8 @@ class RunDetails(QFrame):
         self._run: RunRecord | None = None
         self._result: Result | None = None
         self._actions = Actions()
+        #: Arguments of the last `show_run`.
+        self._shown: tuple[RunRecord, Result | None, tuple[IndexedRun, ...]] | None = None
         self._serial = label()
         self._serial.setFont(theme.font(theme.SECTION, bold=True))
         self.badge = StateBadge(theme.SECTION)
@@ -192,6 +194,11 @@ class RunDetails(QFrame):
         self, run: RunRecord, result: Result | None, unit_runs: Sequence[IndexedRun], actions: Actions
     ) -> None:
         """Show a run, its result, the solved runs of its unit (the oldest first), and the possible actions."""
+        shown = run, result, tuple(unit_runs)
+        if shown == self._shown:
+            self.set_actions(actions)
+            return
+        self._shown = shown
         self._run, self._result, self._actions = run, result, actions
         set_subject(self, run.serial)
         self._release.offer(result, run.result)

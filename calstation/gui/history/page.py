@@ -1,9 +1,10 @@
 """The History page: finished and incomplete runs, which can be filtered, compared and exported."""
 
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import Qt, QUrl, SignalInstance
+from PySide6.QtCore import Qt, QTimer, QUrl, SignalInstance
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QWidget
 
@@ -39,9 +40,6 @@ from calstation.results import History, Result, load_run_result, refresh_history
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Finalized
 
-#: Maximum number of runs in the list.
-_MAX_RUNS = 300
-
 
 class HistoryPage(Page):
     """The page that lists the runs in the runs folder, with the details of the selected run."""
@@ -61,6 +59,8 @@ class HistoryPage(Page):
         self._index: tuple[Path, History] | None = None
         self._compared: tuple[RunRecord, ...] = ()
         self._match_count = 0
+        #: Mark of the index when its runs were listed; None if they were not.
+        self._listed: str | None = None
         self.table = RunTable()
         bind(self.table.setAccessibleName, "history.run_table")
         self.setFocusProxy(self.table)
@@ -108,20 +108,25 @@ class HistoryPage(Page):
 
     def show_runs(self) -> None:
         """List the indexed runs that match the filters."""
-        runs: list[RunRecord] = []
-        self._match_count = 0
-        if self.app.runs_folder.is_dir():
-            conditions = self._filters.conditions
-            runs = self._history().runs(conditions, _MAX_RUNS)
-            self._match_count = self._history().count(conditions) if len(runs) == _MAX_RUNS else len(runs)
-        self._stack.setCurrentWidget(self._split if runs else self._nothing)
-        self.table.show_runs(runs)
+        with self._history().one_connection() if self.app.runs_folder.is_dir() else nullcontext():
+            self._show_matching()
+
+    def _show_matching(self) -> None:
+        history = self._history() if self.app.runs_folder.is_dir() else None
+        conditions = self._filters.conditions
+        self._listed = None if history is None else history.mark()
+        self._match_count = 0 if history is None else history.count(conditions)
+        self._stack.setCurrentWidget(self._split if self._match_count else self._nothing)
+        self.table.show_runs(
+            lambda *part: [] if history is None else history.runs(conditions, *part), self._match_count
+        )
         self._show_texts()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """List the indexed runs, and update the list after the folder has been read."""
+        """List the indexed runs in the next turn of the event loop, and again after the folder has been read."""
         super().showEvent(event)
-        self._list_visible()
+        self.refresh()
+        QTimer.singleShot(0, self, self._show_refreshed)
 
     def _build_actions(self) -> QWidget:
         """Create the row with the number of runs and the actions on several runs, or the progress of a job."""
@@ -177,8 +182,10 @@ class HistoryPage(Page):
             self.refresh()
 
     def _show_refreshed(self, _: object = None) -> None:
-        """List the indexed runs and offer their values in the filters."""
+        """List the indexed runs and offer their values in the filters, unless they are listed already."""
         if self.app.runs_folder.is_dir():
+            if self._listed is not None and self._listed == self._history().mark():
+                return
             self._filters.show_choices(self._history().choices())
         self.show_runs()
 
@@ -192,7 +199,8 @@ class HistoryPage(Page):
     def _show_details(self, run: RunRecord | None) -> None:
         self.details.setVisible(run is not None)
         if run is not None:
-            self.details.show_run(run, _result(run), self._history().solved(run.serial, MAX_TREND), self._actions())
+            result, unit_runs = _result(run), self._history().solved(run.serial, MAX_TREND)
+            self.details.show_run(run, result, unit_runs, self._actions())
             try:
                 self.details.resolves.show_records(self._history().resolves(run.log), None)
             except InputError as error:
@@ -324,11 +332,9 @@ class HistoryPage(Page):
 
     def _show_texts(self) -> None:
         """Show the number of runs, the possible actions, and the text of an empty list."""
-        listed, chosen = len(self.table.runs), len(self.table.selected_runs)
-        code = "history.runs_shown"
-        if self._match_count == listed:
-            code = "history.one_run" if listed == 1 else "history.run_count"
-        self._count_label.setText(say(code, count=self._match_count, shown=listed))
+        chosen = len(self.table.selected_runs)
+        code = "history.one_run" if self._match_count == 1 else "history.run_count"
+        self._count_label.setText(say(code, count=self._match_count))
         filtered = self._filters.conditions != RunFilter()
         self._clear_button.setVisible(filtered)
         enable(self._compare_button, self._why_not_compare(), say("history.compare_tip"))

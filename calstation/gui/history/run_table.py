@@ -1,47 +1,48 @@
 """The table of runs: outcome, unit, time, operator, duration, station, slot, batch and stages."""
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, Qt, Signal
-from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
+from PySide6.QtCore import (
+    QAbstractTableModel,
+    QItemSelection,
+    QItemSelectionModel,
+    QModelIndex,
+    QPersistentModelIndex,
+    Qt,
+    Signal,
+)
+from PySide6.QtGui import QColor, QIcon, QResizeEvent
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
 from calstation.gui.text import KINDS, duration_text, on_language_change, product_text, say, term
 from calstation.gui.widgets import plain_tip, state_colour, state_icon, theme
 from calstation.messages import local_time
-from calstation.records import RunRecord
+from calstation.records import LATEST_FIRST, RunOrder, RunRecord
 
 
 @dataclass(frozen=True)
 class _Column:
-    """A column: its heading, its text, and the value of a number or time, by which runs are sorted."""
+    """A column: its heading, the field of a run by which it is sorted, and its text."""
 
     heading: str
+    field: str
     text: Callable[[RunRecord], str]
-    value: Callable[[RunRecord], float | str] | None = None
-
-    def key(self, run: RunRecord) -> list[float | str]:
-        """Return the key for sorting, in which the numbers within a text count as numbers."""
-        if self.value is not None:
-            return [self.value(run)]
-        parts = re.split(r"(\d+)", self.text(run).casefold())  # every second part is a number
-        return [int(part) if number % 2 else part for number, part in enumerate(parts)]
 
 
 _COLUMNS = (
-    _Column("history.outcome", lambda run: term("badge", run.badge)),
-    _Column("common.serial_number", lambda run: run.serial),
-    _Column("common.started", lambda run: local_time(run.started_utc), lambda run: run.started_utc),
-    _Column("common.product", lambda run: product_text(run.product or "")),
-    _Column("common.operator", lambda run: run.operator or ""),
-    _Column("history.attempt", lambda run: str(run.attempt), lambda run: run.attempt),
-    _Column("history.duration", lambda run: duration_text(run.duration), lambda run: run.duration),
-    _Column("common.station", lambda run: run.station or ""),
-    _Column("history.slot", lambda run: run.slot or ""),
-    _Column("history.batch", lambda run: run.batch or ""),
-    _Column("common.stages", lambda run: stages_text(run)),
+    _Column("history.outcome", "verdict", lambda run: term("badge", run.badge)),
+    _Column("common.serial_number", "serial", lambda run: run.serial),
+    _Column("common.started", "started_utc", lambda run: local_time(run.started_utc)),
+    _Column("common.product", "product", lambda run: product_text(run.product or "")),
+    _Column("common.operator", "operator", lambda run: run.operator or ""),
+    _Column("history.attempt", "attempt", lambda run: str(run.attempt)),
+    _Column("history.duration", "duration", lambda run: duration_text(run.duration)),
+    _Column("common.station", "station", lambda run: run.station or ""),
+    _Column("history.slot", "slot", lambda run: run.slot or ""),
+    _Column("history.batch", "batch", lambda run: run.batch or ""),
+    _Column("common.stages", "stages", lambda run: stages_text(run)),
 )
 _OUTCOME, _STARTED, _PRODUCT, _OPERATOR, _ATTEMPT, _DURATION, _STATION, _SLOT, _BATCH, _STAGES = 0, *range(2, 11)
 #: Columns that are hidden first if the table is narrow, to make space for the stages. The details also show them.
@@ -52,7 +53,110 @@ _NUMBERS = (_ATTEMPT, _DURATION)
 _ELIDED, _MIN_WIDTH = (_BATCH, _OPERATOR, _PRODUCT), 9 * theme.GRID
 
 
-class RunTable(QTableWidget):
+Index = QModelIndex | QPersistentModelIndex
+
+#: Number of runs that are read at once.
+_PART = 100
+
+#: Reads at most a number of runs from a position in an order.
+ReadRuns = Callable[[int, int, RunOrder], Sequence[RunRecord]]
+
+
+def _text(run: RunRecord, column: int) -> str:
+    return _COLUMNS[column].text(run)
+
+
+def _tip(run: RunRecord, column: int) -> str:
+    return plain_tip(local_time(run.started_utc, zone=True) if column == _STARTED else _text(run, column))
+
+
+def _icon(run: RunRecord, column: int) -> QIcon | None:
+    return state_icon(KINDS.get(run.verdict, "none")) if column == _OUTCOME else None
+
+
+def _colour(run: RunRecord, column: int) -> QColor | None:
+    return state_colour(KINDS.get(run.verdict, "none")) if column == _OUTCOME else None
+
+
+def _alignment(column: int) -> Qt.AlignmentFlag:
+    side = Qt.AlignmentFlag.AlignRight if column in _NUMBERS else Qt.AlignmentFlag.AlignLeft
+    return side | Qt.AlignmentFlag.AlignVCenter
+
+
+#: Content of a cell by its role.
+_CELLS: dict[int, Callable[[RunRecord, int], Any]] = {
+    Qt.ItemDataRole.DisplayRole: _text,
+    Qt.ItemDataRole.ToolTipRole: _tip,
+    Qt.ItemDataRole.TextAlignmentRole: lambda _, column: _alignment(column),
+    Qt.ItemDataRole.DecorationRole: _icon,
+    Qt.ItemDataRole.ForegroundRole: _colour,
+}
+
+
+class _RunModel(QAbstractTableModel):
+    """The runs that match the filters, which are read in parts while the table is scrolled."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.runs: list[RunRecord] = []
+        self.order = LATEST_FIRST
+        self._read: ReadRuns = lambda *_: ()
+        self._count = 0
+
+    def show_runs(self, read: ReadRuns, count: int) -> None:
+        """Show `count` runs, of which the first ones are read, as many as before but at most three parts."""
+        self.beginResetModel()
+        self._read, self._count = read, count
+        self.runs = list(read(min(max(len(self.runs), _PART), 3 * _PART), 0, self.order)) if count else []
+        self.endResetModel()
+
+    def sort_by(self, column: int) -> None:
+        """Sort all runs by a column, in descending order if they are already sorted by it."""
+        field = _COLUMNS[column].field
+        self.order = RunOrder(field, descending=self.order == RunOrder(field))
+        self.show_runs(self._read, self._count)
+
+    def canFetchMore(self, parent: Index = QModelIndex()) -> bool:  # noqa: B008 - Qt's own signature
+        """Return whether runs have not been read yet."""
+        return not parent.isValid() and len(self.runs) < self._count
+
+    def fetchMore(self, parent: Index = QModelIndex()) -> None:  # noqa: B008
+        """Read the next part."""
+        runs = self._read(_PART, len(self.runs), self.order)
+        self._count = self._count if runs else len(self.runs)
+        self.beginInsertRows(QModelIndex(), len(self.runs), len(self.runs) + len(runs) - 1)
+        self.runs += runs
+        self.endInsertRows()
+
+    def rowCount(self, parent: Index = QModelIndex()) -> int:  # noqa: B008
+        """Return the number of runs that have been read."""
+        return 0 if parent.isValid() else len(self.runs)
+
+    def columnCount(self, parent: Index = QModelIndex()) -> int:  # noqa: B008
+        """Return the number of columns."""
+        return 0 if parent.isValid() else len(_COLUMNS)
+
+    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        """Return the text, alignment, colour, icon or tooltip of a cell."""
+        cell = _CELLS.get(role)  # Qt asks for many other roles of every cell
+        return None if cell is None else cell(self.runs[index.row()], index.column())
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        """Return the heading of a column, with an arrow if the runs are sorted by it."""
+        if orientation == Qt.Orientation.Vertical:
+            return None
+        arrow = ("  ▲", "  ▼")[self.order.descending] if _COLUMNS[section].field == self.order.field else ""
+        match role:
+            case Qt.ItemDataRole.DisplayRole:
+                return say(_COLUMNS[section].heading) + arrow
+            case Qt.ItemDataRole.ToolTipRole:
+                return say("history.sort_tip")
+            case Qt.ItemDataRole.TextAlignmentRole:
+                return _alignment(section)
+        return None
+
+
+class RunTable(QTableView):
     """A table of runs, which emits `selected(run)`, with None for no run, and `selection_changed`.
 
     The latest run is first until a click on a heading sorts the runs by this column, and another one reverses them.
@@ -62,12 +166,9 @@ class RunTable(QTableWidget):
     selection_changed = Signal()
 
     def __init__(self) -> None:
-        super().__init__(0, _STAGES + 1)
-        #: The runs in the order of the rows.
-        self.runs: tuple[RunRecord, ...] = ()
-        self._latest_first: tuple[RunRecord, ...] = ()
-        #: The column by which the runs are sorted, and whether the largest value is first.
-        self._sort_column, self._descending = _STARTED, True
+        super().__init__()
+        self._model = _RunModel()
+        self.setModel(self._model)
         self.setObjectName("history_table")
         self.setFont(theme.font())
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
@@ -90,31 +191,36 @@ class RunTable(QTableWidget):
         header.setResizeContentsPrecision(0)  # only visible rows determine the widths of the columns
         self.selectionModel().currentRowChanged.connect(self._row_changed)
         self.selectionModel().selectionChanged.connect(lambda *_: self.selection_changed.emit())
-        theme.themes.changed.connect(self._fill_rows)
         on_language_change(self, self._refresh)
+
+    @property
+    def runs(self) -> list[RunRecord]:
+        """The runs in the order of the rows, as far as they have been read."""
+        return self._model.runs
 
     @property
     def run(self) -> RunRecord | None:
         """The current run, or None."""
-        number = self.currentRow()
+        number = self.currentIndex().row()
         return self.runs[number] if 0 <= number < len(self.runs) else None
 
     @property
     def selected_runs(self) -> tuple[RunRecord, ...]:
         """All selected runs, the latest first."""
-        selected = {self.runs[index.row()].log for index in self.selectedIndexes()}
-        return tuple(run for run in self._latest_first if run.log in selected)
+        runs = [self.runs[index.row()] for index in self.selectionModel().selectedRows()]
+        return tuple(sorted(runs, key=lambda run: (run.started_utc, run.log.stem), reverse=True))
 
-    def show_runs(self, runs: Sequence[RunRecord]) -> None:
-        """Show these runs, given with the latest first, and keep the selection or else select the first row."""
+    def show_runs(self, read: ReadRuns, count: int) -> None:
+        """Show `count` runs, which `read` returns, and keep the selection or else select the first row."""
+        self._keep_selection(lambda: self._model.show_runs(read, count))
+
+    def _keep_selection(self, change: Callable[[], None]) -> None:
+        """Change the rows, and select the same runs again or else the first row."""
         log = self.run.log if self.run is not None else None
         selected_logs = {run.log for run in self.selected_runs}
-        self.setRowCount(0)
-        self._latest_first, self.runs = tuple(runs), self._sorted(runs)
-        self.setRowCount(len(runs))
-        self._fill_rows()
+        change()
         self._share_width()
-        if runs:
+        if self.runs:
             self._select(
                 next((i for i, run in enumerate(self.runs) if run.log == log), 0),
                 [i for i, run in enumerate(self.runs) if run.log in selected_logs],
@@ -128,35 +234,14 @@ class RunTable(QTableWidget):
         if event.size().width() != event.oldSize().width():
             self._share_width()
 
-    def _sorted(self, runs: Sequence[RunRecord]) -> tuple[RunRecord, ...]:
-        """Return sorted runs; equal ones remain in their order."""
-        return tuple(sorted(runs, key=_COLUMNS[self._sort_column].key, reverse=self._descending))
-
     def _sort_by(self, column: int) -> None:
-        self._descending = column == self._sort_column and not self._descending
-        self._sort_column = column
-        self._refresh()
-
-    def _fill_rows(self) -> None:
-        for number, run in enumerate(self.runs):
-            cells = [_cell(each.text(run), column) for column, each in enumerate(_COLUMNS)]
-            kind = KINDS.get(run.verdict, "none")
-            cells[_OUTCOME].setIcon(state_icon(kind))
-            cells[_OUTCOME].setForeground(state_colour(kind))
-            for column, cell in enumerate(cells):
-                cell.setToolTip(
-                    plain_tip(local_time(run.started_utc, zone=True) if column == _STARTED else cell.text())
-                )
-                self.setItem(number, column, cell)
+        self._keep_selection(lambda: self._model.sort_by(column))
 
     def _refresh(self) -> None:
-        for column, each in enumerate(_COLUMNS):
-            arrow = ("  ▲", "  ▼")[self._descending] if column == self._sort_column else ""
-            heading = _cell(say(each.heading) + arrow, column)
-            heading.setToolTip(say("history.sort_tip"))
-            self.setHorizontalHeaderItem(column, heading)
-        if self.runs:
-            self.show_runs(self._latest_first)
+        """Show the words of the current language."""
+        self._model.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, _STAGES)
+        self.viewport().update()
+        self._share_width()
 
     def _share_width(self) -> None:
         """Fit the columns to their contents and the stages to the remaining width.
@@ -198,13 +283,6 @@ class RunTable(QTableWidget):
     def _row_changed(self, current: QModelIndex) -> None:
         if current.isValid():
             self.selected.emit(self.run)
-
-
-def _cell(text: str, column: int) -> QTableWidgetItem:
-    cell = QTableWidgetItem(text)
-    side = Qt.AlignmentFlag.AlignRight if column in _NUMBERS else Qt.AlignmentFlag.AlignLeft
-    cell.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
-    return cell
 
 
 def stages_text(run: RunRecord) -> str:

@@ -420,6 +420,7 @@ class OperatorPage(Page):
             self._views.setCurrentWidget(self._unusable if self._problem is not None else loading)
         elif not run.finalized and run.fault is None and self.app.engine_link.running:
             self._views.setCurrentWidget(self._live)
+            self._verdicts.prepare()
         elif run.in_slots and run.fault is None and not self._unit_opened:
             self._verdicts.show_end()
             self._views.setCurrentWidget(self._verdicts)

@@ -76,15 +76,15 @@ class RunStarter(QObject):
         slots.remove_units(only_suggested=True)
         displayed = [unit.serial for unit in run.units] if run.ended or run.fault is not None else []
         if self.run_summary is not None and self.run_summary.virtual and not header.serial:
-            history = History(self._app.runs_folder)
+            passed, summary = History(self._app.runs_folder).passed_units(), self.run_summary
 
             def unsuitable(serial: str) -> bool:
-                return serial in (*displayed, *slots.serials) or history.passed_before(serial) is not None
+                return serial in (*displayed, *slots.serials) or serial in passed
 
-            for slot in [slot for slot in slots if slot.open]:
-                slots.suggest(slot, suggested_serial(self.run_summary, unsuitable))
-            if not slots:
-                self._suggested = suggested_serial(self.run_summary, unsuitable)
+            if slots:
+                slots.suggest(lambda: suggested_serial(summary, unsuitable))
+            else:
+                self._suggested = suggested_serial(summary, unsuitable)
                 header.set_serial(self._suggested)
         self._note_next()
 

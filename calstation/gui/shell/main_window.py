@@ -7,9 +7,10 @@ from functools import partial
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, cast
 
-from PySide6.QtCore import QByteArray, QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt, QTimer
+from PySide6.QtCore import QByteArray, QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt, QTimer, Signal
 from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QLabel, QMainWindow, QStackedWidget, QTabWidget, QWidget
 
@@ -33,6 +34,12 @@ _ICON = QSize(24, 24)
 _DEFAULT, _MINIMUM, _FRAME = QSize(1366, 768), QSize(900, 400), QSize(16, 48)
 
 
+def _import_pages() -> None:
+    """Import the packages of the pages in a thread, so that the window responds meanwhile."""
+    for package in ("logs", "history", "quality", "settings", "help"):
+        import_module(f"calstation.gui.{package}")
+
+
 def _lazy_page(package: str, page: str) -> Callable[[AppContext], Page]:
     """Return a constructor that imports the package of a page when it is called, which saves 0.2 s at start-up."""
     return lambda app: cast("Page", getattr(import_module(f"calstation.gui.{package}"), page)(app))
@@ -48,8 +55,9 @@ _PAGES: dict[str, Callable[[AppContext], Page]] = {
     "station_page": _lazy_page("settings", "StationPage"),
     "help_page": _lazy_page("help", "HelpPage"),
 }
-#: Time from showing the window to the creation of the engineer page, ms, in which the window is painted.
-_CREATION_DELAY_MS = 50
+#: Time from showing the window to the creation of the engineer page, ms, in which the window is painted, and of the
+#: other pages, one in each turn of the event loop, so that a page that is first shown during a run does not block it.
+_CREATION_DELAY_MS, _PREPARATION_DELAY_MS = 50, 1000
 
 #: Longest pause between two characters of a scan on a page without its field, s, and its smallest length.
 _SCAN_PAUSE, _SHORTEST_SCAN = 0.3, 4
@@ -65,6 +73,10 @@ class _Tab(QWidget):
         self.header = QWidget()
 
     @property
+    def created(self) -> bool:
+        return self._page is not None
+
+    @property
     def page(self) -> Page:
         return self._page or self.create_page()
 
@@ -78,6 +90,12 @@ class _Tab(QWidget):
         """Return whether the page may be left; see `Page.may_leave`."""
         return self._page is None or self._page.may_leave(go)
 
+    def prepare(self, size: QSize) -> None:
+        """Create the page, and polish, lay out and draw it unseen, so that it is shown without a delay later."""
+        self.create_page()
+        self.resize(size)
+        self.grab()
+
     def setVisible(self, visible: bool) -> None:
         """Create the page before it is first shown."""
         if visible and self._page is None:
@@ -86,7 +104,12 @@ class _Tab(QWidget):
 
 
 class MainWindow(QMainWindow):
-    """The main window with its pages, STOP, and controls for language, theme and role."""
+    """The main window with its pages, STOP, and controls for language, theme and role.
+
+    The signal `prepared` is emitted when all pages have been created.
+    """
+
+    prepared = Signal()
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
@@ -171,6 +194,17 @@ class MainWindow(QMainWindow):
     def _after_first_paint(self) -> None:
         self.create_engineer_page()
         self._join_windows()
+        Thread(target=_import_pages, daemon=True).start()
+        QTimer.singleShot(_PREPARATION_DELAY_MS, self, self._prepare_next)
+
+    def _prepare_next(self) -> None:
+        """Prepare the next page while nobody uses the window; the last one is followed by `prepared`."""
+        tab = next((tab for tab in self._tabs.values() if not tab.created), None)
+        if tab is None:
+            self.prepared.emit()
+            return
+        tab.prepare(self.page_tabs.currentWidget().size())
+        QTimer.singleShot(0, self, self._prepare_next)
 
     def _join_windows(self) -> None:
         """Join the windows of the station once this window is visible."""

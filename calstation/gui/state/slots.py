@@ -1,6 +1,6 @@
 """The slots of a station for several units, and the serial numbers of the units in the slots."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from PySide6.QtCore import QObject, Signal
@@ -79,9 +79,12 @@ class Slots(QObject):
             return Text.of("question.serial_twice", serial=serial, slot=slot.name)
         return Text.of("question.no_slot_left", serial=serial) if self.next is None else None
 
-    def suggest(self, slot: Slot, serial: str) -> None:
-        """Suggest the serial number of a simulated unit for an open slot; "" for none."""
-        slot.serial, slot.suggested = serial, bool(serial)
+    def suggest(self, next_serial: Callable[[], str]) -> None:
+        """Suggest serial numbers of simulated units, "" for none, for the open slots in order."""
+        for slot in self._slots:
+            if slot.open:
+                slot.serial = next_serial()
+                slot.suggested = bool(slot.serial)
         self.changed.emit()
 
     def fill(self, slot: Slot, serial: str, attempts: int) -> None:

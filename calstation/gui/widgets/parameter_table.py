@@ -14,6 +14,7 @@ from PySide6.QtGui import (
     QKeySequence,
     QPainter,
     QResizeEvent,
+    QShowEvent,
 )
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QTableView, QWidget
 
@@ -201,7 +202,12 @@ class ParameterTable(QTableView):
         theme.on_appearance_change(self, model.refresh)
 
     def fit_columns(self) -> None:
-        """Fit the columns to their contents, and distribute the free width or elide the widest column."""
+        """Fit the columns to their contents, and distribute the free width or elide the widest column.
+
+        A hidden table is fitted when it is shown.
+        """
+        if not self.isVisible():
+            return
         self.resizeColumnsToContents()
         visible = [i for i in range(self.parameters.columnCount()) if not self.isColumnHidden(i)]
         free = self.viewport().width() - sum(map(self.columnWidth, visible))
@@ -216,6 +222,11 @@ class ParameterTable(QTableView):
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Fit the columns to the new width."""
         super().resizeEvent(event)
+        self.fit_columns()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Fit the columns to the contents and the width at this time."""
+        super().showEvent(event)
         self.fit_columns()
 
     def copy(self) -> None:

@@ -1,5 +1,7 @@
 """Banner with a verdict, its shape and the unit, in which the texts are fitted to the size of the banner."""
 
+from functools import lru_cache
+
 from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QBoxLayout, QWidget
@@ -15,6 +17,7 @@ _SHAPE_SHARE = 0.25
 _MIN_ENLARGEMENT = 1.3
 
 
+@lru_cache(maxsize=256)
 def _width(text: str) -> float:
     """Return the width of a bold text as a multiple of the font size."""
     return QFontMetricsF(theme.font(theme.VERDICT, bold=True)).horizontalAdvance(text) / theme.VERDICT
@@ -42,7 +45,9 @@ class Banner(QWidget):
         self._kind = KINDS.get(state, "none")
         for widget, text in ((self.word, term("badge", state)), (self.serial, serial)):
             widget.setText(text)
-            widget.setStyleSheet(f"color: {self._colours()[1]};")
+            style = f"color: {self._colours()[1]};"
+            if widget.styleSheet() != style:  # setting the same style again would slowly polish the widget again
+                widget.setStyleSheet(style)
         self._fit()
         self.update()
 

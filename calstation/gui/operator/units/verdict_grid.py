@@ -94,6 +94,7 @@ class VerdictGrid(QFrame):
         self.setProperty("kind", "panel")
         self._run = app.run
         self._tiles: list[_VerdictTile] = []
+        self._prepared: dict[str, _VerdictTile] = {}
         self._offered: list[Path] = []  #: Results that the buttons of labels and certificates apply to.
         self._summary = StateBadge(_SUMMARY, "units_summary")
         self._again = button("again_button", pressed=lambda: self.again.emit(self._failed), kind="primary")
@@ -106,19 +107,31 @@ class VerdictGrid(QFrame):
 
     def show_end(self) -> None:
         """Show the outcome of the run for each unit."""
-        units = self._run.units
-        if [tile.unit for tile in self._tiles] != list(units):
-            slots = self._run.slots
-            self._tiles = [_VerdictTile(unit, ceil(len(slots) / COLUMNS)) for unit in units]
-            for tile in self._tiles:
-                tile.clicked.connect(partial(self._open, tile.unit))
-            arrange_in_slots(self._grid, {tile.unit.slot: tile for tile in self._tiles}, slots)
+        if [tile.unit for tile in self._tiles] != list(self._run.units):
+            self._tiles = [self._tile(unit) for unit in self._run.units]
+            self._prepared = {}
+            arrange_in_slots(self._grid, {tile.unit.slot: tile for tile in self._tiles}, self._run.slots)
         files = [path for _, path in self._passed]
         if files != self._offered:
             self._offered = files
             self._labels.offer_all(self._passed)
             self._certificates.offer_all(self._passed)
         self._refresh()
+
+    def prepare(self) -> None:
+        """Create the tiles of the units that have a verdict, which then need not all be created at the end."""
+        self._prepared = {
+            unit.slot: self._tile(unit) for unit in self._run.units if unit.slot and unit.verdict is not None
+        }
+
+    def _tile(self, unit: UnitStatus) -> _VerdictTile:
+        """Return the prepared tile of a unit, or else a new one."""
+        tile = self._prepared.get(unit.slot)
+        if tile is not None and tile.unit is unit:
+            return tile
+        tile = _VerdictTile(unit, ceil(len(self._run.slots) / COLUMNS))
+        tile.clicked.connect(partial(self._open, unit))
+        return tile
 
     def focus_unit(self) -> None:
         """Focus the tile of the unit that is displayed in detail."""
