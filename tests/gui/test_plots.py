@@ -1,6 +1,8 @@
 """Plots are zoomed by wheel and box, reset by a double click, copied and saved from the menu; tables are saved too."""
 
+import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyqtgraph as pg
@@ -10,7 +12,9 @@ from PySide6.QtGui import QContextMenuEvent, QGuiApplication, QImage
 from PySide6.QtWidgets import QApplication, QFileDialog
 from pytestqt.qtbot import QtBot
 
+from calstation import gui
 from calstation.gui.engineer import EngineerPage
+from calstation.gui.operator.live.traces import Traces
 from calstation.gui.settings.table_section import TravelPlot
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.widgets import (
@@ -200,3 +204,18 @@ def test_table_is_saved_with_plain_numbers(table: ParameterTable, tmp_path: Path
     dialog.close()
     lines = (tmp_path / "a.csv").read_text(encoding="utf-8-sig").splitlines()
     assert lines == ["parameter,value", "gyro_bias_x,1.5", "gyro_bias_y,-20"]
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.5, 2.0])
+def test_curves_are_enlarged_with_the_screen(qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, scale: float) -> None:
+    monkeypatch.setattr(QGuiApplication, "primaryScreen", lambda: SimpleNamespace(devicePixelRatio=lambda: scale))
+    traces, item = Traces(), pg.PlotCurveItem
+    qtbot.addWidget(traces)
+    curves = [curve for plot in traces.findChildren(pg.PlotWidget) for curve in plot.items() if isinstance(curve, item)]
+    assert len(curves) == 6
+    assert {pg.mkPen(curve.opts["pen"]).widthF() for curve in curves} == {scale}
+
+
+def test_no_plot_has_a_pen_that_is_not_enlarged() -> None:
+    sources = {path: path.read_text(encoding="utf-8") for path in Path(gui.__file__).parent.rglob("*.py")}
+    assert [str(path) for path, text in sources.items() if re.search(r"pg\.mkPen\((?!None)", text)] == []

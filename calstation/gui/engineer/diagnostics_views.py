@@ -90,7 +90,7 @@ class InnovationsView(StackedPlots[Diagnostics]):
                 style = {"size": size + enlarged, "pen": None, "brush": pg.mkBrush(colour)}
                 self.add(plot, pg.ScatterPlotItem(minutes[drawn], values[drawn], **style))
             for level in (-_OUTLIER_LIMIT, 0.0, _OUTLIER_LIMIT):
-                pen = pg.mkPen(c.line) if level == 0.0 else dashed(c.muted)
+                pen = theme.pen(c.line) if level == 0.0 else dashed(c.muted)
                 self.add(plot, pg.InfiniteLine(level, 0, pen=pen))
             reach = max(_MIN_HALF_RANGE, float(np.nan_to_num(np.abs(values)).max(initial=0.0)) * 1.05)
             plot.setYRange(-reach, reach, padding=0.0)
@@ -215,8 +215,8 @@ class ResidualsView(StackedPlots[Diagnostics]):
         """Draw a value with its sigma for each rest, both of shape (n,)."""
         c = theme.colours()
         number = np.arange(len(values), dtype=np.float64)
-        bars = pg.ErrorBarItem(x=number, y=values, height=2.0 * sigmas, beam=0.25, pen=pg.mkPen(c.muted))
-        self.add(plot, pg.InfiniteLine(0.0, 0, pen=pg.mkPen(c.text)), scaled=False)
+        bars = pg.ErrorBarItem(x=number, y=values, height=2.0 * sigmas, beam=0.25, pen=theme.pen(c.muted))
+        self.add(plot, pg.InfiniteLine(0.0, 0, pen=theme.pen(c.text)), scaled=False)
         self.add(plot, bars, scaled=False)
         self.add(plot, pg.ScatterPlotItem(number, values, size=7, pen=None, brush=pg.mkBrush(c.accent)))
         reach = float(np.max(np.abs(values) + sigmas, initial=0.0)) * 1.1 or 1.0

@@ -143,7 +143,7 @@ class MotionPlot(StackedPlots[Preview]):
         titles = (say("engineer.outer_degrees"), say("engineer.inner_degrees"))
         for plot, title, angle, travel in zip(self.plots, titles, angles, preview.travel, strict=True):
             plot.setLabel("left", title)
-            pen = pg.mkPen(c.accent, width=1)
+            pen = theme.pen(c.accent, 1)
             self.add(plot, pg.PlotDataItem(preview.time / size, np.rad2deg(angle), pen=pen))
             for end in travel:
                 if np.isfinite(end):

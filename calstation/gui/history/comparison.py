@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor, QPen
+from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.text import bind, on_language_change, parameter_text, say
@@ -114,7 +114,7 @@ class ComparisonPlot(ThemedPlot):
         self.clear()
         c = theme.colours()
         for bound, style in ((-1.0, Qt.PenStyle.DashLine), (0.0, Qt.PenStyle.SolidLine), (1.0, Qt.PenStyle.DashLine)):
-            self.addLine(x=bound, pen=QPen(QColor(c.caution if bound else c.line), 0, style))
+            self.addLine(x=bound, pen=theme.pen(c.caution if bound else c.line, style=style))
         count = len(self._results)
         for k, result in enumerate(self._results):
             colour = QColor(c.text if k == 0 else c.accent)
@@ -124,8 +124,8 @@ class ComparisonPlot(ThemedPlot):
             rows = [(result.parameters[name], *self.limits[name]) for _, name in names]
             x = np.array([(2.0 * p.value - low - high) / (high - low) for p, low, high in rows])
             sigma = np.array([2.0 * p.sigma / (high - low) for p, low, high in rows])
-            self.addItem(pg.ErrorBarItem(x=x, y=y, left=sigma, right=sigma, beam=0.0, pen=pg.mkPen(colour)))
-            symbol, pen, brush = _SYMBOLS[k][0], pg.mkPen(colour), pg.mkBrush(colour)
+            self.addItem(pg.ErrorBarItem(x=x, y=y, left=sigma, right=sigma, beam=0.0, pen=theme.pen(colour)))
+            symbol, pen, brush = _SYMBOLS[k][0], theme.pen(colour), pg.mkBrush(colour)
             self.addItem(pg.ScatterPlotItem(x=x, y=y, symbol=symbol, size=9, pen=pen, brush=brush, antialias=True))
         self.getAxis("left").setTicks([[(number, parameter_text(name)) for number, name in enumerate(self._names)]])
         self.getPlotItem().invertY(True)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor, QPen
 from PySide6.QtWidgets import QAbstractItemView, QFormLayout, QFrame, QSizePolicy, QWidget
 
 from calstation.database import is_archived
@@ -121,7 +120,7 @@ class Trend(QWidget):
             set_subject(self, f"{runs[-1].record.serial}_{name}")
         values = np.array([display(name, run.values[name])[0] for run in runs])
         x = np.arange(len(runs))
-        plot.plot(x, values, pen=QPen(QColor(c.muted), 0))
+        plot.plot(x, values, pen=theme.pen(c.muted))
         passed = [bool(run.record.verdict.passed) for run in runs]
         colours = [state_colour(KINDS[run.record.verdict]) for run in runs]
         dots = pg.ScatterPlotItem(
@@ -129,14 +128,14 @@ class Trend(QWidget):
             y=values,
             symbol=["o" if good else "x" for good in passed],
             size=[14 if run.name == self._selected else 8 for run in runs],
-            pen=[pg.mkPen(colour, width=2) for colour in colours],
+            pen=[theme.pen(colour, 2) for colour in colours],
             brush=[pg.mkBrush(colour) for colour in colours],
             antialias=True,
         )
         plot.addItem(dots)
         bounds = [display(name, bound)[0] for bound in self._limits.get(name, ())]
         for bound in bounds:
-            plot.addLine(y=bound, pen=QPen(QColor(c.caution), 0, Qt.PenStyle.DashLine))
+            plot.addLine(y=bound, pen=theme.pen(c.caution, style=Qt.PenStyle.DashLine))
         low, high = min([values.min(), *bounds]), max([values.max(), *bounds])
         pad = _MARGIN * (high - low) or 1.0
         plot.setYRange(low - pad, high + pad, padding=0)

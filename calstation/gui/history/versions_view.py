@@ -284,9 +284,9 @@ class ShiftPlot(ThemedPlot, DataView[Mapping[str, ParameterShift]]):
         self.addItem(pg.InfiniteLine(np.log10(NOTABLE_SIGMAS), 90, pen=dashed(c.caution)))
         for k in y.tolist():
             ends = [x["median"][k], x["largest"][k]]
-            self.addItem(pg.PlotDataItem(ends, [k, k], pen=pg.mkPen(c.muted, width=1)))
+            self.addItem(pg.PlotDataItem(ends, [k, k], pen=theme.pen(c.muted, 1)))
         for mark, symbol in marks:
-            pen, colour = pg.mkPen(c.accent, width=2), QColor(c.accent)
+            pen, colour = theme.pen(c.accent, 2), QColor(c.accent)
             style = {"symbol": symbol, "symbolSize": 9, "symbolPen": pen, "symbolBrush": colour}
             self.addItem(pg.PlotDataItem(x[mark], y, pen=None, **style))
         self.getAxis("left").setTicks([list(enumerate(data))])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QPointF, Qt, QTimer, Signal
-from PySide6.QtGui import QColor, QContextMenuEvent, QKeyEvent, QPen
+from PySide6.QtGui import QColor, QContextMenuEvent, QKeyEvent
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.logs.plot_items import (
@@ -264,11 +264,11 @@ class LogPlot(QWidget):
                 plot.getAxis(side).setTextPen(QColor(c.text))
         self._strip.getAxis("left").setPen(QColor(c.panel))
         for name, curve in self._curves.items():
-            curve.setPen(QPen(QColor(_colour(name)), 0))
+            curve.setPen(theme.pen(_colour(name)))
         for item in self._ranges:
             item.apply_theme()
         for cursor in self._cursors:
-            cursor.setPen(QPen(QColor(c.text), 0))
+            cursor.setPen(theme.pen(c.text))
         self._write_notes()
         self.setAccessibleName(say("logs.curves"))
         self._graph.viewport().update()

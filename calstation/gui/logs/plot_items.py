@@ -186,9 +186,8 @@ class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
         accent = theme.colours().accent
         self.setBrush(theme.faint(accent, 18))
         for line in self.lines:
-            line.setPen(QPen(QColor(accent), 2))
+            line.setPen(theme.pen(accent, 2))
             line.setHoverPen(QPen(theme.faint(accent, 160), 20))  # an edge can be dragged within this width
-            line.pen.setCosmetic(True)
             line.hoverPen.setCosmetic(True)
 
     def mouseDragEvent(self, event: Any) -> None:

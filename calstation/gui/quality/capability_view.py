@@ -129,7 +129,7 @@ class Histogram(ThemedPlot, DataView[ParameterQuality]):
         self.addItem(bars)
         x = np.linspace(mean - _HALF_WIDTH * sigma, mean + _HALF_WIDTH * sigma, 200)
         density = np.exp(-0.5 * ((x - mean) / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi)) * len(values) * width
-        self.addItem(pg.PlotDataItem(x, density, pen=pg.mkPen(c.text, width=1)))
+        self.addItem(pg.PlotDataItem(x, density, pen=theme.pen(c.text, 1)))
         for limit in (capability.low, capability.high):
             self.addItem(pg.InfiniteLine(size * limit, 90, pen=dashed(c.bad)))
             self.addItem(pg.PlotDataItem([size * limit], [0.0], pen=pg.mkPen(None)))

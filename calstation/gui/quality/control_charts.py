@@ -86,11 +86,11 @@ class ControlCharts(StackedPlots[ParameterCharts]):
             slow = say("quality.cusum_limits", allowance=cusum.allowance, decision=cusum.decision)
         if 0 < process.baseline < len(chart.values):
             for plot in self.plots:
-                end = pg.InfiniteLine(process.baseline + 0.5, 90, pen=pg.mkPen(c.line, width=1))
+                end = pg.InfiniteLine(process.baseline + 0.5, 90, pen=theme.pen(c.line, 1))
                 self.add(plot, end, scaled=False)
         if self._marked_run is not None:
             for plot in self.plots:
-                mark = pg.InfiniteLine(self._marked_run + 1, 90, pen=pg.mkPen(c.accent, width=1))
+                mark = pg.InfiniteLine(self._marked_run + 1, 90, pen=theme.pen(c.accent, 1))
                 self.add(plot, mark, scaled=False)
         about = [say(f"chart.limits_{process.source}", count=process.baseline)]
         if data.parameter.declared:
@@ -118,7 +118,7 @@ class ControlCharts(StackedPlots[ParameterCharts]):
 
     def _lines(self, plot: ThemedPlot, center: float, limits: list[float]) -> None:
         c = theme.colours()
-        self.add(plot, pg.InfiniteLine(center, 0, pen=pg.mkPen(c.line, width=1)), scaled=False)
+        self.add(plot, pg.InfiniteLine(center, 0, pen=theme.pen(c.line, 1)), scaled=False)
         for limit in limits:
             self.add(plot, pg.InfiniteLine(limit, 0, pen=dashed(c.bad)), scaled=False)
             # the vertical range includes the limits
@@ -129,11 +129,9 @@ class ControlCharts(StackedPlots[ParameterCharts]):
         c = theme.colours()
         run = np.arange(first + 1, first + 1 + len(values))
         symbol = {"symbol": "o", "symbolSize": 5, "symbolBrush": QColor(c.accent), "symbolPen": None}
-        line = pg.PlotDataItem(
-            run, values, pen=pg.mkPen(c.muted, width=1), **(symbol if len(values) <= _MAX_POINTS else {})
-        )
+        line = pg.PlotDataItem(run, values, pen=theme.pen(c.muted, 1), **(symbol if len(values) <= _MAX_POINTS else {}))
         line.setDownsampling(auto=len(values) > _MAX_POINTS, method="peak")
         self.add(plot, line)
         signals = signals[:: max(1, -(-len(signals) // _MAX_MARKS))]
-        style = {"symbol": "s", "size": 9, "pen": pg.mkPen(c.bad, width=2), "brush": None}
+        style = {"symbol": "s", "size": 9, "pen": theme.pen(c.bad, 2), "brush": None}
         self.add(plot, pg.ScatterPlotItem(run[signals], values[signals], **style))

@@ -282,8 +282,8 @@ class TableCharts(StackedPlots[Mapping[str, TableChart]]):
             self.add(plot, values)
             for limit in (chart.low, chart.high):
                 self.add(plot, pg.PlotDataItem(run, limit / ARCSECOND, pen=dashed(c.bad)))
-            self.add(plot, pg.PlotDataItem(run, chart.average / ARCSECOND, pen=pg.mkPen(c.accent, width=1)))
-            style = {"symbol": "s", "size": 10, "pen": pg.mkPen(c.bad, width=2), "brush": None}
+            self.add(plot, pg.PlotDataItem(run, chart.average / ARCSECOND, pen=theme.pen(c.accent, 1)))
+            style = {"symbol": "s", "size": 10, "pen": theme.pen(c.bad, 2), "brush": None}
             self.add(plot, pg.ScatterPlotItem(run[alarms], chart.average[alarms] / ARCSECOND, **style))
 
 

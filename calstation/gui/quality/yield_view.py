@@ -114,10 +114,10 @@ class DailyYield(ThemedPlot, DataView[Mapping[str, Share]]):
         noon = [date.fromisoformat(day).toordinal() - date(1970, 1, 1).toordinal() + 0.5 for day in data]
         x = 86_400.0 * np.array(noon)
         value, low, high = (100.0 * np.array([getattr(s, k) for s in data.values()]) for k in ("value", "low", "high"))
-        bars = pg.ErrorBarItem(x=x, y=value, top=high - value, bottom=value - low, beam=0.0, pen=pg.mkPen(c.line))
+        bars = pg.ErrorBarItem(x=x, y=value, top=high - value, bottom=value - low, beam=0.0, pen=theme.pen(c.line))
         symbol = {"symbol": "o", "symbolSize": 6, "symbolBrush": c.accent, "symbolPen": None}
         self.addItem(bars)
-        self.addItem(pg.PlotDataItem(x, value, pen=pg.mkPen(c.accent, width=1), **symbol))
+        self.addItem(pg.PlotDataItem(x, value, pen=theme.pen(c.accent, 1), **symbol))
         self.setYRange(min(100.0 * _MIN_SHARE, float(low.min())), 100.0)
 
 

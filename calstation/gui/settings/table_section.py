@@ -115,7 +115,7 @@ class TravelPlot(ThemedPlot):
                 self.addItem(pg.BarGraphItem(x0=low, x1=high, y=y, height=0.3, brush=c.accent, pen=c.accent))
                 for angle in (low, high):
                     self._write(with_minus(f"{angle:g}°"), c.text, angle, y - 0.15, above=False)
-            self.plot([0.0, 0.0], [y - 0.25, y + 0.25], pen=pg.mkPen(c.text, width=2))
+            self.plot([0.0, 0.0], [y - 0.25, y + 0.25], pen=theme.pen(c.text, 2))
             self._write(text, c.muted, 0.0, y + 0.2, above=True)
             summaries.append(f"{name}: {text}")
         reach = 1.15 * (reach or 180.0)

@@ -64,7 +64,7 @@ class StackedPlots(QWidget, DataView[Data]):
         for plot in self.plots:
             for number, (name, begin, end) in enumerate(bands):
                 shade = theme.faint(c.text, 16 if number % 2 == 0 else 0)
-                region = pg.LinearRegionItem((begin, end), movable=False, brush=shade, pen=pg.mkPen(c.line))
+                region = pg.LinearRegionItem((begin, end), movable=False, brush=shade, pen=theme.pen(c.line))
                 region.setZValue(-20)
                 self.add(plot, region, scaled=False)
                 if plot is self.plots[0] and end - begin > _MIN_CHARACTER_WIDTH * len(name) * span:
@@ -91,4 +91,4 @@ def time_unit(duration: float) -> float:
 
 def dashed(colour: str) -> pg.GraphicsObject:
     """Return a thin dashed pen."""
-    return pg.mkPen(colour, width=1, style=Qt.PenStyle.DashLine)
+    return theme.pen(colour, 1, Qt.PenStyle.DashLine)

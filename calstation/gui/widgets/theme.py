@@ -7,7 +7,7 @@ from pathlib import Path
 from string import Template
 
 from PySide6.QtCore import QObject, Qt, Signal
-from PySide6.QtGui import QColor, QFont, QFontDatabase, QPainter, QPalette
+from PySide6.QtGui import QColor, QFont, QFontDatabase, QGuiApplication, QPainter, QPalette, QPen
 from PySide6.QtWidgets import QApplication, QWidget
 
 from calstation.config import library
@@ -157,6 +157,13 @@ def on_appearance_change(owner: QObject, show: Callable[[], object]) -> None:
     """Call `show`, a method of `owner`, now and after each change of language or theme."""
     themes.changed.connect(show)
     on_language_change(owner, show)
+
+
+def pen(colour: str | QColor, width: float = 1.0, style: Qt.PenStyle = Qt.PenStyle.SolidLine) -> QPen:
+    """Return a pen for plots with a width in logical px, which Qt would not enlarge with the screen."""
+    made = QPen(QColor(colour), width * QGuiApplication.primaryScreen().devicePixelRatio(), style)
+    made.setCosmetic(True)
+    return made
 
 
 def faint(colour: str, alpha: int) -> QColor:

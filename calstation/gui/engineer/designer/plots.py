@@ -78,7 +78,7 @@ class FrontPlot(ThemedPlot):
         front[:, 0] /= size
         self.setLabel("bottom", say("engineer.axis_duration_s" if size == 1.0 else "engineer.axis_duration_min"))
         dots = {"symbol": "o", "symbolSize": 5, "symbolBrush": c.accent, "symbolPen": None}
-        line = pg.PlotDataItem(*front.T, pen=pg.mkPen(c.accent, width=1), name="found", **dots)
+        line = pg.PlotDataItem(*front.T, pen=theme.pen(c.accent, 1), name="found", **dots)
         diamond = {"symbol": "d", "symbolSize": 16, "symbolBrush": c.good, "symbolPen": c.panel}
         mark = pg.PlotDataItem([design.duration / size], [design.worst], pen=None, name="chosen", **diamond)
         low, high = float(front[:, 1].min()), float(front[:, 1].max())
@@ -217,7 +217,7 @@ class Sphere(ThemedPlot):
             down = np.array([direction])
             front = bool(self._in_front(down)[0])
             at = self._on_screen(down)[0]
-            dot = pg.ScatterPlotItem([at[0]], [at[1]], size=9 if front else 6, pen=pg.mkPen(c.panel))
+            dot = pg.ScatterPlotItem([at[0]], [at[1]], size=9 if front else 6, pen=theme.pen(c.panel))
             dot.setBrush(theme.faint(c.text, 255 if front else 110))
             self.addItem(dot)
             caption = ", ".join(map(str, numbers[:3])) + (" …" if len(numbers) > 3 else "")
@@ -242,7 +242,7 @@ class Sphere(ThemedPlot):
         sides = ((front, 255), (~front, 90)) if faint else ((np.ones(len(points), dtype=bool), 255),)
         for side, alpha in sides:
             joined = np.append(side[:-1] | side[1:] if alpha == 255 else side[:-1] & side[1:], False)
-            pen = pg.mkPen(theme.faint(colour, alpha), width=width, style=style)
+            pen = theme.pen(theme.faint(colour, alpha), width, style)
             self.addItem(pg.PlotCurveItem(at[:, 0], at[:, 1], connect=joined.astype(np.int32), pen=pen, antialias=True))
 
     @property

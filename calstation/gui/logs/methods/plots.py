@@ -61,13 +61,13 @@ class MethodPlot(ThemedPlot):
             Whether the line is drawn faint, and whether it is drawn bold.
         """
         shade = theme.faint(colour, 110 if faint else 255)
-        self._add(x, y, pen=pg.mkPen(shade, width=2.5 if bold else 1), connect="finite")
+        self._add(x, y, pen=theme.pen(shade, 2.5 if bold else 1), connect="finite")
 
     def dots(self, x: FloatArray, y: FloatArray, colour: str, *, hollow: bool = False) -> None:
         """Draw filled or hollow dots; hollow dots represent values before the calibration."""
         brush = QColor(theme.colours().panel) if hollow else QColor(colour)
         size = 8 if hollow else 7
-        pen = pg.mkPen(colour, width=1.5)
+        pen = theme.pen(colour, 1.5)
         self._add(x, y, pen=None, symbol="o", symbolSize=size, symbolPen=pen, symbolBrush=brush)
 
     def limit(self, value: float, colour: str) -> None:

@@ -127,9 +127,9 @@ class Convergence(QFrame):
     def _refresh(self) -> None:
         c = theme.colours()
         self._plot.setLabel("bottom", say("operator.axis_time"))
-        self._target.setPen(pg.mkPen(c.text, width=1, style=Qt.PenStyle.DashLine))
+        self._target.setPen(theme.pen(c.text, 1, Qt.PenStyle.DashLine))
         for line in self.lines.values():
-            line.curve.setPen(pg.mkPen(c.muted, width=1))
+            line.curve.setPen(theme.pen(c.muted, 1))
         self._label_lines()
 
     def _label_lines(self) -> None:

@@ -31,7 +31,7 @@ class _Plot(QWidget):
         self.plot.getAxis("left").setWidth(7 * theme.GRID)
         self.plot.getViewBox().setDefaultPadding(0.02)
         self._curves = [
-            pg.PlotCurveItem(pen=pg.mkPen(colour, width=1), skipFiniteCheck=True, name=name)
+            pg.PlotCurveItem(pen=theme.pen(colour, 1), skipFiniteCheck=True, name=name)
             for name, colour in theme.AXIS_COLOURS.items()
         ]
         for curve in self._curves:
