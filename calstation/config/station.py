@@ -27,6 +27,7 @@ from calstation.config.station_sections import (
 )
 from calstation.devices.profiles import load_table_profile
 from calstation.errors import CalstationError, ConfigurationError
+from calstation.records import COUNTRIES
 from calstation.schema import EntryError, StrictModel, load, near_miss
 
 if TYPE_CHECKING:
@@ -94,11 +95,21 @@ class StationConfig(StrictModel):
     slots: list[SlotSection] = Field(default_factory=list)
     records: RecordsSection = RecordsSection()
 
+    # the sections themselves do not check the following, because they are also read from logs
+
+    @field_validator("laboratory")
+    @classmethod
+    def _in_a_country(cls, laboratory: LaboratorySection | None) -> LaboratorySection | None:
+        if laboratory is not None and laboratory.country is not None and laboratory.country not in COUNTRIES:
+            raise EntryError("station.not_a_country", "country", country=laboratory.country)
+        return laboratory
+
     @field_validator("instruments")
     @classmethod
-    def _due_later(cls, instruments: list[InstrumentSection]) -> list[InstrumentSection]:
-        # the section itself does not check this, because it is also read from logs
+    def _complete(cls, instruments: list[InstrumentSection]) -> list[InstrumentSection]:
         for number, instrument in enumerate(instruments):
+            if "kind" not in instrument.model_fields_set:
+                raise EntryError("station.no_instrument_kind", number, "kind", name=instrument.name)
             calibrated, due = instrument.calibrated, instrument.due
             if calibrated is not None and due is not None and due < calibrated:
                 raise EntryError("station.due_before_calibration", number, "due", due=due, calibrated=calibrated)

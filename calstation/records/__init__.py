@@ -42,7 +42,7 @@ from calstation.records.indexed_run import (
     from_columns,
     to_columns,
 )
-from calstation.records.laboratory import Day, InstrumentSection, LaboratorySection
+from calstation.records.laboratory import COUNTRIES, Day, InstrumentSection, LaboratorySection
 from calstation.records.log import Log, damage_summary, read_truth, truth_path
 from calstation.records.log_formats import LOG_FORMATS, LOG_SUFFIXES, estimated_rows, log_format, open_log
 from calstation.records.meta import (

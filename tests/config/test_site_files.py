@@ -256,11 +256,27 @@ def test_improbable_locations_give_a_warning() -> None:
 
 def test_instrument_due_before_its_calibration_is_refused() -> None:
     dates = "calibrated = 2026-03-01\ndue = 2025-03-01"
-    text = shipped("stations", "virtual_bench") + f'\n[[instruments]]\nname = "Table"\n{dates}\n'
+    text = shipped("stations", "virtual_bench") + f'\n[[instruments]]\nname = "Table"\nkind = "table"\n{dates}\n'
     (problem,) = check("stations", text)
     assert problem.key_path == ("instruments", 0, "due")
     assert problem.what.code == "station.due_before_calibration"
     assert check("stations", text.replace("2025-03-01", "2027-03-01")) == []
+
+
+@pytest.mark.parametrize(
+    ("entry", "key_path", "code"),
+    [
+        ('[laboratory]\nname = "L"\naddress = "A"\ncountry = "UK"', ("laboratory", "country"), "station.not_a_country"),
+        ('[[instruments]]\nname = "Table"', ("instruments", 0, "kind"), "station.no_instrument_kind"),
+    ],
+)
+def test_unknown_country_and_instrument_without_kind_are_refused(
+    entry: str, key_path: tuple[str | int, ...], code: str
+) -> None:
+    text = f"{shipped('stations', 'virtual_bench')}\n{entry}\n"
+    (problem,) = check("stations", text)
+    assert (problem.key_path, problem.what.code) == (key_path, code)
+    assert check("stations", text.replace("UK", "GB").replace('"Table"', '"Table"\nkind = "table"')) == []
 
 
 def test_station_in_the_documentation_is_valid() -> None:

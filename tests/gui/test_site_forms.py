@@ -95,6 +95,9 @@ def test_laboratory_and_its_lists_are_entered_saved_and_removed_again(forms: Lis
     assert forms.message("laboratory_country").startswith("Two capital letters, such as GB")
     assert forms.find(QLineEdit, "laboratory_country_edit").property("invalid")
     assert not forms.can_save()
+    forms.type("laboratory_country_edit", "UK")
+    assert forms.message("laboratory_country").startswith("“UK” is not a country of ISO 3166-1")
+    assert not forms.can_save()
     forms.type("laboratory_country_edit", "GB")
     assert not forms.find(QLineEdit, "laboratory_country_edit").property("invalid")
     forms.name = "signatories"
@@ -107,6 +110,8 @@ def test_laboratory_and_its_lists_are_entered_saved_and_removed_again(forms: Lis
     forms.name = "instruments"
     forms.press("instruments_add_button")
     forms.enter("1", "Instrument", "Rate table RT-200")
+    assert forms.problems_of("instruments") == ["Row 1, Kind: Select the kind."]
+    assert not forms.can_save()
     forms.select("1", "Kind", "table")
     forms.enter("1", "Calibrated", "2.3.2026")
     assert forms.problems_of("instruments") == [
@@ -118,7 +123,13 @@ def test_laboratory_and_its_lists_are_entered_saved_and_removed_again(forms: Lis
     assert forms.problems_of("instruments") == [
         "Row 1, Due: The next calibration must be after the last one, 2026-03-02."
     ]
-    forms.enter("1", "Due", "2027-03-02")
+    forms.enter("1", "Due", "2026-03-03")
+    forms.press("save_station_button")
+    assert stored("line_4") == before, "an overdue instrument is saved only after a warning"
+    assert "Rate table RT-200" in forms.page.notice.text_label.text()
+    forms.press("save_overdue_button")
+    assert "2026-03-03" in stored("line_4")
+    forms.enter("1", "Due", "2036-03-02")
     forms.press("save_station_button")
     data = tomllib.loads(stored("line_4"))
     assert data["laboratory"] == {
@@ -130,7 +141,7 @@ def test_laboratory_and_its_lists_are_entered_saved_and_removed_again(forms: Lis
     (instrument,) = data["instruments"]
     assert instrument["name"] == "Rate table RT-200"
     assert instrument["kind"] == "table"
-    assert (str(instrument["calibrated"]), str(instrument["due"])) == ("2026-03-02", "2027-03-02")
+    assert (str(instrument["calibrated"]), str(instrument["due"])) == ("2026-03-02", "2036-03-02")
     assert comments(before) == comments(stored("line_4"))
     assert versions.list_versions("stations", "line_4")[0].author == forms.page.drafts.author
     saved = select_audit(read_audit(audit_path(library.site_folder())).entries, "file_saved")
@@ -150,7 +161,7 @@ def test_unknown_entries_and_comments_of_a_laboratory_are_kept(forms: ListDriver
     text = add_comments(
         "line_4",
         '# of the site\n[laboratory] # rented\nname = "A" # ours\naddress = "B"\nsignatories = ["C, D"] # on leave\n'
-        '\n# traceable\n[[instruments]] # the table\nname = "T"\ncertificate = "P-1" # PTB\n',
+        '\n# traceable\n[[instruments]] # the table\nname = "T"\nkind = "table"\ncertificate = "P-1" # PTB\n',
     )
     forms.page.drafts.reload()
     forms.show_section(LABORATORY)

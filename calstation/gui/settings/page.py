@@ -1,13 +1,14 @@
 """The Station page: the current station, the links to its devices, its site, and all configuration files."""
 
 from collections.abc import Callable
+from datetime import date
 from pathlib import Path
 
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QListWidget, QListWidgetItem, QWidget
 
-from calstation.config import DEFAULT_STATION, editing, library
+from calstation.config import DEFAULT_STATION, StationConfig, editing, library
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Drafts
 from calstation.gui.settings.fields import problem_text_with_name
@@ -37,6 +38,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
+from calstation.messages import Text
 from calstation.schema import KeyPath
 
 _NAV_WIDTH = 26 * theme.GRID
@@ -119,7 +121,7 @@ class StationPage(Page):
         bind(self.station_box.setAccessibleName, "common.station")
         caption = label("common.station", buddy=self.station_box)
         self._new_button = button("new_station_button", "settings.new_from_copy", self._ask_new)
-        self._save_button = button("save_station_button", "common.save", self.save, kind="primary")
+        self._save_button = button("save_station_button", "common.save", lambda: self.save(), kind="primary")
         self._discard_button = button("discard_station_button", "settings.discard", self.drafts.discard)
         self._unsaved_label = label(name="unsaved_label", wrap=True)
         self._unsaved_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
@@ -186,9 +188,20 @@ class StationPage(Page):
         self.notice.ask("caution", "settings.unsaved_changes", self._unsaved_names, offered)
         return False
 
-    def save(self) -> bool:
-        """Save all changes, show any error, and return whether the changes were saved."""
+    def save(self, *, overdue: bool = False) -> bool:
+        """Save all changes, show any error, and return whether the changes were saved.
+
+        An overdue instrument of a changed station is saved only with `overdue`, after a warning.
+        """
         if self.drafts.invalid or self._why_not_save() or self._missing_reason():
+            return False
+        if not overdue and (names := self._overdue()):
+            choices = (
+                Choice("stay_button", "settings.stay_here", lambda: None, primary=True),
+                Choice("save_overdue_button", "settings.save_overdue", lambda: self.save(overdue=True)),
+            )
+            text = Text.of("settings.about_overdue", names=names)
+            self.notice.ask("caution", "settings.overdue", text, choices)
             return False
         self.notice.dismiss()
         names = self._unsaved_names()
@@ -201,6 +214,13 @@ class StationPage(Page):
         self._reason_edit.clear()
         self.refresh()
         return True
+
+    def _overdue(self) -> list[str]:
+        """Return the names of the overdue instruments of a changed station."""
+        station = self.drafts.station
+        if not station.dirty or not isinstance(station.model, StationConfig):
+            return []
+        return [each.name for each in station.model.instruments if each.due is not None and each.due < date.today()]
 
     def refresh(self) -> None:
         """Show unsaved changes and problems, and update the buttons."""
