@@ -3,14 +3,15 @@
 import hashlib
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import tomlkit
+from pydantic import JsonValue
 
 from calstation.config import editing, library
 from calstation.config.request import plain_text
@@ -102,7 +103,7 @@ def save(kind: str, name: str, content: str, author: str, reason: str = "") -> V
         if versions and path.exists() and versions[0].sha256 == sha256(content):
             return versions[0]
         version = replace(_next(kind, name, content, author), reason=plain_text(reason))
-        _audit("file_saved", version)
+        _audit("file_saved", version, versions, content)
         path.parent.mkdir(parents=True, exist_ok=True)
         _add(version, content)
         try:
@@ -158,7 +159,7 @@ def _save_present(kind: str, name: str, path: Path) -> None:
     if not versions or versions[0].sha256 != sha256(present):
         version = _next(kind, name, present, None)
         if versions:
-            _audit("file_changed_outside", version)
+            _audit("file_changed_outside", version, versions, present)
         _add(version, present)
 
 
@@ -176,7 +177,30 @@ def _add(version: Version, content: str) -> None:
     write_atomic(folder / f"{version.number:04d}.json", json.dumps(asdict(version), ensure_ascii=False) + "\n")
 
 
-def _audit(event: AuditEventName, version: Version) -> None:
+def changed_entries(before: str, after: str) -> dict[str, list[JsonValue]]:
+    """Return the entries that differ between two texts of a file, as dotted keys, with both values; None for none."""
+    old, new = (dict(_entries(tomllib.loads(each))) for each in (before, after))
+    keys = [*old, *(key for key in new if key not in old)]
+    return {key: [old.get(key), new.get(key)] for key in keys if old.get(key) != new.get(key)}
+
+
+def _entries(value: Any, key: str = "") -> Iterator[tuple[str, JsonValue]]:
+    """Yield the entries below a key of a file; an item of a list of tables has its number, from 1, as a key."""
+    if isinstance(value, list) and any(isinstance(each, dict) for each in value):
+        value = {str(number): each for number, each in enumerate(value, 1)}
+    if not isinstance(value, dict):
+        yield key, json.loads(json.dumps(value, default=str), parse_constant=str)
+        return
+    for name, each in value.items():
+        yield from _entries(each, f"{key}.{name}" if key else name)
+
+
+def _audit(event: AuditEventName, version: Version, earlier: Sequence[Version], content: str) -> None:
+    """Record a version with its text, and what differs from the latest earlier version."""
+    changed: dict[str, list[JsonValue]] = {}
+    with suppress(ConfigurationError, tomllib.TOMLDecodeError):  # a damaged version must not prevent a new one
+        if earlier:
+            changed = changed_entries(text(version.kind, version.name, earlier[0].number), content)
     append_audit(
         library.site_folder(),
         event,
@@ -186,6 +210,7 @@ def _audit(event: AuditEventName, version: Version) -> None:
         name=version.name,
         version=version.number,
         sha256=version.sha256,
+        changed=changed,
     )
 
 

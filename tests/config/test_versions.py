@@ -7,7 +7,7 @@ import pytest
 
 from calstation.config import library, versions
 from calstation.errors import ConfigurationError
-from calstation.records import files
+from calstation.records import audit_path, files, read_audit
 from tests.helpers import raises_code
 
 SHIPPED = (library.shipped_folder() / "products" / "nav_a.toml").read_text("utf-8")
@@ -37,6 +37,25 @@ def test_unchanged_text_creates_no_new_version() -> None:
     first = versions.save("products", "nav_a", CHANGED, "wang")
     assert versions.save("products", "nav_a", CHANGED, "li") == first
     assert len(versions.list_versions("products", "nav_a")) == 2
+
+
+def test_audit_trail_says_which_entries_changed(home: Path) -> None:
+    versions.save("products", "nav_a", CHANGED, "wang")
+    (home / "products" / "nav_a.toml").write_text(CHANGED.replace("turns = 3", "turns = 9"), encoding="utf-8")
+    versions.save("products", "nav_a", SHIPPED, "li")
+    changes = [event.values["changed"] for event in read_audit(audit_path(home)).entries]
+    assert changes == [
+        {"schedule.rate.turns": [2, 3]},
+        {"schedule.rate.turns": [3, 9]},
+        {"schedule.rate.turns": [9, 2]},
+    ]
+
+
+def test_entries_of_lists_of_tables_are_numbered_and_added_ones_have_no_old_value() -> None:
+    before, after = 'a = [1]\n[[i]]\nn = "T"\n', 'a = [1, 2]\n[[i]]\nn = "T"\nd = 2026-01-02\n[[i]]\nn = "U"\n'
+    assert versions.changed_entries(before, after) == {
+        "a": [[1], [1, 2]], "i.1.d": [None, "2026-01-02"], "i.2.n": [None, "U"],
+    }  # fmt: skip
 
 
 def test_restoring_a_version_creates_a_new_one(home: Path) -> None:

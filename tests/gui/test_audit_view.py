@@ -46,7 +46,7 @@ def test_events_are_listed_and_filtered(page: HistoryPage, trail: Path, qtbot: Q
     table = open_trail(page, qtbot)
     assert events(table) == ["PIN set", "Failed unit released", "File saved"]
     row = [table.model().index(1, column).data() for column in range(2, 6)]
-    assert row == ["Li Na", "Zhang Min", "customer agrees", "serial SN-000001"]
+    assert row == ["Li Na", "Zhang Min", "customer agrees", "serial number SN-000001"]
     person = page.audit.findChild(QComboBox, "audit_person_combo")
     person.setFocus()
     qtbot.keyClicks(person, "Zhang")
@@ -64,6 +64,26 @@ def test_events_are_listed_and_filtered(page: HistoryPage, trail: Path, qtbot: Q
     assert events(table) == ["设置密码"]
     qtbot.mouseClick(button(page, "audit_back_button"), Qt.MouseButton.LeftButton)
     assert not table.isVisible()
+
+
+@pytest.mark.parametrize(
+    ("code", "shown"),
+    [
+        ("en", ["kind station file, name bench", "site.latitude_deg: 40.0 → 41.5", "imu2: – → 3"]),
+        ("zh_CN", ["类别 工位文件", "名称 bench", "site.latitude_deg: 40.0 → 41.5", "imu2: – → 3"]),
+    ],
+)
+def test_details_say_which_entry_of_a_file_changed_in_the_language_of_the_window(
+    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, shown: list[str]
+) -> None:
+    changed = {"site.latitude_deg": [40.0, 41.5], "imu2": [None, 3]}
+    append_audit(site_folder.home, "file_saved", "Li Na", kind="stations", name="bench", changed=changed)
+    language.use(code)
+    index = open_trail(page, qtbot).model().index(0, 5)
+    for part in shown:
+        assert part in index.data(), index.data()
+        assert part.split(", ")[0] in index.data(Qt.ItemDataRole.ToolTipRole)
+    language.use("en")
 
 
 def test_a_changed_line_is_found_by_verification(page: HistoryPage, trail: Path, qtbot: QtBot) -> None:

@@ -1,6 +1,6 @@
 """The audit trail of the site: who changed, released, wrote and signed, with filter, verification and export."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -43,6 +43,10 @@ _PERIODS: dict[int | None, Words] = {
 _STATES = {None: "none", True: "good", False: "bad"}
 #: Value of an event that its line shows only in the tooltip.
 _DIGEST = "sha256"
+#: Value with the changed entries of a file.
+_CHANGED = "changed"
+#: Families of the terms of the program among the values.
+_FAMILIES = {"kind": "file_kind", "pin": "audit_pin", "what": "audit_registers"}
 
 
 class AuditView(JobView):
@@ -136,7 +140,7 @@ class AuditView(JobView):
 
     def _cells(self, each: AuditEvent) -> dict[str, str]:
         values = {name: value for name, value in each.values.items() if not name.endswith(_DIGEST)}
-        lines = (local_time(each.utc, zone=True), *(f"{name} = {value}" for name, value in each.values.items()))
+        lines = (local_time(each.utc, zone=True), *_value_lines(each.values))
         return {
             "time": local_time(each.utc),
             "event": term("audit_event", each.event),
@@ -154,6 +158,33 @@ class AuditView(JobView):
         self.exports.ask(say("history.audit_export"), proposed, kinds, lambda target: (export_trail, events, target))
 
 
-def _values_text(values: dict[str, Any]) -> str:
+def _values_text(values: Mapping[str, Any]) -> str:
     """Return the values of an event on one line."""
-    return ", ".join(f"{name} {value}" for name, value in values.items() if value is not None)
+    return say("common.comma").join(_value_lines(values))
+
+
+def _value_lines(values: Mapping[str, Any]) -> list[str]:
+    """Return the values of an event, and the entries of a file that changed, each with its name."""
+    lines = [
+        f"{term('audit_value', name)} {_value_text(name, value)}"
+        for name, value in values.items()
+        if name != _CHANGED and value not in (None, "", [])
+    ]
+    changed = values.get(_CHANGED)
+    if isinstance(changed, dict):
+        lines += [
+            f"{key}: {_changed_text(before)} → {_changed_text(after)}" for key, (before, after) in changed.items()
+        ]
+    return lines
+
+
+def _changed_text(value: Any) -> str:
+    """Return a value of a file; a missing one is shown as a dash."""
+    return "–" if value is None else str(value)
+
+
+def _value_text(name: str, value: Any) -> str:
+    """Return a value of an event, in the current language if it is a term of the program."""
+    if isinstance(value, list):
+        return say("common.comma").join(map(str, value))
+    return term(_FAMILIES[name], str(value)) if name in _FAMILIES else str(value)
