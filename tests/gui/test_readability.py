@@ -9,6 +9,7 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QLabel, QListWidget, QPushButton, QWidget
 
 from calstation.config import library
+from calstation.connection.table_reset import TableReset
 from calstation.gui.operator import advice
 from calstation.gui.operator.page import OperatorPage
 from calstation.gui.start import growth
@@ -16,7 +17,7 @@ from calstation.gui.state import RunStrip
 from calstation.gui.text import language, product_text, station_text
 from calstation.gui.widgets import PageArea, theme
 from calstation.physics import DEGREE_PER_HOUR, INDEX, PARAMETERS
-from calstation.sequencer import StageProgress, StageStarted, StateChanged
+from calstation.sequencer import Fault, StageProgress, StageStarted, StateChanged
 from tests.check_rows import check_row
 from tests.gui.conftest import Operator
 from tests.gui.test_operator_events import end_run, simulated_run
@@ -161,3 +162,27 @@ def test_stop_and_fail_are_red_with_white_text(simulated_run: Operator, name: st
         colours = {image.pixel(x, y) for x in range(0, image.width(), 2) for y in range(0, image.height(), 2)}
         assert QColor("#ffffff").rgb() in colours, widget
     simulated_run.window.app.set_theme("light")
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_a_fault_that_the_table_latched_stresses_the_reset(simulated_run: Operator, code: str) -> None:
+    window = simulated_run.window
+    window.app.set_language(code)
+    window.app.engine_link.event.emit(
+        Fault("TableFaultError", "", 3, "run.engine_ended", {"exit_code": -9, "station_options": ""})
+    )
+    window.app.engine_link.running_changed.emit(False)
+    panel = window.operator_page._verdict
+    panel.show_end()
+    assert panel.reset.offered
+    assert (panel.reset.button.property("kind"), panel.acknowledge_button.property("kind")) == ("primary", "")
+    panel.reset._finish(TableReset("cleared", "interlock", None))
+    assert not panel.reset.offered
+    assert (panel.reset.button.property("kind"), panel.acknowledge_button.property("kind")) == ("", "primary")
+
+
+@pytest.mark.parametrize("state", ["failed", "stopped", "passed"])
+def test_the_bench_suggests_no_other_unit_after_a_run_that_may_be_repeated(simulated_run: Operator, state: str) -> None:
+    end_run(simulated_run, state)
+    simulated_run.window.operator_page._await_next()
+    assert bool(simulated_run.window.operator_page.header.serial) == (state == "passed")

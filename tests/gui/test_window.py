@@ -7,14 +7,15 @@ import time
 
 import pytest
 from helpers import ignore_progress
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTabWidget, QWidget
+from PySide6.QtCore import QPoint, QRect, Qt
+from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QPushButton, QTabWidget, QWidget
 from pytestqt.qtbot import QtBot
 
 from calstation.config import access
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.shell import create_window
 from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.state import RolePanel
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
 from calstation.records import open_log
@@ -116,6 +117,28 @@ def test_first_pin_is_set_and_a_wrong_pin_refused(window: MainWindow, qtbot: QtB
         press(key)
     press(window.findChild(QPushButton, "unlock_button"))
     assert role.engineer
+
+
+def test_pin_panel_covers_no_button_of_a_run_and_esc_closes_it_after_the_run(window: MainWindow, qtbot: QtBot) -> None:
+    panel, run = window.findChild(RolePanel), window.app.run
+    for size in ((1366, 768), (1280, 640), (900, 400)):
+        window.resize(*size)
+        QApplication.processEvents()
+        qtbot.mouseClick(window.findChild(QPushButton, "role_button"), Qt.MouseButton.LeftButton)
+        assert panel.isVisible()
+        for name in ("start_button", "stop_button") if size[1] > 700 else ("stop_button",):
+            each = window.findChild(QPushButton, name)
+            assert not panel.geometry().intersects(QRect(each.mapTo(window, QPoint(0, 0)), each.size())), (size, name)
+        assert window.rect().right() >= panel.geometry().right()
+        qtbot.keyClick(panel.findChild(QLineEdit, "role_person_edit"), Qt.Key.Key_Escape)
+        assert not panel.isVisible()
+    qtbot.mouseClick(window.findChild(QPushButton, "role_button"), Qt.MouseButton.LeftButton)
+    run.state = "running"
+    qtbot.keyClick(window, Qt.Key.Key_Escape)
+    assert (run.state, panel.isVisible()) == ("stopping", True)
+    run.state = "idle"
+    qtbot.keyClick(window, Qt.Key.Key_Escape)
+    assert not panel.isVisible()
 
 
 def test_damaged_pin_file_is_explained(window: MainWindow, qtbot: QtBot, site_folder: SiteFolder) -> None:

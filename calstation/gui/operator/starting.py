@@ -18,6 +18,7 @@ from calstation.gui.state import AppContext, UnitStatus
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
+from calstation.records import Verdict
 from calstation.results import History
 from calstation.runs import Resumable, RunSummary, product_of, resumable_run
 from calstation.sound import play
@@ -67,7 +68,8 @@ class RunStarter(QObject):
     def suggest(self) -> None:
         """On the virtual bench, fill empty fields or slots with the serial numbers of units that have not passed yet.
 
-        Earlier suggestions are removed. While verdicts are displayed, other units are suggested.
+        Earlier suggestions are removed. While verdicts are displayed, other units are suggested; none after a failed or
+        incomplete run of a single unit, which may be repeated.
         """
         header, run, slots = self._header, self._app.run, self.slots
         self.refused = None
@@ -75,7 +77,8 @@ class RunStarter(QObject):
             header.set_serial("")
         slots.remove_units(only_suggested=True)
         displayed = [unit.serial for unit in run.units] if run.ended or run.fault is not None else []
-        if self.run_summary is not None and self.run_summary.virtual and not header.serial:
+        repeated = not slots and run.state in (Verdict.FAILED, Verdict.STOPPED, Verdict.INCOMPLETE)
+        if self.run_summary is not None and self.run_summary.virtual and not header.serial and not repeated:
             passed, summary = History(self._app.runs_folder).passed_units(), self.run_summary
 
             def unsuitable(serial: str) -> bool:

@@ -131,6 +131,7 @@ class VerdictPanel(QFrame):
             *(self.details_button, self._station_button, None),
         )
         self._beside = column(self._facts, self._notes, buttons, None)
+        self.reset.changed.connect(self._stress)
         people, values = self.certificate_button.panel, QWidget()
         row(column(self._figures, None), (self._beside, 1), on=values, spacing=3 * theme.GRID)
         # a small screen does not have space for both
@@ -155,12 +156,19 @@ class VerdictPanel(QFrame):
             self._fault = fault
             self.reset.clear()
             self.reset.offer(fault is not None and known(fault.code) and entry(fault.code).resettable)
+            self._stress()
         if unit.finalized is not self._finalized:
             self._finalized = unit.finalized
             file = None if unit.finalized is None else Path(unit.finalized.result_file)
             for button in (self.label_button, self.certificate_button):
                 button.offer(unit.result, file)
         self._refresh()
+
+    def _stress(self) -> None:
+        """Stress the reset of the table while it is offered, because no run is possible without it."""
+        reset = self.reset.offered
+        theme.set_kind(self.reset.button, "primary" if reset else "")
+        theme.set_kind(self.acknowledge_button, "" if reset else "primary")
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Fit the texts to the panel."""

@@ -164,7 +164,7 @@ class MainWindow(QMainWindow):
 
     def _connect(self) -> None:
         app = self.app
-        QShortcut(QKeySequence(Qt.Key.Key_Escape), self, app.run.stop)
+        QShortcut(QKeySequence(Qt.Key.Key_Escape), self, self._escape)
         StopGuard(app.run, self.stop_button)
         QShortcut(QKeySequence(Qt.Key.Key_F1), self, self.show_help)
         self.operator_page.header.guard(self.language_combo)
@@ -359,10 +359,21 @@ class MainWindow(QMainWindow):
             self._strip.setGeometry(top.x(), top.y(), page.width(), _STRIP_HEIGHT)
             self._strip.raise_()
 
+    def _escape(self) -> None:
+        """Stop a run in progress, or else close the role panel."""
+        if self._role_panel.isVisible() and not self.app.run.in_progress:
+            self._role_panel.hide()
+        else:
+            self.app.run.stop()
+
     def _move_role_panel(self) -> None:
-        """Move the role panel to the left of STOP, which must never be covered."""
-        stop = self.stop_button.mapTo(self, QPoint(0, 0))
-        self._role_panel.move(stop.x() - self._role_panel.width() - theme.GRID, stop.y() - theme.GRID // 2)
+        """Move the role panel below START and STOP or, in a low window, left of STOP, which must never be covered."""
+        panel, strip = self._role_panel.size(), self._strip.mapTo(self, self._strip.rect().bottomRight())
+        if strip.y() + panel.height() <= self.height():
+            self._role_panel.move(strip.x() - panel.width(), strip.y())
+        else:
+            stop = self.stop_button.mapTo(self, QPoint(0, 0))
+            self._role_panel.move(stop.x() - panel.width() - theme.GRID, self.height() - panel.height())
 
     def _role_pressed(self) -> None:
         if self.app.role.engineer:

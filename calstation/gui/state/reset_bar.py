@@ -25,7 +25,7 @@ class ResetBar(QWidget):
     def __init__(self, app: AppContext, request: Callable[[], LinkTestRequest | None], name: str) -> None:
         super().__init__()
         self._app, self._request = app, request
-        self._offered = False
+        self.offered = False  #: Whether the button is shown.
         self.result: TableReset | None = None
         self._error: CalstationError | None = None
         self.button = button(name, "window.reset_fault", self._start)
@@ -39,7 +39,7 @@ class ResetBar(QWidget):
 
     def offer(self, offered: bool) -> None:
         """Show or hide the button; the result of the last reset remains visible."""
-        self._offered = offered
+        self.offered = offered
         self._show()
 
     def clear(self) -> None:
@@ -69,7 +69,7 @@ class ResetBar(QWidget):
     def _finish(self, result: TableReset | None = None, error: CalstationError | None = None) -> None:
         self.result, self._error = result, error
         if result is not None:
-            self._offered = not result.clear
+            self.offered = not result.clear
         self._show()
         self.changed.emit()
         if result is not None:
@@ -77,14 +77,14 @@ class ResetBar(QWidget):
 
     def _show(self) -> None:
         running = self._app.engine_link.running
-        self.button.setVisible(self._offered)
+        self.button.setVisible(self.offered)
         enable(self.button, say("window.reset_after_run") if running else "", say("window.reset_tip"))
         self.button.setEnabled(not (running or self.watch.busy))
         kind, text = self._result_text()
         self._icon.setVisible(bool(kind))
         self._icon.set_kind(kind)
         show_text(self.result_label, text)
-        self.setVisible(self._offered or bool(text))
+        self.setVisible(self.offered or bool(text))
 
     def _result_text(self) -> tuple[str, str]:
         """Return the badge shape and the text of the reset in progress or, if there is none, of the last one."""
