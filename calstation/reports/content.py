@@ -189,9 +189,11 @@ def performed(result: Result) -> tuple[datetime, datetime] | None:
     """Return the start and the end (UTC) of the calibration, each None if unknown."""
     if result.started_utc is None:
         return None
+    begin = datetime.fromisoformat(result.started_utc).astimezone(UTC)
+    if result.ended_utc is not None:
+        return begin, datetime.fromisoformat(result.ended_utc).astimezone(UTC)
     # The cycle includes parts of a run that are not recorded, such as warm-up and transfer.
     seconds = sum(part.seconds for part in result.cycle) or result.duration_s
-    begin = datetime.fromisoformat(result.started_utc).astimezone(UTC)
     return begin, begin + timedelta(seconds=seconds if math.isfinite(seconds) else 0.0)
 
 

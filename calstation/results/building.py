@@ -44,6 +44,7 @@ class Ending:
     advice: str | None = None  #: Recommended action, see `calstation.judgement.advice`.
     finished_stages: tuple[str, ...] | None = None  #: Stages that an incomplete run solved before it ended.
     cycle: Sequence[CyclePhase] | None = None  #: Phases of the run.
+    ended_utc: str | None = None  #: Time of the verdict on a run, ISO 8601.
     table: Mapping[str, TableQuantity] | None = None  #: Geometry of the table, see `StageChain.table`.
     solved_again: bool = False  #: Whether a log was solved again.
 
@@ -63,6 +64,7 @@ def build_result(
         "stop_reason": ending.stop_reason,
         "finished_stages": ending.finished_stages,
         "cycle": ending.cycle,
+        "ended_utc": ending.ended_utc,
         "table": {name: asdict(value) for name, value in ending.table.items()} if ending.table else None,
         "latitude_untold": judgement.latitude,
         "temperature": next(

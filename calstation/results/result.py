@@ -295,6 +295,7 @@ class Result(ResultSection):
     log: LogSection
     software: Software | None = None
     started_utc: str | None = None
+    ended_utc: str | None = None  #: Time of the verdict on a run by the computer's clock; None if solved again.
     duration_s: Number = 0.0
     #: Phases from the start of the run to the result, in order.
     cycle: list[CyclePhase] = Field(default_factory=list)

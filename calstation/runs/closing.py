@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
 from threading import Thread
 
@@ -58,6 +59,7 @@ def close_run(run: OpenRun, ended: RunEnd) -> None:
         stop_reason=str(control.stop_reason) if verdict is Verdict.STOPPED else None,
         advice=advice(run.setup.product, verdict, failures, resumable=resumable),
         cycle=run.prepared.cycle.phases(),
+        ended_utc=datetime.now(UTC).isoformat(),
         table=run.chain.table(),
     )
     result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending).to_json()

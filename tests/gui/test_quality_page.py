@@ -260,7 +260,7 @@ def test_overdue_instruments_and_failed_check_standards_are_shown(operator: Oper
     own.write_text(product + tomli_w.dumps({"check_standards": [standard]}), encoding="utf-8")
     instruments = [
         {"name": "Table", "kind": "table", "certificate": "T-1", "due": date(2020, 1, 1)},
-        {"name": "Thermometer"},
+        {"name": "Thermometer", "kind": "other"},
     ]
     site.station.write_text(tomli_w.dumps({**STATION, "bench": BENCH, "instruments": instruments}), encoding="utf-8")
     operator.window.app.set_station(site.station)

@@ -35,7 +35,7 @@ LABORATORY: dict[str, Any] = {
             "calibrated": date(2020, 3, 2),
             "due": date(2121, 3, 2),
         },
-        {"name": "Thermometer PT-7", "due": date(2021, 3, 2)},  # no calibration is refused because of it
+        {"name": "Thermometer PT-7", "kind": "other", "due": date(2021, 3, 2)},  # no calibration is refused because of it
     ],
 }
 #: Kinds of runs.

@@ -1,11 +1,14 @@
 """Values in a certificate are rounded to two significant digits of their uncertainty."""
 
 import math
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
 from calstation.physics import DEGREE_PER_HOUR
+from calstation.reports.content import performed
 from calstation.reports.numbers import interval, limit_text, rounded, short
+from calstation.results import SCHEMA, Result
 
 
 @pytest.mark.parametrize(
@@ -39,3 +42,14 @@ def test_limits_are_printed_as_they_were_entered_unless_that_contradicts_the_dec
     assert short(648000.4) == "648000"
     assert short(1e-6) == "1 × 10⁻⁶"
     assert short(math.inf) == "–"
+
+
+@pytest.mark.parametrize(("ended", "hours"), [("2026-11-01T08:20:00+00:00", 1 / 3), (None, 2.0)])
+def test_calibration_ends_at_the_time_of_the_computer_or_else_after_its_device_time(
+    ended: str | None, hours: float
+) -> None:
+    run = {"started_utc": "2026-11-01T08:00:00+00:00", "ended_utc": ended, "duration_s": 7200.0}
+    rest = {"stages": [], "outcome": "passed", "parameters": {}, "log": {"file": "log.h5"}}
+    begin = datetime(2026, 11, 1, 8, tzinfo=UTC)
+    result = Result.from_json({"schema": SCHEMA, "unit": {"serial": "SN-1"}, **rest, **run})
+    assert performed(result) == (begin, begin + timedelta(hours=hours))
