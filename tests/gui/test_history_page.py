@@ -309,12 +309,16 @@ def test_product_and_operator_are_visible_in_every_width(
     listed_runs(page, qtbot)
     table = page.findChild(QTableView, "history_table")
     headings = {heading: k for k, heading in enumerate(table_headings(page))}
-    product, operator, attempt, shown = (
-        headings[say(each)] for each in ("common.product", "common.operator", "history.attempt", "common.stages")
-    )
-    for width, wide in ((1024, False), (1280, False), (1366, False), (1920, True)):
+    product, operator, attempt, duration, shown = (
+        headings[say(each)]
+        for each in (
+            "common.product", "common.operator", "history.attempt", "history.duration", "common.stages"
+        )
+    )  # fmt: skip
+    for width, wide in ((900, False), (1280, True), (1366, True), (1920, True)):
         page.resize(width, 640)
         qtbot.waitUntil(lambda expected=wide: table.isColumnHidden(attempt) != expected, timeout=WAIT)
+        assert table.isColumnHidden(duration) or not table.isColumnHidden(attempt)
         assert not table.isColumnHidden(product)
         assert not table.isColumnHidden(operator)
         assert table.isColumnHidden(shown) or table.columnWidth(shown) >= 128

@@ -35,7 +35,11 @@ LABORATORY: dict[str, Any] = {
             "calibrated": date(2020, 3, 2),
             "due": date(2121, 3, 2),
         },
-        {"name": "Thermometer PT-7", "kind": "other", "due": date(2021, 3, 2)},  # no calibration is refused because of it
+        {
+            "name": "Thermometer PT-7",
+            "kind": "other",
+            "due": date(2021, 3, 2),
+        },  # refuses no run
     ],
 }
 #: Kinds of runs.

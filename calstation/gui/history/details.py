@@ -219,7 +219,7 @@ class RunDetails(QFrame):
     def _lay_out(self) -> None:
         content = QWidget()
         items = (self.reason_label, self.failed_label, self._figures, self._facts, self.resolves, None)
-        column(*items, on=content, spacing=2 * theme.GRID, margins=(0, 0, theme.GRID, 0))
+        column(*items, on=content, spacing=theme.GRID, margins=(0, 0, theme.GRID, 0))
         self.content_area = scroll_area(content)
         runs = (self.result_button, self.log_button, self.record_button, self.folder_button, self.batch_button)
         column(

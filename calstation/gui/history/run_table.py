@@ -45,8 +45,8 @@ _COLUMNS = (
     _Column("common.stages", "stages", lambda run: stages_text(run)),
 )
 _OUTCOME, _STARTED, _PRODUCT, _OPERATOR, _ATTEMPT, _DURATION, _STATION, _SLOT, _BATCH, _STAGES = 0, *range(2, 11)
-#: Columns that are hidden first if the table is narrow, to make space for the stages. The details also show them.
-_HIDDEN_FIRST = (_ATTEMPT, _DURATION)
+#: Columns that are hidden after the stages if the table is narrow. The details also show them.
+_HIDDEN_NEXT = (_DURATION, _ATTEMPT)
 #: Columns of numbers, which are right-aligned.
 _NUMBERS = (_ATTEMPT, _DURATION)
 #: Columns whose texts are elided if the table is still too wide, and their smallest width, px.
@@ -246,7 +246,7 @@ class RunTable(QTableView):
     def _share_width(self) -> None:
         """Fit the columns to their contents and the stages to the remaining width.
 
-        In a narrow table, attempt and duration are hidden, then the stages, and batch, operator and product are elided.
+        In a narrow table, the stages are hidden, then duration and attempt, and batch, operator and product are elided.
         The station is shown only if there are runs of several stations, and batch and slot if there are batches.
         """
         hidden = {_STATION} if len({run.station for run in self.runs if run.station}) < 2 else set()
@@ -256,16 +256,16 @@ class RunTable(QTableView):
             self.setColumnHidden(column, column in hidden)
         self.resizeColumnsToContents()
         for column in range(_STAGES):
-            self.setColumnWidth(column, self.columnWidth(column) + 2 * theme.GRID)
+            self.setColumnWidth(column, self.columnWidth(column) + theme.GRID)
         free = self.viewport().width() - sum(self.columnWidth(column) for column in range(_STAGES))
-        for column in _HIDDEN_FIRST:
-            if free >= 30 * theme.GRID:  # the stages fit
-                break
-            free += self.columnWidth(column)
-            self.setColumnHidden(column, True)
         minimum = 16 * theme.GRID
         self.setColumnHidden(_STAGES, free < minimum)
         self.setColumnWidth(_STAGES, max(free, minimum))
+        for column in _HIDDEN_NEXT:
+            if free >= 0:
+                break
+            free += self.columnWidth(column)
+            self.setColumnHidden(column, True)
         for column in _ELIDED:
             width = self.columnWidth(column)
             narrow = min(width, max(width + free, _MIN_WIDTH))
