@@ -148,7 +148,7 @@ class RunOrder:
     descending: bool = False
 
 
-def natural_key(value: object) -> object:
+def natural_key(value: str | float) -> str | float:
     """Return the key for sorting a value, in which the numbers within a text count as numbers."""
     return _DIGITS.sub(lambda digits: digits[0].zfill(20), value.casefold()) if isinstance(value, str) else value
 

@@ -186,3 +186,20 @@ def test_the_bench_suggests_no_other_unit_after_a_run_that_may_be_repeated(simul
     end_run(simulated_run, state)
     simulated_run.window.operator_page._await_next()
     assert bool(simulated_run.window.operator_page.header.serial) == (state == "passed")
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_no_fault_is_shown_after_a_silent_engine_responds_again(simulated_run: Operator, code: str) -> None:
+    window, run = simulated_run.window, simulated_run.run
+    window.app.set_language(code)
+    emit = window.app.engine_link.event.emit
+    emit(StateChanged("running", "preparing"))
+    emit(StageStarted("rate", 0, 1, 60.0))
+    emit(Fault("DeviceFaultError", "", 3, "run.engine_silent"))
+    assert (run.state, run.stages[0].state) == ("fault", "fault")
+    emit(StageProgress("rate", 0.5, 30.0, {}))
+    assert (run.state, run.fault, run.stages[0].state) == ("running", None, "active")
+    assert run.stages[0].fraction == 0.5
+    emit(Fault("TableFaultError", "", 3, "run.engine_ended", {"exit_code": -9, "station_options": ""}))
+    emit(StageProgress("rate", 0.6, 20.0, {}))
+    assert run.state == "fault", "another fault stays until it is acknowledged"

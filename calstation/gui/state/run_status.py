@@ -42,6 +42,9 @@ _STATUS_EVENTS = (
     *(Message, Settled, Fault, Finalized),
 )
 
+#: Code of the fault of an engine that does not respond, after which it may respond again.
+_SILENT = "run.engine_silent"
+
 #: Message about one unit that is displayed for all units.
 _UNIT_LEFT = "unit_left"
 
@@ -80,6 +83,8 @@ class RunStatus(QObject):
         self.stage_ending = ""
         #: Fault of the last run until `acknowledge` is called.
         self.fault: Fault | None = None
+        #: State before the fault, in which the run continues if its engine responds again.
+        self._before_fault = ""
         #: Host time at the start of the first stage, s, and completed device time at that time, s.
         self._started_at = self._done_before = 0.0
         #: Host time of all completed pauses, s, and host time at the start of the current pause, s, or 0.
@@ -324,6 +329,11 @@ class RunStatus(QObject):
         return units
 
     def _handle_event(self, event: Event) -> None:
+        if self.fault is not None and self.fault.code == _SILENT and not isinstance(event, Fault):
+            self.fault, self.state = None, self._before_fault  # the engine responds again
+            for unit in self.units:
+                unit.recover()
+            self._changed_timer.start()
         if not isinstance(event, _STATUS_EVENTS):
             return
         if isinstance(event, StageStarted) and not self._started_at:
@@ -343,7 +353,7 @@ class RunStatus(QObject):
             case Settled():
                 self.state = "idle"
             case Fault() if not event.slot:
-                self.fault, self.state = event, "fault"
+                self._before_fault, self.fault, self.state = self.state, event, "fault"
             case Finalized() if self.finalized and self.fault is None:
                 self.state = self._verdict
         self._changed_timer.start()

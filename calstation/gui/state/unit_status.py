@@ -150,6 +150,14 @@ class UnitStatus:
         """Whether the unit keeps its registers."""
         return self._row(TRANSFER).state == "kept"
 
+    def recover(self) -> None:
+        """Continue after a fault of an engine that responds again."""
+        if self.fault is not None and not self.fault.slot:
+            self.fault = None
+        for stage in self.stages:
+            if stage.state == "fault":
+                stage.state = "active"
+
     def handle_event(self, event: Event) -> None:
         """Process an event of this unit or of the whole run."""
         match event:
