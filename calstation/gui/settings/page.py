@@ -195,12 +195,16 @@ class StationPage(Page):
         """
         if self.drafts.invalid or self._why_not_save() or self._missing_reason():
             return False
-        if not overdue and (names := self._overdue()):
+        if not overdue and (instruments := self._overdue()):
+
+            def save_overdue() -> None:
+                self.save(overdue=True)
+
             choices = (
                 Choice("stay_button", "settings.stay_here", lambda: None, primary=True),
-                Choice("save_overdue_button", "settings.save_overdue", lambda: self.save(overdue=True)),
+                Choice("save_overdue_button", "settings.save_overdue", save_overdue),
             )
-            text = Text.of("settings.about_overdue", names=names)
+            text = Text.of("settings.about_overdue", names=instruments)
             self.notice.ask("caution", "settings.overdue", text, choices)
             return False
         self.notice.dismiss()
