@@ -7,7 +7,6 @@ from functools import partial
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, cast
 
 from PySide6.QtCore import QByteArray, QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt, QTimer, Signal
@@ -32,12 +31,6 @@ _ICON = QSize(24, 24)
 
 #: Default and minimum size of the window, and maximum size of its frame, logical px.
 _DEFAULT, _MINIMUM, _FRAME = QSize(1366, 768), QSize(900, 400), QSize(16, 48)
-
-
-def _import_pages() -> None:
-    """Import the packages of the pages in a thread, so that the window responds meanwhile."""
-    for package in ("logs", "history", "quality", "settings", "help"):
-        import_module(f"calstation.gui.{package}")
 
 
 def _lazy_page(package: str, page: str) -> Callable[[AppContext], Page]:
@@ -194,7 +187,6 @@ class MainWindow(QMainWindow):
     def _after_first_paint(self) -> None:
         self.create_engineer_page()
         self._join_windows()
-        Thread(target=_import_pages, daemon=True).start()
         QTimer.singleShot(_PREPARATION_DELAY_MS, self, self._prepare_next)
 
     def _prepare_next(self) -> None:
