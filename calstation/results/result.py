@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, JsonValue, PlainSerializer
@@ -18,9 +18,12 @@ from calstation.estimation.temperature import TemperatureFit
 from calstation.judgement import Check, Conformity, End, StandardComparison, verdict_of
 from calstation.messages import known, os_reason, values_from_json
 from calstation.parsing import read_json
-from calstation.physics import EFFECT_STATES, NAMES, PARAMETERS, EffectName
-from calstation.records import FileSection, OnlineDifference, Verdict, write_atomic
+from calstation.physics import EFFECT_STATES, NAMES, PARAMETERS, EffectName, FloatArray, parameter_vector
+from calstation.records import FileSection, OnlineDifference, Verdict, covariance_from, write_atomic
 from calstation.schema import Number, ResultSection
+
+if TYPE_CHECKING:
+    import pandas
 
 SCHEMA = "calstation.result/1"
 
@@ -338,6 +341,33 @@ class Result(ResultSection):
     def serial(self) -> str:
         """Serial number of the unit."""
         return self.unit.serial
+
+    @property
+    def vector(self) -> FloatArray:
+        """The 30 parameters, SI, shape (30,); 0 for those that the result does not contain."""
+        return parameter_vector({name: row.value for name, row in self.parameters.items()})
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the 30 parameters, SI, shape (30, 30); NaN for those that the result does not contain."""
+        sigmas = [self.parameters[name].sigma if name in self.parameters else math.nan for name in NAMES]
+        covariance = covariance_from(np.array(sigmas), self.correlation)
+        unknown = np.isnan(sigmas)
+        covariance[unknown, :] = covariance[:, unknown] = math.nan
+        return covariance
+
+    def to_frame(self) -> "pandas.DataFrame":
+        """Return the parameters as a pandas table: value, sigma, unit and stage, by name.
+
+        Raises ConfigurationError if pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError as exc:
+            raise ConfigurationError("api.no_package", function="to_frame", package="pandas") from exc
+        rows = {name: row.model_dump() for name, row in self.parameters.items()}
+        columns = ["value", "sigma", "unit", "stage"]
+        return pandas.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("parameter")
 
     @property
     def verdict(self) -> Verdict:

@@ -7,5 +7,6 @@ from calstation.simulation.bench_recordings import GradeName, Kind, make_recordi
 from calstation.simulation.bench_settings import bench_config
 from calstation.simulation.hooks import BenchHooks
 from calstation.simulation.method_study import run_method_study
+from calstation.simulation.simulated_log import simulate_log
 from calstation.simulation.soak_series import Soak, soak
 from calstation.simulation.study import SEEDS, run_study

@@ -140,7 +140,7 @@ UNUSED = {
     "resolve": {
         *("PySide6", "sqlalchemy", "pymodbus", "asyncio", "typst", "lxml", "allantools", "scipy.stats"),
         *("calstation.gui", "calstation.simulation", "calstation.bench", "calstation.connection", "calstation.runs"),
-        *("calstation.database", "calstation.reports", "calstation.design", "calstation.fleet", "calstation.quality"),
+        *("calstation.database", "calstation.reports", "calstation.designer", "calstation.fleet", "calstation.quality"),
     },
 }
 

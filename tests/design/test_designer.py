@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calstation.config import check, library, load_product, read_text
-from calstation.design import DesignRequest, design_schedule, designed_product, shorten_stages, shorter_product
+from calstation.designer import DesignRequest, design_schedule, designed_product, shorten_stages, shorter_product
 from calstation.errors import ConfigurationError
 from calstation.physics import NAMES
 from calstation.runs import execute

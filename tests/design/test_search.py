@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calstation.config import RunRequest, library, load_configuration
-from calstation.design.search import (
+from calstation.designer.search import (
     Beam,
     Exchange,
     Front,
@@ -19,7 +19,7 @@ from calstation.design.search import (
     shortest_walk,
     states,
 )
-from calstation.design.segments import Conditions, SegmentLibrary
+from calstation.designer.segments import Conditions, SegmentLibrary
 from calstation.estimation.effects import drifts_before_end
 from calstation.physics import NAMES
 from calstation.records import context_from_meta, prior_from_meta

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calstation.config import RunRequest, library, load_configuration, read_text
-from calstation.design import DesignRequest, design_schedule, designed_product
+from calstation.designer import DesignRequest, design_schedule, designed_product
 from calstation.errors import ConfigurationError
 from tests.design.test_designer import changed, ignore
 from tests.helpers import raises_code

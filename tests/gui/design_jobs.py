@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from calstation.design import Design, DesignRequest, Variation
+from calstation.designer import Design, DesignRequest, Variation
 from calstation.errors import ConfigurationError
 from calstation.estimation.effects import EffectLimit
 from calstation.jobs import ProgressCallback

@@ -74,7 +74,7 @@ def designer(window: Any, qtbot: Any, site_folder: SiteFolder, monkeypatch: pyte
 
 def use(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     """Use a search of `design_jobs`."""
-    monkeypatch.setattr("calstation.design.design_schedule", getattr(design_jobs, name))
+    monkeypatch.setattr("calstation.designer.design_schedule", getattr(design_jobs, name))
 
 
 def test_design_is_shown_with_path_parameters_and_robustness(designer: Designer) -> None:

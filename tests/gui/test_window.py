@@ -224,7 +224,7 @@ def test_window_starts_without_importing_the_solvers() -> None:
         "window = create_window(); window.show(); QApplication.processEvents()\n"
         "window.create_engineer_page()\n"
         "late = {'scipy.stats', 'filterpy', 'psycopg', 'alembic', 'keyring', 'fsspec', 'distributed', 'pyarrow'}\n"
-        "print([n for n in sys.modules if n in late or n.startswith('calstation.design.')])\n"
+        "print([n for n in sys.modules if n in late or n.startswith('calstation.designer.')])\n"
         "from calstation.physics.rotation import rotation_matrix; print(rotation_matrix.signatures)\n"
         "window.app.close()\n"
     )

@@ -14,7 +14,7 @@ from calstation.cli.options import JsonOption, ProductOption, StationOption, com
 from calstation.cli.show import emit, job_progress
 from calstation.cli.text import say
 from calstation.config import DEFAULT_PRODUCT, library, read_text
-from calstation.design import (
+from calstation.designer import (
     Design,
     DesignRequest,
     ShorterStages,

@@ -1,4 +1,4 @@
-"""`export`: converts a raw log to a CSV file."""
+"""`export`: converts a raw log to a CSV file, or a calibration to the format of another program."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,6 +8,7 @@ import typer
 from calstation.cli.options import command_group
 from calstation.cli.show import plain_console, show_line
 from calstation.cli.text import say
+from calstation.errors import ConfigurationError
 from calstation.records import export_csv
 
 app = command_group()
@@ -15,10 +16,36 @@ app = command_group()
 
 @app.command()
 def export(
-    log: Annotated[Path, typer.Argument(metavar="LOG")],
+    source: Annotated[Path, typer.Argument(metavar="RESULT.json|LOG")],
     out: Annotated[Path, typer.Option("-o", "--out")],
+    to: Annotated[str | None, typer.Option("--to", metavar="FORMAT")] = None,
+    log: Annotated[Path | None, typer.Option("--log", metavar="LOG")] = None,
+    allow_loss: Annotated[bool, typer.Option("--allow-loss")] = False,
 ) -> None:
-    """Write a raw log as a CSV file and a TOML file."""
-    facts = export_csv(log, out)
+    """Write a raw log as a CSV file and a TOML file, or a result in the format of another program with its check."""
+    if to is not None:
+        _export_calibration(source, to, out, log, allow_loss)
+        return
+    if source.suffix == ".json" or log is not None or allow_loss:
+        raise ConfigurationError("export.no_format", file=source)
+    facts = export_csv(source, out)
     code = "cli.exported_damaged" if facts.damaged else "cli.exported"
     show_line(plain_console(stderr=True), say(code, file=out, samples=facts.samples, damaged=facts.damaged))
+
+
+def _export_calibration(source: Path, to: str, out: Path, log: Path | None, allow_loss: bool) -> None:
+    from calstation.exports import ExportSource, export_calibration
+    from calstation.records import open_log
+    from calstation.results import load_result, resolve, stored_result
+
+    is_result = source.suffix == ".json"
+    result = load_result(source) if is_result else stored_result(open_log(source)) or resolve(source).result
+    recording = log if log is not None or is_result else source
+    stored = None if recording is None else open_log(recording)
+    check = export_calibration(ExportSource.of(result, stored, source), to, out, allow_loss=allow_loss)
+    console = plain_console(stderr=True)
+    differences = {"gyro": check.gyro, "accel": check.accel}
+    sigmas = {"gyro_sigmas": check.gyro_sigmas, "accel_sigmas": check.accel_sigmas}
+    show_line(console, say("cli.calibration_exported", file=out, samples=check.samples, **differences, **sigmas))
+    if check.not_expressed:
+        show_line(console, say("cli.not_expressed", format=to, names=list(check.not_expressed)))

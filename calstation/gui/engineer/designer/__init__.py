@@ -1,3 +1,3 @@
-"""The view of the schedule designer on the engineer page; `calstation.design` contains the search."""
+"""The view of the schedule designer on the engineer page; `calstation.designer` contains the search."""
 
 from calstation.gui.engineer.designer.view import DesignView

@@ -25,7 +25,7 @@ from calstation.gui.widgets import (
 )
 
 if TYPE_CHECKING:
-    from calstation.design import DesignRequest
+    from calstation.designer import DesignRequest
 
 #: Goals of a search.
 SHORTEST, GIVEN_TIME, AS_PRESENT = "shortest", "given_time", "as_present"
@@ -101,7 +101,7 @@ class DesignForm(QFrame):
 
     def request(self, station: Path | None, product: Path, stop: Path) -> "DesignRequest":
         """Return the request of a search; it ends when the file `stop` is created."""
-        from calstation.design import DesignRequest  # a global import would delay the first paint
+        from calstation.designer import DesignRequest  # a global import would delay the first paint
 
         goal, values = self.goal, self._source.values
         return DesignRequest(

@@ -9,7 +9,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QSlider, QWidget
 
-from calstation.design import Design
+from calstation.designer import Design
 from calstation.gui.engineer.preview import MotionPlot
 from calstation.gui.text import bind, say
 from calstation.gui.widgets import (

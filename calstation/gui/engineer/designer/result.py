@@ -11,7 +11,7 @@ from PySide6.QtGui import QColor, QGuiApplication, QPainter
 from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
 from calstation.config import ScheduleOptions
-from calstation.design import STAGE, Design
+from calstation.designer import STAGE, Design
 from calstation.gui.engineer.designer.plots import DesignPath, FrontPlot, PathPlot, SphereView
 from calstation.gui.text import duration_text, on_language_change, parameter_text, product_text, say, term
 from calstation.gui.widgets import (

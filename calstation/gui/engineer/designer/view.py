@@ -33,10 +33,10 @@ from calstation.messages import Text
 from calstation.results import compute_preview
 
 if TYPE_CHECKING:
-    from calstation.design import Design
+    from calstation.designer import Design
     from calstation.gui.engineer.designer.result import DesignResult
 
-# `calstation.design` is imported where it is used, because it delays the first paint by 0.1 s.
+# `calstation.designer` is imported where it is used, because it delays the first paint by 0.1 s.
 
 
 class DesignView(QWidget):

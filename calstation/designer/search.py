@@ -12,7 +12,7 @@ from itertools import cycle, pairwise
 
 import numpy as np
 
-from calstation.design.segments import REST_UNIT, Position, SegmentLibrary
+from calstation.designer.segments import REST_UNIT, Position, SegmentLibrary
 from calstation.estimation.effects import MAX_EXCESS
 from calstation.estimation.navigation import precision
 from calstation.physics import COUNT, FloatArray

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from calstation.config import RunRequest, check_manual_rig, edit_toml, load_configuration, schedule_fields
-from calstation.design.design import SERIAL, DesignRequest, Reached, gravity_rest, speeds, stages_duration
+from calstation.designer.design import SERIAL, DesignRequest, Reached, gravity_rest, speeds, stages_duration
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, FloatArray

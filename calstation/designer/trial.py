@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import BaseModel
 
-from calstation.design.design import STAGE, Variation
+from calstation.designer.design import STAGE, Variation
 from calstation.estimation import Solution
 from calstation.estimation.common import PlannedSamples, SampleBlock, SolveContext, stage_data
 from calstation.estimation.effects import MAX_EXCESS, EffectLimit, EffectTests, known_effects, plausible_changes

@@ -9,7 +9,7 @@ from typing import Never
 import numpy as np
 
 from calstation.config import DetectionSection, RunRequest, check_manual_rig, load_configuration
-from calstation.design.design import (
+from calstation.designer.design import (
     SERIAL,
     STAGE,
     Design,
@@ -19,9 +19,9 @@ from calstation.design.design import (
     speeds,
     stages_duration,
 )
-from calstation.design.search import Beam, Exchange, Front, Problem, Stop, Stops, durations, shortest_walk, states
-from calstation.design.segments import LATTICE_DEG, REST_UNIT, Conditions, Position, SegmentLibrary
-from calstation.design.trial import NOISE_FACTOR, Moves, Trial
+from calstation.designer.search import Beam, Exchange, Front, Problem, Stop, Stops, durations, shortest_walk, states
+from calstation.designer.segments import LATTICE_DEG, REST_UNIT, Conditions, Position, SegmentLibrary
+from calstation.designer.trial import NOISE_FACTOR, Moves, Trial
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import without_gravity
 from calstation.estimation.effects import drifts_before_end

@@ -1,8 +1,0 @@
-"""Search for the shortest schedule of the method `designed`, and analysis of the effects that it detects.
-
-It computes the sigmas with the plan and the filter of a run, and does not drive a table.
-"""
-
-from calstation.design.design import STAGE, Design, DesignRequest, Variation, designed_product, save_design
-from calstation.design.designer import design_schedule
-from calstation.design.stages import ShorterStages, shorten_stages, shorter_product

@@ -1,0 +1,8 @@
+"""Search for the shortest schedule of the method `designed`, and analysis of the effects that it detects.
+
+It computes the sigmas with the plan and the filter of a run, and does not drive a table.
+"""
+
+from calstation.designer.design import STAGE, Design, DesignRequest, Variation, designed_product, save_design
+from calstation.designer.designer import design_schedule
+from calstation.designer.stages import ShorterStages, shorten_stages, shorter_product

@@ -1,0 +1,102 @@
+"""Comparison of an export, evaluated by the reading program's formula, with the samples that we correct."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from calstation.errors import CalstationError
+from calstation.exports.source import ExportFormat, ExportSource, Files
+from calstation.physics import PARAMETERS, FloatArray, compensate, compensation
+from calstation.records import context_from_meta
+
+#: Largest difference of an export from the same parameters in our correction, as a fraction of the largest sample.
+TOLERANCE = 1e-9
+#: Samples that turn and accelerate every axis alone and together, so that no wrong element remains hidden in a
+#: recording at rest: angular rates, rad/s, and specific forces, m/s².
+_DIRECTIONS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 2, 3], [2, -3, 1], [3, 1, -2]], dtype=np.float64)
+_PROBES = np.hstack([_DIRECTIONS, 10.0 * np.roll(_DIRECTIONS, 1, axis=0)])
+#: Samples that do not hide an error of the bias either.
+_SMALL_PROBES = 1e-6 * _PROBES
+
+
+@dataclass(frozen=True)
+class ExportCheck:
+    """Result of the check of an export."""
+
+    format: str
+    samples: int  #: Number of compared samples.
+    gyro: float  #: Largest difference of the angular rate from our corrected data, rad/s.
+    accel: float  #: Largest difference of the specific force, m/s².
+    gyro_sigmas: float  #: `gyro` in standard deviations of the noise of a sample.
+    accel_sigmas: float  #: `accel` in standard deviations of the noise of a sample.
+    not_expressed: Mapping[str, float]  #: Parameters that the format cannot express, SI.
+    exceeding: tuple[str, ...]  #: Those of them that exceed the product's limits.
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of the check's file."""
+        return {
+            "format": self.format,
+            "samples": self.samples,
+            "largest": {"gyro": self.gyro, "accel": self.accel},
+            "largest_sigmas": {"gyro": self.gyro_sigmas, "accel": self.accel_sigmas},
+            "not_expressed": list(self.not_expressed),
+            "values": dict(self.not_expressed),
+            "exceeding": list(self.exceeding),
+        }
+
+
+def check_export(name: str, export_format: ExportFormat, files: Files, source: ExportSource) -> ExportCheck:
+    """Evaluate the files of an export on the samples of the recording, and compare the results with our own.
+
+    Raises CalstationError if they differ by more than the parameters that the format cannot express.
+
+    Parameters
+    ----------
+    name : name of the format
+    export_format : the format
+    files : content of the export
+    source : the exported calibration
+    """
+    left = source.not_expressed(export_format.groups)
+    expressed = source.parameters.copy()
+    expressed[[i for i, parameter in enumerate(PARAMETERS) if parameter.name in left]] = 0.0
+    theirs = export_format.read(files)
+    ours, same = compensation(source.parameters), compensation(expressed)
+    largest, samples = np.zeros(2), 0
+    for raw, recorded in _samples(source):
+        gyro, accel = raw[:, :3], raw[:, 3:]
+        corrected = theirs(gyro, accel)
+        _compare(name, corrected, compensate(same, gyro, accel))
+        if recorded:
+            samples += len(raw)
+            largest = np.maximum(largest, _differences(corrected, compensate(ours, gyro, accel)))
+    sigmas = largest / [source.gyro_noise.sample, source.accel_noise.sample]
+    exceeding = [parameter for parameter, value in left.items() if abs(value) > source.limits.get(parameter, np.inf)]
+    return ExportCheck(name, samples, *map(float, largest), *map(float, sigmas), left, tuple(exceeding))
+
+
+def _samples(source: ExportSource) -> Iterator[tuple[FloatArray, bool]]:
+    """Yield samples, rad/s and m/s², shape (n, 6), and whether they are valid samples of the recording."""
+    yield _PROBES, False
+    yield _SMALL_PROBES, False
+    size = context_from_meta(source.log.meta).imu.count_size
+    for block in source.log.blocks():
+        yield block.counts[block.valid] * size, True
+
+
+def _differences(theirs: tuple[FloatArray, FloatArray], ours: tuple[FloatArray, FloatArray]) -> FloatArray:
+    """Return the largest difference of rates and forces, shape (2,); samples without values do not count."""
+    largest = []
+    for their, our in zip(theirs, ours, strict=True):
+        difference = np.where(np.isnan(our), 0.0, np.abs(their - our))
+        largest.append(np.nan_to_num(difference, nan=np.inf).max(initial=0.0))
+    return np.array(largest)
+
+
+def _compare(name: str, theirs: tuple[FloatArray, FloatArray], ours: tuple[FloatArray, FloatArray]) -> None:
+    scale = [np.nan_to_num(np.abs(values)).max(initial=0.0) for values in ours]
+    for sensor, difference, full in zip(("gyro", "accel"), _differences(theirs, ours), scale, strict=True):
+        if not difference <= TOLERANCE * full:
+            raise CalstationError("export.contradicts", format=name, sensor=sensor, difference=float(difference))

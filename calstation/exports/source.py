@@ -1,0 +1,135 @@
+"""What is exported: the parameters of a unit, the noise of its samples, and the recording for the check."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calstation.errors import InputError
+from calstation.physics import NAMES, PARAMETERS, FloatArray, entry_of
+from calstation.records import ImuSection, Limit, Log, open_log, prior_from_meta
+from calstation.results import Result, find_log
+
+#: Time, s, at which a random walk of the bias has the Allan deviation of the bias instability, K √(T/3) = B; programs
+#: that model no flicker noise ask for K (IEEE Std 952-2020, annex C).
+BIAS_TIME = 1000.0
+#: The lever arm of the mounting on the table is no property of the unit.
+_NOT_OF_UNIT = "outer_lever"
+
+#: Files by the ending that is added to the name of the export; "" is the export itself.
+Files = Mapping[str, bytes]
+#: Corrects angular rate, rad/s, and specific force, m/s², shape (n, 3) each.
+Corrector = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of one sensor of a unit, in rad/s for gyros and m/s² for accelerometers."""
+
+    density: float  #: Random walk of the integral, unit/√Hz.
+    instability: float  #: Bias instability; 0 if it is unknown.
+    sample_rate: float  #: Hz.
+
+    @property
+    def sample(self) -> float:
+        """Standard deviation of a sample."""
+        return float(self.density * np.sqrt(self.sample_rate))
+
+    @property
+    def random_walk(self) -> float:
+        """Random walk of the bias, unit·√Hz; see `BIAS_TIME`."""
+        return float(self.instability * np.sqrt(3.0 / BIAS_TIME))
+
+
+@dataclass(frozen=True)
+class ExportFormat:
+    """A format: what it can express, and how its files are written and evaluated."""
+
+    groups: frozenset[str]  #: Parameter groups that the format can express.
+    write: "Callable[[ExportSource], Files]"
+    #: Returns the reading program's own correction with the content of the files.
+    read: Callable[[Files], Corrector]
+
+
+@dataclass(frozen=True)
+class ExportSource:
+    """A calibration to be exported."""
+
+    serial: str
+    parameters: FloatArray  #: SI, shape (30,).
+    further: Mapping[str, float]  #: Parameters outside the 30, which no correction uses.
+    limits: Mapping[str, float]  #: Largest error of a parameter that the product permits, SI, by name.
+    imu: ImuSection
+    log: Log  #: Recording for the check.
+
+    @classmethod
+    def of(cls, result: Result, log: Log | None = None, file: Path | None = None) -> "ExportSource":
+        """Return the source for a result; a parameter without estimate keeps the value of the result's log.
+
+        Raises InputError if there is no recording for the check.
+
+        Parameters
+        ----------
+        result : result to export
+        log : recording for the check; None for the result's own log
+        file : file of the result, next to which its log is searched
+        """
+        own_path = find_log(result, file or Path(result.log.file))
+        own = open_log(own_path) if own_path is not None and (log is None or log.path != own_path) else log
+        recording = log or own
+        if recording is None or own is None:
+            raise InputError("export.no_log", serial=result.serial, file=result.log.file)
+        values = prior_from_meta(own.meta).mean.copy() if own.meta.imu.serial == result.serial else np.zeros(len(NAMES))
+        for i, name in enumerate(NAMES):
+            if name in result.parameters:
+                values[i] = result.parameters[name].value
+        product = own.meta.product or recording.meta.product
+        further = {name: row.value for name, row in result.parameters.items() if name not in NAMES}
+        limits = {} if product is None else _largest_errors(result, product.limits)
+        return cls(result.serial, values, further, limits, own.meta.imu, recording)
+
+    @property
+    def gyro_noise(self) -> Noise:
+        """Noise of the gyros."""
+        return Noise(self.imu.gyro_arw, self.imu.gyro_bias_instability, self.imu.sample_rate_hz)
+
+    @property
+    def accel_noise(self) -> Noise:
+        """Noise of the accelerometers."""
+        return Noise(self.imu.accel_vrw, self.imu.accel_bias_instability, self.imu.sample_rate_hz)
+
+    def vector(self, group: str) -> list[float]:
+        """Return the values of a group of three parameters, SI."""
+        return [float(self.parameters[i]) for i, p in enumerate(PARAMETERS) if p.group == group]
+
+    def matrix(self, sensor: str) -> FloatArray:
+        """Return I + M of a sensor, with which its output is measured = (I + M) true + bias, shape (3, 3)."""
+        matrix = np.eye(3)
+        for value, parameter in zip(self.parameters, PARAMETERS, strict=True):
+            if parameter.group in (f"{sensor}_scale", f"{sensor}_misalign"):
+                matrix[parameter.row, parameter.column] += value
+        return matrix
+
+    def not_expressed(self, groups: frozenset[str]) -> dict[str, float]:
+        """Return the parameters other than 0 outside the groups that a format can express, SI, by name."""
+        left = {
+            p.name: float(value)
+            for value, p in zip(self.parameters, PARAMETERS, strict=True)
+            if p.group not in groups and p.group != _NOT_OF_UNIT and value != 0.0
+        }
+        return left | {name: value for name, value in self.further.items() if value != 0.0}
+
+
+def _largest_errors(result: Result, limits: Mapping[str, Limit]) -> dict[str, float]:
+    """Return the largest error permitted after calibration: the limit of sigma, or else that of the value."""
+    errors = {}
+    for name in (*NAMES, *result.parameters):
+        limit = entry_of(limits, name)
+        if limit is None:
+            continue
+        stage = result.parameters[name].stage if name in result.parameters else ""
+        sigma, interval = limit.sigma_limit(stage), limit.interval
+        if sigma is not None or interval is not None:
+            errors[name] = sigma if sigma is not None else max(map(abs, interval or ()))
+    return errors
