@@ -13,9 +13,9 @@ from typing import cast, get_args
 
 import numpy as np
 
-from calstation.config import RunRequest, library, with_product
+from calstation.config import DEFAULT_PRODUCT, RunRequest, library, read_text, with_product
 from calstation.database import start_exchange
-from calstation.designer import Design, DesignRequest, design_schedule
+from calstation.designer import Design, DesignRequest, design_schedule, designed_product
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.estimation.common import SampleBlock, join_blocks
 from calstation.exports import ExportCheck, ExportSource, export_calibration
@@ -319,6 +319,7 @@ def design(
     progress: ProgressCallback | None = None,
     *,
     time_limit: float | None = None,
+    out: str | Path | None = None,
 ) -> Design:
     """Find the shortest schedule that reaches a product's limits, as ``calstation design`` does.
 
@@ -329,15 +330,19 @@ def design(
     margin : fraction of its limit that no sigma may exceed
     progress : function that is called with the progress of the search
     time_limit : longest duration of the search, s; None for the usual effort
+    out : product file to write, with the new schedule; None for no file
 
     Returns
     -------
     Design
         The moves, their duration and the sigmas at their end
     """
-    stored = library.locate("stations", Path(station))
-    request = DesignRequest(stored, _product(product), margin, time_limit=time_limit)
-    return design_schedule(progress or _ignore, request)
+    stored, chosen = library.locate("stations", Path(station)), _product(product)
+    found = design_schedule(progress or _ignore, DesignRequest(stored, chosen, margin, time_limit=time_limit))
+    if out is not None:
+        present = read_text(chosen or library.find("products", DEFAULT_PRODUCT))
+        Path(out).write_text(designed_product(present, found), encoding="utf-8")
+    return found
 
 
 def simulate(

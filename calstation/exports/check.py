@@ -66,15 +66,16 @@ def check_export(name: str, export_format: ExportFormat, files: Files, source: E
     ours, same = compensation(source.parameters), compensation(expressed)
     largest, samples = np.zeros(2), 0
     for raw, recorded in _samples(source):
-        gyro, accel = raw[:, :3], raw[:, 3:]
-        corrected = theirs(gyro, accel)
-        _compare(name, corrected, compensate(same, gyro, accel))
+        measured = raw[:, :3], raw[:, 3:]
+        corrected = theirs(*measured)
+        _compare(name, corrected, compensate(same, *measured))
         if recorded:
             samples += len(raw)
-            largest = np.maximum(largest, _differences(corrected, compensate(ours, gyro, accel)))
+            largest = np.maximum(largest, _differences(corrected, compensate(ours, *measured)))
     sigmas = largest / [source.gyro_noise.sample, source.accel_noise.sample]
     exceeding = [parameter for parameter, value in left.items() if abs(value) > source.limits.get(parameter, np.inf)]
-    return ExportCheck(name, samples, *map(float, largest), *map(float, sigmas), left, tuple(exceeding))
+    gyro, accel, gyro_sigmas, accel_sigmas = map(float, (*largest, *sigmas))
+    return ExportCheck(name, samples, gyro, accel, gyro_sigmas, accel_sigmas, left, tuple(exceeding))
 
 
 def _samples(source: ExportSource) -> Iterator[tuple[FloatArray, bool]]:

@@ -10,6 +10,7 @@ The standard deviation of its noise is NoiseDensity √bandwidth, where the band
 
 import io
 import json
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,8 @@ _PERCENT = 100.0
 def _write(source: ExportSource) -> Files:
     from scipy.io import savemat
 
-    sensors, matrices = {}, {}
+    sensors: dict[str, dict[str, Any]] = {}
+    matrices: dict[str, Any] = {}
     for name, noise in (("gyro", source.gyro_noise), ("accel", source.accel_noise)):
         bias = np.array(source.vector(f"{name}_bias"))
         sensors[_SENSORS[name]] = {
@@ -38,7 +40,7 @@ def _write(source: ExportSource) -> Files:
         }
         inverse = np.linalg.inv(source.matrix(name)).T
         matrices |= {f"{name}_A": inverse, f"{name}_b": -bias[None, :] @ inverse}
-    mat = io.BytesIO()
+    mat: Any = io.BytesIO()  # the types of SciPy know no binary streams
     savemat(mat, {"serial": source.serial, "sample_rate": source.imu.sample_rate_hz, **matrices})
     return {"": json.dumps({source.serial: sensors}, indent=1).encode() + b"\n", _MAT: mat.getvalue()}
 
@@ -47,7 +49,8 @@ def _read(files: Files) -> Corrector:
     from scipy.io import loadmat
 
     (sensors,) = json.loads(files[""]).values()
-    matrices = loadmat(io.BytesIO(files[_MAT]))
+    mat: Any = io.BytesIO(files[_MAT])
+    matrices = loadmat(mat)
 
     def corrected(name: str, measured: FloatArray) -> FloatArray:
         """Invert the simulation; the result is NaN if the matrices of the ``.mat`` file give another one."""
