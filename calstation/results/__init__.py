@@ -37,6 +37,7 @@ from calstation.results.resolving import (
     resolve,
     resolve_log,
     resolve_with_state,
+    result_of,
     stored_result,
     warm_up,
     with_states,

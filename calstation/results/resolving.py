@@ -238,6 +238,16 @@ def _check_complete(log: Log, solved: list[str]) -> None:
             raise InsufficientDataError("solution.in_log", file=log.path, what=what)
 
 
+def result_of(path: Path) -> Result:
+    """Read a result file, or the stored result of a log, which is solved if it has none.
+
+    Raises InputError or ConfigurationError if the file cannot be used.
+    """
+    if path.suffix == ".json":
+        return load_run_result(path)
+    return stored_result(open_log(path)) or resolve(path).result
+
+
 @dataclass(frozen=True)
 class FinishedRun:
     """A result and the values with which it is compared."""
@@ -260,14 +270,9 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
 
     Raises InputError or ConfigurationError if the file cannot be used.
     """
-    if path.suffix == ".json":
-        result = load_run_result(path)
-        log = find_log(result, path)
-    else:
-        log = path
-        stored = stored_result(open_log(path))
-        report(0.1)
-        result = stored or resolve(path).result
+    report(0.1)
+    result = result_of(path)
+    log = find_log(result, path) if path.suffix == ".json" else path
     report(0.9)
     previous: Mapping[str, Parameter] = {}
     if runs.is_dir():

@@ -36,11 +36,10 @@ def export(
 def _export_calibration(source: Path, to: str, out: Path, log: Path | None, allow_loss: bool) -> None:
     from calstation.exports import ExportSource, export_calibration
     from calstation.records import open_log
-    from calstation.results import load_result, resolve, stored_result
+    from calstation.results import result_of
 
-    is_result = source.suffix == ".json"
-    result = load_result(source) if is_result else stored_result(open_log(source)) or resolve(source).result
-    recording = log if log is not None or is_result else source
+    result = result_of(source)
+    recording = log if log is not None or source.suffix == ".json" else source
     stored = None if recording is None else open_log(recording)
     check = export_calibration(ExportSource.of(result, stored, source), to, out, allow_loss=allow_loss)
     console = plain_console(stderr=True)

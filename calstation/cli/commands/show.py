@@ -1,0 +1,56 @@
+"""`show`: shows a result in the terminal, with bars of what it uses of its limits."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from calstation.cli.options import command_group
+from calstation.cli.show import new_table, plain_console, result_table, show_line
+from calstation.cli.text import say, term
+from calstation.judgement import Check
+from calstation.results import Result, result_of
+
+#: Length of a bar whose share of the limit is 1, characters.
+_BAR = 20
+
+app = command_group()
+
+
+@app.command()
+def show(result_file: Annotated[Path, typer.Argument(metavar="RESULT.json|LOG")]) -> None:
+    """Show parameters, checks and verdict of a result, and how much of its limits every parameter uses."""
+    result = result_of(result_file)
+    out = plain_console(file=sys.stdout)
+    result_table(out, result)
+    _show_bars(out, result)
+    show_line(out, f"{result.serial}: {term('badge', result.badge)}")
+
+
+def _show_bars(out: Console, result: Result) -> None:
+    """Show value and sigma of every parameter with a limit as bars, as shares of the limit."""
+    checks = {(check.kind, check.subject): check for check in result.checks}
+    table = new_table(
+        say("cli.shares_title"), *("cli.column_parameter", "cli.column_value_share", "cli.column_sigma_share")
+    )
+    for name in result.parameters:
+        within, below = (checks.get((kind, name)) for kind in ("within", "sigma_below"))
+        if within is not None or below is not None:
+            table.add_row(name, _bar(within), _bar(below))
+    if table.row_count:
+        out.print(table)
+
+
+def _bar(check: Check | None) -> str:
+    """Return the share of the limit that a value uses as a bar, which ends with a number."""
+    if check is None:
+        return ""
+    if isinstance(check.limit, tuple):
+        low, high = check.limit
+        share = abs(2.0 * check.value - low - high) / (high - low)
+    else:
+        share = abs(check.value) / check.limit
+    length = round(_BAR * min(share, 1.0))
+    return f"{'█' * length}{'░' * (_BAR - length)} {share:>6.0%}"

@@ -1,0 +1,38 @@
+"""`show` displays a stored result with bars of the shares of the limits."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.cli.conftest import META, Done, six_position_rows, write_log
+
+Run = Callable[..., Done]
+LIMITS = '[product]\nname = "unit"\n[product.limits.accel_scale]\nwithin = [0.0, 1e-3]\nsigma_below = 1.0\n'
+
+
+def test_result_is_shown_with_shares_of_its_limits(calstation: Run, tmp_path: Path) -> None:
+    meta = META.replace("accel_lsb = 1e-6", "accel_lsb = 1.001e-6") + LIMITS
+    log = write_log(tmp_path, six_position_rows(), meta=meta)
+    result = tmp_path / "result.json"
+    calstation("resolve", log, "--json", result)
+    done = calstation("show", result)
+    assert done.code == 0
+    assert done.err == ""
+    (row,) = (line for line in done.out.splitlines() if "accel_scale_x" in line and "█" in line)
+    assert "█" * 20 in row
+    assert row.rstrip().endswith("░" * 20 + "     0%")
+    assert "SN-7:" in done.out.splitlines()[-1]
+    assert calstation("show", log).out == done.out
+
+
+def test_result_without_limits_has_no_bars(calstation: Run, tmp_path: Path) -> None:
+    log = write_log(tmp_path, six_position_rows())
+    done = calstation("show", log)
+    assert done.code == 0
+    assert "accel_scale_x" in done.out
+    assert "█" not in done.out
+
+
+def test_missing_result_is_one_sentence(calstation: Run, tmp_path: Path) -> None:
+    done = calstation("show", tmp_path / "absent.json")
+    assert done.code == 2
+    assert done.err.count("\n") == 1
