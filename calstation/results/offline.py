@@ -102,19 +102,23 @@ def export_result(report: ProgressCallback, result: Result, stored: Result | Non
 def export_runs(report: ProgressCallback, folder: Path, conditions: RunFilter, target: Path) -> Path:
     """Job: export the runs of a folder that meet all conditions, the latest first; a failure leaves no file.
 
-    A ``.csv`` file contains a row per run with its values and sigmas from the index, and their SI units in the heading;
-    any other file contains a list of the result JSONs, without the runs that have no result. Raises InputError if a
-    result cannot be read, or ConfigurationError if the file cannot be written.
+    A ``.csv`` or ``.parquet`` file contains a row per run with its values and sigmas from the index, and their SI units
+    in the heading; any other file contains a list of the result JSONs, without the runs that have no result. Raises
+    InputError if a result cannot be read, or ConfigurationError if the file cannot be written, or if pyarrow, which
+    writes Parquet, is not installed.
     """
     history = History(folder)
     runs = history.indexed(conditions)
-    rows = _run_rows(runs) if target.suffix == ".csv" else _run_results(history, runs)
+    table = target.suffix in (".csv", ".parquet")
+    rows = _run_rows(runs) if table else _run_results(history, runs)
     partial = partial_path(target)
     try:
         with partial.open("w", encoding="utf-8", newline="") as stream:
             for done, text in enumerate(rows):
                 stream.write(text)
                 report(min(done / (len(runs) + 1), 0.99))
+        if target.suffix == ".parquet":
+            _convert_to_parquet(partial)
         partial.replace(target)
     except OSError as exc:
         raise ConfigurationError("result.unwritable", file=target, reason=os_reason(exc)) from exc
@@ -122,6 +126,21 @@ def export_runs(report: ProgressCallback, folder: Path, conditions: RunFilter, t
         with suppress(OSError):
             partial.unlink()
     return target
+
+
+def _convert_to_parquet(file: Path) -> None:
+    """Replace a CSV file of runs by a Parquet file; columns of text remain text, even serial numbers of digits."""
+    try:
+        import pyarrow as pa
+        import pyarrow.csv
+        import pyarrow.parquet
+    except ImportError as exc:
+        raise ConfigurationError("api.no_package", function="Parquet", package="pyarrow") from exc
+    names = file.read_text(encoding="utf-8").splitlines()[0].split(",")
+    types = {name: pa.float64() for name in names} | {name: pa.string() for name in _RUN_COLUMNS}
+    types |= {"duration_s": pa.float64(), "attempt": pa.int64()}
+    table = pyarrow.csv.read_csv(file, convert_options=pyarrow.csv.ConvertOptions(column_types=types))
+    pyarrow.parquet.write_table(table, file)
 
 
 def _run_results(history: History, runs: Sequence[IndexedRun]) -> Iterator[str]:

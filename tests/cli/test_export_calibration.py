@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import META, Done, six_position_rows, write_log
+from tests.results.test_history import write
 
 Run = Callable[..., Done]
 
@@ -63,3 +64,12 @@ def test_wrong_options_are_refused(
     assert done.code == 2
     assert words in done.err
     assert done.err.count("\n") == 1
+
+
+def test_folder_of_runs_is_exported_as_a_table(calstation: Run, tmp_path: Path) -> None:
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    write(runs, "a", "SN-1", "passed", 1, values={"gyro_bias_x": 0.25})
+    done = calstation("export", runs, "-o", tmp_path / "runs.csv")
+    assert (done.code, done.err) == (0, f"{tmp_path / 'runs.csv'}: 1 runs\n")
+    assert "0.25" in (tmp_path / "runs.csv").read_text(encoding="utf-8")

@@ -18,8 +18,8 @@ def test_result_is_shown_with_shares_of_its_limits(calstation: Run, tmp_path: Pa
     assert done.code == 0
     assert done.err == ""
     (row,) = (line for line in done.out.splitlines() if "accel_scale_x" in line and "█" in line)
-    assert "█" * 20 in row
-    assert row.rstrip().endswith("░" * 20 + "     0%")
+    assert "█" * 16 in row
+    assert row.rstrip().endswith("░" * 16 + "    0%")
     assert "SN-7:" in done.out.splitlines()[-1]
     assert calstation("show", log).out == done.out
 

@@ -34,6 +34,22 @@ def folder(tmp_path: Path) -> Path:
     return made
 
 
+def test_parquet_has_the_rows_of_the_csv(folder: Path, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    write(folder, "d", "0042", "passed", 3, values={"gyro_bias_x": 0.25})
+    History(folder).refresh()
+    rows = parquet.read_table(export_runs(Progress(), folder, RunFilter(), tmp_path / "runs.parquet")).to_pylist()
+    with export_runs(Progress(), folder, RunFilter(), tmp_path / "runs.csv").open(
+        encoding="utf-8", newline=""
+    ) as stream:
+        expected = list(csv.DictReader(stream))
+    assert [row["serial"] for row in rows] == [row["serial"] for row in expected]
+    assert "0042" in [row["serial"] for row in rows]
+    for row, text in zip(rows, expected, strict=True):
+        value = text["gyro_bias_x [rad/s]"]
+        assert row["gyro_bias_x [rad/s]"] == (float(value) if value else None)
+
+
 def test_csv_row_has_the_values_and_sigmas_of_its_run(folder: Path, tmp_path: Path) -> None:
     progress = Progress()
     target = export_runs(progress, folder, RunFilter(), tmp_path / "runs.csv")

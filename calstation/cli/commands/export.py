@@ -1,4 +1,4 @@
-"""`export`: converts a raw log to a CSV file, or a calibration to the format of another program."""
+"""`export`: converts a raw log or a folder of runs to a file, or a calibration to the format of another program."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from calstation.cli.options import command_group
-from calstation.cli.show import plain_console, show_line
+from calstation.cli.show import ignore_progress, plain_console, show_line
 from calstation.cli.text import say
 from calstation.errors import ConfigurationError
 from calstation.records import export_csv
@@ -16,21 +16,34 @@ app = command_group()
 
 @app.command()
 def export(
-    source: Annotated[Path, typer.Argument(metavar="RESULT.json|LOG")],
+    source: Annotated[Path, typer.Argument(metavar="RESULT.json|LOG|RUNS")],
     out: Annotated[Path, typer.Option("-o", "--out")],
     to: Annotated[str | None, typer.Option("--to", metavar="FORMAT")] = None,
     log: Annotated[Path | None, typer.Option("--log", metavar="LOG")] = None,
     allow_loss: Annotated[bool, typer.Option("--allow-loss")] = False,
 ) -> None:
-    """Write a raw log as a CSV file and a TOML file, or a result in the format of another program with its check."""
+    """Write a raw log as CSV and TOML, a folder of runs as a table, or a result for another program with its check."""
     if to is not None:
         _export_calibration(source, to, out, log, allow_loss)
         return
     if source.suffix == ".json" or log is not None or allow_loss:
         raise ConfigurationError("export.no_format", file=source)
+    if source.is_dir():
+        _export_runs(source, out)
+        return
     facts = export_csv(source, out)
     code = "cli.exported_damaged" if facts.damaged else "cli.exported"
     show_line(plain_console(stderr=True), say(code, file=out, samples=facts.samples, damaged=facts.damaged))
+
+
+def _export_runs(folder: Path, out: Path) -> None:
+    from calstation.records import RunFilter
+    from calstation.results import History, export_runs
+
+    history = History(folder)
+    history.refresh()
+    export_runs(ignore_progress, folder, RunFilter(), out)
+    show_line(plain_console(stderr=True), say("cli.runs_exported", file=out, count=history.count(RunFilter())))
 
 
 def _export_calibration(source: Path, to: str, out: Path, log: Path | None, allow_loss: bool) -> None:

@@ -14,7 +14,7 @@ from calstation.judgement import Check
 from calstation.results import Result, result_of
 
 #: Length of a bar whose share of the limit is 1, characters.
-_BAR = 20
+_BAR = 16
 
 app = command_group()
 
@@ -53,4 +53,4 @@ def _bar(check: Check | None) -> str:
     else:
         share = abs(check.value) / check.limit
     length = round(_BAR * min(share, 1.0))
-    return f"{'█' * length}{'░' * (_BAR - length)} {share:>6.0%}"
+    return f"{'█' * length}{'░' * (_BAR - length)} {share:>5.0%}"

@@ -108,7 +108,7 @@ class DesignView(QWidget):
     # ---- the search
 
     def _begin(self) -> None:
-        from calstation import design
+        from calstation import designer
 
         if self._options is None:
             return
@@ -119,7 +119,7 @@ class DesignView(QWidget):
         self._folder = tempfile.TemporaryDirectory(prefix="calstation-")
         self._stop_file = Path(self._folder.name) / "stop"
         request = self.form.request(self._app.station_path, self._options.product, self._stop_file)
-        self.watch.start(design.design_schedule, request)
+        self.watch.start(designer.design_schedule, request)
 
     def _stop(self) -> None:
         self._stop_file.touch()
@@ -147,7 +147,7 @@ class DesignView(QWidget):
 
     def _designed(self, result: "Design") -> None:
         """Show a design, and start the job that computes its path."""
-        from calstation import design
+        from calstation import designer
 
         if self._searched is None:
             return
@@ -161,7 +161,7 @@ class DesignView(QWidget):
             "acceleration_dps2": result.acceleration_dps2,
             "stop_at_limits": False,
         }
-        stage, folder = design.STAGE, self._app.runs_folder
+        stage, folder = designer.STAGE, self._app.runs_folder
         self.path_job.start(RunRequest("-", station, options.product, (stage,), folder, schedule={stage: schedule}))
         self._refresh()
 
@@ -176,10 +176,10 @@ class DesignView(QWidget):
             self.save_bar.ask(self._result[1].product.stem)
 
     def _save(self, name: str) -> None:
-        from calstation import design
+        from calstation import designer
 
         if self._result is not None:
-            self._saving.start(design.save_design, self._result[1].product, name, self._result[0], self._author())
+            self._saving.start(designer.save_design, self._result[1].product, name, self._result[0], self._author())
 
     def _saved(self, saved: tuple[Path, Version]) -> None:
         path, version = saved
