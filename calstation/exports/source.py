@@ -67,7 +67,7 @@ class ExportSource:
     def of(cls, result: Result, log: Log | None = None, file: Path | None = None) -> "ExportSource":
         """Return the source for a result; a parameter without estimate keeps the value of the result's log.
 
-        Raises InputError if there is no recording for the check.
+        Raises InputError if there is no recording for the check, or if the unit already corrects its output itself.
 
         Parameters
         ----------
@@ -80,6 +80,8 @@ class ExportSource:
         recording = log or own
         if recording is None or own is None:
             raise InputError("export.no_log", serial=result.serial, file=result.log.file)
+        if own.meta.registers and result.registers is not None and result.registers.new:
+            raise InputError("export.in_registers", serial=result.serial)
         values = prior_from_meta(own.meta).mean.copy() if own.meta.imu.serial == result.serial else np.zeros(len(NAMES))
         for i, name in enumerate(NAMES):
             if name in result.parameters:

@@ -111,6 +111,17 @@ def test_export_needs_a_recording() -> None:
         ExportSource.of(Result.from_json({**result, "outcome": "resolved", "log": {"file": "absent.h5"}}))
 
 
+def test_unit_that_corrects_its_own_output_is_not_corrected_twice() -> None:
+    log = calibrated("mems").log
+    registers = {"old": {}, "new": {"gyro_bias_x": 0.1}, "verified": True}
+    result = {"schema": "calstation.result/1", "unit": {"serial": "SN-1"}, "stages": [], "parameters": {}}
+    written = Result.from_json({**result, "outcome": "passed", "log": {"file": "absent.h5"}, "registers": registers})
+    ExportSource.of(written, log)
+    corrected = Log(log.path, log.meta.model_copy(update={"registers": {"gyro_bias_x": 0.0}}), log.blocks)
+    with raises_code(InputError, "export.in_registers"):
+        ExportSource.of(written, corrected)
+
+
 def test_unit_without_gyros_is_exported() -> None:
     source = calibrated.__wrapped__("mems")
     (block,) = source.log.blocks()
