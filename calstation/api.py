@@ -214,7 +214,7 @@ def apply(
     result : result whose parameters are applied
     gyro : raw angular rate, rad/s, shape (n, 3)
     accel : raw specific force, m/s², shape (n, 3)
-    temp_c : temperature of the unit, °C, shape (n,); a result at one temperature ignores it
+    temp_c : temperature of the unit, °C, shape (n,); not used: the parameters are those at the reference temperature
 
     Returns
     -------
