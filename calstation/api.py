@@ -18,6 +18,7 @@ from calstation.database import start_exchange
 from calstation.designer import Design, DesignRequest, design_schedule, designed_product
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.estimation.common import SampleBlock, join_blocks
+from calstation.estimation.temperature import compensate_each
 from calstation.exports import ExportCheck, ExportSource, export_calibration
 from calstation.jobs import ProgressCallback
 from calstation.physics import EffectName, FloatArray, IntArray, compensate, compensation
@@ -214,7 +215,8 @@ def apply(
     result : result whose parameters are applied
     gyro : raw angular rate, rad/s, shape (n, 3)
     accel : raw specific force, m/s², shape (n, 3)
-    temp_c : temperature of the unit, °C, shape (n,); not used: the parameters are those at the reference temperature
+    temp_c : temperature of the unit, °C, shape (n,), which a result over temperature requires; the term in its rate of
+        change is left out
 
     Returns
     -------
@@ -225,7 +227,12 @@ def apply(
     for name, values in arrays.items():
         if values.ndim != 2 or values.shape[1] != 3 or len(values) != len(arrays["gyro"]):
             raise ConfigurationError("api.sample_shape", name=name, shape=str(values.shape))
-    return compensate(compensation(result.vector), arrays["gyro"], arrays["accel"])
+    if result.temperature is None:
+        return compensate(compensation(result.vector), arrays["gyro"], arrays["accel"])
+    if temp_c is None:
+        raise ConfigurationError("api.no_temperature")
+    temperature = np.broadcast_to(np.asarray(temp_c, dtype=np.float64), len(arrays["gyro"]))
+    return compensate_each(arrays["gyro"], arrays["accel"], result.temperature.parameters_at(temperature))
 
 
 def export(

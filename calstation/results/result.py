@@ -132,6 +132,23 @@ class TemperatureResult(ResultSection):
     held_out: list[HeldOutDifference] = Field(default_factory=list)
     points: list[TemperaturePointResult]
 
+    def parameters_at(self, temperature: FloatArray) -> FloatArray:
+        """Return the parameters at temperatures of shape (n,), °C, that do not change; SI, shape (n, 30).
+
+        Raises InputError for a temperature outside the range; parameters that were not estimated are 0.
+        """
+        low, high = self.range_c
+        outside = ~((temperature >= low) & (temperature <= high))
+        if outside.any():
+            value = float(temperature[int(np.argmax(outside))])
+            raise InputError("temperature.beyond", value=value, low=low, high=high)
+        parameters = np.zeros((len(temperature), len(NAMES)))
+        for name, row in self.coefficients.items():
+            parameters[:, NAMES.index(name)] = np.polynomial.polynomial.polyval(
+                temperature - self.reference_c, [float(value) for value in row.values]
+            )
+        return parameters
+
     @classmethod
     def of(cls, fit: TemperatureFit, estimated: Sequence[str]) -> "TemperatureResult":
         """Convert the fit of a solution."""

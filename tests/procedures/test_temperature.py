@@ -6,11 +6,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from calstation.errors import InputError
+import calstation as cs
+from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import SampleBlock
 from calstation.estimation.navigation.temperature_stage import temperature_parts
 from calstation.judgement import End, judge, verdict_of
-from calstation.physics import NAMES, PARAMETERS
+from calstation.physics import NAMES, PARAMETERS, group_matrix
 from calstation.records import LogFacts, TemperatureSection
 from calstation.results import Ending, build_result
 from tests.helpers import raises_code
@@ -63,6 +64,22 @@ def test_parameters_over_the_range_and_the_result() -> None:
     assert np.dot(bias["values"], powers) == pytest.approx(fit.at(60.0).mean[NAMES.index("gyro_bias_x")], rel=1e-9)
     assert [point["way"] for point in section["points"]] == ["soak", "down", "up", "up", "up", "down"]
     assert section["worst"].keys() == set(chain.solutions[0].estimated)
+
+    temperature = np.array([-30.0, 70.0])
+    force = np.array([[0.0, 0.0, 9.8], [1.0, 9.0, -2.0]])
+    truth = np.array([fit.at(t).mean for t in temperature])
+    biases = truth[:, [NAMES.index(f"accel_bias_{a}") for a in "xyz"]]
+    matrices = [np.eye(3) + group_matrix(p, "accel_scale", "accel_misalign") for p in truth]
+    quadratic = truth[:, [NAMES.index(f"accel_quadratic_{a}") for a in "xyz"]]
+    accel = np.array([m @ f for m, f in zip(matrices, force, strict=True)]) + biases + quadratic * force**2
+    gyro = truth[:, [NAMES.index(f"gyro_bias_{a}") for a in "xyz"]]
+    rate, corrected = cs.apply(result, gyro, accel, temperature)
+    assert np.abs(rate).max() < 1e-12
+    assert corrected == pytest.approx(force, abs=1e-9)
+    with raises_code(InputError, "temperature.beyond"):
+        cs.apply(result, gyro, accel, np.array([20.0, 90.0]))
+    with raises_code(ConfigurationError, "api.no_temperature"):
+        cs.apply(result, gyro, accel)
 
 
 @pytest.mark.long

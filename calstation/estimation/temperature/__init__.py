@@ -9,4 +9,4 @@ from calstation.estimation.temperature.fit import (
     held_out_points,
     with_orders,
 )
-from calstation.estimation.temperature.reduction import corrected, parameters_at, reduced
+from calstation.estimation.temperature.reduction import compensate_each, corrected, parameters_at, reduced

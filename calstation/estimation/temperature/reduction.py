@@ -6,7 +6,7 @@ import numpy as np
 
 from calstation.estimation.common import StageData
 from calstation.estimation.temperature.fit import TemperatureFit
-from calstation.physics import COUNT, PARAMETERS, FloatArray
+from calstation.physics import COUNT, INNER_LEVER, PARAMETERS, FloatArray
 
 #: Number of samples that are converted at once, and fixed-point iterations, whose relative error is M⁵.
 _SAMPLES, _ITERATIONS = 65_536, 5
@@ -34,6 +34,19 @@ def corrected(gyro: FloatArray, accel: FloatArray, parameters: FloatArray) -> tu
         errors = _errors(rate, force, parameters)
         rate, force = gyro - errors[0], accel - errors[1]
     return rate, force
+
+
+def compensate_each(gyro: FloatArray, accel: FloatArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return angular rate, rad/s, and specific force, m/s², at the reference point, shape (n, 3).
+
+    Parameters
+    ----------
+    gyro, accel : output, rad/s and m/s², shape (n, 3)
+    parameters : those of each sample, SI, shape (n, 30)
+    """
+    rate, force = corrected(gyro, accel, parameters)
+    square = rate**2
+    return rate, force + parameters[:, INNER_LEVER] * (square.sum(axis=1, keepdims=True) - square)
 
 
 def reduced(data: StageData, fit: TemperatureFit, temperature: FloatArray, constant: FloatArray) -> StageData:
