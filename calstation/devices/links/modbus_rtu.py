@@ -162,10 +162,15 @@ class RtuLine:
         self._ask(RtuRequest.write(unit, address, values), urgent=repeat, again=again)
 
     def late_reply(self, unit: int, limit: float) -> float | None:
-        """Discard late replies, and return the delay of the reply to one read, s; None without one in `limit` s."""
+        """Discard late replies, and return the delay of the reply to one read, s; None without one in `limit` s.
+
+        It is also None if the line is never silent, as with a device that sends by itself.
+        """
         try:
+            end = time.monotonic() + 2.0 * limit
             while self.receive(limit):
-                pass
+                if time.monotonic() > end:
+                    return None
             self.send(RtuRequest.read(unit, 0, 1).frame)
             begin, received = time.monotonic(), b""
             while (passed := time.monotonic() - begin) < limit:
