@@ -14,7 +14,7 @@ import pytest
 from calstation.errors import CalstationError
 from calstation.physics import FloatArray, TableGeometry, rotation_vector
 from calstation.records import LogFacts, open_log, write_log
-from calstation.records.raw_log import FORMAT
+from calstation.records.raw_log import FORMAT, row_dtype
 from calstation.schema import EntryError
 
 
@@ -77,5 +77,9 @@ def write_log_of(result_file: Path) -> None:
     content = json.dumps(json.loads(result_file.read_text(encoding="utf-8"))) + "\n"
     with h5py.File(result_file.with_suffix(".h5"), "w", libver="latest") as file:
         file.attrs["format"] = np.bytes_(FORMAT)
-        file.create_dataset("samples", (0,), "f8", maxshape=(None,), chunks=(1024,))
+        file.attrs["meta_crc32"] = np.uint32(0)
+        file.create_dataset("samples", (0,), row_dtype(0, joints=False), maxshape=(None,), chunks=(1024,))
         file.create_dataset("results", data=np.frombuffer(content.encode(), np.uint8))
+        for name in ("meta", "events", "closing"):
+            file.create_dataset(name, (0,), np.uint8, maxshape=(None,), chunks=(1024,))
+        file.create_dataset("stages", (0,), "S64", maxshape=(None,), chunks=(16,))

@@ -45,7 +45,6 @@ _OS_REASONS = {
     errno.EISDIR: "os.is_folder",
     errno.ENOTDIR: "os.not_folder",
     errno.ESPIPE: "os.not_a_file",
-    errno.EFBIG: "os.too_large",
     errno.ENOLCK: "os.no_locks",
     errno.EIO: "os.io_error",
     errno.ENODEV: "os.no_device",

@@ -1,8 +1,9 @@
 """Every user error gives the documented exit code and one clear message, never a traceback."""
 
-import io
+import os
 import re
 import stat
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -374,11 +375,11 @@ def test_internal_error_shows_no_traceback(monkeypatch: pytest.MonkeyPatch, caps
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_console_without_unicode_shows_question_marks(monkeypatch: pytest.MonkeyPatch) -> None:
-    narrow = io.TextIOWrapper(io.BytesIO(), encoding="cp1252")
-    monkeypatch.setattr(sys, "stdout", narrow)
-    run_app(["--help"])
-    narrow.write("≤ sigma")
+def test_console_without_unicode_shows_question_marks() -> None:
+    code = "from calstation.cli.process import prepare; prepare(); print('\\u2264 sigma')"
+    command = [sys.executable, "-c", code]
+    narrow = {**os.environ, "PYTHONIOENCODING": "cp1252"}
+    assert subprocess.run(command, env=narrow, capture_output=True, check=True).stdout.strip() == b"? sigma"
 
 
 @pytest.mark.parametrize("command", ["resolve x.h5", "run", "study"])

@@ -17,9 +17,9 @@ def test_result_is_shown_with_shares_of_its_limits(calstation: Run, tmp_path: Pa
     done = calstation("show", result)
     assert done.code == 0
     assert done.err == ""
-    (row,) = (line for line in done.out.splitlines() if "accel_scale_x" in line and "█" in line)
-    assert "█" * 16 in row
-    assert row.rstrip().endswith("░" * 16 + "    0%")
+    (row,) = (line for line in done.out.splitlines() if "accel_scale_x" in line and "#" in line)
+    assert "#" * 16 in row
+    assert row.rstrip().endswith("·" * 16 + "    0%")
     assert "SN-7:" in done.out.splitlines()[-1]
     assert calstation("show", log).out == done.out
 
@@ -29,7 +29,7 @@ def test_result_without_limits_has_no_bars(calstation: Run, tmp_path: Path) -> N
     done = calstation("show", log)
     assert done.code == 0
     assert "accel_scale_x" in done.out
-    assert "█" not in done.out
+    assert "####" not in done.out
 
 
 def test_missing_result_is_one_sentence(calstation: Run, tmp_path: Path) -> None:

@@ -167,7 +167,7 @@ def test_damaged_journal_blocks_its_unit_with_file_line_and_remedy(tmp_path: Pat
             "source": "",
             "unit_type": {},
             "old": {},
-            "new": {"a": 10**400},
+            "new": {"a": "1e400"},
         },
         {"event": "forgotten"},
         {},

@@ -26,7 +26,7 @@ def test_message_that_an_earlier_stage_has_shown_word_for_word_is_not_repeated(
 
         def solver(*arguments: object) -> object:
             real = six_position.solver(*arguments)  # type: ignore[arg-type]
-            return SimpleNamespace(buffer=real.buffer, finish=lambda progress: solution)
+            return SimpleNamespace(buffer=real.buffer, data=real.data, finish=lambda progress: solution)
 
         return replace(six_position, solver=solver)
 

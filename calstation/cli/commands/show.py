@@ -53,4 +53,4 @@ def _bar(check: Check | None) -> str:
     else:
         share = abs(check.value) / check.limit
     length = round(_BAR * min(share, 1.0))
-    return f"{'█' * length}{'░' * (_BAR - length)} {share:>5.0%}"
+    return f"{'#' * length}{'·' * (_BAR - length)} {share:>5.0%}"
