@@ -420,8 +420,15 @@ def _engine(url: str, pool: type[sa.Pool]) -> sa.Engine:
 
 
 def _create(connection: sa.Connection) -> None:
-    """Create the tables, replacing those of an index of another version."""
-    if connection.execute(sa.text("PRAGMA user_version")).scalar_one() != _VERSION:
+    """Create the tables, replacing those of an index of another version.
+
+    A lock keeps two processes that open a new index from replacing each other's tables.
+    """
+    version = sa.text("PRAGMA user_version")
+    if connection.execute(version).scalar_one() == _VERSION:
+        return
+    connection.exec_driver_sql("BEGIN IMMEDIATE")
+    if connection.execute(version).scalar_one() != _VERSION:
         _metadata.drop_all(connection)
         _metadata.create_all(connection)
         connection.execute(sa.text(f"PRAGMA user_version={_VERSION}"))

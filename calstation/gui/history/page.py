@@ -114,7 +114,6 @@ class HistoryPage(Page):
     def _show_matching(self) -> None:
         history = self._history() if self.app.runs_folder.is_dir() else None
         conditions = self._filters.conditions
-        self._listed = None if history is None else history.mark()
         self._match_count = 0 if history is None else history.count(conditions)
         self._stack.setCurrentWidget(self._split if self._match_count else self._nothing)
         self.table.show_runs(
@@ -183,11 +182,16 @@ class HistoryPage(Page):
 
     def _show_refreshed(self, _: object = None) -> None:
         """List the indexed runs and offer their values in the filters, unless they are listed already."""
+        listed = None
         if self.app.runs_folder.is_dir():
-            if self._listed is not None and self._listed == self._history().mark():
+            listed = (
+                self._history().mark()
+            )  # before the queries, because another process may change the index meanwhile
+            if listed is not None and self._listed == listed:
                 return
             self._filters.show_choices(self._history().choices())
         self.show_runs()
+        self._listed = listed
 
     def _history(self) -> History:
         """Return the index of the current folder, which stays open, because opening takes longer than a query."""
