@@ -60,8 +60,15 @@ def are_arrivals(seq: IntArray, time: FloatArray, period: float) -> bool:
     return bool(np.count_nonzero(irregular) > 3 + _MAX_FRACTION * len(irregular) and (steps >= 0.0).all())
 
 
-def sample_times(time: FloatArray, nominal: float) -> SampleTimes:
-    """Return counter and clock of a recording; `nominal` is the configured sample period, s."""
+def sample_times(time: FloatArray, nominal: float, numbers: IntArray | None = None) -> SampleTimes:
+    """Return counter and clock of a recording.
+
+    Parameters
+    ----------
+    time : time stamps in increasing order, s, shape (n,)
+    nominal : configured sample period, s
+    numbers : numbers of the rows, which leave out damaged rows, shape (n,); None if there are none
+    """
     period = sample_period(time, nominal)
     steps = np.diff(time) / period
     rounded = np.rint(steps)
@@ -69,7 +76,8 @@ def sample_times(time: FloatArray, nominal: float) -> SampleTimes:
         return SampleTimes(np.arange(len(time)), time, 0.0)
     if steps.min() > _IRREGULAR and np.mean(np.abs(steps - rounded) > _MAX_DEVIATION) <= _MAX_FRACTION:
         return SampleTimes(np.concatenate([[0], np.cumsum(np.maximum(rounded, 1.0))]).astype(np.int64), time, 0.0)
-    seq = np.arange(len(time)) + _missing_before(time, period)
+    numbers = np.arange(len(time)) if numbers is None else numbers - numbers[0]
+    seq = numbers + _missing_before(time - (numbers - np.arange(len(time))) * period, period)
     half = len(seq) // 2
     slope = float(np.median((time[half:] - time[:-half]) / (seq[half:] - seq[:-half])))
     residuals = time - slope * seq - np.median(time - slope * seq)

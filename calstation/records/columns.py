@@ -23,7 +23,8 @@ JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
 #: Time at which the station received a sample, s.
 STATION = "station_s"
 COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS, STATION)
-#: Columns that may be missing without a table; all but the angles may also be missing in a file of another program.
+#: Columns that may be missing without a table; all but the angles may also be missing in a file of another program,
+#: and so may `time_s`: then the samples are counted.
 _OPTIONAL = (*ANGLES, "seq", "stage", "step")
 _GYROS = CHANNELS[:3]
 
@@ -42,6 +43,13 @@ _FORCES = {
 _ANGLE_INCREMENTS = {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "arcsec": _DEGREE / 3600.0}
 _VELOCITY_INCREMENTS = {"m/s": 1.0}
 _TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+#: Other spellings of units in header rows, in lower case.
+_SPELLINGS = {
+    "deg/sec": "deg/s", "degrees/s": "deg/s", "º/s": "deg/s", "rad/sec": "rad/s", "rad s-1": "rad/s",
+    "m/s/s": "m/s2", "m/s**2": "m/s2", "ms-2": "m/s2", "m s-2": "m/s2", "gn": "g", "g": "g", "μg": "ug",
+    "sec": "s", "seconds": "s", "msec": "ms", "usec": "us", "μs": "us", "nsec": "ns", "degc": "degC", "c": "degC",
+    "lsb": COUNTS, "raw": COUNTS, "digit": COUNTS, "digits": COUNTS, "count": COUNTS,
+}  # fmt: skip
 _ANGLES = {"deg": 1.0, "°": 1.0, "rad": 1.0 / _DEGREE}
 _TEMPERATURES = {"degC": 1.0, "°C": 1.0, "C": 1.0}
 #: Separators, which are tried in this order; a blank matches any number of blanks.
@@ -49,7 +57,8 @@ _SEPARATORS = (",", ";", "\t", " ")
 _PLAIN_SEPARATOR = ","
 #: Largest number of columns.
 _MAX_COLUMNS = 1000
-_COMMENT = "#%"
+#: Characters with which a comment line begins.
+COMMENT = "#%"
 _SENSORS = ("gyro", "accel")
 
 
@@ -59,6 +68,11 @@ def further_channels(number: int) -> tuple[str, ...]:
 
 
 _KNOWN = (*COLUMNS, *(name for number in FURTHER_IMUS for name in further_channels(number)))
+
+
+def is_column(name: str) -> bool:
+    """Return whether a column of the CSV format has this name and contains numbers."""
+    return name in _KNOWN and name != "stage"
 
 
 class ColumnSection(StrictModel):
@@ -156,6 +170,7 @@ class Layout:
 
     skipped: int = 0  #: Number of lines before the first row of samples.
     separator: str = _PLAIN_SEPARATOR
+    header: tuple[str, ...] = ()  #: Cells of the header row; loggers write it again when they restart.
     names: tuple[str, ...] = ()  #: Names of the columns; those of the CSV format replace the names in the file.
     units: Mapping[str, str] = field(default_factory=dict)  #: Units of columns whose unit differs from the format's.
     stage: str = ""  #: Stage of all samples if there is no column `stage`.
@@ -168,6 +183,16 @@ class Layout:
         if self.separator == " ":
             return re.sub(r"[^\S\n]+", ",", re.sub(r"^[^\S\n]+|[^\S\n]+$", "", text, flags=re.MULTILINE))
         return text.replace(self.separator, ",")
+
+    @property
+    def sources(self) -> dict[str, str]:
+        """Cells of the header row, and units, of the columns whose name or unit differs from the CSV format."""
+        cells = self.header or [f"column {number}" for number in range(1, len(self.names) + 1)]
+        sources = {}
+        for name, cell in zip(self.names, cells, strict=True):
+            if name in _KNOWN and (name != cell or name in self.units):
+                sources[name] = f"{cell!r}, {self.units[name]}" if name in self.units else f"{cell!r}"
+        return sources
 
     @property
     def has_gyros(self) -> bool:
@@ -184,27 +209,56 @@ def read_layout(path: Path, head: str, columns: Mapping[str, ColumnSection], sec
     sources = {name: column.source for name, column in columns.items() if column.source is not None}
     if sources and all(isinstance(source, int) for source in sources.values()):
         skipped, separator, cells = _first_numbers(path, lines, max(int(s) for s in sources.values()))
-        names = [f"column {k}" for k in range(1, len(cells) + 1)]
+        header, names = list[str](), [f"column {k}" for k in range(1, len(cells) + 1)]
     else:
         expected = {str(sources.get(name, name)) for name in _KNOWN}
-        skipped, separator, names = _header(lines, expected)
+        skipped, separator, header = _header(lines, expected)
+        names = list(header)
     if len(names) > _MAX_COLUMNS:
         raise InputError("csv.too_many_columns", file=path, found=len(names), limit=_MAX_COLUMNS)
-    for name, source in sources.items():
-        names[_index_of(path, names, name, source)] = name
-    _check_names(path, names, mapped=bool(columns), secondaries=secondaries)
     next_cells = _cells(lines[skipped], separator) if skipped < len(lines) else []
-    if any(next_cells) and not any(_is_number(cell, separator) for cell in next_cells):
-        skipped += 1  # a row with units
-    units = {n: c.unit for n, c in columns.items() if c.unit is not None and c.unit != COUNTS}
+    is_units_row = any(next_cells) and not any(_is_number(cell, separator) for cell in next_cells)
+    headings = [_heading(cell) for cell in header or names]
+    if is_units_row:
+        below = [cell.strip("[]() ") for cell in next_cells] + [""] * len(names)
+        headings = [(name, unit or under) for (name, unit), under in zip(headings, below, strict=False)]
+    for k, (base, _) in enumerate(headings):
+        if base in _KNOWN and base not in (*sources, *header):
+            names[k] = base
+    for name, source in sources.items():
+        names[_index_of(path, names, [base for base, _ in headings], name, source)] = name
+    units = _header_units(path, names, [unit for _, unit in headings])
+    units |= {name: column.unit for name, column in columns.items() if column.unit is not None}
+    _check_names(path, names, mapped=bool(columns) or bool(units), secondaries=secondaries)
+    units = {name: unit for name, unit in units.items() if unit != COUNTS}
     stage = columns["stage"].value if "stage" in columns else None
-    return Layout(skipped, separator, tuple(names), units, stage or "")
+    return Layout(skipped + is_units_row, separator, tuple(header), tuple(names), units, stage or "")
+
+
+def _heading(cell: str) -> tuple[str, str]:
+    """Return the name and the unit of a header cell like "GyrX [deg/s]"; the unit is "" if there is none."""
+    match = re.fullmatch(r"([^\[(]*+.*?)[\[(]([^\[\]()]*+)[\])]", cell)
+    return (match[1].strip().rstrip("_ \t"), match[2].strip()) if match else (cell, "")
+
+
+def _header_units(path: Path, names: list[str], found: list[str]) -> dict[str, str]:
+    """Return the units of the header row by column. Raises InputError if the unit of a sensor is unknown."""
+    units = {}
+    for name, unit in zip(names, found, strict=True):
+        unit = _SPELLINGS.get(unit.lower(), unit)
+        if unit in _units(name) or (unit == COUNTS and name.startswith(_SENSORS)):
+            units[name] = unit
+        elif unit and name in _KNOWN and name.startswith(_SENSORS):
+            choices = [*_units(name), COUNTS]
+            remedy = Text.of("entry.choose_from", names=choices)
+            raise InputError("csv.header_unit", file=path, name=name, unit=unit, remedy=remedy)
+    return units
 
 
 def _cells(line: str, separator: str) -> list[str]:
     line = line.rstrip("\r")
-    if line[:1] in _COMMENT:
-        line = line.lstrip(_COMMENT + " ")
+    if line[:1] in COMMENT:
+        line = line.lstrip(COMMENT + " ")
     if separator == " ":
         return line.split()
     try:
@@ -223,14 +277,14 @@ def _header(lines: list[str], expected: set[str]) -> tuple[int, str, list[str]]:
     for number, line in enumerate(lines, 1):
         for separator in _SEPARATORS:
             cells = _cells(line, separator)
-            score = len(expected.intersection(cells))
+            score = len(expected.intersection(cells + [_heading(cell)[0] for cell in cells]))
             if score > best_score:
                 best_score, best = score, (number, separator, cells)
         if best_score > 1:
             return best
     if best_score:
         return best
-    number = next((k for k, line in enumerate(lines, 1) if line.strip() and line[:1] not in _COMMENT), 1)
+    number = next((k for k, line in enumerate(lines, 1) if line.strip() and line[:1] not in COMMENT), 1)
     line = lines[number - 1]
     separator = max(_SEPARATORS, key=lambda s: len(_cells(line, s)) if s != " " else 1)
     return number, separator, _cells(line, separator)
@@ -254,12 +308,17 @@ def _is_number(cell: str, separator: str) -> bool:
     return True
 
 
-def _index_of(path: Path, names: list[str], name: str, source: str | int) -> int:
-    """Return the index of the column from which `name` is read. Raises InputError."""
+def _index_of(path: Path, names: list[str], bases: list[str], name: str, source: str | int) -> int:
+    """Return the index of the column from which `name` is read; `bases` are its names without units.
+
+    Raises InputError.
+    """
     if isinstance(source, int):
         if not 1 <= source <= len(names):
             raise InputError("csv.no_such_column", file=path, name=name, source=source, remedy=_columns(names))
         return source - 1
+    if source not in names and bases.count(source) == 1:
+        return bases.index(source)
     if source not in names:
         remedy = near_miss(source, names, _columns(names))
         raise InputError("csv.no_such_column", file=path, name=name, source=source, remedy=remedy)
@@ -270,6 +329,10 @@ def _index_of(path: Path, names: list[str], name: str, source: str | int) -> int
 
 def _columns(names: list[str]) -> Text:
     return Text.of("entry.choose_from", names=[name for name in names if name])
+
+
+def _looks_like_time(name: str) -> bool:
+    return name.lower().startswith(("time", "utc", "gps_time")) or _heading(name)[0].lower() in ("t", "sec", "seconds")
 
 
 def _check_names(path: Path, names: list[str], *, mapped: bool, secondaries: Collection[int]) -> None:
@@ -283,6 +346,11 @@ def _check_names(path: Path, names: list[str], *, mapped: bool, secondaries: Col
         if name in names:
             continue
         may_be_missing = not table or (mapped and name not in ANGLES)
+        if name == "time_s" and mapped:
+            near = next((each for each in unknown if _looks_like_time(each)), None)
+            if near is None:
+                continue  # the samples are counted
+            raise InputError("csv.column_misspelt", file=path, column=name, near=near)
         optional = (name in _OPTIONAL and may_be_missing) or (name in _GYROS and not gyros)
         if optional and mapped:
             continue

@@ -1,6 +1,6 @@
 """A log on disk, regardless of its file format (see `log_formats`)."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text
 from calstation.parsing import read_json
+from calstation.records.clock import TimeReport
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.meta import LogMeta
 
@@ -30,6 +31,8 @@ class DamagedRows:
         """Text with the first and the last missing sequence number, as far as they are known."""
         first = "" if self.after is None else f"{self.after + 1}"
         last = "" if self.before is None else f"{self.before - 1}"
+        if self.after is not None and self.before == self.after + 1:  # the counter shows no gap
+            return f"{self.after}/{self.before}"
         return f"{first}…{last}"
 
 
@@ -52,8 +55,11 @@ class Log:
     stored_sha256: str | None = None  #: Digest recorded at the end of the run.
     #: Damaged rows of a raw log, which are omitted as gaps; known after all samples have been read.
     damaged_rows: tuple[DamagedRows, ...] = ()
+    #: Sources of the columns of a file of another program, with their units; empty for the project's own formats.
+    columns: Mapping[str, str] = field(default_factory=dict)
     _damaged: list[DamagedRows] = field(default_factory=list)
-    _jitter: list[float] = field(default_factory=list)
+    #: Irregularities of the time stamps of a recording; known after all samples have been read.
+    times: TimeReport = field(default_factory=TimeReport)
     _facts: LogFacts | None = None
 
     def blocks(self, first_seq: int | None = None, last_seq: int | None = None) -> Iterator[SampleBlock]:
@@ -80,11 +86,6 @@ class Log:
             first=facts.first_seq,
             last=facts.last_seq,
         )
-
-    @property
-    def jitter(self) -> float:
-        """Rms deviation of the arrival times of a CSV from the sample clock, s; 0 before the samples have been read."""
-        return sum(self._jitter)
 
     def facts(self) -> LogFacts:
         """Return range, gaps, temperature and sha256 of the whole log, which is read only once."""

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
-from calstation.records.csv_log import CSV_SUFFIXES, csv_rows, meta_path, open_csv
+from calstation.records.csv_log import CSV_SUFFIXES, meta_path, open_csv
+from calstation.records.csv_text import csv_rows
 from calstation.records.csv_write import write_csv_log
 from calstation.records.log import Log
 from calstation.records.meta import LogMeta

@@ -1,8 +1,8 @@
 """Inspection of a recording: its contents, sample rate and gaps, and the methods that can solve it."""
 
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -38,17 +38,23 @@ class Inspection:
     methods: dict[str, Text | None]  #: Reason why a method cannot solve it, None if it can.
     #: Errors of the samples, and of the configuration, that the stages reveal.
     faults: tuple[Text, ...] = ()
+    columns: Mapping[str, str] = field(default_factory=dict)  #: As `Log.columns`.
+    irregular_times: tuple[Text, ...] = ()  #: Irregularities of the time stamps.
     #: Number of samples at the start of every longer stage, or of the recording, on which `methods` and `faults` are
     #: based; None for all samples.
     tested: int | None = None
 
 
 def inspect_recording(path: Path) -> Inspection:
-    """Read a log or a CSV and solve its stages, or solve it with the methods that need no table if it has no stages.
+    """Open a log of any format and inspect it. Raises InputError if it cannot be read."""
+    return inspect_log(open_log(path))
+
+
+def inspect_log(log: Log) -> Inspection:
+    """Read a log and solve its stages, or solve it with the methods that need no table if it has no stages.
 
     Raises InputError if it cannot be read.
     """
-    log = open_log(path)
     counted = Counter[str]()
     invalid, channels, clock = 0, dict.fromkeys(["accel"]), _ClockFit()
     for block in log.blocks():
@@ -70,13 +76,15 @@ def inspect_recording(path: Path) -> Inspection:
         facts=facts,
         rate=clock.rate,
         configured_rate=log.meta.imu.sample_rate_hz,
-        jitter=log.jitter,
+        jitter=log.times.jitter,
         missing=facts.last_seq - facts.first_seq + 1 - facts.samples,
         invalid=invalid,
         channels=tuple(sorted(channels)),
         stages=stages,
         methods=_recorded(log, stages) if stages else {n: _reason(log, n) for n in names() if method(n).needs_no_table},
         faults=recording_faults(log),
+        columns=log.columns,
+        irregular_times=tuple(log.times.irregularities),
         tested=MAX_TESTED if max((stages or counted).values()) > MAX_TESTED else None,
     )
 

@@ -167,6 +167,7 @@ def resolve_log(
         damaged = [DamagedRange(rows=hole.count, seq=hole.missing) for hole in log.damaged_rows]
         result = result.model_copy(update={"log": result.log.model_copy(update={"damaged": damaged})})
         messages.insert(0, ("log_damaged", {"file": log.path.name, **damage_summary(log.damaged_rows)}))
+    messages[:0] = [("log_times", {"file": log.path.name, "what": text}) for text in log.times.irregularities]
     if missing:
         result = result.model_copy(update={"missing_data": {stage: sentence(why) for stage, why in missing.items()}})
     by_stage = {}

@@ -132,3 +132,36 @@ def test_accelerometer_parameters_of_the_xsens_recording_agree_with_its_authors(
     matrix = np.eye(3) + group_matrix(value, "accel_scale", "accel_misalign")
     assert matrix == pytest.approx(published["accel_matrix"], abs=3e-4)
     assert group_vector(value, "accel_bias") - zero == pytest.approx(published["accel_bias"], abs=2e-3)
+
+
+FIELD_TOML = """[site]
+latitude_deg = 34.25
+longitude_deg = 108.9
+height_m = 400.0
+[imu]
+serial = "H7"
+sample_rate_hz = 50.0
+gyro_arw = 4.4e-5
+accel_vrw = 5.9e-4
+"""
+
+
+def test_look_shows_what_was_understood_and_writes_nothing(calstation: Run, tmp_path: Path) -> None:
+    values = np.random.default_rng(0).normal([0, 0, 0, 0, 0, 1], 0.01, (400, 6))
+    lines = [f"{0.02 * k:.2f}," + ",".join(f"{v:.4f}" for v in row) for k, row in enumerate(values)]
+    lines.insert(100, lines[100])
+    lines[200] = "0.1,3"
+    header = "time_s,gyro_x [deg/s],gyro_y [deg/s],gyro_z [deg/s],accel_x [m/s2],accel_y [m/s2],accel_z [m/s2]"
+    (tmp_path / "rec.csv").write_text("\n".join([header, *lines]))
+    (tmp_path / "rec.toml").write_text(FIELD_TOML)
+    done = calstation("import", tmp_path / "rec.csv", "--look")
+    assert "gyro_x from 'gyro_x [deg/s]', deg/s" in done.out
+    assert "1 repeated rows left out" in done.out
+    assert "1 damaged rows" in done.out
+    assert "g instead of m/s" in done.out.replace("\n", " ")
+    assert not list(tmp_path.glob("*.h5"))
+    done = calstation("import", tmp_path / "rec.csv")
+    assert (done.code, "-o LOG.h5" in done.err) == (2, True)
+    done = calstation("import", tmp_path / "rec.csv", "-o", tmp_path / "rec.h5")
+    assert done.code == 0
+    assert "1 damaged rows lost (samples 199…199), 1 repeated rows left out" in done.err.replace("\n", " ")

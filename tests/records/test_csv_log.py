@@ -8,7 +8,7 @@ import pytest
 from records_samples import CSV_HEADER, csv_rows, joined, write_csv_log
 
 from calstation.errors import InputError
-from calstation.records import csv_log, open_log
+from calstation.records import csv_text, open_log
 from tests.helpers import raises_code
 
 PRACTICE = Path(__file__).parents[3] / "shared" / "data" / "practice"
@@ -52,25 +52,34 @@ def test_line_ends_quotes_and_a_byte_order_mark_do_not_matter(tmp_path: Path) ->
         (",0.5,", ",abc,", "csv.cell_not_number", "outer_deg = 'abc' is not a number."),
     ],
 )
-def test_invalid_row_is_reported_with_line_and_column(
+def test_damaged_row_is_lost_and_reported_if_there_are_many(
     tmp_path: Path, old: str, new: str, code: str, sentence: str
 ) -> None:
     rows = csv_rows(10)
     assert old in rows[3]
     rows[3] = rows[3].replace(old, new)
     path = write_csv_log(tmp_path, rows)
+    if code != "csv.sequence":
+        log = open_log(path)
+        assert joined(list(log.blocks()))["seq"].tolist() == [0, 1, 2, 4, 5, 6, 7, 8, 9]
+        assert [(d.row, d.count, d.after, d.before) for d in log.damaged_rows] == [(3, 1, 2, 4)]
+        path = write_csv_log(tmp_path, [rows[3]] * 10)
+        sentence = f"{path}, line 2: {sentence}"
+    else:
+        sentence = f"{path}, line 5: {sentence}"
     with raises_code(InputError, code) as caught:
         list(open_log(path).blocks())
-    assert str(caught.value).startswith(f"{path}, line 5: {sentence}")
+    assert str(caught.value).startswith(sentence)
     assert "\n" not in str(caught.value)
 
 
-def test_invalid_row_late_in_a_long_file_is_reported_with_its_line(tmp_path: Path) -> None:
+def test_damaged_rows_late_in_a_long_file_are_lost(tmp_path: Path) -> None:
     rows = csv_rows(9000)
     rows[8000] = rows[8000].replace(",98000,", ",nan,")
-    with raises_code(InputError, "csv.cell_nan") as caught:
-        list(open_log(write_csv_log(tmp_path, rows)).blocks())
-    assert caught.value.values["line"] == 8002
+    rows[8999] = rows[8999][:12]
+    log = open_log(write_csv_log(tmp_path, rows))
+    assert (log.facts().samples, log.facts().gaps, log.facts().damaged) == (8998, 1, 2)
+    assert [part.missing for part in log.damaged_rows] == ["8000…8000", "8999…"]
 
 
 @pytest.mark.parametrize("cell", ["", " ", "nan", "inf"])
@@ -81,18 +90,16 @@ def test_only_rows_marked_invalid_may_contain_nan(tmp_path: Path, cell: str) -> 
     assert columns["valid"].tolist() == [True] * 3 + [False] + [True] * 2
     assert np.isfinite(columns["counts"]).all(axis=1).tolist() == columns["valid"].tolist()
     rows[4] = rows[4].replace(",98000,", f",{cell},")
-    kind = {"nan": "nan", "inf": "infinite"}.get(cell, "empty")
-    with raises_code(InputError, f"csv.cell_{kind}") as caught:
-        list(open_log(write_csv_log(tmp_path, rows, f"{CSV_HEADER},valid")).blocks())
-    assert (caught.value.values["line"], caught.value.values["column"]) == (6, "accel_z")
+    log = open_log(write_csv_log(tmp_path, rows, f"{CSV_HEADER},valid"))
+    assert joined(list(log.blocks()))["seq"].tolist() == [0, 1, 2, 3, 5]
+    assert log.facts().damaged == 1
 
 
-@pytest.mark.parametrize("row", ['"a\r"b,1', '1,"2\r\r3",x\ry'])
-def test_a_malformed_quoted_line_is_reported(tmp_path: Path, row: str) -> None:
-    path = write_csv_log(tmp_path, [*csv_rows(3), row])
-    with pytest.raises(InputError) as caught:
-        list(open_log(path).blocks())
-    assert caught.value.code in ("csv.malformed", "csv.wrong_width")
+@pytest.mark.parametrize("row", ['"a\r"b,1', '1,"2\r\r3",x\ry', '1,"2'])
+def test_a_malformed_quoted_line_is_a_damaged_row(tmp_path: Path, row: str) -> None:
+    log = open_log(write_csv_log(tmp_path, [*csv_rows(60), row]))
+    assert joined(list(log.blocks()))["seq"].tolist() == list(range(60))
+    assert log.facts().damaged > 0
 
 
 @pytest.mark.parametrize("column", CSV_HEADER.split(","))
@@ -187,7 +194,7 @@ def test_angles_do_not_depend_on_the_chunks_in_which_a_file_is_read(
     ]
     path = write_csv_log(tmp_path, rows)
     for chunk in (1 << 17, 4000, 600, 150):
-        monkeypatch.setattr(csv_log, "_CHUNK_BYTES", chunk)
+        monkeypatch.setattr(csv_text, "_CHUNK", chunk)
         outer = np.rad2deg(joined(list(open_log(path).blocks()))["angles"][:, 0])
         polled = np.isfinite(outer)
         np.testing.assert_allclose(outer[polled], turned[polled], atol=1e-9)

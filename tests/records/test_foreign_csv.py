@@ -1,6 +1,7 @@
 """CSV files of other programs: columns, units, separators, header lines, and arrival times."""
 
 import gzip
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -125,8 +126,11 @@ def test_a_file_without_a_header_row_is_read_by_column_numbers(tmp_path: Path) -
 
 def test_a_row_of_units_after_the_header_is_skipped(tmp_path: Path) -> None:
     header, _, rest = text_of(sample_rows(20)).partition("\n")
-    path = foreign(tmp_path, f"{header}\n[ms],[mg],[mg],[mg],[°/s],[°/s],[°/s],\n{rest}")
+    columns = {name: re.sub(", unit.*?}", " }", entry) for name, entry in COLUMNS.items()}
+    path = foreign(tmp_path, f"{header}\n[ms],[mg],[mg],[mg],[°/s],[°/s],[°/s],\n{rest}", columns)
     assert open_log(path).facts().samples == 20
+    expected = np.hstack([np.deg2rad(sample_rows(20)[:, 4:]), sample_rows(20)[:, 1:4] * 1e-3 * G])
+    np.testing.assert_allclose(rates_and_forces(path), expected, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -244,7 +248,7 @@ def test_arrival_times_are_read_with_and_without_a_counter(tmp_path: Path, count
     found = joined(list(log.blocks()))
     np.testing.assert_array_equal(found["seq"], seq)
     np.testing.assert_allclose(np.diff(found["time"]), np.diff(seq) / 200.0, rtol=1e-4)
-    assert log.jitter == pytest.approx(0.1 / np.sqrt(12.0), rel=0.05)
+    assert log.times.jitter == pytest.approx(0.1 / np.sqrt(12.0), rel=0.05)
     assert log.facts().gaps == 1
 
 

@@ -19,7 +19,7 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.quality import due_certificates
 from calstation.records import log_format
 from calstation.reports import CertificateState, verify_certificate, verify_reports
-from calstation.results import inspect_recording
+from calstation.results import Inspection, inspect_recording
 from calstation.schema import Problem
 
 app = command_group()
@@ -42,7 +42,7 @@ def check(
     if file.name == "reports.jsonl" or file.is_dir():
         return _show_evidence(file, verify_reports(file if file.is_dir() else file.parent), json)
     if log_format(file) is not None:
-        return _check_recording(file, json)
+        return show_recording(file, inspect_recording(file), json)
     path = library.locate_any(file)
     text = read_text(path)
     kind = detect_kind(path, text)
@@ -68,8 +68,8 @@ def _show_evidence(file: Path, state: CertificateState, json: str | None) -> int
     return 0 if state.intact else InputError.exit_code
 
 
-def _check_recording(path: Path, json: str | None) -> int:
-    recording = inspect_recording(path)
+def show_recording(path: Path, recording: Inspection, json: str | None) -> int:
+    """Show the contents of a recording; return 0, or the exit code of a configuration error if nothing can solve it."""
     facts, solvable = recording.facts, [name for name, reason in recording.methods.items() if reason is None]
     reasons = {name: None if reason is None else sentence(reason) for name, reason in recording.methods.items()}
     row = {
@@ -86,6 +86,8 @@ def _check_recording(path: Path, json: str | None) -> int:
         "missing": recording.missing,
         "invalid": recording.invalid,
         "damaged": facts.damaged,
+        "irregular_times": [sentence(text) for text in recording.irregular_times],
+        "columns": dict(recording.columns),
         "channels": list(recording.channels),
         "temperature_c": facts.temperature,
         "stages": recording.stages,
@@ -102,7 +104,9 @@ def _check_recording(path: Path, json: str | None) -> int:
         say("cli.recording_rate", rate=recording.rate, configured=recording.configured_rate, times=times),
         say("cli.recording_gaps", **row),
         say("cli.recording_damaged" if facts.damaged else "cli.recording_invalid", **row),
+        *(say("cli.recording_times", what=say(text.code, **text.values)) for text in recording.irregular_times),
         say("cli.recording_channels", **row),
+        *(say("cli.recording_column", name=name, source=source) for name, source in recording.columns.items()),
         say("cli.recording_stages", stages=stages),
         *([say("cli.recording_tested", samples=recording.tested)] if recording.tested is not None else []),
         *(say("cli.recording_fault", fault=fault) for fault in recording.faults),

@@ -1,15 +1,17 @@
-"""`import`: converts a CSV file, or a raw capture of the bytes sent by an IMU, to a raw log."""
+"""`import`: converts a recording, or a raw capture of the bytes sent by an IMU, to a raw log."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from calstation.cli.options import LogOutOption, StationOption, by_name, command_group
+from calstation.cli.commands.check import show_recording
+from calstation.cli.options import StationOption, by_name, command_group
 from calstation.cli.show import plain_console, show_line
 from calstation.cli.text import say
-from calstation.records import open_log, write_log
-from calstation.results import recording_faults
+from calstation.errors import ConfigurationError
+from calstation.records import Log, damage_summary, open_log, write_log
+from calstation.results import inspect_log, recording_faults
 
 app = command_group()
 
@@ -17,16 +19,24 @@ app = command_group()
 @app.command()
 def import_(
     source: Annotated[Path, typer.Argument(metavar="FILE")],
-    out: LogOutOption,
-    meta: Path | None = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="LOG")] = None,
+    meta: Annotated[Path | None, typer.Option("--meta", "--map")] = None,
     imu: Annotated[Path | None, typer.Option(callback=by_name("imus"))] = None,
     station: StationOption = None,
-) -> None:
-    """Convert a CSV file, or a raw capture with the profile `imu` and the site of `station`, to a raw log."""
+    look: Annotated[bool, typer.Option("--look")] = False,
+) -> int:
+    """Convert a recording, or a raw capture with the profile `imu` and the site of `station`, to a raw log.
+
+    With `look`, show what was understood of a recording and write nothing.
+    """
+    if look and imu is None:
+        return show_recording(source, inspect_log(open_log(source, meta)), None)
+    if out is None:
+        raise ConfigurationError("cli.no_log_name")
     if imu is None:
         log = open_log(source, meta)
         facts = write_log(out, log.meta, log.blocks())
-        notes = [say("cli.import_jitter", jitter=1e3 * log.jitter)] if log.jitter else []
+        notes = _notes(log)
     else:
         from calstation.config import load_station
         from calstation.connection import import_capture
@@ -41,3 +51,11 @@ def import_(
     show_line(console, ", ".join([text, *notes]))
     for fault in recording_faults(open_log(out)):
         show_line(console, say("cli.recording_fault", fault=fault))
+    return 0
+
+
+def _notes(log: Log) -> list[str]:
+    """Return what was lost or irregular in a recording that has been read."""
+    notes = [say("cli.import_jitter", jitter=1e3 * log.times.jitter)] if log.times.jitter else []
+    notes += [say("cli.import_lost", **damage_summary(log.damaged_rows))] if log.damaged_rows else []
+    return notes + [say(text.code, **text.values) for text in log.times.irregularities]

@@ -54,7 +54,13 @@ from calstation.estimation.common.noise import (
 from calstation.estimation.common.planned import PlannedSamples, profile
 from calstation.estimation.common.residuals import RestResiduals, compensated_means, rest_residuals
 from calstation.estimation.common.samples import SampleBlock, blocks_from, has_gyros, join_blocks, snap_angles
-from calstation.estimation.common.sequence import AngleUnwrapper, SequenceError, SequenceUnwrapper, unwrap_counter
+from calstation.estimation.common.sequence import (
+    SEQUENCE_MODULI,
+    AngleUnwrapper,
+    SequenceError,
+    SequenceUnwrapper,
+    unwrap_counter,
+)
 from calstation.estimation.common.stage import (
     BIAS_SIGMAS,
     REST_MARGIN,

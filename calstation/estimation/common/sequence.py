@@ -9,7 +9,8 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.physics import FloatArray, IntArray
 
-MODULI = (2**8, 2**16, 2**32)
+#: Numbers of values of a counter before it wraps.
+SEQUENCE_MODULI = (2**8, 2**16, 2**32)
 _RESTART_SECONDS = 1.0
 #: Rate between two angles above which a turn was added or removed between them, rad/s; no table is as fast.
 _FASTEST = np.deg2rad(720.0)
@@ -82,7 +83,7 @@ class SequenceUnwrapper:
             raise SequenceError("recording.seq_repeated", row=row, seq=now)
         if now > last:
             raise SequenceError("recording.time_falls", row=row, before=last_time, time=now_time)
-        for modulus in MODULI:
+        for modulus in SEQUENCE_MODULI:
             steps = now - last + modulus
             margin = modulus // 4
             if modulus - margin <= last < modulus and now < margin and abs(elapsed - steps) < 0.5 + 0.01 * steps:

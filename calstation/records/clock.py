@@ -1,0 +1,103 @@
+"""Time stamps of a recording: wraps, steps back and jumps of its clock are counted, and its time made continuous."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.common import SEQUENCE_MODULI, SequenceError
+from calstation.messages import Text
+from calstation.physics import FloatArray, IntArray
+
+#: Lengths of a day and of a GPS week, s, at which time of day and time of week begin again.
+_DAY, _WEEK = 86400.0, 604800.0
+#: Longest step over a wrap, s and in sample periods; a longer one is a step of the clock.
+_WRAP_STEP, _WRAP_PERIODS = 1.0, 10.0
+#: Number of rows after a step back within which a return shows that rows are out of order.
+_RETURN_ROWS = 8
+#: Deviation of a step from the sample period, in periods, from which the clock has jumped.
+_JUMP = 0.5
+
+
+@dataclass
+class TimeReport:
+    """What is irregular in the time stamps of a recording; known after all samples have been read."""
+
+    wraps: int = 0  #: Number of wraps, which do not interrupt the time.
+    steps_back: int = 0  #: Number of steps back of the clock.
+    jumps: int = 0  #: Number of steps forward although the counter shows no missing sample.
+    repeated: int = 0  #: Number of repeated rows, which are left out.
+    counted: bool = False  #: Whether there are no time stamps, so that the samples are counted.
+    jitter: float = 0.0  #: Rms deviation of arrival times from the line that replaces them, s.
+
+    def reset(self) -> None:
+        """Clear the report before the recording is read again."""
+        self.__init__()  # type: ignore[misc]
+
+    @property
+    def irregularities(self) -> list[Text]:
+        """Sentences about what is irregular, except the jitter."""
+        counts = {name: getattr(self, name) for name in ("wraps", "steps_back", "jumps", "repeated")}
+        texts = [Text.of(f"recording.time_{name}", count=count) for name, count in counts.items() if count]
+        return [*([Text("recording.time_counted")] if self.counted else []), *texts]
+
+
+class ClockUnwrapper:
+    """Makes the time stamps of a recording increase, chunk by chunk.
+
+    A fall from the end of the range of the clock to its start is a wrap: 2^16 or 2^32 units of the time stamps, a day
+    or a GPS week. At another fall, the clock was set back: with a counter the time continues by the counter, without
+    one after a gap of one sample. A fall after which the times return within a few rows is an error: the rows are out
+    of order.
+    """
+
+    def __init__(self, period: float, unit: float, report: TimeReport) -> None:
+        """Create the state; `unit` is the unit of the time stamps in the file, s."""
+        self._period, self._report = period, report
+        self._moduli = (*(modulus * unit for modulus in SEQUENCE_MODULI[1:]), _DAY, _WEEK)
+        self._last: tuple[float, int] | None = None
+        self._offset = 0.0
+        self._fall: tuple[int, float, float] | None = None
+
+    def feed(self, time: FloatArray, seq: IntArray | None) -> tuple[FloatArray, list[int]]:
+        """Return the continuous time of the next samples, s, shape (n,), and the rows where the clock was set back.
+
+        `seq` is the counter of the samples, shape (n,); None without one. Raises SequenceError with the row.
+        """
+        if not len(time):
+            return time, []
+        last_time, last_seq = self._last or (float(time[0]) - self._period, 0 if seq is None else int(seq[0]) - 1)
+        steps = np.diff(time, prepend=last_time)
+        counted = np.ones(len(time), np.int64) if seq is None else np.diff(seq, prepend=last_seq)
+        self._last = float(time[-1]), 0 if seq is None else int(seq[-1])
+        jumped = (steps < 0.0) | ((counted > 0) & (steps > (counted + _JUMP) * self._period))
+        offsets, set_back = np.full(len(time), self._offset), list[int]()
+        for k in np.flatnonzero(jumped).tolist():
+            before = float(time[k]) - float(steps[k])
+            falls = self._report.steps_back
+            if change := self._change(k, before, float(time[k]), int(counted[k]), seq is not None):
+                self._offset += change
+                offsets[k:] = self._offset
+                set_back += [k] * (self._report.steps_back - falls)
+        if self._fall is not None:
+            row, before, after = self._fall
+            self._fall = (row - len(time), before, after)
+        return np.asarray(time + offsets), set_back
+
+    def _change(self, row: int, before: float, now: float, counted: int, has_counter: bool) -> float:
+        """Return what to add to the time from a row on, s, at which the time does not continue."""
+        if now > before:
+            if self._fall is not None and row - self._fall[0] <= _RETURN_ROWS and now > self._fall[1]:
+                first = self._fall
+                raise SequenceError("recording.time_returns", row=max(first[0], 0), before=first[1], time=first[2])
+            self._report.jumps += has_counter
+            return 0.0
+        longest = max(_WRAP_STEP, _WRAP_PERIODS * self._period)
+        for modulus in self._moduli:
+            if before <= modulus and 0.0 < now + modulus - before <= longest:
+                self._report.wraps += 1
+                return modulus
+        if has_counter and counted <= 0:
+            return 0.0  # the counter fell too: SequenceUnwrapper decides
+        self._report.steps_back += 1
+        self._fall = row, before, now
+        return before + (counted if has_counter else 2) * self._period - now
