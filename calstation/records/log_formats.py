@@ -9,6 +9,7 @@ from calstation.estimation.common import SampleBlock
 from calstation.records.csv_log import CSV_SUFFIXES, meta_path, open_csv
 from calstation.records.csv_text import csv_rows
 from calstation.records.csv_write import write_csv_log
+from calstation.records.foreign import foreign_format, open_foreign
 from calstation.records.log import Log
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import SUFFIX, write_log
@@ -44,16 +45,26 @@ def log_format(path: Path) -> LogFormat | None:
     return next((each for each in LOG_FORMATS if path.name.endswith(each.suffixes)), None)
 
 
-def open_log(path: Path, meta_file: Path | None = None) -> Log:
-    """Open a log of any format; `meta_file` contains the configuration if the log itself does not.
+def open_log(path: Path, meta_file: Path | None = None, topic: str | None = None) -> Log:
+    """Open a log or a recording of any format.
 
     Raises InputError if the file is missing or of another type, or if its configuration is invalid.
+
+    Parameters
+    ----------
+    path : the file
+    meta_file : its configuration, if the file does not contain it; None for the TOML next to it
+    topic : topic of a foreign format; None for its only IMU
     """
+    if foreign_format(path) is not None:
+        return open_foreign(path, meta_file, topic)
     return _required_format(path).open(path, meta_file)
 
 
 def estimated_rows(path: Path) -> int:
-    """Return the number of samples in a log, possibly estimated; at least 1. Raises InputError."""
+    """Return the number of samples in a log, possibly estimated; 1 for a foreign format. Raises InputError."""
+    if foreign_format(path) is not None:
+        return 1
     return max(1, _required_format(path).count_rows(path))
 
 

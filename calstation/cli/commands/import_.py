@@ -23,6 +23,7 @@ def import_(
     meta: Annotated[Path | None, typer.Option("--meta", "--map")] = None,
     imu: Annotated[Path | None, typer.Option(callback=by_name("imus"))] = None,
     station: StationOption = None,
+    topic: Annotated[str | None, typer.Option(metavar="NAME")] = None,
     look: Annotated[bool, typer.Option("--look")] = False,
 ) -> int:
     """Convert a recording, or a raw capture with the profile `imu` and the site of `station`, to a raw log.
@@ -30,11 +31,11 @@ def import_(
     With `look`, show what was understood of a recording and write nothing.
     """
     if look and imu is None:
-        return show_recording(source, inspect_log(open_log(source, meta)), None)
+        return show_recording(source, inspect_log(open_log(source, meta, topic)), None)
     if out is None:
         raise ConfigurationError("cli.no_log_name")
     if imu is None:
-        log = open_log(source, meta)
+        log = open_log(source, meta, topic)
         facts = write_log(out, log.meta, log.blocks())
         notes = _notes(log)
     else:
@@ -57,5 +58,6 @@ def import_(
 def _notes(log: Log) -> list[str]:
     """Return what was lost or irregular in a recording that has been read."""
     notes = [say("cli.import_jitter", jitter=1e3 * log.times.jitter)] if log.times.jitter else []
+    notes += [say("cli.import_topics", topics=log.topics)] if log.topics else []
     notes += [say("cli.import_lost", **damage_summary(log.damaged_rows))] if log.damaged_rows else []
     return notes + [say(text.code, **text.values) for text in log.times.irregularities]

@@ -1,0 +1,192 @@
+"""Recordings in foreign formats give the same log as the CSV of the same numbers, bit for bit."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from records_samples import joined
+
+from calstation.errors import InputError
+from calstation.records import open_log
+from tests.helpers import raises_code
+
+COUNT = 300
+NAMES = ("time_s", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+TOML = (
+    "[site]\nlatitude_deg = 34.25\nlongitude_deg = 108.9\nheight_m = 400.0\n"
+    '[imu]\nserial = "H7"\nsample_rate_hz = 50.0\ngyro_arw = 4.4e-5\naccel_vrw = 5.9e-4\n'
+)
+UNITS = "[columns]\n" + "".join(
+    f'{name} = {{ from = "{name}", unit = "{"rad/s" if "gyro" in name else "m/s2"}" }}\n' for name in NAMES[1:]
+)
+
+
+def samples() -> np.ndarray:
+    """Return times, s, rates, rad/s, and specific forces, m/s², shape (n, 7), with a gap; times in whole µs."""
+    random = np.random.default_rng(3)
+    seconds = 1_700_000_000 + 0.02 * np.array([k for k in range(COUNT) if k not in (100, 101)])
+    values = random.normal([0, 0, 0, 0, 0, 9.8], 0.01, (len(seconds), 6)).astype(np.float32).astype(np.float64)
+    return np.column_stack([stamps(seconds)[2], values])
+
+
+def stamps(seconds: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return times as seconds, nanoseconds, and as number."""
+    whole = np.floor(seconds).astype(np.int64)
+    nanoseconds = 1000 * np.rint((seconds - whole) * 1e6).astype(np.int64)
+    return whole, nanoseconds, whole + 1e-9 * nanoseconds
+
+
+def assert_same_as_csv(path: Path, rows: np.ndarray, topic: str | None = None, units: str = UNITS) -> None:
+    """Compare the log of a recording with the log of the CSV of the same numbers."""
+    csv = path.parent / "plain.csv"
+    csv.write_text("\n".join([",".join(NAMES), *(",".join(map(repr, row)) for row in rows.tolist())]))
+    csv.with_suffix(".toml").write_text(TOML + units)
+    path.with_suffix(".toml").write_text(TOML)
+    expected, log = open_log(csv), open_log(path, None, topic)
+    assert log.meta == expected.meta
+    found, wanted = joined(list(log.blocks())), joined(list(expected.blocks()))
+    for name, column in wanted.items():
+        np.testing.assert_array_equal(found[name], column, err_msg=name)
+    assert log.facts().sha256 == expected.facts().sha256
+    assert log.facts().gaps == 1
+
+
+def imu_message(row: np.ndarray, *, is_cdr: bool) -> bytes:
+    """Return a message sensor_msgs/Imu with the samples of a row."""
+    seconds, nanoseconds, _ = stamps(row[:1])
+    frame = b"imu_link\0" if is_cdr else b"imu_link"
+    head = struct.pack("<3I", int(seconds[0]), int(nanoseconds[0]), len(frame)) + frame
+    head += bytes(-len(head) % 8 if is_cdr else 0)
+    numbers = np.concatenate([[0, 0, 0, 1], np.zeros(9), row[1:4], np.zeros(9), row[4:], np.zeros(9)])
+    return (b"\0\1\0\0" if is_cdr else struct.pack("<I", 7)) + head + numbers.tobytes()
+
+
+def write_mcap(path: Path, topics: dict[str, list[bytes]], *, is_cdr: bool = True) -> None:
+    writer_type = pytest.importorskip("mcap.writer", reason="mcap is not installed").Writer
+    with path.open("wb") as stream:
+        writer = writer_type(stream, chunk_size=4096)
+        writer.start()
+        kind, encoding = ("sensor_msgs/msg/Imu", "ros2msg") if is_cdr else ("sensor_msgs/Imu", "ros1msg")
+        schema = writer.register_schema(kind, encoding, b"")
+        text = writer.register_schema("std_msgs/msg/String", "ros2msg", b"")
+        other = writer.register_channel("/rosout", "cdr", text)
+        writer.add_message(other, 0, b"\0\1\0\0", 0)
+        for name, messages in topics.items():
+            channel = writer.register_channel(name, "cdr" if is_cdr else "ros1", schema)
+            for k, data in enumerate(messages):
+                writer.add_message(channel, int(2e7 * k), data, int(2e7 * k))
+        writer.finish()
+
+
+@pytest.mark.parametrize("is_cdr", [True, False], ids=["ROS 2", "ROS 1"])
+def test_mcap(tmp_path: Path, is_cdr: bool) -> None:
+    rows = samples()
+    path = tmp_path / "rec.mcap"
+    write_mcap(path, {"/imu/data": [imu_message(row, is_cdr=is_cdr) for row in rows]}, is_cdr=is_cdr)
+    assert_same_as_csv(path, rows)
+    kind = "sensor_msgs/msg/Imu" if is_cdr else "sensor_msgs/Imu"
+    assert open_log(path).topics == ("/rosout (std_msgs/msg/String, 1)", f"/imu/data ({kind}, {len(rows)})")
+
+
+def test_topic_is_chosen_if_there_are_several(tmp_path: Path) -> None:
+    rows = samples()
+    messages = [imu_message(row, is_cdr=True) for row in rows]
+    write_mcap(path := tmp_path / "rec.mcap", {"/a/imu": messages, "/b/imu": messages[:20]})
+    assert_same_as_csv(path, rows, "/a/imu")
+    for topic, code in (
+        (None, "foreign.several_imus"),
+        ("/a/im", "foreign.no_topic"),
+        ("/rosout", "foreign.not_imu"),
+    ):
+        with raises_code(InputError, code):
+            open_log(path, None, topic)
+    write_mcap(path, {})
+    with raises_code(InputError, "foreign.no_imu") as caught:
+        open_log(path)
+    assert "/rosout (std_msgs/msg/String, 1)" in str(caught.value)
+
+
+def test_damaged_messages_and_files_are_reported(tmp_path: Path) -> None:
+    rows = samples()
+    messages = [imu_message(row, is_cdr=True) for row in rows]
+    messages[50] = messages[50][:100]
+    write_mcap(path := tmp_path / "rec.mcap", {"/imu": messages})
+    (tmp_path / "rec.toml").write_text(TOML)
+    log = open_log(path)
+    assert (log.facts().samples, log.facts().gaps, log.facts().damaged) == (len(rows) - 1, 2, 1)
+    path.write_bytes(path.read_bytes()[:-3000])
+    with raises_code(InputError, "foreign.damaged"):
+        open_log(path)
+    with raises_code(InputError, "log.not_found"):
+        open_log(tmp_path / "absent.mcap")
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "code"),
+    [
+        (2, 1e300, "csv.cell_too_large"),
+        (3, 1e4, "csv.cell_implausible"),
+        (4, -1e6, "csv.cell_implausible"),
+    ],
+)
+def test_excessive_numbers_are_refused_as_in_a_csv(tmp_path: Path, column: int, value: float, code: str) -> None:
+    rows = samples()
+    rows[50, column] = value
+    write_mcap(path := tmp_path / "rec.mcap", {"/imu": [imu_message(row, is_cdr=True) for row in rows]})
+    (tmp_path / "rec.toml").write_text(TOML)
+    with raises_code(InputError, code) as caught:
+        list(open_log(path).blocks())
+    assert (caught.value.values["line"], caught.value.values["column"]) == (51, NAMES[column])
+
+
+@pytest.mark.parametrize(
+    ("columns", "code"),
+    [('stage = { value = "x" }', "csv.column_missing"), (UNITS.split("\n", 1)[1], "csv.no_such_column")],
+)
+def test_columns_of_unknown_topics_must_be_complete(tmp_path: Path, columns: str, code: str) -> None:
+    write_mcap(path := tmp_path / "rec.mcap", {"/imu": [imu_message(row, is_cdr=True) for row in samples()]})
+    (tmp_path / "rec.toml").write_text(f"{TOML}[columns]\n{columns}")
+    with raises_code(InputError, code):
+        open_log(path, None, "/rosout").facts()
+
+
+def test_long_stage_is_refused(tmp_path: Path) -> None:
+    write_mcap(path := tmp_path / "rec.mcap", {"/imu": [imu_message(row, is_cdr=True) for row in samples()]})
+    (tmp_path / "rec.toml").write_text(f'{TOML}[columns]\nstage = {{ value = "{"s" * 65}" }}')
+    with raises_code(InputError, "csv.stage_too_long"):
+        open_log(path).facts()
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_ros_bag(tmp_path: Path, version: int) -> None:
+    pytest.importorskip("rosbags", reason="rosbags is not installed")
+    from rosbags.typesys import Stores, get_typestore
+
+    rows = samples()
+    if version == 1:
+        from rosbags.rosbag1 import Writer
+
+        store, kind, path = get_typestore(Stores.ROS1_NOETIC), "sensor_msgs/msg/Imu", tmp_path / "rec.bag"
+        with Writer(path) as writer:
+            connection = writer.add_connection("/imu", kind, typestore=store)
+            for k, row in enumerate(rows):
+                writer.write(connection, int(2e7 * k), imu_message(row, is_cdr=False))
+    else:
+        from rosbags.rosbag2 import Writer as Writer2
+
+        store, kind, path = get_typestore(Stores.ROS2_HUMBLE), "sensor_msgs/msg/Imu", tmp_path / "rec"
+        with Writer2(path, version=9) as writer:
+            connection = writer.add_connection("/imu", kind, typestore=store)
+            for k, row in enumerate(rows):
+                writer.write(connection, int(2e7 * k), imu_message(row, is_cdr=True))
+    assert_same_as_csv(path, rows)
+
+
+def test_missing_library_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "rec.mcap").write_bytes(b"x")
+    (tmp_path / "rec.toml").write_text(TOML)
+    monkeypatch.setitem(__import__("sys").modules, "mcap.reader", None)
+    with raises_code(InputError, "foreign.no_library") as caught:
+        open_log(tmp_path / "rec.mcap")
+    assert 'pip install "calstation[formats]"' in str(caught.value)
