@@ -190,3 +190,37 @@ def test_missing_library_is_one_sentence(tmp_path: Path, monkeypatch: pytest.Mon
     with raises_code(InputError, "foreign.no_library") as caught:
         open_log(tmp_path / "rec.mcap")
     assert 'pip install "calstation[formats]"' in str(caught.value)
+
+
+@pytest.mark.parametrize("version", [5, 7.3])
+def test_matlab_array_of_psins(tmp_path: Path, version: float) -> None:
+    import h5py
+    import scipy.io
+
+    rows = samples()
+    rows[:, 1:] *= 0.02
+    imu, path = np.column_stack([rows[:, 1:], rows[:, 0]]), tmp_path / "rec.mat"
+    if version == 5:
+        scipy.io.savemat(path, {"imu": imu, "note": "x", "avp0": np.zeros((9, 1))})
+    else:
+        with h5py.File(path, "w", userblock_size=512) as file:
+            file["imu"], file["ts"] = imu.T, np.array([[0.02]])
+    units = UNITS.replace("rad/s", "rad").replace("m/s2", "m/s")
+    assert_same_as_csv(path, rows, units=units)
+
+
+def test_matlab_variables_are_mapped(tmp_path: Path) -> None:
+    import scipy.io
+
+    rows = samples()
+    scipy.io.savemat(tmp_path / "rec.mat", {"log": {"t": rows[:, 0], "w": rows[:, 1:4], "f": rows[:, 4:]}})
+    sources = ["log.t", *(f"log.{v}(:,{k})" for v in "wf" for k in (1, 2, 3))]
+    units = ["s", *["rad/s"] * 3, *["m/s2"] * 3]
+    entries = "".join(
+        f'{n} = {{ from = "{s}", unit = "{u}" }}\n' for n, s, u in zip(NAMES, sources, units, strict=True)
+    )
+    (tmp_path / "rec.toml").write_text(f"{TOML}[columns]\n{entries}")
+    log = open_log(tmp_path / "rec.mat", None, "log.t")
+    np.testing.assert_array_equal(joined(list(log.blocks()))["time"], rows[:, 0])
+    with raises_code(InputError, "foreign.several_imus"):
+        open_log(tmp_path / "rec.mat")

@@ -1,0 +1,81 @@
+"""MATLAB `.mat` files: `imu` arrays of PSINS, and columns of other arrays by `[columns]`; also version 7.3 (HDF5).
+
+PSINS (psins.org.cn): an array (n, 7) of angle increments, rad, velocity increments, m/s, and time, s.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calstation.physics import FloatArray
+from calstation.records.foreign.topics import Columns, ForeignFormat, Topic
+
+_PSINS_WIDTH = 7
+#: Signature of HDF5, which begins the data of a file of version 7.3, and its position.
+_HDF5, _HDF5_AT = b"\x89HDF\r\n\x1a\n", 512
+
+
+def _topics(path: Path) -> list[Topic]:
+    topics = []
+    for name, array in _arrays(path).items():
+        is_imu = array.shape[1] == _PSINS_WIDTH and bool((np.diff(array[:, -1]) > 0.0).all()) and len(array) > 1
+        names = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "time_s")
+        units = ("rad",) * 3 + ("m/s",) * 3 + ("s",)
+        columns = {n: (f"{name}(:,{k})", u) for k, (n, u) in enumerate(zip(names, units, strict=True), 1)}
+        topics.append(Topic(name, "x".join(map(str, array.shape)), len(array), columns if is_imu else {}))
+    return topics
+
+
+def _read(path: Path, topic: Topic) -> Iterator[Columns]:
+    arrays = _arrays(path)
+    rows = len(arrays[topic.name])
+    columns = {}
+    for name, array in arrays.items():
+        if len(array) == rows:
+            columns |= {f"{name}(:,{k})": array[:, k - 1] for k in range(1, array.shape[1] + 1)}
+            columns |= {name: array[:, 0]} if array.shape[1] == 1 else {}
+    yield columns
+
+
+def _arrays(path: Path) -> dict[str, FloatArray]:
+    """Return the arrays of numbers of a file, also in structures, shape (n, k) with more than one row."""
+    with path.open("rb") as stream:
+        stream.seek(_HDF5_AT)
+        is_hdf5 = stream.read(len(_HDF5)) == _HDF5
+    arrays: dict[str, FloatArray] = {}
+    if is_hdf5:
+        import h5py
+
+        with h5py.File(path, "r") as file:
+            _collect_hdf5("", file, arrays)
+    else:
+        from scipy.io import loadmat
+
+        for name, value in loadmat(path, simplify_cells=True).items():
+            if not name.startswith("__"):
+                _collect(name, value, arrays)
+    return arrays
+
+
+def _collect(name: str, value: Any, arrays: dict[str, FloatArray]) -> None:
+    if isinstance(value, dict):
+        for key, item in value.items():
+            _collect(f"{name}.{key}", item, arrays)
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "fiu" and value.ndim in (1, 2) and len(value) > 1:
+        arrays[name] = np.asarray(value.reshape(len(value), -1), np.float64)
+
+
+def _collect_hdf5(name: str, group: Any, arrays: dict[str, FloatArray]) -> None:
+    for key, item in group.items():
+        if key.startswith("#"):
+            continue
+        if hasattr(item, "items"):
+            _collect_hdf5(f"{name}{key}.", item, arrays)
+        elif item.dtype.kind in "fiu" and item.ndim == 2:
+            value = item[:].T  # MATLAB stores columns first
+            _collect(f"{name}{key}", value.T if len(value) == 1 else value, arrays)
+
+
+FORMAT = ForeignFormat("MATLAB", (".mat",), "h5py", _topics, _read)
