@@ -122,6 +122,12 @@ class RecordingMeta(LogMeta):
         return LogMeta.model_validate({name: getattr(self, name) for name in LogMeta.model_fields})
 
 
+def unit_of(name: str, unit: str) -> str | None:
+    """Return the unit of a column of the CSV format, "" if it is unknown or the format's; None for another column."""
+    unit = _SPELLINGS.get(unit.lower(), unit)
+    return (unit if unit in _units(name) else "") if is_column(name) else None
+
+
 def is_increment(unit: str) -> bool:
     """Return whether the unit of a channel is an increment over one sample."""
     return unit in _ANGLE_INCREMENTS or unit in _VELOCITY_INCREMENTS

@@ -224,3 +224,30 @@ def test_matlab_variables_are_mapped(tmp_path: Path) -> None:
     np.testing.assert_array_equal(joined(list(log.blocks()))["time"], rows[:, 0])
     with raises_code(InputError, "foreign.several_imus"):
         open_log(tmp_path / "rec.mat")
+
+
+def test_tdms(tmp_path: Path) -> None:
+    tdms = pytest.importorskip("nptdms", reason="npTDMS is not installed")
+    rows = samples()
+    units = ["s", *["rad/s"] * 3, *["m/s2"] * 3]
+    channels = [
+        tdms.ChannelObject("imu", name, column, {"unit_string": unit})
+        for name, column, unit in zip(NAMES, rows.T.copy(), units, strict=True)
+    ]
+    with tdms.TdmsWriter(tmp_path / "rec.tdms") as writer:
+        writer.write_segment([*channels, tdms.ChannelObject("chamber", "dew", np.arange(9.0))])
+    assert_same_as_csv(tmp_path / "rec.tdms", rows)
+
+
+def test_channels_of_different_lengths_are_refused(tmp_path: Path) -> None:
+    tdms = pytest.importorskip("nptdms", reason="npTDMS is not installed")
+    channels = [
+        tdms.ChannelObject("imu", name, column[: -9 if name == "gyro_z" else None])
+        for name, column in zip(NAMES, samples().T.copy(), strict=True)
+    ]
+    with tdms.TdmsWriter(path := tmp_path / "rec.tdms") as writer:
+        writer.write_segment(channels)
+    path.with_suffix(".toml").write_text(TOML + UNITS)
+    with raises_code(InputError, "foreign.lengths_differ") as caught:
+        open_log(path).facts()
+    assert "gyro_z has 289 values, but accel_x has 298." in str(caught.value)

@@ -31,7 +31,7 @@ def _topics(path: Path) -> list[Topic]:
 def _read(path: Path, topic: Topic) -> Iterator[Columns]:
     arrays = _arrays(path)
     rows = len(arrays[topic.name])
-    columns = {}
+    columns = dict[str, FloatArray]()
     for name, array in arrays.items():
         if len(array) == rows:
             columns |= {f"{name}(:,{k})": array[:, k - 1] for k in range(1, array.shape[1] + 1)}

@@ -13,7 +13,7 @@ from calstation.messages import os_reason
 from calstation.physics import CHANNELS, FloatArray
 from calstation.records.columns import COUNTS, ColumnMap, ColumnSection, Layout, RecordingMeta, unit_factors
 from calstation.records.csv_log import complete_counts, recorded_log
-from calstation.records.foreign import mat, mcap, rosbag
+from calstation.records.foreign import mat, mcap, rosbag, tdms
 from calstation.records.foreign.topics import Columns, ForeignFormat, Topic
 from calstation.records.log import Log
 from calstation.records.samples import SampleTable, damages, is_excessive
@@ -21,7 +21,7 @@ from calstation.schema import near_miss, read_toml, validate
 
 _Part = TypeVar("_Part", list[Topic], Columns)
 
-FOREIGN_FORMATS: tuple[ForeignFormat, ...] = (mcap.FORMAT, rosbag.FORMAT, mat.FORMAT)
+FOREIGN_FORMATS: tuple[ForeignFormat, ...] = (mcap.FORMAT, rosbag.FORMAT, mat.FORMAT, tdms.FORMAT)
 FOREIGN_SUFFIXES = tuple(suffix for each in FOREIGN_FORMATS for suffix in each.suffixes)
 
 
