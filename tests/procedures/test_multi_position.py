@@ -72,6 +72,20 @@ def test_errors_of_many_recordings_agree_with_their_sigmas(grade, seeds):
     assert low < np.sum(nees) < high
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("sigma", [1e6, 2.0**63])
+def test_an_absurd_sigma_of_the_prior_leaves_the_covariance_positive(mems, sigma):
+    imu, block = mems
+    prior = prior_of("mems")
+    correlation = np.eye(len(NAMES))
+    correlation[0, 1:3] = correlation[1:3, 0] = 0.5
+    sigmas = np.where(np.arange(len(NAMES)) == 0, sigma, prior.sigma)
+    covariance = correlation * np.outer(sigmas, sigmas)
+    posterior = solved(block, context_of(imu), Posterior(prior.mean, covariance)).posterior
+    assert np.isfinite(posterior.mean).all()
+    assert (np.diag(posterior.covariance) >= 0.0).all()
+
+
 def test_every_sigma_is_much_smaller_than_the_prior(mems):
     imu, block = mems
     prior = prior_of("mems")

@@ -364,8 +364,9 @@ def _constants() -> int:
 
 def _covariance(information: FloatArray, plausible: FloatArray) -> FloatArray:
     """Return the covariance of sizes with the prior sigmas `plausible`, shape (k,)."""
-    scaled = information * np.outer(plausible, plausible) + np.eye(len(plausible))
-    return np.asarray(np.linalg.inv(scaled) * np.outer(plausible, plausible))
+    sizes, directions = np.linalg.eigh(information * np.outer(plausible, plausible))
+    root = plausible[:, None] * directions / np.sqrt(1.0 + np.maximum(sizes, 0.0))  # negative only by rounding
+    return np.asarray(root @ root.T)
 
 
 def _jump_before(group: str) -> Effect:

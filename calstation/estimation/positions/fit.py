@@ -163,7 +163,8 @@ def _step(
     """Return the next linearisation point, the solution, and the change in sigmas, infinite for a limited step."""
     prior, root, solution = problem.prior, problem.root, problem.solve(point)
     x = solution.x
-    mean, spread = prior.mean + root @ x[:COUNT], root @ solution.covariance[:COUNT, :COUNT] @ root.T
+    deviations = root @ solution.root[:COUNT]
+    mean, spread = prior.mean + root @ x[:COUNT], deviations @ deviations.T
     target, sigma = np.where(estimated, mean, prior.mean), np.sqrt(np.diag(spread))
     turns = x[problem.phi : problem.north].reshape(-1, 3)
     share = min(1.0, LARGEST_STEP / float(np.abs(turns).max()))

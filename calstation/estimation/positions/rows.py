@@ -141,11 +141,16 @@ class LinearSolution(NamedTuple):
     H: FloatArray  #: Jacobian, shape (rows, columns).
     x: FloatArray  #: Solution, shape (columns,).
     residual: FloatArray  #: Remaining residuals, shape (rows,).
-    covariance: FloatArray  #: Covariance of the columns, shape (columns, columns).
+    root: FloatArray  #: Square root of the covariance of the columns, shape (columns, columns).
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the columns, shape (columns, columns); unlike an inverse of Hᵀ H it is never indefinite."""
+        return np.asarray(self.root @ self.root.T)
 
     def redundancy(self, H: FloatArray) -> float:
         """Return the degrees of freedom of the rows `H`: the trace of I − H P Hᵀ."""
-        return len(H) - float(np.einsum("ij,jk,ik->", H, self.covariance, H))
+        return len(H) - float(np.sum((H @ self.root) ** 2))
 
 
 class PositionRows:
@@ -196,11 +201,10 @@ class PositionRows:
     def solve(self, at: PositionPoint) -> LinearSolution:
         """Solve the rows linearised about a point."""
         H, residual = self._rows(at)
-        information = H.T @ H
-        scale = 1.0 / np.sqrt(np.diag(information))  # the columns have very different magnitudes
-        covariance = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
-        x = covariance @ (H.T @ residual)
-        return LinearSolution(H, x, residual - H @ x, covariance)
+        scale = 1.0 / np.linalg.norm(H, axis=0)  # the columns have very different magnitudes
+        root = scale[:, None] * np.linalg.inv(np.linalg.qr(H * scale, "r"))
+        x = root @ (root.T @ (H.T @ residual))
+        return LinearSolution(H, x, residual - H @ x, root)
 
     def _rows(self, at: PositionPoint) -> tuple[FloatArray, FloatArray]:
         """Return the Jacobian, shape (rows, columns), and residual, shape (rows,), linearised about a point."""
