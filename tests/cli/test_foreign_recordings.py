@@ -161,7 +161,7 @@ def test_look_shows_what_was_understood_and_writes_nothing(calstation: Run, tmp_
     assert "g instead of m/s" in done.out.replace("\n", " ")
     assert not list(tmp_path.glob("*.h5"))
     done = calstation("import", tmp_path / "rec.csv")
-    assert (done.code, "-o LOG.h5" in done.err) == (2, True)
+    assert (done.code, "-o LOG" in done.err) == (2, True)
     done = calstation("import", tmp_path / "rec.csv", "-o", tmp_path / "rec.h5")
     assert done.code == 0
     assert "1 damaged rows lost (samples 199…199), 1 repeated rows left out" in done.err.replace("\n", " ")

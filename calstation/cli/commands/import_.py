@@ -33,7 +33,7 @@ def import_(
     if look and imu is None:
         return show_recording(source, inspect_log(open_log(source, meta, topic)), None)
     if out is None:
-        raise ConfigurationError("cli.no_log_name")
+        raise ConfigurationError("cli.needs", command="import", name="-o LOG", program="calstation import")
     if imu is None:
         log = open_log(source, meta, topic)
         facts = write_log(out, log.meta, log.blocks())
