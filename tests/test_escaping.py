@@ -8,17 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from PySide6.QtCore import Qt
-from PySide6.QtGui import QTextDocument
-from PySide6.QtWidgets import QApplication
 
 from calstation.cli.errors import print_error
 from calstation.cli.show import emit_json, new_table, plain_console, result_table
 from calstation.config.trail import export_trail
 from calstation.errors import ConfigurationError, InputError
 from calstation.escaping import for_csv, for_file_name, for_terminal, for_zpl
-from calstation.gui.widgets import ElidedLabel, label, plain_tip
-from calstation.gui.widgets.layout import PlainLabel
 from calstation.records import AuditEvent
 from calstation.records.meta import pair_path
 from calstation.reports.label import label_fields
@@ -121,24 +116,6 @@ def test_a_file_name_stays_in_its_folder(tmp_path: Path) -> None:
         assert pair_path(tmp_path, text, text).parent == tmp_path
         assert len(pair_path(tmp_path, text, text).name) < 255
         assert not {"/", "\\", "\x00"}.intersection(for_file_name(text))
-
-
-@pytest.mark.usefixtures("app")
-def test_labels_and_tooltips_show_plain_text() -> None:
-    for widget in (label(), PlainLabel(WICKED), ElidedLabel()):
-        assert widget.textFormat() == Qt.TextFormat.PlainText
-    elided = ElidedLabel()
-    elided.setText("<b>x</b>")
-    for tip in (elided.toolTip(), plain_tip("<b>x</b>")):
-        document = QTextDocument()
-        document.setHtml(tip)
-        assert document.toPlainText() == "<b>x</b>"
-    assert plain_tip("a < b\nc") == "a < b\nc"
-
-
-@pytest.fixture
-def app() -> QApplication:
-    return QApplication.instance() or QApplication([])  # type: ignore[return-value]
 
 
 def test_escapes_are_readable() -> None:

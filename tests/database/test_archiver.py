@@ -30,7 +30,7 @@ from calstation.records import RunFilter, RunIndex, RunRecord, Verdict, acquire_
 from calstation.results import load_result
 from tests.database.result_files import in_database, write_result
 from tests.database.test_exchange_process import eventually
-from tests.helpers import ignore_progress, raises_code
+from tests.helpers import ignore_progress, raises_code, write_log_of
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def folder(tmp_path: Path) -> Path:
     made.mkdir()
     for number, name in enumerate("ab"):
         write_result(made, name, number)
-        (made / f"{name}.h5").write_bytes(f"samples of {name}".encode())
+        write_log_of(made / f"{name}.json")
     return made
 
 
@@ -96,7 +96,7 @@ def test_logs_are_archived_and_read_by_another_station_from_the_archive(
     exchange.close()
     run = received(other)["a"]
     assert (run.origin, run.location) == (outbox.id, str(archive / outbox.id / "a.h5"))
-    assert fetch_log(ignore_progress, run).read_bytes() == b"samples of a"
+    assert fetch_log(ignore_progress, run).read_bytes() == (folder / "a.h5").read_bytes()
     assert run.log == other / outbox.id / "a.h5"
     result = fetch_result(ignore_progress, station_file(other, url), run)
     assert load_result(result) == load_result(folder / "a.json")
