@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calstation.errors import InputError
-from calstation.estimation.common import SampleBlock, true_intervals
+from calstation.estimation.common import LARGEST_VALUE, SampleBlock, true_intervals
 from calstation.messages import os_reason
 from calstation.parsing import parse_json
 from calstation.records.files import NO_LOCKS, TEST_TIMEOUT, is_locked
@@ -33,8 +33,10 @@ _HDF5_ERRORS = (
     *(OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, IndexError, MemoryError, OverflowError),
 )
 _NO_DAMAGE = np.empty((0, 2), np.int64)
-#: Largest magnitudes of the floats and integers of a row.
-_MAX_VALUE, _MAX_INTEGER = 1e20, 2**53
+#: Largest magnitude of the integers of a row.
+_MAX_INTEGER = 2**53
+#: Columns of values that are not used if the sample is invalid.
+_OF_VALID = ("counts", "others")
 #: Number of attempts to open a file that a run may be writing, and the time between them, s.
 _ATTEMPTS, _RETRY_INTERVAL = 4, 0.05
 #: Age of the last change of a file that nobody writes, where the file system has no locks, s.
@@ -142,12 +144,14 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
 
 
 def _check_magnitudes(path: Path, columns: Mapping[str, np.ndarray], intact: NDArray[np.bool_]) -> None:
-    """Raise InputError for a value so large that no device sends it and its powers overflow; NaN is permitted."""
+    """Raise InputError for a value that exceeds `LARGEST_VALUE`; NaN and the counts of invalid samples are permitted."""
     for name, values in columns.items():
         if name == CHECKSUM_COLUMN:
             continue
-        limit = _MAX_VALUE if values.dtype.kind == "f" else _MAX_INTEGER
+        limit = LARGEST_VALUE if values.dtype.kind == "f" else _MAX_INTEGER
         is_large = ((values > limit) | (values < -limit)).reshape(len(intact), -1).any(axis=1) & intact
+        if name in _OF_VALID:
+            is_large &= columns["valid"] != 0
         if is_large.any():
             seq = int(columns["seq"][np.argmax(is_large)])
             raise InputError("log.impossible_sample", file=path, column=name, seq=seq)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calstation.estimation.common import AngleUnwrapper, SampleBlock, snap_angles
+from calstation.estimation.common import LARGEST_VALUE, AngleUnwrapper, SampleBlock, snap_angles
 from calstation.physics import CHANNELS, BoolArray, FloatArray, IntArray
 from calstation.records.columns import ANGLES, JOINTS, STATION, further_channels
 from calstation.records.meta import FURTHER_IMUS
@@ -17,8 +17,8 @@ _FloatOrInt = FloatArray | IntArray
 INTEGERS = ("seq", "step", "valid")
 #: Columns in which every row must have a finite number.
 _REQUIRED = ("time_s", *CHANNELS, *INTEGERS)
-#: Largest magnitude of a number, and of a whole number, which a float64 represents exactly.
-_MAX_NUMBER, _MAX_INTEGER = 1e20, 2**53
+#: Largest magnitude of a whole number, which a float64 represents exactly.
+_MAX_INTEGER = 2**53
 
 
 def damages(name: str, values: FloatArray) -> BoolArray:
@@ -30,7 +30,7 @@ def damages(name: str, values: FloatArray) -> BoolArray:
 
 def is_excessive(name: str, values: _FloatOrInt) -> BoolArray:
     """Return the mask of the values of a column, shape (n,), that are larger than a computation can bear."""
-    limit = _MAX_INTEGER if name in INTEGERS else _MAX_NUMBER
+    limit = _MAX_INTEGER if name in INTEGERS else LARGEST_VALUE
     return np.asarray((values > limit) | (values < -limit))
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.devices import Imu, SampleBatch, TableStatus
-from calstation.estimation.common import SampleBlock, snap_angles
+from calstation.estimation.common import LARGEST_VALUE, SampleBlock, snap_angles
 from calstation.physics import CHANNELS, FloatArray
 from calstation.sequencer.context import Clock, LastSample, UnitTask
 
@@ -160,7 +160,8 @@ class Acquisition:
             after, missing_samples = self._after, round(RESUME_GAP / self._period)
             self._seq_shift = after.seq + missing_samples + 1 - int(batch.seq[0])
             self._time_shift = after.time + RESUME_GAP + self._period - float(batch.time[0])
-        batch = self._with_wraps(batch, now)
+        received = self._with_wraps(batch, now)
+        batch = _without_impossible(received)
         before = int(batch.seq[0]) - 1 if self._last_seq is None else self._last_seq
         self._last_seq = int(batch.seq[-1])
         missing = self._last_seq - before - count
@@ -175,7 +176,7 @@ class Acquisition:
         self._delays.append(now - self.newest_time)
         finite = np.isfinite(batch.counts).all(axis=1)
         masks, span = self._unit.masks, self._unit.span
-        at_bound = (batch.counts <= span.low) | (batch.counts >= span.high)
+        at_bound = (received.counts <= span.low) | (received.counts >= span.high)
         saturated = (batch.status & masks.saturated != 0) | at_bound.any(axis=1)
         # samples after an invalid one belong to a step that will be repeated
         valid = self._tags.valid & np.logical_and.accumulate(finite & ~saturated)
@@ -277,3 +278,11 @@ class Acquisition:
                 angles[i] = snap_angles(polled + rates * (batch.time[i] - moment))
         self._polls = remaining
         return angles
+
+
+def _without_impossible(batch: SampleBatch) -> SampleBatch:
+    """Replace values that no log may contain, such as infinity, by NaN."""
+    counts, temperature = (
+        np.where(np.abs(values) <= LARGEST_VALUE, values, np.nan) for values in (batch.counts, batch.temperature)
+    )
+    return replace(batch, counts=counts, temperature=temperature)

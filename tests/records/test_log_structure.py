@@ -1,6 +1,7 @@
 """A file with the parts of a raw log but another structure is refused before data are read."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -130,6 +131,17 @@ def test_an_impossible_value_with_a_valid_checksum_is_named(path: Path, column: 
         file["samples"][-1:] = rows
     error = _refusal(path)
     assert (error.code, error.values["column"]) == ("log.impossible_sample", column)
+
+
+def test_the_counts_of_an_invalid_sample_may_be_infinite(
+    tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]
+) -> None:
+    counts, valid = blocks[0].counts.copy(), blocks[0].valid.copy()
+    counts[3], valid[3] = np.inf, False
+    writer = RawLogWriter(tmp_path / "earlier.h5", meta)
+    writer.append(replace(blocks[0], counts=counts, valid=valid))
+    written = writer.close("failed")
+    assert open_log(tmp_path / "earlier.h5").facts() == written
 
 
 @pytest.mark.parametrize("value", ["text", np.zeros(3, np.uint32), 1.5, h5py.Empty("u4")])

@@ -154,6 +154,24 @@ def test_displayed_mean_ignores_non_numeric_samples() -> None:
     assert np.isnan(acquisition.recent[0]).all()
 
 
+@pytest.mark.parametrize("value", [math.inf, -math.inf, 1e30])
+def test_impossible_values_become_nan_because_no_log_may_contain_them(
+    value: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = FakeClock()
+    imu = FakeImu(clock, FakeTable(clock))
+    blocks: list[SampleBlock] = []
+    acquisition = Acquisition(imu, UNIT, clock, SampleTags(), blocks.append)
+    clock.sleep(0.1)
+    batch = imu.read()
+    batch.counts[0, 4] = batch.temperature[1] = value
+    monkeypatch.setattr(imu, "read", lambda: batch)
+    assert acquisition.drain().invalid
+    assert np.isnan(blocks[0].counts[0, 4])
+    assert np.isnan(blocks[0].temperature[1])
+    assert not blocks[0].valid[0]
+
+
 def test_increments_are_converted_to_rates() -> None:
     assert replace(MODEL, output="increment").count_size[0] == pytest.approx(MODEL.gyro_lsb * RATE)
     assert math.isclose(MODEL.count_size[5], MODEL.accel_lsb)

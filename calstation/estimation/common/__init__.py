@@ -53,7 +53,14 @@ from calstation.estimation.common.noise import (
 )
 from calstation.estimation.common.planned import PlannedSamples, profile
 from calstation.estimation.common.residuals import RestResiduals, compensated_means, rest_residuals
-from calstation.estimation.common.samples import SampleBlock, blocks_from, has_gyros, join_blocks, snap_angles
+from calstation.estimation.common.samples import (
+    LARGEST_VALUE,
+    SampleBlock,
+    blocks_from,
+    has_gyros,
+    join_blocks,
+    snap_angles,
+)
 from calstation.estimation.common.sequence import (
     SEQUENCE_MODULI,
     AngleUnwrapper,

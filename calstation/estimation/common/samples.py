@@ -9,6 +9,9 @@ from calstation.physics import BoolArray, FloatArray, IntArray
 #: Resolution of encoder angles, rad (2e-7″), coarse enough for angles stored in degrees to be read back exactly.
 ANGLE_STEP = 2.0**-40
 
+#: Largest magnitude of a value of a sample; no device sends a larger one, and its powers would overflow.
+LARGEST_VALUE = 1e20
+
 
 @dataclass(frozen=True)
 class SampleBlock:
