@@ -61,7 +61,7 @@ def _verification(path: Path, trail: AuditTrail, faults: Sequence[Text]) -> tupl
     else:
         key = public_key(trail)
         unsigned = sum(each.signature is None for each in trail.entries)
-        values = {"file": path, "lines": len(trail.entries), "digest": trail.digest}
+        values = {"file": path, "lines": len(trail.entries), "digest": trail.head[1]}
         signed = [] if key is None else [Text.of("audit.signed", key=key)]
         state = (
             Text.of("audit.intact", **values),

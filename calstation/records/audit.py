@@ -94,9 +94,8 @@ class TrailState:
     @property
     def head(self) -> TrailHead | None:
         """Present head of the trail; None before its first line."""
-        if not self.trail.digests:
-            return None
-        return TrailHead(self.public_key or "", len(self.trail.digests), self.trail.digest)
+        lines, digest = self.trail.head
+        return TrailHead(self.public_key or "", lines, digest) if lines else None
 
     def require_intact(self) -> None:
         """Raise ConfigurationError if the trail was changed."""

@@ -60,7 +60,18 @@ class Chain(Generic[T]):
 
     def contains(self, lines: int, digest: str) -> bool:
         """Return whether the file had this digest when it had this number of lines; 0 lines have the digest START."""
-        return (START, *self.digests)[lines : lines + 1] == (digest,)
+        return 0 <= lines <= len(self.digests) and digest == (self.digests[lines - 1] if lines else START)
+
+    @property
+    def head(self) -> tuple[int, str]:
+        """Number and digest of the last complete line; (0, START) without one.
+
+        An incomplete line after it is no part of the head, because the next append changes it.
+        """
+        number = len(self.digests)
+        while number in self.incomplete:
+            number -= 1
+        return number, self.digests[number - 1] if number else START
 
 
 @dataclass(frozen=True)

@@ -69,8 +69,8 @@ def append_report(folder: Path, report: IssuedReport, key: StationKey) -> None:
 
 def reports_head(folder: Path) -> dict[str, JsonValue]:
     """Return the present head of the reports of a folder, for the event of the next one. Raises OSError."""
-    chain = report_file(folder).read()
-    return {"folder": str(folder.resolve()), "lines": len(chain.digests), "digest": chain.digest}
+    lines, digest = report_file(folder).read().head
+    return {"folder": str(folder.resolve()), "lines": lines, "digest": digest}
 
 
 def report_faults(folder: Path, state: TrailState) -> list[Text]:

@@ -7,6 +7,7 @@ import re
 import stat
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,12 +20,13 @@ from calstation.records import (
     audit,
     audit_path,
     files,
+    held_faults,
     read_audit,
     restart_trail,
     site_events,
     verify_trail,
 )
-from calstation.records.station_key import StationKey, head_file, key_file
+from calstation.records.station_key import HeldHead, StationKey, head_file, key_file, store_head
 from tests.helpers import raises_code
 
 
@@ -253,6 +255,25 @@ def test_line_without_its_newline_is_complete(tmp_path: Path, trail: Path) -> No
     append_audit(tmp_path, "pin_changed", "li")
     chain = read_audit(trail)
     assert (chain.incomplete, chain.damage, len(chain.entries)) == ((), None, 4)
+
+
+@pytest.mark.parametrize("length", [0, 1, 40, -1])
+def test_head_stays_in_the_trail_after_an_interrupted_line_is_closed(tmp_path: Path, trail: Path, length: int) -> None:
+    whole = trail.read_bytes()
+    append_audit(tmp_path, "pin_set", "wang")
+    line = trail.read_bytes()[len(whole) :]
+    head_file(tmp_path).unlink()
+    state = verify_trail(tmp_path)
+    assert state.key is not None
+    assert state.head is not None
+    store_head(tmp_path, state.key, replace(state.head, lines=3, digest=state.trail.digests[2]))
+    trail.write_bytes(whole + line[:length])
+    state = verify_trail(tmp_path)
+    head = state.head
+    assert state.faults == ()
+    assert head is not None
+    append_audit(tmp_path, "pin_set", "li")
+    assert held_faults(verify_trail(tmp_path), [HeldHead(head, "station")]) == []
 
 
 def test_modified_last_line_is_not_treated_as_incomplete(tmp_path: Path, trail: Path) -> None:

@@ -78,7 +78,7 @@ def _row(path: Path, site: SiteTrail, events: list[AuditEvent]) -> dict[str, Any
     trail = site.trail
     return {
         **{"file": str(path), "kind": "audit", "lines": len(trail.entries), "interrupted": list(trail.incomplete)},
-        **{"first_bad": trail.damage and trail.damage.number, "digest": trail.digest, "intact": site.intact},
+        **{"first_bad": trail.damage and trail.damage.number, "digest": trail.head[1], "intact": site.intact},
         "events": [each.model_dump() for each in events],
     }
 
