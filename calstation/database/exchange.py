@@ -83,8 +83,8 @@ class Exchange:
             except (ConfigurationError, DBAPIError):
                 self.outbox.refresh()  # counts the pending runs
                 raise
-            self._exchange_heads(engine)
             self.complete = self._send_all(engine, end) and self._receive(engine, end)
+            self._exchange_heads(engine)  # last, because a database without the rights for it still receives the runs
             return other_claims(engine, self.outbox.id)
         except DBAPIError as exc:
             if engine is None:

@@ -144,7 +144,7 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
 
 
 def _check_magnitudes(path: Path, columns: Mapping[str, np.ndarray], intact: NDArray[np.bool_]) -> None:
-    """Raise InputError for a value that exceeds `LARGEST_VALUE`; NaN and the counts of invalid samples are permitted."""
+    """Raise InputError for a value beyond `LARGEST_VALUE`; NaN and the counts of invalid samples are permitted."""
     for name, values in columns.items():
         if name == CHECKSUM_COLUMN:
             continue

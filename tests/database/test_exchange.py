@@ -29,7 +29,7 @@ from calstation.database import (
 )
 from calstation.database.exchange import _store
 from calstation.database.outbox import COPIES_FILE, OutboxMessage
-from calstation.database.tables import outboxes
+from calstation.database.tables import outboxes, trail_heads
 from calstation.errors import ConfigurationError, InputError
 from calstation.records import RunFilter, RunIndex
 from calstation.records.run_index import FILE
@@ -74,6 +74,19 @@ def test_all_stations_see_all_runs(url: str, stations: tuple[Path, Path]) -> Non
     for folder in (one, two):
         exchange(folder, url)
     assert len(in_database(url)) == 120
+
+
+def test_runs_are_sent_although_the_heads_of_trails_are_refused(url: str, stations: tuple[Path, Path]) -> None:
+    one, two = stations
+    write_result(one, "a", 1)
+    engine = create_engine(url)
+    trail_heads.drop(engine)
+    engine.dispose()
+    for folder in stations:
+        with pytest.raises(ConfigurationError, match="trail_heads"):
+            exchange(folder, url)
+    assert in_database(url) == [("a", "one")]
+    assert [row[0] for row in in_index(two)] == ["a"]
 
 
 def test_a_changed_result_replaces_the_run(url: str, stations: tuple[Path, Path]) -> None:
