@@ -141,6 +141,22 @@ def test_pin_panel_covers_no_button_of_a_run_and_esc_closes_it_after_the_run(win
     assert not panel.isVisible()
 
 
+@pytest.mark.parametrize("where", ["silent engine", "other window"])
+def test_esc_stops_a_run_that_may_be_in_progress_although_the_role_panel_is_open(
+    window: MainWindow, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    run = window.app.run
+    if where == "silent engine":
+        run.state = "fault"
+        monkeypatch.setattr(type(window.app.engine_link), "running", property(lambda _: True))
+    else:
+        run.set_elsewhere((("SN-1",), "running"))
+    qtbot.mouseClick(window.findChild(QPushButton, "role_button"), Qt.MouseButton.LeftButton)
+    assert window.findChild(RolePanel).isVisible()
+    with qtbot.waitSignal(run.stop_pressed, timeout=1000):
+        qtbot.keyClick(window, Qt.Key.Key_Escape)
+
+
 def test_damaged_pin_file_is_explained(window: MainWindow, qtbot: QtBot, site_folder: SiteFolder) -> None:
     (site_folder.home / "engineer.json").write_text("{", encoding="utf-8")
     qtbot.mouseClick(window.findChild(QPushButton, "role_button"), Qt.MouseButton.LeftButton)

@@ -352,11 +352,14 @@ class MainWindow(QMainWindow):
             self._strip.raise_()
 
     def _escape(self) -> None:
-        """Stop a run in progress, or else close the role panel."""
-        if self._role_panel.isVisible() and not self.app.run.in_progress:
-            self._role_panel.hide()
-        else:
-            self.app.run.stop()
+        """Stop a run that may be in progress, also of a silent engine or in another window, or close the role panel."""
+        run = self.app.run
+        if not self._role_panel.isVisible() or run.in_progress or self.app.engine_link.running:
+            run.stop()
+            return
+        self._role_panel.hide()
+        if run.elsewhere is not None:
+            run.stop()
 
     def _move_role_panel(self) -> None:
         """Move the role panel below START and STOP or, in a low window, left of STOP, which must never be covered."""

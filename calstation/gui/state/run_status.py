@@ -353,7 +353,9 @@ class RunStatus(QObject):
             case Settled():
                 self.state = "idle"
             case Fault() if not event.slot:
-                self._before_fault, self.fault, self.state = self.state, event, "fault"
+                if self.fault is None:
+                    self._before_fault = self.state
+                self.fault, self.state = event, "fault"
             case Finalized() if self.finalized and self.fault is None:
                 self.state = self._verdict
         self._changed_timer.start()
