@@ -16,7 +16,7 @@ from calstation.config import StationConfig, load_station
 from calstation.escaping import for_csv
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
-from calstation.parsing import MAX_JSON, parse_json, read_limited
+from calstation.parsing import parse_json
 from calstation.records import SUFFIX, locked, sync_folder, write_atomic
 from calstation.results.result import NO_RESULT, Result
 from calstation.sequencer import Emit, Message
@@ -156,7 +156,7 @@ def _deliver(runs: Path, folder: Path, create: bool) -> Delivery:
 
 
 def _hand_over(runs: Path, name: str, folder: Path) -> None:
-    content = read_limited(runs / f"{name}.json", MAX_JSON)
+    content = (runs / f"{name}.json").read_bytes()
     write_atomic(folder / f"{name}.json", content)
     with suppress(*NO_RESULT):  # a JSON file of another program has no line
         _append(folder, name, Result.from_json(parse_json(content)))

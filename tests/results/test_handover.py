@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from calstation.config import StationConfig
+from calstation.parsing import MAX_JSON
 from calstation.results import HandOver, deliver_pending, handover, register_pending
 from calstation.results.handover import COLUMNS, CSV_NAME, PENDING
 from calstation.sequencer import Event, Message
@@ -238,3 +239,10 @@ def test_file_that_is_no_result_does_not_block_other_results(factory: Factory, c
     factory.result("SN-1_b")
     factory.hand_over()
     assert [row["serial"] for row in factory.rows()] == ["SN-1"]
+
+
+def test_a_result_that_is_too_large_to_be_read_is_copied_whole(factory: Factory) -> None:
+    factory.result("SN-1_a", advice="x" * MAX_JSON)
+    factory.hand_over()
+    copy, original = factory.folder / "SN-1_a.json", factory.runs / "SN-1_a.json"
+    assert copy.stat().st_size == original.stat().st_size
