@@ -6,6 +6,7 @@ other is complete: a line contains the head of the trail before its event, and a
 line. Lines are signed; a line of another site contains the key of that site.
 """
 
+import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -45,6 +46,10 @@ class IssuedReport:
 _EVENT: AuditEventName = "certificate"
 #: Values of an event that identify a report.
 _IDENTITY = ("number", "revision", "content_sha256")
+
+
+#: Time in which another program completes an event and a report, s.
+_APPENDING = 0.2
 
 
 class _ReportLine(BaseModel):
@@ -106,13 +111,24 @@ def report_faults(folder: Path, state: TrailState) -> list[Text]:
 def intact_trail(site: Path, runs: Path) -> TrailState:
     """Return the audit trail of a site, after comparing it with the reports and the received heads in a folder of runs.
 
-    Raises ConfigurationError if the trail or the record of reports was changed, or InputError if a file cannot be read.
+    The files are read twice before a change is reported, because another program may append to one of them between the
+    readings of two. Raises ConfigurationError if the trail or the record of reports was changed, or InputError if a
+    file cannot be read.
     """
+    try:
+        return _intact_trail(site, runs)
+    except ConfigurationError:
+        time.sleep(_APPENDING)
+        return _intact_trail(site, runs)
+
+
+def _intact_trail(site: Path, runs: Path) -> TrailState:
+    held = held_heads(runs)
     state = verify_trail(site)
     state.require_intact()
-    held = held_faults(state, held_heads(runs))
-    if held:
-        raise ConfigurationError("audit.broken", fault=held[0])
+    contradictions = held_faults(state, held)
+    if contradictions:
+        raise ConfigurationError("audit.broken", fault=contradictions[0])
     faults = report_faults(runs, state)
     if faults:
         raise ConfigurationError("report.broken", fault=faults[0])

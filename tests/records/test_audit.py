@@ -21,12 +21,14 @@ from calstation.records import (
     audit_path,
     files,
     held_faults,
+    intact_trail,
     read_audit,
+    reports,
     restart_trail,
     site_events,
     verify_trail,
 )
-from calstation.records.station_key import HeldHead, StationKey, head_file, key_file, store_head
+from calstation.records.station_key import HeldHead, StationKey, head_file, keep_held_heads, key_file, store_head
 from tests.helpers import raises_code
 
 
@@ -274,6 +276,20 @@ def test_head_stays_in_the_trail_after_an_interrupted_line_is_closed(tmp_path: P
     assert head is not None
     append_audit(tmp_path, "pin_set", "li")
     assert held_faults(verify_trail(tmp_path), [HeldHead(head, "station")]) == []
+
+
+def test_an_event_appended_between_two_readings_is_no_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    append_audit(tmp_path, "pin_set", "wang")
+    earlier = [verify_trail(tmp_path)]
+    append_audit(tmp_path, "pin_set", "li")
+    head = verify_trail(tmp_path).head
+    assert head is not None
+    keep_held_heads(tmp_path, [HeldHead(head, "station")])
+    monkeypatch.setattr(reports, "verify_trail", lambda folder: earlier.pop() if earlier else verify_trail(folder))
+    assert intact_trail(tmp_path, tmp_path).head == head
+    audit_path(tmp_path).write_bytes(audit_path(tmp_path).read_bytes().replace(b'"li"', b'"lu"'))
+    with raises_code(ConfigurationError, "audit.broken"):
+        intact_trail(tmp_path, tmp_path)
 
 
 def test_modified_last_line_is_not_treated_as_incomplete(tmp_path: Path, trail: Path) -> None:
