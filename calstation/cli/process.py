@@ -86,8 +86,9 @@ def _stream(stream: Any, kind: type[io.TextIOWrapper], descriptor: int) -> io.Te
     if stream is None:
         raw = io.FileIO(descriptor, "w", closefd=False)
         return kind(io.BufferedWriter(raw), "utf-8", "replace")
-    lines, encoding = stream.line_buffering, stream.encoding
-    return kind(stream.detach(), encoding, "replace", line_buffering=lines)  # a Windows console cannot show ≤ or °
+    buffering = {name: getattr(stream, name) for name in ("line_buffering", "write_through")}
+    encoding = stream.encoding
+    return kind(stream.detach(), encoding, "replace", **buffering)  # a Windows console cannot show ≤ or °
 
 
 def _discard(descriptor: int) -> None:

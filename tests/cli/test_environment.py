@@ -2,6 +2,8 @@
 
 import errno
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numba as nb
@@ -98,3 +100,9 @@ def test_a_log_on_a_share_without_locks_is_read(log: Path, monkeypatch: pytest.M
     assert open_log(log).facts().samples == 50
     os.utime(log, (0.0, 0.0))
     assert not being_written(log)
+
+
+def test_unbuffered_output_stays_unbuffered() -> None:
+    code = "import os\nfrom calstation.cli.process import prepare\nprepare()\nprint('line')\nos._exit(0)"
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    assert subprocess.check_output([sys.executable, "-c", code], env=environment, text=True) == "line\n"
