@@ -165,7 +165,8 @@ def _hand_over(runs: Path, name: str, folder: Path) -> None:
 
 def _append(folder: Path, name: str, result: Result) -> None:
     """Append the run's line unless it exists, and before it the header in a new file, in one write."""
-    cells = [*(_cell(column(result)) for column in COLUMNS.values()), f"{name}.json"]
+    cells = [_cell(column(result)) for column in COLUMNS.values()]
+    end = f",{name}.json\n"  # exact, because another program opens the file
     with ExitStack() as stack:
         try:
             stack.enter_context(locked(folder / ".handover.lock", _LOCK_TIMEOUT))
@@ -179,11 +180,11 @@ def _append(folder: Path, name: str, result: Result) -> None:
         size = os.fstat(handle).st_size
         os.lseek(handle, max(0, size - _TAIL), os.SEEK_SET)
         tail = os.read(handle, _TAIL)
-        if f",{name}.json\n".encode() in tail:
+        if end.encode() in tail:
             return
         begin = "" if not tail or tail.endswith(b"\n") else "\n"  # the last line may be truncated by a power failure
         header = "" if size else for_csv([[*COLUMNS, "result"]])
-        os.write(handle, (begin + header + for_csv([cells])).encode())
+        os.write(handle, (begin + header + for_csv([cells]).removesuffix("\n") + end).encode())
         os.fsync(handle)
 
 

@@ -246,3 +246,11 @@ def test_a_result_that_is_too_large_to_be_read_is_copied_whole(factory: Factory)
     factory.hand_over()
     copy, original = factory.folder / "SN-1_a.json", factory.runs / "SN-1_a.json"
     assert copy.stat().st_size == original.stat().st_size
+
+
+def test_a_result_whose_name_begins_with_a_hyphen_is_named_exactly_and_once(factory: Factory) -> None:
+    for _ in range(2):  # as after an interrupted delivery
+        factory.result("--1_a", operator="=1+1")
+        factory.hand_over()
+    (row,) = factory.rows()
+    assert (row["result"], row["operator"]) == ("--1_a.json", "'=1+1")
