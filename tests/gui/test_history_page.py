@@ -16,6 +16,7 @@ from pytestqt.qtbot import QtBot
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common import SampleBlock
 from calstation.gui.history import HistoryPage
+from calstation.gui.history.run_table import _RunModel
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.state import AppContext
 from calstation.gui.text import language, say
@@ -408,6 +409,15 @@ def test_all_runs_are_sorted_and_reached_by_scrolling(
     assert page.table.run is not None
     assert page.table.run.serial == "SN-0"
     language.use("en")
+
+
+def test_a_list_ends_where_runs_have_been_removed_meanwhile(page: HistoryPage) -> None:
+    model, inserted = page.table.model(), list[object]()
+    assert isinstance(model, _RunModel)
+    model.show_runs(lambda *_: [], 5)
+    model.rowsInserted.connect(lambda *_: inserted.append(1))
+    model.fetchMore()
+    assert (inserted, model.canFetchMore()) == ([], False)
 
 
 def test_trend_shows_the_parameter_that_failed(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:

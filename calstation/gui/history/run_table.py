@@ -123,7 +123,9 @@ class _RunModel(QAbstractTableModel):
     def fetchMore(self, parent: Index = QModelIndex()) -> None:  # noqa: B008
         """Read the next part."""
         runs = self._read(_PART, len(self.runs), self.order)
-        self._count = self._count if runs else len(self.runs)
+        if not runs:  # some have been removed meanwhile
+            self._count = len(self.runs)
+            return
         self.beginInsertRows(QModelIndex(), len(self.runs), len(self.runs) + len(runs) - 1)
         self.runs += runs
         self.endInsertRows()
