@@ -7,7 +7,7 @@ new one, with a new key, that names the changed one.
 
 import hashlib
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import cached_property
@@ -309,13 +309,22 @@ def site_trails(folder: Path) -> list[tuple[Path, AuditTrail]]:
     trails: list[tuple[Path, AuditTrail]] = []
     path: Path | None = audit_path(folder)
     while path is not None:
-        trail = read_audit(path)
+        trail = read_audit(path) if trails else _present_trail(folder)
         trails.append((path, trail))
         restarted = trail.entries[0].values if trail.entries and trail.entries[0].event == "trail_restarted" else {}
         former = folder / Path(str(restarted.get("file", ""))).name
         is_named = former.is_file() and hashlib.sha256(former.read_bytes()).hexdigest() == restarted.get("sha256")
         path = former if is_named and former not in [each for each, _ in trails] else None
     return trails
+
+
+def _present_trail(folder: Path) -> AuditTrail:
+    """Return the present trail of the site, all of whose signatures are verified unless its head vouches for them."""
+    with suppress(InputError):  # the head cannot be read
+        state = verify_trail(folder)
+        if not state.faults:
+            return state.trail
+    return read_audit(audit_path(folder))
 
 
 def site_events(folder: Path) -> list[AuditEvent]:

@@ -278,6 +278,17 @@ def test_head_stays_in_the_trail_after_an_interrupted_line_is_closed(tmp_path: P
     assert held_faults(verify_trail(tmp_path), [HeldHead(head, "station")]) == []
 
 
+def test_events_of_an_intact_trail_are_read_without_verifying_every_signature(
+    tmp_path: Path, trail: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    verified = []
+    original = audit.is_signed
+    monkeypatch.setattr(audit, "is_signed", lambda *line: verified.append(line) or original(*line))
+    assert (len(site_events(tmp_path)), verified) == (3, [])
+    head_file(tmp_path).unlink()
+    assert (len(site_events(tmp_path)), len(verified) >= 3) == (3, True)
+
+
 def test_an_event_appended_between_two_readings_is_no_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     append_audit(tmp_path, "pin_set", "wang")
     earlier = [verify_trail(tmp_path)]
