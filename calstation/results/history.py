@@ -265,13 +265,18 @@ def _read(folder: Path, name: str, stamp: str, earlier: IndexedRun | None = None
     """
     try:
         run = _read_file(folder, name, stamp)
-        if run is not None and earlier is not None and run.record.result_sha256 != earlier.record.result_sha256 != "":
+        if run is not None and earlier is not None and _contradicts(run.record, earlier.record):
             run = replace(earlier, stamp=stamp, record=replace(earlier.record, altered=True))
         if run is not None:
             _check_texts(run)
     except (OSError, InputError, *NO_RESULT):
         return None
     return run
+
+
+def _contradicts(run: RunRecord, earlier: RunRecord) -> bool:
+    """Return whether a result file without a log differs from the result of the run in the index."""
+    return run.result_sha256 != earlier.result_sha256 if earlier.result_sha256 else earlier.altered
 
 
 def _read_file(folder: Path, name: str, stamp: str) -> IndexedRun | None:
@@ -310,11 +315,12 @@ def _from_file(folder: Path, name: str, stamp: str, path: Path) -> IndexedRun | 
     if entry is None:
         return replace(run, record=replace(run.record, result_sha256=content_digest(content)))
     if stored is None:
-        run = _from_log(folder, name, stamp, open_log(log))
+        run, digest = _from_log(folder, name, stamp, open_log(log)), ""
     else:
+        digest = content_digest(stored)
         later = {key: content[key] for key in ADDED_LATER if key in content}
         run = _from_result(folder, name, stamp, Result.from_json({**stored, **later}), path)
-    return replace(run, record=replace(run.record, result=path, altered=True))
+    return replace(run, record=replace(run.record, result=path, altered=True, result_sha256=digest))
 
 
 def _check_texts(run: IndexedRun) -> None:

@@ -172,6 +172,20 @@ def test_edited_result_does_not_turn_a_failure_into_a_pass(tmp_path: Path, log: 
             history.result(run)
 
 
+def test_edited_result_stays_altered_after_its_log_has_been_removed(tmp_path: Path) -> None:
+    path = write(tmp_path, "a", "SN-1", "failed", 1)
+    original = path.read_bytes()
+    write_log_of(path)
+    write(tmp_path, "a", "SN-1", "passed", 1)
+    (run,) = refreshed(tmp_path).runs()
+    assert (run.badge, run.verdict) == ("altered", "failed")
+    run.log.unlink()
+    for content, badge in ((path.read_bytes() + b"\n", "altered"), (original, "failed")):
+        path.write_bytes(content)
+        (run,) = refreshed(tmp_path).runs()
+        assert (run.badge, run.verdict) == (badge, "failed")
+
+
 def test_result_that_a_log_without_a_result_contradicts_is_altered(tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
     meta = LogMeta.model_validate(META)
