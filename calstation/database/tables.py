@@ -94,6 +94,7 @@ trail_heads = sa.Table(
     sa.Column("digest", sa.String(64), primary_key=True),
     sa.Column("station", sa.String, nullable=False),
     sa.Column("stored", sa.DateTime(timezone=True), nullable=False),
+    sa.Index("trail_heads_by_line", "key", "lines"),
 )
 
 #: Properties common to all solutions with a version; the first job that uses a version adds its row.
