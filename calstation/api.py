@@ -5,7 +5,7 @@ Arrays are NumPy arrays in SI units; axes are those of the IMU's body, x right, 
 that take long call ``progress(fraction, remaining_s, note)``, and Ctrl-C interrupts them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from functools import cached_property
 from pathlib import Path
@@ -35,6 +35,8 @@ __all__ = [
     *("apply", "design", "export", "open", "resolve", "run", "simulate"),
 ]
 
+#: Called with the fraction done, the remaining time, s, or None, and the current activity.
+Progress = Callable[[float, float | None, str], object]
 #: Answers to the questions before a run that Python, like a command without a terminal, gives itself.
 _ANSWERS = {"resume": "anew", "passed": "repeat"}
 
@@ -168,7 +170,7 @@ def resolve(
     first: int | None = None,
     last: int | None = None,
     states: Sequence[str] = (),
-    progress: ProgressCallback | None = None,
+    progress: Progress | None = None,
 ) -> Result:
     """Solve a recording, as ``calstation resolve`` does.
 
@@ -197,7 +199,7 @@ def resolve(
 
     def show(stage: str, seq: int, done: float) -> None:
         if progress is not None:
-            progress(min(max((seq - facts.first_seq) / max(facts.samples, 1), 0.0), 1.0), note=stage)
+            progress(min(max((seq - facts.first_seq) / max(facts.samples, 1), 0.0), 1.0), None, stage)
 
     if opened.path.is_file():
         return resolve_file(opened.path, chosen, first, last, show, states=added).result
@@ -261,7 +263,7 @@ def run(
     station: str | Path = "virtual_bench",
     product: str | Path | None = None,
     serial: str | Sequence[str] = "",
-    progress: ProgressCallback | None = None,
+    progress: Progress | None = None,
     *,
     out: str | Path = "runs",
     seed: int | None = None,
@@ -302,7 +304,7 @@ def run(
     return tuple(finalized)
 
 
-def _follow(engine: Engine, progress: ProgressCallback | None) -> list[Result]:
+def _follow(engine: Engine, progress: Progress | None) -> list[Result]:
     """Read the events of a run until its end. Raises CalstationError if the run ends without a result."""
     results: list[Result] = []
     first = share = 0.0
@@ -323,7 +325,7 @@ def design(
     product: str | Path | None = None,
     station: str | Path = "virtual_bench",
     margin: float = 0.8,
-    progress: ProgressCallback | None = None,
+    progress: Progress | None = None,
     *,
     time_limit: float | None = None,
     out: str | Path | None = None,
@@ -345,7 +347,7 @@ def design(
         The moves, their duration and the sigmas at their end
     """
     stored, chosen = library.locate("stations", Path(station)), _product(product)
-    found = design_schedule(progress or _ignore, DesignRequest(stored, chosen, margin, time_limit=time_limit))
+    found = design_schedule(_report(progress), DesignRequest(stored, chosen, margin, time_limit=time_limit))
     if out is not None:
         present = read_text(chosen or library.find("products", DEFAULT_PRODUCT))
         Path(out).write_text(designed_product(present, found), encoding="utf-8")
@@ -356,7 +358,7 @@ def simulate(
     product: str | Path | None = None,
     seed: int = 1,
     station: str | Path = "virtual_bench",
-    progress: ProgressCallback | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Log, dict[str, float]]:
     """Simulate the samples of a product's whole schedule, without a run and without files.
 
@@ -376,9 +378,7 @@ def simulate(
     """
     from calstation.simulation import simulate_log  # production code contains no simulation, see `simulation`
 
-    stored, truth = simulate_log(
-        progress or _ignore, library.locate("stations", Path(station)), _product(product), seed
-    )
+    stored, truth = simulate_log(_report(progress), library.locate("stations", Path(station)), _product(product), seed)
     return Log(stored), truth
 
 
@@ -386,5 +386,11 @@ def _product(product: str | Path | None) -> Path | None:
     return None if product is None else library.locate("products", Path(product))
 
 
-def _ignore(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Ignore the progress."""
+def _report(progress: Progress | None) -> ProgressCallback:
+    """Return the callback of a job that passes all three values on."""
+
+    def report(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+        if progress is not None:
+            progress(fraction, remaining_s, note)
+
+    return report

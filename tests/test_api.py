@@ -150,6 +150,19 @@ def test_ctrl_c_stops_a_run(site_folder: SiteFolder) -> None:
     assert json.loads(stored.read_text(encoding="utf-8"))["outcome"] == "stopped"
 
 
+def test_progress_receives_all_three_values(path: Path, site_folder: SiteFolder) -> None:
+    calls = []
+
+    def progress(fraction: float, remaining_s: float | None, note: str) -> None:
+        calls.append((fraction, remaining_s, note))
+
+    cs.resolve(path, progress=progress)
+    site_folder.write(product={"stages": ["six_position"]})
+    cs.simulate(site_folder.product, station=site_folder.station, progress=progress)
+    assert calls[0][1:] == (None, "six_position")
+    assert calls[-1] == (1.0, None, "")
+
+
 def test_progress_can_interrupt_a_solution(path: Path) -> None:
     def interrupt(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
         raise KeyboardInterrupt
