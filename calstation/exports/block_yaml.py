@@ -1,10 +1,13 @@
 """The subset of YAML that exports use: nested mappings in block style, whose values are JSON."""
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 _INDENT = 2
+#: Numbers such as 1e-05, which are texts to readers of YAML 1.1, such as Kalibr's, without a decimal point.
+_WITHOUT_POINT = re.compile(r"(?<![\w.\"])(-?\d+)(?=e[-+]\d)")
 
 
 def dump(content: Mapping[str, Any], comment: str) -> bytes:
@@ -20,7 +23,8 @@ def _lines(content: Mapping[str, Any], depth: int) -> Iterator[str]:
             yield start
             yield from _lines(value, depth + 1)
         else:
-            yield f"{start} {json.dumps(value)}"
+            text = json.dumps(value)
+            yield f"{start} " + (text if isinstance(value, str) else _WITHOUT_POINT.sub(r"\1.0", text))
 
 
 def load(text: bytes) -> dict[str, Any]:

@@ -160,6 +160,13 @@ def test_kalibr_receives_a_rotation_and_lower_triangular_matrices() -> None:
         assert not np.triu(imu[sensor]["M"], 1).any()
 
 
+def test_numbers_of_yaml_have_a_decimal_point() -> None:
+    content = {"a": 1e-05, "b": [[-2e-07, 0.5], [1.5e-09, 3e16]], "c": "1e-05", "d": False, "e": 4}
+    text = block_yaml.dump(content, "")
+    assert text.decode().splitlines()[:2] == ["a: 1.0e-05", "b: [[-2.0e-07, 0.5], [1.5e-09, 3.0e+16]]"]
+    assert block_yaml.load(text) == content
+
+
 def test_noise_has_the_units_of_the_reading_program() -> None:
     source = calibrated("tactical")
     arw, instability = source.imu.gyro_arw, source.imu.gyro_bias_instability
