@@ -115,6 +115,8 @@ def test_held_out_temperature_is_compared_and_not_fitted() -> None:
     rows = fit.held_out(["gyro_bias_x", "accel_scale_z"])
     assert [(row.at, row.parameter) for row in rows] == [(-10.0, "gyro_bias_x"), (-10.0, "accel_scale_z")]
     assert all(abs(row.difference) < 5.0 * row.sigma for row in rows)
+    twice = held_out_points(measured(rng, truth, (25.0, -10.4, 55.0, -9.8, 85.0)), (-10.0,))
+    assert [p.is_held_out for p in twice] == [False, True, False, True, False]
     shifted = np.zeros(COUNT)
     shifted[INDEX["gyro_bias_x"]] = 0.1 * PRIOR.sigma[0]
     wrong = held_out_points(measured(rng, lambda t, k: truth(t, k) + shifted * (t == -10.0)), (-10.0,))

@@ -8,12 +8,14 @@ import pytest
 
 import calstation as cs
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.common import SampleBlock
+from calstation.estimation.common import Posterior, SampleBlock
 from calstation.estimation.navigation.temperature_stage import temperature_parts
+from calstation.estimation.temperature import TemperaturePoint, compensate_each, held_out_points
 from calstation.judgement import End, judge, verdict_of
-from calstation.physics import NAMES, PARAMETERS, group_matrix
-from calstation.records import LogFacts, TemperatureSection
+from calstation.physics import NAMES, PARAMETERS, compensate, compensation, group_matrix
+from calstation.records import LogFacts, TemperatureSection, context_from_meta
 from calstation.results import Ending, build_result
+from procedures.temperature import METHOD, Schedule
 from tests.helpers import raises_code
 from tests.outside.thermal_bench import ThermalBench, ThermalCase
 
@@ -22,6 +24,7 @@ ORDER = {"gyro_bias": 3, "gyro_scale": 2, "accel_bias": 2, "accel_scale": 1}
 SIZES = {"gyro_bias": 2e-4, "gyro_scale": 1e-4, "accel_bias": 2e-3, "accel_scale": 2e-4}
 SECTION = TemperatureSection(range_c=(-40.0, 85.0), order=ORDER)
 TEMPERATURES = (25.0, -40.0, 0.0, 40.0, 85.0, 25.0)
+PRIOR = Posterior(np.zeros(len(NAMES)), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
 
 
 def polynomials(seed: int) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
@@ -96,6 +99,29 @@ def test_range_that_was_not_measured_is_refused() -> None:
     case = ThermalCase("mems_c_fast", (25.0, 60.0), {}, SECTION)
     with raises_code(InputError, "temperature.not_covered"):
         case.solve()
+
+
+@pytest.mark.parametrize(
+    ("temperatures", "held_out", "code"),
+    [
+        ((25.0, -40.0, 85.0), -40.0, "temperature.not_covered"),
+        ((25.0, -40.0, 85.0), 0.0, "temperature.held_out_missing"),
+    ],
+)
+def test_held_out_temperature_is_measured_and_not_needed(temperatures, held_out, code) -> None:
+    section = SECTION.model_copy(update={"held_out_c": [held_out]})
+    solver = METHOD.solver(context_from_meta(ThermalCase("mems_c_fast", (), {}, section).meta()), PRIOR, Schedule())
+    points = [TemperaturePoint(t, 0.0, 0.0, "soak", 0, 1, PRIOR, PRIOR) for t in temperatures]
+    with raises_code(InputError, code):
+        solver._require_range(held_out_points(points, section.held_out_c))
+
+
+def test_samples_without_gyros_are_corrected_as_at_one_temperature() -> None:
+    parameters = 1e-4 * np.arange(1.0, 1.0 + len(NAMES)) / len(NAMES)
+    gyro, accel = np.full((2, 3), np.nan), np.array([[0.1, 0.2, 9.8], [9.8, 0.1, 0.2]])
+    rate, force = compensate_each(gyro, accel, np.tile(parameters, (2, 1)))
+    assert np.isnan(rate).all()
+    assert force == pytest.approx(compensate(compensation(parameters), gyro, accel)[1], abs=1e-9)
 
 
 def block(steps: list[tuple[int, float]], rate: float = 10.0) -> SampleBlock:

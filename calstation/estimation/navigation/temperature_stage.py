@@ -39,7 +39,8 @@ from calstation.physics import COUNT, FloatArray
 _BEFORE = 20.0
 #: Largest number of solutions of all temperatures, and largest change of a coefficient that ends them, in sigmas.
 _MAX_PASSES, _CONVERGED = 4, 0.02
-#: Part of the range that may remain beyond the lowest or the highest temperature.
+#: Part of the range that may remain beyond the lowest or the highest temperature, and between a held-out temperature
+#: and its measurement.
 _MARGIN = 0.05
 
 
@@ -84,7 +85,7 @@ class TemperatureStage(StageSolver):
         parts = [_Part(block.part(*at), self.context, block.time[0]) for at in bounds]
         if len(parts) < 2:
             raise InsufficientDataError("temperature.one_temperature")
-        self._require_range([part.mean for part in parts])
+        self._require_range(held_out_points([p.point(self.prior, self.prior) for p in parts], self._model.held_out))
         solver = NavigationStage("temperature", self.context, self.prior, self._estimated)
         solutions = [solver.solve(part.at_mean(None)) for part in parts]
         fit = self._fit(parts, solutions)
@@ -97,9 +98,14 @@ class TemperatureStage(StageSolver):
                 break
         return self._solution(fit, solutions, block)
 
-    def _require_range(self, means: Sequence[float]) -> None:
-        """Raise InsufficientDataError if the result would be extrapolated."""
+    def _require_range(self, points: Sequence[TemperaturePoint]) -> None:
+        """Raise InsufficientDataError if the result would be extrapolated, or a held-out temperature is missing."""
         (low, high), margin = self._model.range, _MARGIN * (self._model.range[1] - self._model.range[0])
+        for held_out in self._model.held_out:
+            nearest = min((p.temperature for p in points), key=lambda each, t=held_out: abs(each - t))
+            if abs(nearest - held_out) > margin:
+                raise InsufficientDataError("temperature.held_out_missing", value=held_out, nearest=nearest)
+        means = [p.temperature for p in points if not p.is_held_out] or [self._model.reference]
         if min(means) > low + margin or max(means) < high - margin:
             measured = {"low": min(means), "high": max(means)}
             raise InsufficientDataError("temperature.not_covered", range_low=low, range_high=high, **measured)

@@ -19,8 +19,10 @@ from calstation.physics import COUNT, GROUPS, NAMES, PARAMETERS, FloatArray, gro
 Way = Literal["up", "down", "soak"]
 #: Smallest information of an observation, relative to that of the prior.
 _INFORMATIVE = 1.0
-#: Largest difference at a held-out temperature, in sigmas: of 30 parameters, one is larger in 10,000 runs.
+#: Largest difference at a held-out temperature, in sigmas: of 30 parameters, one is larger in 50,000 runs.
 HELD_OUT_SIGMAS = 5.0
+#: Distance of a point from the one nearest to a held-out temperature within which it has the same temperature, K.
+_SAME = 1.0
 #: Smallest number of temperatures of each way at which hysteresis is tested.
 _MIN_OF_WAY = 2
 
@@ -285,6 +287,6 @@ def _columns(equations: _Equations, group: str, sizes: FloatArray) -> FloatArray
 
 
 def held_out_points(points: Sequence[TemperaturePoint], temperatures: Sequence[float]) -> list[TemperaturePoint]:
-    """Return the points, those nearest to the held-out temperatures marked."""
-    chosen = {min(range(len(points)), key=lambda k: abs(points[k].temperature - t)) for t in temperatures}
-    return [replace(p, is_held_out=k in chosen) for k, p in enumerate(points)]
+    """Return the points, all those at the temperature nearest to a held-out one marked, however often it was visited."""
+    chosen = [min((p.temperature for p in points), key=lambda each, t=t: abs(each - t)) for t in temperatures]
+    return [replace(p, is_held_out=any(abs(p.temperature - t) <= _SAME for t in chosen)) for p in points]

@@ -39,13 +39,15 @@ def corrected(gyro: FloatArray, accel: FloatArray, parameters: FloatArray) -> tu
 def compensate_each(gyro: FloatArray, accel: FloatArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return angular rate, rad/s, and specific force, m/s², at the reference point, shape (n, 3).
 
+    Without gyros (output NaN), the specific force is computed as if the unit did not rotate.
+
     Parameters
     ----------
     gyro, accel : output, rad/s and m/s², shape (n, 3)
     parameters : those of each sample, SI, shape (n, 30)
     """
     rate, force = corrected(gyro, accel, parameters)
-    square = rate**2
+    square = np.nan_to_num(rate) ** 2
     return rate, force + parameters[:, INNER_LEVER] * (square.sum(axis=1, keepdims=True) - square)
 
 
