@@ -106,9 +106,10 @@ def test_range_that_was_not_measured_is_refused() -> None:
     [
         ((25.0, -40.0, 85.0), -40.0, "temperature.not_covered"),
         ((25.0, -40.0, 85.0), 0.0, "temperature.held_out_missing"),
+        ((25.0, -40.0, 85.0, 24.4, 0.0), 0.0, "temperature.order_too_high"),
     ],
 )
-def test_held_out_temperature_is_measured_and_not_needed(temperatures, held_out, code) -> None:
+def test_temperatures_that_do_not_determine_the_polynomials_are_refused(temperatures, held_out, code) -> None:
     section = SECTION.model_copy(update={"held_out_c": [held_out]})
     solver = METHOD.solver(context_from_meta(ThermalCase("mems_c_fast", (), {}, section).meta()), PRIOR, Schedule())
     points = [TemperaturePoint(t, 0.0, 0.0, "soak", 0, 1, PRIOR, PRIOR) for t in temperatures]

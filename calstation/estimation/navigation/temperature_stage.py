@@ -28,6 +28,7 @@ from calstation.estimation.navigation.stage import NavigationStage
 from calstation.estimation.temperature import (
     TemperatureFit,
     TemperaturePoint,
+    different_temperatures,
     fit_temperature,
     held_out_points,
     reduced,
@@ -99,7 +100,7 @@ class TemperatureStage(StageSolver):
         return self._solution(fit, solutions, block)
 
     def _require_range(self, points: Sequence[TemperaturePoint]) -> None:
-        """Raise InsufficientDataError if the result would be extrapolated, or a held-out temperature is missing."""
+        """Raise InsufficientDataError unless the points determine the polynomials over the range, and hold out."""
         (low, high), margin = self._model.range, _MARGIN * (self._model.range[1] - self._model.range[0])
         for held_out in self._model.held_out:
             nearest = min((p.temperature for p in points), key=lambda each, t=held_out: abs(each - t))
@@ -109,6 +110,10 @@ class TemperatureStage(StageSolver):
         if min(means) > low + margin or max(means) < high - margin:
             measured = {"low": min(means), "high": max(means)}
             raise InsufficientDataError("temperature.not_covered", range_low=low, range_high=high, **measured)
+        found = different_temperatures(points)
+        for group, order in self._model.order.items():
+            if order >= found:
+                raise InsufficientDataError("temperature.order_too_high", group=group, order=order, found=found)
 
     def _fit(self, parts: Sequence["_Part"], solutions: Sequence[Solution]) -> TemperatureFit:
         points = [part.point(s.posterior, self.prior) for part, s in zip(parts, solutions, strict=True)]

@@ -5,6 +5,7 @@ from calstation.estimation.temperature.fit import (
     TemperatureFit,
     TemperaturePoint,
     WorstOverRange,
+    different_temperatures,
     fit_temperature,
     held_out_points,
     with_orders,

@@ -21,7 +21,7 @@ Way = Literal["up", "down", "soak"]
 _INFORMATIVE = 1.0
 #: Largest difference at a held-out temperature, in sigmas: of 30 parameters, one is larger in 50,000 runs.
 HELD_OUT_SIGMAS = 5.0
-#: Distance of a point from the one nearest to a held-out temperature within which it has the same temperature, K.
+#: Difference of temperatures up to which they count as one, K.
 _SAME = 1.0
 #: Smallest number of temperatures of each way at which hysteresis is tested.
 _MIN_OF_WAY = 2
@@ -198,7 +198,7 @@ def with_orders(model: TemperatureModel, points: Sequence[TemperaturePoint], pri
     different temperatures. Groups with an order in the model keep it.
     """
     fitted = [p for p in points if not p.is_held_out]
-    highest = len({round(p.temperature) for p in fitted}) - 1
+    highest = different_temperatures(fitted) - 1
     chosen = model
     while True:
         equations = _equations(chosen, points, prior)
@@ -286,7 +286,16 @@ def _columns(equations: _Equations, group: str, sizes: FloatArray) -> FloatArray
     return np.stack([equations.column(i, sizes) for i in group_indices(group)], axis=1)
 
 
+def different_temperatures(points: Sequence[TemperaturePoint]) -> int:
+    """Return the number of different temperatures of the points that are not held out."""
+    count, last = 0, -np.inf
+    for temperature in sorted(p.temperature for p in points if not p.is_held_out):
+        if temperature - last > _SAME:
+            count, last = count + 1, temperature
+    return count
+
+
 def held_out_points(points: Sequence[TemperaturePoint], temperatures: Sequence[float]) -> list[TemperaturePoint]:
-    """Return the points, all those at the temperature nearest to a held-out one marked, however often it was visited."""
+    """Return the points, those at the temperature nearest to a held-out one marked, however often it was visited."""
     chosen = [min((p.temperature for p in points), key=lambda each, t=t: abs(each - t)) for t in temperatures]
     return [replace(p, is_held_out=any(abs(p.temperature - t) <= _SAME for t in chosen)) for p in points]
