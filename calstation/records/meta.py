@@ -127,7 +127,9 @@ class TableSection(StrictModel):
     velocity_sigma: float = Field(default=1e-3, gt=0)
     velocity_interval_s: float = Field(default=0.1, gt=0)
     #: Position of the inner axis on the outer one, along outer × inner and along the inner axis, and its sigma.
-    axis_offset_mm: tuple[float, float] = Field(default=(0.0, 0.0), exclude_if=lambda offset: not any(offset))
+    axis_offset_mm: tuple[float, float] = Field(
+        default=(0.0, 0.0), strict=False, exclude_if=lambda offset: not any(offset)
+    )
     axis_offset_sigma_mm: float = Field(
         default=1e3 * AXIS_OFFSET_SIGMA, gt=0, le=100, exclude_if=lambda sigma: sigma == 1e3 * AXIS_OFFSET_SIGMA
     )
@@ -220,7 +222,7 @@ class TemperatureSection(StrictModel):
     """`[temperature]`: parameters as polynomials of the temperature of the unit, °C."""
 
     reference_c: float = Field(default=25.0, ge=-100, le=200)
-    range_c: tuple[float, float]  #: Temperatures that the result covers.
+    range_c: tuple[float, float] = Field(strict=False)  #: Temperatures that the result covers.
     #: Order by group, 0 for other groups; ``auto`` for those that the data support.
     order: dict[str, Annotated[int, Field(ge=0, le=6)]] | Literal["auto"] = "auto"
     rate_term: list[str] = Field(default_factory=list)  #: Groups with a term in the rate of change.

@@ -159,7 +159,8 @@ class TemperatureResult(ResultSection):
             unit = PARAMETERS[column.parameter].unit
             row = rows.setdefault(NAMES[column.parameter], Coefficients(values=[], sigma=[], unit=unit))
             if column.power is None:
-                row.rate = RateCoefficient(value=size, sigma=uncertainty)
+                rate = RateCoefficient(value=size, sigma=uncertainty)
+                rows[NAMES[column.parameter]] = row.model_copy(update={"rate": rate})
             else:
                 row.values.append(size)
                 row.sigma.append(uncertainty)

@@ -118,6 +118,13 @@ def test_invalid_table_profile_is_reported_by_its_entry(tmp_path: Path, where: s
     assert refused(tmp_path, load_table_profile, "tables", where, value) == expected
 
 
+def test_offset_of_the_axes_is_read(tmp_path: Path) -> None:
+    data, path = bench("tables"), tmp_path / "table.toml"
+    data["accuracy"]["axis_offset_mm"] = [0.1, -0.2]
+    path.write_text(tomli_w.dumps(data), encoding="utf-8")
+    assert load_table_profile(path).accuracy.axis_offset_mm == (0.1, -0.2)
+
+
 def text_table(name: str) -> dict[str, Any]:
     return tomllib.loads((DATA / "tables" / f"{name}.toml").read_text(encoding="utf-8"))
 

@@ -10,11 +10,12 @@ import calstation as cs
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import Posterior, SampleBlock
 from calstation.estimation.navigation.temperature_stage import temperature_parts
-from calstation.estimation.temperature import TemperaturePoint, compensate_each, held_out_points
+from calstation.estimation.temperature import TemperaturePoint, compensate_each, fit_temperature, held_out_points
 from calstation.judgement import End, judge, verdict_of
 from calstation.physics import NAMES, PARAMETERS, compensate, compensation, group_matrix
 from calstation.records import LogFacts, TemperatureSection, context_from_meta
 from calstation.results import Ending, build_result
+from calstation.results.result import TemperatureResult
 from procedures.temperature import METHOD, Schedule
 from tests.helpers import raises_code
 from tests.outside.thermal_bench import ThermalBench, ThermalCase
@@ -106,11 +107,12 @@ def test_range_that_was_not_measured_is_refused() -> None:
     [
         ((25.0, -40.0, 85.0), -40.0, "temperature.not_covered"),
         ((25.0, -40.0, 85.0), 0.0, "temperature.held_out_missing"),
-        ((25.0, -40.0, 85.0, 24.4, 0.0), 0.0, "temperature.order_too_high"),
+        ((25.0, -40.0, 85.0, 24.4, 0.0), 0.0, "temperature.too_few"),
+        ((25.0, -40.0, 0.0, 50.0, 85.0), 0.0, "temperature.too_few"),
     ],
 )
 def test_temperatures_that_do_not_determine_the_polynomials_are_refused(temperatures, held_out, code) -> None:
-    section = SECTION.model_copy(update={"held_out_c": [held_out]})
+    section = SECTION.model_copy(update={"held_out_c": [held_out], "rate_term": ["gyro_bias"]})
     solver = METHOD.solver(context_from_meta(ThermalCase("mems_c_fast", (), {}, section).meta()), PRIOR, Schedule())
     points = [TemperaturePoint(t, 0.0, 0.0, "soak", 0, 1, PRIOR, PRIOR) for t in temperatures]
     with raises_code(InputError, code):
@@ -123,6 +125,17 @@ def test_samples_without_gyros_are_corrected_as_at_one_temperature() -> None:
     rate, force = compensate_each(gyro, accel, np.tile(parameters, (2, 1)))
     assert np.isnan(rate).all()
     assert force == pytest.approx(compensate(compensation(parameters), gyro, accel)[1], abs=1e-9)
+
+
+def test_section_of_a_toml_file_and_its_rate_term_are_read() -> None:
+    data = {"range_c": [-40.0, 85.0], "order": {"gyro_bias": 1}, "rate_term": ["gyro_bias"]}
+    model = TemperatureSection.model_validate(data).model()
+    points = [TemperaturePoint(t, 1e-3 * t, 0.0, "soak", 0, 1, PRIOR, PRIOR) for t in TEMPERATURES]
+    result = TemperatureResult.of(fit_temperature(model, points, PRIOR), ["gyro_bias_x", "gyro_scale_x"])
+    row = result.coefficients["gyro_bias_x"]
+    assert len(row.values) == 2
+    assert row.rate.sigma == pytest.approx(60.0 * PRIOR.sigma[0])
+    assert result.coefficients["gyro_scale_x"].rate is None
 
 
 def block(steps: list[tuple[int, float]], rate: float = 10.0) -> SampleBlock:

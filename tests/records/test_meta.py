@@ -115,3 +115,11 @@ def _toml(data: dict[str, Any]) -> str:
     import tomli_w
 
     return tomli_w.dumps(data)
+
+
+def test_pairs_of_numbers_are_read_from_toml() -> None:
+    text = "[table]\naxis_offset_mm = [0.1, -0.2]\n[temperature]\nrange_c = [-40.0, 85.0]\n"
+    meta = LogMeta.model_validate({**META, **tomllib.loads(text)})
+    assert context_from_meta(meta).table.axis_offset == pytest.approx((1e-4, -2e-4))
+    assert meta.temperature.range_c == (-40.0, 85.0)
+    assert LogMeta.model_validate(tomllib.loads(meta.to_toml())) == meta

@@ -34,7 +34,7 @@ from calstation.estimation.temperature import (
     reduced,
     with_orders,
 )
-from calstation.physics import COUNT, FloatArray
+from calstation.physics import COUNT, GROUPS, FloatArray
 
 #: End of a soak that is solved with the moves after it, s.
 _BEFORE = 20.0
@@ -110,10 +110,12 @@ class TemperatureStage(StageSolver):
         if min(means) > low + margin or max(means) < high - margin:
             measured = {"low": min(means), "high": max(means)}
             raise InsufficientDataError("temperature.not_covered", range_low=low, range_high=high, **measured)
-        found = different_temperatures(points)
-        for group, order in self._model.order.items():
-            if order >= found:
-                raise InsufficientDataError("temperature.order_too_high", group=group, order=order, found=found)
+        different, fitted = different_temperatures(points), sum(not p.is_held_out for p in points)
+        for group in GROUPS:
+            needed, has_rate = self._model.order.get(group, 0) + 1, group in self._model.rate_term
+            for found, count in ((different, needed), (fitted, needed + has_rate)):
+                if found < count:
+                    raise InsufficientDataError("temperature.too_few", group=group, needed=count, found=found)
 
     def _fit(self, parts: Sequence["_Part"], solutions: Sequence[Solution]) -> TemperatureFit:
         points = [part.point(s.posterior, self.prior) for part, s in zip(parts, solutions, strict=True)]
