@@ -63,28 +63,29 @@ def check_export(name: str, export_format: ExportFormat, files: Files, source: E
     expressed = source.parameters.copy()
     expressed[[i for i, parameter in enumerate(PARAMETERS) if parameter.name in left]] = 0.0
     theirs = export_format.read(files)
-    ours, same = compensation(source.parameters), compensation(expressed)
+    same = compensation(expressed)
     largest, samples = np.zeros(2), 0
-    for raw, recorded in _samples(source):
+    for raw, temperature in _samples(source):
         measured = raw[:, :3], raw[:, 3:]
         corrected = theirs(*measured)
         _compare(name, corrected, compensate(same, *measured))
-        if recorded:
-            samples += len(raw)
-            largest = np.maximum(largest, _differences(corrected, compensate(ours, *measured)))
+        if temperature is not None:
+            rate, force, count = source.corrected(*measured, temperature)
+            samples += count
+            largest = np.maximum(largest, _differences(corrected, (rate, force)))
     sigmas = largest / [source.gyro_noise.sample, source.accel_noise.sample]
     exceeding = [parameter for parameter, value in left.items() if abs(value) > source.limits.get(parameter, np.inf)]
     gyro, accel, gyro_sigmas, accel_sigmas = map(float, (*largest, *sigmas))
     return ExportCheck(name, samples, gyro, accel, gyro_sigmas, accel_sigmas, left, tuple(exceeding))
 
 
-def _samples(source: ExportSource) -> Iterator[tuple[FloatArray, bool]]:
-    """Yield samples, rad/s and m/s², shape (n, 6), and whether they are valid samples of the recording."""
-    yield _PROBES, False
-    yield _SMALL_PROBES, False
+def _samples(source: ExportSource) -> Iterator[tuple[FloatArray, FloatArray | None]]:
+    """Yield samples, rad/s and m/s², shape (n, 6), and temperatures, °C, of the valid samples of the recording."""
+    yield _PROBES, None
+    yield _SMALL_PROBES, None
     size = context_from_meta(source.log.meta).imu.count_size
     for block in source.log.blocks():
-        yield block.counts[block.valid] * size, True
+        yield block.counts[block.valid] * size, block.temperature[block.valid]
 
 
 def _differences(theirs: tuple[FloatArray, FloatArray], ours: tuple[FloatArray, FloatArray]) -> FloatArray:

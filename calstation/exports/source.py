@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from calstation.errors import InputError
-from calstation.physics import NAMES, PARAMETERS, FloatArray, entry_of
+from calstation.estimation.temperature import compensate_each
+from calstation.physics import NAMES, PARAMETERS, FloatArray, compensate, compensation, entry_of
 from calstation.records import ImuSection, Limit, Log, open_log, prior_from_meta
-from calstation.results import Result, find_log
+from calstation.results import Result, TemperatureResult, find_log
 
 #: Time, s, at which a random walk of the bias has the Allan deviation of the bias instability, K √(T/3) = B; programs
 #: that model no flicker noise ask for K (IEEE Std 952-2020, annex C).
@@ -58,10 +59,11 @@ class ExportSource:
 
     serial: str
     parameters: FloatArray  #: SI, shape (30,).
-    further: Mapping[str, float]  #: Parameters outside the 30, which no correction uses.
+    further: Mapping[str, float]  #: Parameters outside the 30, and terms in the temperature.
     limits: Mapping[str, float]  #: Largest error of a parameter that the product permits, SI, by name.
     imu: ImuSection
     log: Log  #: Recording for the check.
+    temperature: TemperatureResult | None = None  #: `parameters` are those at its reference temperature.
 
     @classmethod
     def of(cls, result: Result, log: Log | None = None, file: Path | None = None) -> "ExportSource":
@@ -89,7 +91,11 @@ class ExportSource:
         product = own.meta.product or recording.meta.product
         further = {name: row.value for name, row in result.parameters.items() if name not in NAMES}
         limits = {} if product is None else _largest_errors(result, product.limits)
-        return cls(result.serial, values, further, limits, own.meta.imu, recording)
+        if result.temperature is not None:
+            span, terms = result.temperature.span, result.temperature.terms
+            further |= terms
+            limits |= {t: limits[n] / span**k for t in terms for n, k in [_name_and_power(t)] if n in limits}
+        return cls(result.serial, values, further, limits, own.meta.imu, recording, result.temperature)
 
     @property
     def gyro_noise(self) -> Noise:
@@ -121,6 +127,31 @@ class ExportSource:
             if p.group not in groups and p.group != _NOT_OF_UNIT and value != 0.0
         }
         return left | {name: value for name, value in self.further.items() if value != 0.0}
+
+    def corrected(
+        self, gyro: FloatArray, accel: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, FloatArray, int]:
+        """Return our corrected samples, NaN at temperatures that the calibration does not cover, and their number.
+
+        Parameters
+        ----------
+        gyro, accel : output, rad/s and m/s², shape (n, 3)
+        temperature : temperature of the unit, °C, shape (n,)
+        """
+        if self.temperature is None:
+            return *compensate(compensation(self.parameters), gyro, accel), len(gyro)
+        low, high = self.temperature.range_c
+        known = (temperature >= low) & (temperature <= high)
+        reference = self.temperature.parameters_at(np.array([self.temperature.reference_c]))
+        changes = self.temperature.parameters_at(temperature[known]) - reference
+        rate, force = np.full_like(gyro, np.nan), np.full_like(accel, np.nan)
+        rate[known], force[known] = compensate_each(gyro[known], accel[known], self.parameters + changes)
+        return rate, force, int(np.count_nonzero(known))
+
+
+def _name_and_power(term: str) -> tuple[str, int]:
+    name, _, power = term.rstrip("]").partition("[")
+    return name, int(power)
 
 
 def _largest_errors(result: Result, limits: Mapping[str, Limit]) -> dict[str, float]:

@@ -48,6 +48,7 @@ from calstation.results.result import (
     Parameter,
     Registers,
     Result,
+    TemperatureResult,
     Verification,
     in_sigma,
     load_result,

@@ -149,6 +149,21 @@ class TemperatureResult(ResultSection):
             )
         return parameters
 
+    @property
+    def span(self) -> float:
+        """Largest distance of a temperature in the range from the reference, K."""
+        return max(abs(end - self.reference_c) for end in self.range_c)
+
+    @property
+    def terms(self) -> dict[str, float]:
+        """Coefficients of the powers of the temperature from 1, by names such as ``gyro_bias_x[1]``, SI."""
+        return {
+            f"{name}[{k}]": float(value)
+            for name, row in self.coefficients.items()
+            for k, value in enumerate(row.values)
+            if k > 0
+        }
+
     @classmethod
     def of(cls, fit: TemperatureFit, estimated: Sequence[str]) -> "TemperatureResult":
         """Convert the fit of a solution."""

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, reduce
 from operator import xor
 from pathlib import Path
@@ -158,6 +159,34 @@ def test_kalibr_receives_a_rotation_and_lower_triangular_matrices() -> None:
     assert np.linalg.det(rotation) > 0.0
     for sensor in ("gyroscopes", "accelerometers"):
         assert not np.triu(imu[sensor]["M"], 1).any()
+
+
+def test_change_with_temperature_is_named_and_compared() -> None:
+    single = calibrated("mems", gyro_bias=1e-5)
+    rows = {
+        name: {"value": float(value), "sigma": 1e-6, "unit": p.unit, "stage": "temperature"}
+        for name, value, p in zip(NAMES, single.parameters, PARAMETERS, strict=True)
+    }
+    slopes = {"gyro_bias_x": 1e-6, "gyro_bias_y": 1e-7}  # 6e-5 and 6e-6 rad/s over the range
+    temperature = {
+        "reference_c": 25.0,
+        "range_c": [-35.0, 85.0],
+        "coefficients": {
+            name: {"values": [rows[name]["value"], slope], "sigma": [0.0, 0.0], "unit": "rad/s"}
+            for name, slope in slopes.items()
+        },
+        **{"covariance": [], "worst": {}, "points": []},
+    }
+    result = {"schema": "calstation.result/1", "unit": {"serial": "SN-1"}, "stages": ["temperature"]}
+    result |= {"parameters": rows, "outcome": "resolved", "log": {"file": "x.h5"}, "temperature": temperature}
+    (block,) = single.log.blocks()
+    warm = replace(block, temperature=np.where(np.arange(500) < 100, 90.0, 45.0))
+    source = ExportSource.of(Result.from_json(result), Log(Path("turns"), single.log.meta, lambda: iter([warm])))
+    check = check_export("c", FORMATS["c"], FORMATS["c"].write(source), source)
+    assert check.samples == 400
+    assert check.gyro == pytest.approx(20.0 * 1e-6, rel=0.02)
+    assert check.not_expressed == {f"{name}[1]": slope for name, slope in slopes.items()}
+    assert check.exceeding == ("gyro_bias_x[1]",)
 
 
 def test_numbers_of_yaml_have_a_decimal_point() -> None:

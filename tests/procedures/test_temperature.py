@@ -14,8 +14,7 @@ from calstation.estimation.temperature import TemperaturePoint, compensate_each,
 from calstation.judgement import End, judge, verdict_of
 from calstation.physics import NAMES, PARAMETERS, compensate, compensation, group_matrix
 from calstation.records import LogFacts, TemperatureSection, context_from_meta
-from calstation.results import Ending, build_result
-from calstation.results.result import TemperatureResult
+from calstation.results import Ending, TemperatureResult, build_result
 from procedures.temperature import METHOD, Schedule
 from tests.helpers import raises_code
 from tests.outside.thermal_bench import ThermalBench, ThermalCase
