@@ -31,6 +31,7 @@ from calstation.estimation.temperature import (
     different_temperatures,
     fit_temperature,
     held_out_points,
+    nearest_temperature,
     reduced,
     with_orders,
 )
@@ -103,7 +104,7 @@ class TemperatureStage(StageSolver):
         """Raise InsufficientDataError unless the points determine the polynomials over the range, and hold out."""
         (low, high), margin = self._model.range, _MARGIN * (self._model.range[1] - self._model.range[0])
         for held_out in self._model.held_out:
-            nearest = min((p.temperature for p in points), key=lambda each, t=held_out: abs(each - t))
+            nearest = nearest_temperature(points, held_out)
             if abs(nearest - held_out) > margin:
                 raise InsufficientDataError("temperature.held_out_missing", value=held_out, nearest=nearest)
         means = [p.temperature for p in points if not p.is_held_out] or [self._model.reference]

@@ -8,6 +8,7 @@ from calstation.estimation.temperature.fit import (
     different_temperatures,
     fit_temperature,
     held_out_points,
+    nearest_temperature,
     with_orders,
 )
 from calstation.estimation.temperature.reduction import compensate_each, corrected, parameters_at, reduced

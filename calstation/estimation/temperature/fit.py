@@ -295,7 +295,13 @@ def different_temperatures(points: Sequence[TemperaturePoint]) -> int:
     return count
 
 
+def nearest_temperature(points: Sequence[TemperaturePoint], temperature: float) -> float:
+    """Return the temperature of a point nearest to another temperature, °C."""
+    found = np.array([p.temperature for p in points])
+    return float(found[np.abs(found - temperature).argmin()])
+
+
 def held_out_points(points: Sequence[TemperaturePoint], temperatures: Sequence[float]) -> list[TemperaturePoint]:
     """Return the points, those at the temperature nearest to a held-out one marked, however often it was visited."""
-    chosen = [min((p.temperature for p in points), key=lambda each, t=t: abs(each - t)) for t in temperatures]
+    chosen = [nearest_temperature(points, t) for t in temperatures]
     return [replace(p, is_held_out=any(abs(p.temperature - t) <= _SAME for t in chosen)) for p in points]
