@@ -67,6 +67,14 @@ def test_result_of_another_unit_gives_a_warning(calstation: Run, log: Path, resu
     assert "This recording is of SN-8; the result is for SN-7." in done.err
 
 
+def test_result_over_temperature_gives_a_warning(calstation: Run, log: Path, result: Path) -> None:
+    content = json.loads(result.read_text(encoding="utf-8"))
+    content["temperature"] = {"reference_c": 25.0, "range_c": [0.0, 50.0], "coefficients": {}}
+    content["temperature"] |= {"covariance": [], "worst": {}, "points": []}
+    result.write_text(json.dumps(content), encoding="utf-8")
+    assert "25 °C" in calstation("apply", result, log).err
+
+
 def test_recording_and_station_together_are_refused(calstation: Run, log: Path, result: Path) -> None:
     done = calstation("apply", result, log, "--station", "virtual_bench")
     assert done.code == 2

@@ -59,6 +59,8 @@ def apply(
         output = unit
     applied = output.applied(before, values_after)
     cautions = _warnings(applied, result.serial)
+    if result.temperature is not None:
+        cautions.append(say("applied.at_reference", temperature=result.temperature.reference_c))
     for caution in cautions:
         show_line(plain_console(stderr=True), caution)
     if out is not None:
