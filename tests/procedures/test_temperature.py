@@ -126,6 +126,16 @@ def test_samples_without_gyros_are_corrected_as_at_one_temperature() -> None:
     assert force == pytest.approx(compensate(compensation(parameters), gyro, accel)[1], abs=1e-9)
 
 
+def test_moves_without_temperature_are_refused() -> None:
+    steps = [(1, 100.0), (2, 10.0), (3, 10.0), (4, 10.0), (5, 100.0), (6, 10.0), (7, 10.0), (8, 10.0)]
+    samples = block(steps)
+    samples.temperature[len(samples) // 2 :] = np.nan
+    solver = METHOD.solver(context_from_meta(ThermalCase("mems_c_fast", (), {}, SECTION).meta()), PRIOR, Schedule())
+    solver.feed(samples)
+    with raises_code(InputError, "temperature.unknown"):
+        solver.finish()
+
+
 def test_section_of_a_toml_file_and_its_rate_term_are_read() -> None:
     data = {"range_c": [-40.0, 85.0], "order": {"gyro_bias": 1}, "rate_term": ["gyro_bias"]}
     model = TemperatureSection.model_validate(data).model()

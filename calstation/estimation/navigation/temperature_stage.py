@@ -168,6 +168,8 @@ class _Part:
 
     def __init__(self, block: SampleBlock, context: SolveContext, begin: float) -> None:
         self._block, self._data = block, stage_data([block], context.imu)
+        if np.isnan(block.temperature[block.valid]).all():
+            raise InputError("temperature.unknown", first=int(block.seq[0]), last=int(block.seq[-1]))
         self._temperature = _smooth(block.temperature[block.valid], self._data.dt)
         self.mean = float(self._temperature.mean())  #: °C
         duration = float(block.time[-1] - block.time[0])
