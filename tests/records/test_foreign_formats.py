@@ -220,10 +220,9 @@ def test_matlab_variables_are_mapped(tmp_path: Path) -> None:
         f'{n} = {{ from = "{s}", unit = "{u}" }}\n' for n, s, u in zip(NAMES, sources, units, strict=True)
     )
     (tmp_path / "rec.toml").write_text(f"{TOML}[columns]\n{entries}")
-    log = open_log(tmp_path / "rec.mat", None, "log.t")
-    np.testing.assert_array_equal(joined(list(log.blocks()))["time"], rows[:, 0])
-    with raises_code(InputError, "foreign.several_imus"):
-        open_log(tmp_path / "rec.mat")
+    for topic in (None, "log.t"):
+        log = open_log(tmp_path / "rec.mat", None, topic)
+        np.testing.assert_array_equal(joined(list(log.blocks()))["time"], rows[:, 0])
 
 
 def test_tdms(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ def open_foreign(path: Path, meta_file: Path | None = None, topic: str | None = 
     data = read_toml(meta_file, InputError)
     mapped = validate(ColumnMap, {"columns": data.get("columns", {})}, meta_file, InputError).columns
     topics = next(_guarded(path, kind, lambda: iter([kind.topics(path)])))
-    chosen = _choose(path, topics, topic, is_mapped=bool(mapped))
+    chosen = _choose(path, topics, topic, mapped)
     layout = _layout(path, chosen, mapped)
     tables = partial(_tables, path, kind, chosen, layout)
     complete_counts(data, layout, lambda: next(tables({}), None))
@@ -54,17 +54,22 @@ def open_foreign(path: Path, meta_file: Path | None = None, topic: str | None = 
     return replace(log, topics=tuple(map(str, topics)))
 
 
-def _choose(path: Path, topics: list[Topic], name: str | None, *, is_mapped: bool) -> Topic:
-    """Return the topic with a name, or the only IMU. Raises InputError."""
+def _choose(path: Path, topics: list[Topic], name: str | None, mapped: Mapping[str, ColumnSection]) -> Topic:
+    """Return the topic with a name, or the one that the accelerometers of `[columns]` name, or the only IMU.
+
+    Raises InputError.
+    """
     names = [topic.name for topic in topics]
     if name is not None:
         if name not in names:
             raise InputError("foreign.no_topic", file=path, topic=name, remedy=near_miss(name, names))
         topic = topics[names.index(name)]
-        if not topic.columns and not is_mapped:
+        if not topic.columns and not mapped:
             raise InputError("foreign.not_imu", file=path, topic=name, kind=topic.kind)
         return topic
-    imus = [topic for topic in topics if topic.columns] or (topics if is_mapped else [])
+    source = str(mapped[CHANNELS[3]].source) if CHANNELS[3] in mapped else ""
+    named = [topic for topic in topics if source == topic.name or source.startswith(f"{topic.name}(")]
+    imus = named or [topic for topic in topics if topic.columns] or (topics if mapped else [])
     if len(imus) == 1:
         return imus[0]
     if imus:
