@@ -101,6 +101,9 @@ def test_topic_is_chosen_if_there_are_several(tmp_path: Path) -> None:
     ):
         with raises_code(InputError, code):
             open_log(path, None, topic)
+    with raises_code(InputError, "foreign.no_topic") as caught:
+        open_log(path, None, "camera")
+    assert "/b/imu" in str(caught.value)
     write_mcap(path, {})
     with raises_code(InputError, "foreign.no_imu") as caught:
         open_log(path)

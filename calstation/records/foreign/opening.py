@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from calstation.errors import CalstationError, InputError
-from calstation.messages import os_reason
+from calstation.messages import Text, os_reason
 from calstation.physics import CHANNELS, FloatArray
 from calstation.records.columns import COUNTS, ColumnMap, ColumnSection, Layout, RecordingMeta, unit_factors
 from calstation.records.csv_log import complete_counts, recorded_log
@@ -62,7 +62,7 @@ def _choose(path: Path, topics: list[Topic], name: str | None, mapped: Mapping[s
     names = [topic.name for topic in topics]
     if name is not None:
         if name not in names:
-            raise InputError("foreign.no_topic", file=path, topic=name, remedy=near_miss(name, names))
+            raise InputError("foreign.no_topic", file=path, topic=name, remedy=_one_of(name, names))
         topic = topics[names.index(name)]
         if not topic.columns and not mapped:
             raise InputError("foreign.not_imu", file=path, topic=name, kind=topic.kind)
@@ -107,9 +107,8 @@ def _tables(
         values = dict[str, FloatArray]()
         for name, source in zip(layout.names, layout.header, strict=True):
             if source not in part:
-                raise InputError(
-                    "csv.no_such_column", file=path, name=name, source=source, remedy=near_miss(source, list(part))
-                )
+                remedy = _one_of(source, list(part))
+                raise InputError("csv.no_such_column", file=path, name=name, source=source, remedy=remedy)
             values[name] = np.asarray(part[source], np.float64)
         count = len(values[CHANNELS[3]])
         for name, column in values.items():
@@ -132,6 +131,11 @@ def _tables(
         scaled = {name: column * factors.get(name, 1.0) for name, column in values.items()}
         table = SampleTable(scaled, [layout.stage] * len(rows), rows + 1, rows, rows[is_damaged])
         yield table.select(~is_damaged)
+
+
+def _one_of(name: str, names: list[str]) -> Text:
+    """Return the remedy for a wrong name."""
+    return near_miss(name, names, Text.of("entry.choose_from", names=names))
 
 
 def _guarded(path: Path, kind: ForeignFormat, read: Callable[[], Iterator[_Part]]) -> Iterator[_Part]:
