@@ -98,6 +98,17 @@ def test_what_the_polynomials_do_not_describe_is_named(cause, group, size) -> No
         assert (test.diagnosis.cause, test.diagnosis.values["group"]) == (cause, group)
 
 
+def test_scatter_without_a_cause_is_named() -> None:
+    rng = np.random.default_rng(9)
+    for size, passed in ((0.0, True), (1e-3, False)):
+        _, truth = polynomials(rng)
+        scatter = size * PRIOR.sigma * rng.normal(size=(len(TEMPERATURES), COUNT))
+        points = measured(rng, lambda t, k, truth=truth, scatter=scatter: truth(t, k) + scatter[k])
+        test = fit_temperature(MODEL, points, PRIOR).test
+        assert test.passed == passed
+    assert test.diagnosis.cause == "temperature_scatter"
+
+
 def test_orders_are_chosen_by_evidence() -> None:
     rng = np.random.default_rng(7)
     for _ in range(3):

@@ -247,7 +247,10 @@ class _Projector:
 
 
 def _tested(model: TemperatureModel, equations: _Equations, jacobian: FloatArray) -> tuple[Consistency, ModelTest]:
-    """Return the test of the residuals, and that of the columns which explain most of them."""
+    """Return the test of the residuals, and that of the columns which explain most of them.
+
+    Residuals that are too large without columns that explain them fail the second one as scatter.
+    """
     projector = _Projector(jacobian)
     total = float(np.sum(projector.remaining(equations.observed) ** 2))
     causes = [
@@ -257,7 +260,11 @@ def _tested(model: TemperatureModel, equations: _Equations, jacobian: FloatArray
     excess, cause, group = max(causes)
     diagnosis = Diagnosis(cause, values={"group": group, "order": model.order.get(group, 0)})
     test = ModelTest("temperature_fit", excess, MAX_EXCESS, "1", diagnosis)
-    return nis_consistency(total, projector.freedom, 1), test
+    consistency = nis_consistency(total, projector.freedom, 1)
+    if test.passed and consistency.nis_mean > consistency.nis_high:
+        largest = consistency.nis_high * projector.freedom
+        test = ModelTest("temperature_fit", total, largest, "1", Diagnosis("temperature_scatter"))
+    return consistency, test
 
 
 def _candidates(model: TemperatureModel, equations: _Equations) -> Iterator[tuple[str, str, FloatArray]]:
