@@ -217,8 +217,8 @@ def apply(
     result : result whose parameters are applied
     gyro : raw angular rate, rad/s, shape (n, 3)
     accel : raw specific force, m/s², shape (n, 3)
-    temp_c : temperature of the unit, °C, shape (n,), which a result over temperature requires; the term in its rate of
-        change is left out
+    temp_c : temperature of the unit, °C, shape (n,), or one for all samples; a result over temperature requires it, and
+        the term in its rate of change is left out
 
     Returns
     -------
@@ -233,7 +233,10 @@ def apply(
         return compensate(compensation(result.vector), arrays["gyro"], arrays["accel"])
     if temp_c is None:
         raise ConfigurationError("api.no_temperature")
-    temperature = np.broadcast_to(np.asarray(temp_c, dtype=np.float64), len(arrays["gyro"]))
+    temperature = np.asarray(temp_c, dtype=np.float64)
+    if temperature.shape not in ((), (len(arrays["gyro"]),)):
+        raise ConfigurationError("api.temperature_shape", shape=str(temperature.shape), samples=len(arrays["gyro"]))
+    temperature = np.broadcast_to(temperature, len(arrays["gyro"]))
     return compensate_each(arrays["gyro"], arrays["accel"], result.temperature.parameters_at(temperature))
 
 

@@ -82,6 +82,16 @@ def test_covariance_and_corrected_samples(path: Path) -> None:
         cs.apply(result, log.gyro[:5], log.accel)
 
 
+def test_temperatures_are_one_or_one_per_sample(path: Path) -> None:
+    content = cs.resolve(path).to_json()
+    content["temperature"] = {"reference_c": 25.0, "range_c": [0.0, 50.0], "coefficients": {}}
+    content["temperature"] |= {"covariance": [], "worst": {}, "points": []}
+    result, samples = cs.Result.from_json(content), np.ones((2, 3))
+    np.testing.assert_array_equal(cs.apply(result, samples, samples, 20.0)[0], samples)
+    with raises_code(cs.CalstationError, "api.temperature_shape"):
+        cs.apply(result, samples, samples, np.full(3, 20.0))
+
+
 def test_range_stages_and_errors(path: Path) -> None:
     result = cs.resolve(path, stages=["six_position"], first=0, last=2399)
     assert (result.log.first_seq, result.log.last_seq) == (0, 2399)
