@@ -155,7 +155,7 @@ def _report(error: BaseException, arguments: list[str], debug: bool) -> int:
         logger.error("%s: %s", type(error).__name__, error)
         print_error(sentence(error.as_text))
         return error.exit_code
-    logger.error("the command ended with an unforeseen error", exc_info=error)
+    logger.error("%s: %s", type(error).__name__, error, exc_info=error)
     if isinstance(error, OSError) and (known_error := system_error(error)):
         print_error(sentence(known_error.as_text))
         return known_error.exit_code

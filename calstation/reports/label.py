@@ -16,7 +16,7 @@ from calstation.messages import local_time, os_reason
 from calstation.records import Verdict, write_atomic
 from calstation.reports.content import certificate_number
 from calstation.reports.pdf import compile_template
-from calstation.results import History, Result, load_run_result, run_log
+from calstation.results import History, Result, load_run_result
 
 #: Timeout for connecting to a printer and for sending a label, host time, s.
 _TIMEOUT_S = 5.0
@@ -41,9 +41,7 @@ def print_label(report: ProgressCallback, result_file: Path, station: Path | Non
     Raises InputError if the run has no label or the template cannot be filled in, ConfigurationError if the station has
     no printer, or DeviceFaultError if the printer cannot be reached.
     """
-    result = load_run_result(result_file)
-    if run_log(result.log.file, result_file) is None:  # nothing vouches for the result
-        raise InputError("report.no_log", file=result_file, log=result.log.file)
+    result = load_run_result(result_file, require_log=True)
     template = label_template(result)
     if template is None or _has_failed_later(result, result_file.parent):
         raise InputError("label.not_passed", serial=result.serial)

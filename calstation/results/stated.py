@@ -20,16 +20,27 @@ from calstation.results.result import Result, load_result, read_content
 ADDED_LATER = ("override", "closed_utc", "closed_by")
 
 
-def load_run_result(path: Path) -> Result:
+def load_run_result(path: Path, *, require_log: bool = False) -> Result:
     """Read a result file, and compare that of a run with its log, if the log is next to it or where the run wrote it.
 
-    Raises InputError, also if the file differs from the result in the log.
+    Raises InputError, also if the file differs from the result in the log. With `require_log`, nothing but the log
+    vouches for the result, which must therefore exist and be readable.
     """
     result = load_result(path)
     if result.outcome == "resolved":
         return result
     log = run_log(result.log.file, path)
-    entry = None if log is None else altered_entry(read_content(path), last_result(log))
+    if log is None:
+        if require_log:
+            raise InputError("report.no_log", file=path, log=result.log.file)
+        return result
+    try:
+        stored = last_result(log)
+    except InputError:
+        if require_log:
+            raise
+        return result
+    entry = altered_entry(read_content(path), stored)
     if entry is not None:
         raise InputError("result.altered", file=path, log=log, entry=entry)
     return result

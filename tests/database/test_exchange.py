@@ -36,7 +36,7 @@ from calstation.records.run_index import FILE
 from calstation.results import History, load_results
 from tests.database.result_files import in_database, in_index, write_result
 from tests.database.test_claims import station_file
-from tests.helpers import ignore_progress, raises_code
+from tests.helpers import ignore_progress, raises_code, write_log_of
 
 
 @pytest.fixture
@@ -401,7 +401,8 @@ def test_run_rejected_by_the_database_does_not_delay_other_runs(
     assert [row[0] for row in in_index(two)] == ["a", "c", "d"]
     assert [run.record.location for run in RunIndex(two).find(RunFilter(names=("c",)))] == ["s3://logs/c.h5"]
 
-    write_result(one, "b", 1)  # a corrected result whose log is in the archive
+    write_result(one, "b", 1)  # a corrected result, whose log has been restored
+    write_log_of(one / "b.json")
     assert run_app(command) == 0
     assert "All runs of the folder are in the shared database." in capsys.readouterr().err
     exchange(two, shared_database)

@@ -197,7 +197,7 @@ class TcpConnection:
         address = host_and_port(port)
         if address is None:
             raise ConfigurationError("link.not_an_address", device="table", port=port)
-        self.received = b""
+        self.received = self._reply = b""
         self.open = False
         self._sent = b""
         self._was_closed = False
@@ -252,9 +252,9 @@ class TcpConnection:
 
     def _receive(self, sending: bool, data: bytes) -> bytes:
         if sending:
-            self._sent = data
+            self._sent, self._reply = data, b""
         elif data:
-            self.received = data
+            self.received = self._reply = data
         return data
 
     @property
@@ -262,7 +262,7 @@ class TcpConnection:
         """The difference of the last reply from its request: transaction, unit or closed; None for no difference."""
         if self._was_closed:
             return "closed"
-        reply, request = self.received, self._sent
+        reply, request = self._reply, self._sent
         is_reply = len(reply) > _MBAP and reply[2:4] == b"\0\0" and len(reply) >= _MBAP - 1 + reply[5]
         if not is_reply or len(request) <= _MBAP or reply[_MBAP] & 0x7F != request[_MBAP]:
             return None

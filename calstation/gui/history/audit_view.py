@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from typing import Any
 
 from calstation.config import SiteTrail, export_trail, read_site_trail
@@ -46,7 +47,11 @@ _DIGEST = "sha256"
 #: Value with the changed entries of a file.
 _CHANGED = "changed"
 #: Families of the terms of the program among the values.
-_FAMILIES = {"kind": "file_kind", "pin": "audit_pin", "what": "audit_registers"}
+_FAMILIES = {
+    "kind": partial(term, "file_kind"),
+    "pin": partial(term, "audit_pin"),
+    "what": partial(term, "audit_registers"),
+}
 
 
 class AuditView(JobView):
@@ -187,4 +192,4 @@ def _value_text(name: str, value: Any) -> str:
     """Return a value of an event, in the current language if it is a term of the program."""
     if isinstance(value, list):
         return say("common.comma").join(map(str, value))
-    return term(_FAMILIES[name], str(value)) if name in _FAMILIES else str(value)
+    return _FAMILIES[name](str(value)) if name in _FAMILIES else str(value)
