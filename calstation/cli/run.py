@@ -206,6 +206,9 @@ def _show_outcome(
     finalized: Sequence[Finalized], fault: Fault | None, json: str | None, request: RunRequest, *, debug: bool
 ) -> int:
     """Show the finalized runs and the fault of a run, and return the exit code, which does not depend on the output."""
+    if finalized and request.serials:
+        names = load_station(request.station)[1].slot_names
+        finalized = sorted(finalized, key=lambda run: names.index(run.slot))
     results = [run.result for run in finalized]
     write = partial(emit_json, results if request.serials else results[0], json) if results else sys.stdout.flush
     for output in (partial(_show_runs, finalized, json, request), write, sys.stdout.flush):
@@ -222,8 +225,7 @@ def _show_outcome(
 
 def _show_runs(finalized: Sequence[Finalized], json: str | None, request: RunRequest) -> None:
     if finalized and request.serials:
-        names = load_station(request.station)[1].slot_names
-        _show_batch(sorted(finalized, key=lambda run: names.index(run.slot)), json, request)
+        _show_batch(finalized, json, request)
     elif finalized:
         _show_run(finalized[0], json, request)
 
