@@ -145,10 +145,10 @@ class EngineerPage(Page):
         self._tabs.setTabVisible(self._views.indexOf(self._slots), options is not None and bool(options.slots))
         self.design.offer(options)
         self.choice.setEnabled(options is not None and bool(options.offered))
+        if options is not None and options.offered:
+            self.choice.show_options(options)  # before the number is suggested, which updates the page
         if self._header.serial in ("", self._suggested):
             self._suggest()
-        if options is not None and options.offered:
-            self.choice.show_options(options)
         self._update()
 
     def _suggest(self) -> None:
