@@ -1,5 +1,7 @@
 """The forms for lists of a station file: instruments and signatories of the laboratory, and badges of the operators."""
 
+from dataclasses import replace
+
 from calstation.config.forms import Form, FormCell, FormRow, Get, cell_of, entry_rows, fixed_columns, keys_of
 from calstation.schema import KeyPath
 
@@ -11,7 +13,7 @@ _ENGINEERS: KeyPath = ("sign_in", "engineers")
 def _instrument_cells(_: Get, key_path: KeyPath) -> tuple[FormCell, ...]:
     return (
         *(FormCell((*key_path, key), kind="text") for key in ("name", "serial")),
-        cell_of("stations", (*key_path, "kind")),
+        replace(cell_of("stations", (*key_path, "kind")), default=None),  # logs have a default, station files none
         FormCell((*key_path, "certificate"), kind="text"),
         *(FormCell((*key_path, key), kind="date") for key in ("calibrated", "due")),
     )

@@ -170,6 +170,8 @@ def test_unknown_entries_and_comments_of_a_laboratory_are_kept(forms: ListDriver
     forms.enter("1", "Certificate", "P-2")
     forms.press("instruments_add_button")
     forms.enter("2", "Instrument", "Level")
+    assert forms.cell_text("2", "Kind") == "", "a station file has no default"
+    forms.select("2", "Kind", "other")
     forms.name = "signatories"
     forms.enter("1", "Name, function", "E, F")
     forms.press("save_station_button")
