@@ -256,3 +256,13 @@ def test_header_fields_are_as_high_as_the_start_button(window: MainWindow, qtbot
     qtbot.addWidget(header)
     header.show()
     assert header.minimumSizeHint().height() == header.start_button.height() == theme.BIG_BUTTON
+
+
+def test_pages_are_not_prepared_during_a_run(window: MainWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(type(window.app.engine_link), "running", True)
+    created = [tab.created for tab in window._tabs.values()]
+    window._prepare_next()
+    assert [tab.created for tab in window._tabs.values()] == created
+    monkeypatch.undo()
+    window._prepare_next()
+    assert sum(tab.created for tab in window._tabs.values()) == sum(created) + 1

@@ -190,7 +190,10 @@ class MainWindow(QMainWindow):
         QTimer.singleShot(_PREPARATION_DELAY_MS, self, self._prepare_next)
 
     def _prepare_next(self) -> None:
-        """Prepare the next page while nobody uses the window; the last one is followed by `prepared`."""
+        """Prepare the next page, but not during a run; the last one is followed by `prepared`."""
+        if self.app.engine_link.running:  # the window must take STOP and reply to the engine at once
+            QTimer.singleShot(_PREPARATION_DELAY_MS, self, self._prepare_next)
+            return
         tab = next((tab for tab in self._tabs.values() if not tab.created), None)
         if tab is None:
             self.prepared.emit()
