@@ -1,5 +1,6 @@
 """The Allan deviation of a rest in a run on the virtual bench, operated by clicks on the offline page."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,11 @@ def cells(page: OfflinePage) -> list[list[str]]:
     return [[model.index(i, k).data().strip() for k in range(model.columnCount())] for i in range(model.rowCount())]
 
 
+def all_inside(plot: AllanPlot, names: list[pg.TextItem]) -> bool:
+    inside = plot.getViewBox().sceneBoundingRect().adjusted(-2, -2, 2, 2)
+    return all(inside.contains(name.mapRectToScene(name.boundingRect())) for name in names)
+
+
 def test_range_with_table_motion_is_refused(page: OfflinePage, qtbot: QtBot) -> None:
     press(page, "allan_button", qtbot)
     qtbot.waitUntil(lambda: page.notice.isVisible(), timeout=WAIT)
@@ -85,10 +91,8 @@ def test_longest_rest_gives_the_random_walk(page: OfflinePage, window: MainWindo
         assert row[3].startswith("≤ ")  # the rest is too short for a flat minimum
     for plot in page.findChildren(AllanPlot):
         names = [item for item in plot.getPlotItem().items if isinstance(item, pg.TextItem)]
-        inside = plot.getViewBox().sceneBoundingRect().adjusted(-2, -2, 2, 2)
         assert len(names) >= 2
-        for name in names:
-            assert inside.contains(name.mapRectToScene(name.boundingRect())), name.toPlainText()
+        qtbot.waitUntil(partial(all_inside, plot, names), timeout=WAIT)  # drawing sets the ranges
     first, last = page.range.range
     assert f"samples {first} to {last}" in page.findChild(QLabel, "allan_label").text()
     press(page, "copy_noise_button", qtbot)

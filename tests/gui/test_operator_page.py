@@ -52,7 +52,7 @@ def test_run_passes_after_one_click_despite_language_changes(operator: Operator,
     assert "test bench (simulated)" in operator.says()
     operator.press("start_button")
     stages = operator.widget("stage_list", QListWidget)
-    operator.until(lambda: operator.run.stages and operator.run.stages[1].state == "active")
+    operator.until(lambda: operator.run.stages and operator.run.stages[1].fraction > 0.0)  # a short stage may be over
     assert not operator.widget("serial_edit").isEnabled()
 
     language = operator.widget("language_combo", QComboBox)
@@ -93,7 +93,7 @@ def test_unlimited_stage_is_ended_by_a_click_and_solved(operator: Operator, page
     button = operator.widget(name, QPushButton)
     operator.until(button.isVisible)
     assert not button.isEnabled(), "no stage has started"
-    operator.until(operator.in_a_stage)
+    operator.until(button.isEnabled)
     operator.press(name)
     assert not button.isEnabled()
     assert "after this move" in button.toolTip()
