@@ -116,15 +116,24 @@ class _StandardError(io.TextIOWrapper):
 
 
 class _StandardOutput(io.TextIOWrapper):
-    """Standard output, whose first failure raises BrokenPipeError or ConfigurationError; later text is discarded."""
+    """Standard output, whose first failure raises BrokenPipeError or ConfigurationError; later text is discarded.
+
+    Who writes may ignore the failure, so that the next flush raises it again.
+    """
+
+    _unseen: Exception | None = None
 
     def write(self, text: str) -> int:
         try:
             return super().write(text)
         except OSError as error:
-            raise _failure(error) from error
+            self._unseen = _failure(error)
+            raise self._unseen from error
 
     def flush(self) -> None:
+        unseen, self._unseen = self._unseen, None
+        if unseen is not None:
+            raise unseen
         try:
             super().flush()
         except OSError as error:
