@@ -56,7 +56,6 @@ from calstation.records.meta import (
     RunSection,
     SiteSection,
     TableSection,
-    TemperatureSection,
     context_from_meta,
     correlation_of,
     covariance_from,
@@ -80,6 +79,7 @@ from calstation.records.product import (
     Rule,
     SampleClockLimit,
     TemperatureLimit,
+    TemperatureSection,
     check_limit_names,
 )
 from calstation.records.raw_log import RESERVED_SPACE, SUFFIX, RawLogWriter, free_space, write_log

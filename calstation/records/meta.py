@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import tomli_w
@@ -24,7 +24,6 @@ from calstation.estimation.common import (
     SolveContext,
     StoredCrossCalibration,
     TableModel,
-    TemperatureModel,
 )
 from calstation.messages import os_reason
 from calstation.parsing import parse_json, parse_toml
@@ -32,7 +31,6 @@ from calstation.physics import (
     AXIS_OFFSET_SIGMA,
     COUNT,
     DEFAULT_ORIENTATION,
-    GROUPS,
     INDEX,
     NAMES,
     ORIENTATIONS,
@@ -47,7 +45,7 @@ from calstation.physics import (
 )
 from calstation.records.files import write_atomic
 from calstation.records.laboratory import InstrumentSection, LaboratorySection
-from calstation.records.product import ChecksSection, ConformitySection, Limit, check_limit_names
+from calstation.records.product import ChecksSection, ConformitySection, Limit, TemperatureSection, check_limit_names
 from calstation.schema import EntryError, StrictModel, load, near_miss, validate
 
 _UNIT_TOLERANCE = 1e-3
@@ -216,45 +214,6 @@ class RunSection(StrictModel):
     batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
     slot: str | None = None  #: Name of the unit's slot on the table; None at a station with one unit.
     batch_units: list[str] | None = None  #: Serial numbers of all units of the batch, in the order of their slots.
-
-
-class TemperatureSection(StrictModel):
-    """`[temperature]`: parameters as polynomials of the temperature of the unit, °C."""
-
-    reference_c: float = Field(default=25.0, ge=-100, le=200)
-    range_c: tuple[float, float] = Field(strict=False)  #: Temperatures that the result covers.
-    #: Order by group, 0 for other groups; ``auto`` for those that the data support.
-    order: dict[str, Annotated[int, Field(ge=0, le=6)]] | Literal["auto"] = "auto"
-    rate_term: list[str] = Field(default_factory=list)  #: Groups with a term in the rate of change.
-    held_out_c: list[float] = Field(default_factory=list)  #: Temperatures that are compared, but not fitted.
-
-    @model_validator(mode="after")
-    def _possible(self) -> "TemperatureSection":
-        low, high = self.range_c
-        if not low < high:
-            raise EntryError("temperature.range", "range_c", low=low, high=high)
-        for key, values in (("reference_c", [self.reference_c]), ("held_out_c", self.held_out_c)):
-            for value in values:
-                if not low <= value <= high:
-                    raise EntryError("temperature.outside", key, value=value, low=low, high=high)
-        groups = tuple(group for group in GROUPS if not group.endswith("_lever"))
-        for key, names in (("order", () if self.order == "auto" else self.order), ("rate_term", self.rate_term)):
-            for name in names:
-                if name not in groups:
-                    raise EntryError("entry.unknown_parameter", key, name=name, remedy=near_miss(name, groups))
-        return self
-
-    def model(self) -> TemperatureModel:
-        """Return the model for the solvers."""
-        order = {} if self.order == "auto" else self.order
-        return TemperatureModel(
-            self.reference_c,
-            self.range_c,
-            order,
-            frozenset(self.rate_term),
-            tuple(self.held_out_c),
-            is_automatic=self.order == "auto",
-        )
 
 
 class ModelSection(StrictModel):

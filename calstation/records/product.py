@@ -1,4 +1,4 @@
-"""Limits, acceptance checks and decision rule of a product, as stored in product files and log configurations.
+"""Limits, acceptance checks, decision rule and temperatures of a product, as in product files and log configurations.
 
 `calstation.judgement` compares results with them.
 """
@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from calstation.estimation.common import TemperatureModel
 from calstation.physics import EFFECT_PARAMETERS, GROUPS, NAMES, PAIR_PARAMETERS, further_parameter
 from calstation.schema import EntryError, StrictModel, near_miss
 
@@ -200,3 +201,42 @@ class ChecksSection(StrictModel):
         """Whether a check needs the rests and motions of the stages."""
         checks = (self.gravity_at_rest, self.improvement_at_rest, self.level, self.motion_angle)
         return any(check is not None for check in checks)
+
+
+class TemperatureSection(StrictModel):
+    """`[temperature]`: parameters as polynomials of the temperature of the unit, °C."""
+
+    reference_c: float = Field(default=25.0, ge=-100, le=200)
+    range_c: tuple[float, float] = Field(strict=False)  #: Temperatures that the result covers.
+    #: Order by group, 0 for other groups; ``auto`` for those that the data support.
+    order: dict[str, Annotated[int, Field(ge=0, le=6)]] | Literal["auto"] = "auto"
+    rate_term: list[str] = Field(default_factory=list)  #: Groups with a term in the rate of change.
+    held_out_c: list[float] = Field(default_factory=list)  #: Temperatures that are compared, but not fitted.
+
+    @model_validator(mode="after")
+    def _possible(self) -> "TemperatureSection":
+        low, high = self.range_c
+        if not low < high:
+            raise EntryError("temperature.range", "range_c", low=low, high=high)
+        for key, values in (("reference_c", [self.reference_c]), ("held_out_c", self.held_out_c)):
+            for value in values:
+                if not low <= value <= high:
+                    raise EntryError("temperature.outside", key, value=value, low=low, high=high)
+        groups = tuple(group for group in GROUPS if not group.endswith("_lever"))
+        for key, names in (("order", () if self.order == "auto" else self.order), ("rate_term", self.rate_term)):
+            for name in names:
+                if name not in groups:
+                    raise EntryError("entry.unknown_parameter", key, name=name, remedy=near_miss(name, groups))
+        return self
+
+    def model(self) -> TemperatureModel:
+        """Return the model for the solvers."""
+        order = {} if self.order == "auto" else self.order
+        return TemperatureModel(
+            self.reference_c,
+            self.range_c,
+            order,
+            frozenset(self.rate_term),
+            tuple(self.held_out_c),
+            is_automatic=self.order == "auto",
+        )

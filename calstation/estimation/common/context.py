@@ -152,7 +152,7 @@ class SolveContext:
     table: TableModel
     secondaries: tuple[Secondary, ...] = ()
     states: tuple[str, ...] = ()  #: Effects that are estimated in addition to the 30 parameters.
-    #: Parameters as functions of the temperature; None where they are constant.
+    #: Parameters as functions of the temperature; None if they are constant.
     temperature: TemperatureModel | None = None
     #: Whether to compute what only the tests of data and model need: observability, diagnoses, and, for stages that no
     #: effect of the table influences, the sensitivity to effects.
