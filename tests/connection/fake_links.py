@@ -137,6 +137,7 @@ class FakeImu:
     Attributes
     ----------
     counts : counts of every sample; rate : samples per second; skip : samples omitted after the hundredth
+    stored : samples that are forwarded first, three for each that is due
     check : checksum type of the frames; mute : send no replies; model : reported model
     """
 
@@ -144,6 +145,7 @@ class FakeImu:
         self.counts = [0, 0, 0, 0, 0, 48_977]  # 9.795 m/s² at 200 Hz and 1 µm/s per count
         self.rate = 200.0
         self.skip = 0
+        self.stored = 0
         self.check = "crc16_ccitt_false"
         self.mute = False
         self.model = "bench-imu"
@@ -160,7 +162,9 @@ class FakeImu:
             self._next = now
         due = int((now - self._next) * self.rate)
         self._next += due / self.rate if due else 0.0
-        return b"".join(self._frame() for _ in range(due))
+        more = min(self.stored, 3 * due)
+        self.stored -= more
+        return b"".join(self._frame() for _ in range(due + more))
 
     def _frame(self) -> bytes:
         if self.sent == 100:

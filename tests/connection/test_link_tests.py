@@ -454,6 +454,16 @@ def test_imu_stream_that_contradicts_its_profile_is_reported() -> None:
     assert [f.id for f in report.findings if f.state == "warning"] == ["self_test_failed"]
 
 
+@needs_terminals
+def test_stored_samples_that_arrive_first_do_not_count_as_the_rate() -> None:
+    unit = FakeImu(stored=400)
+    with terminal(unit.answer, unit.sends) as port:
+        report = imu(port=port)
+    rate = report.find("rate")
+    assert rate is not None
+    assert float(str(rate.values["measured"])) == pytest.approx(200.0, rel=0.05)
+
+
 @pytest.mark.long
 @needs_terminals
 def test_site_confirmed_on_another_computer_is_reported() -> None:
