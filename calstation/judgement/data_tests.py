@@ -18,6 +18,7 @@ from calstation.estimation.common import (
     rest_residuals,
     stage_data,
 )
+from calstation.judgement.changed_unit import ChangedUnit
 from calstation.judgement.gross_errors import gross_error, heading_test
 from calstation.judgement.sample_faults import clipped, sample_test
 from calstation.judgement.table_motion import TableMotion, table_motion
@@ -60,6 +61,7 @@ class DataTests:
         self._context, self._prior = context, prior
         self._temperatures: list[float] = []
         self._motion: TableMotion | None = None
+        self._changed_unit, self._is_sound = ChangedUnit(context.site.local_gravity), False
 
     def sample_fault(self, samples: SampleBlock, data: StageData) -> Diagnosis | None:
         """Return the first fault of the samples of a stage that cannot be solved; None if there is none."""
@@ -67,9 +69,18 @@ class DataTests:
         return next((test.diagnosis for test in tests if not test.passed), None)
 
     def require_configuration(self, stage: str, samples: SampleBlock, data: StageData) -> None:
-        """Start the tests of a stage. Raises InputError if a gross error of the configuration explains its data."""
+        """Start the tests of a stage.
+
+        Raises InputError if a gross error of the configuration, or a gross change since earlier stages, explains its
+        data.
+        """
         self._motion = table_motion(data)
         error = gross_error(self._motion, self._context, _clock_offsets(samples, self._context))
+        if self._motion is not None and (self._is_sound or error is None):
+            changed = self._changed_unit.find(self._motion, data)
+            if changed is not None and self.sample_fault(samples, data) is None:
+                error = changed
+        self._is_sound = error is None
         if error is not None:
             raise InputError("solution.in_stage", stage=stage, what=error.text(stage))
 
