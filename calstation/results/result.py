@@ -382,8 +382,13 @@ def online_difference(offline: Result, online: Result) -> OnlineDifference:
 
 def load_result(path: Path) -> Result:
     """Read a result file. Raises InputError."""
+    return result_from(read_content(path), path)
+
+
+def result_from(content: Mapping[str, Any], path: Path) -> Result:
+    """Return the result with the content of a file. Raises InputError."""
     try:
-        return Result.from_json(read_content(path))
+        return Result.from_json(content)
     except ValueError as exc:
         raise InputError("result.not_a_result", file=path, schema=SCHEMA) from exc
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from calstation.errors import InputError
 from calstation.records import SUFFIX, Verdict, last_result
-from calstation.results.result import Result, load_result, read_content
+from calstation.results.result import Result, read_content, result_from
 
 #: Entries that are added later to the result file of a run: an override, which must be in the audit trail, and the
 #: decision not to resume an interrupted run, which certificates do not state.
@@ -26,7 +26,8 @@ def load_run_result(path: Path, *, require_log: bool = False) -> Result:
     Raises InputError, also if the file differs from the result in the log. With `require_log`, nothing but the log
     vouches for the result, which must therefore exist and be readable.
     """
-    result = load_result(path)
+    content = read_content(path)
+    result = result_from(content, path)
     if result.outcome == "resolved":
         return result
     log = run_log(result.log.file, path)
@@ -40,7 +41,7 @@ def load_run_result(path: Path, *, require_log: bool = False) -> Result:
         if require_log:
             raise
         return result
-    entry = altered_entry(read_content(path), stored)
+    entry = altered_entry(content, stored)
     if entry is not None:
         raise InputError("result.altered", file=path, log=log, entry=entry)
     return result
@@ -88,10 +89,10 @@ def difference(one: Any, other: Any, rounding: float, scale: float = 0.0) -> str
     """
     if isinstance(one, dict) and isinstance(other, dict):
         pairs = {key: (one.get(key, ...), other.get(key, ...)) for key in (*other, *one)}
-        scale = _scale(other)
+        scale = _scale(other) if rounding else 0.0
     elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
         pairs = {str(k): pair for k, pair in enumerate(zip(one, other, strict=True))}
-        scale = _scale(dict(enumerate(other)))
+        scale = _scale(dict(enumerate(other))) if rounding else 0.0
     else:
         floats = isinstance(one, float) and isinstance(other, float)
         equal = floats and math.isclose(one, other, rel_tol=0.0, abs_tol=rounding * scale)

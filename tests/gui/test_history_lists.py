@@ -328,9 +328,9 @@ def test_offline_solutions_are_listed_in_the_details(
     append_resolve(folder, replace(RECORD, log=log, by="wang", difference=OnlineDifference(True, "gyro_bias_x", 0.0)))
     listed_runs(page, qtbot)
     table = page.findChild(QTableView, "resolves_table")
+    qtbot.waitUntil(table.isVisible)
     texts = [[table.model().index(row, k).data() for k in (1, 2, 4)] for row in range(table.model().rowCount())]
     assert texts == [["wang", "identical bit for bit", "0–9"], ["li", "0.50 σ, gyro bias x", "0–9"]]
-    assert table.isVisible()
     select_row(page, 1, qtbot)
     assert not table.isVisible()
     path = resolve_file(folder).path

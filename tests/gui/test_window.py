@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import time
+from typing import cast
 
 import pytest
 from helpers import ignore_progress
@@ -12,6 +13,7 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QPushB
 from pytestqt.qtbot import QtBot
 
 from calstation.config import access
+from calstation.gui.engineer import EngineerPage
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.shell import create_window
 from calstation.gui.shell.main_window import MainWindow
@@ -260,9 +262,41 @@ def test_header_fields_are_as_high_as_the_start_button(window: MainWindow, qtbot
 
 def test_pages_are_not_prepared_during_a_run(window: MainWindow, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(type(window.app.engine_link), "running", True)
-    created = [tab.created for tab in window._tabs.values()]
+    prepared = [tab.prepared for tab in window._tabs.values()]
     window._prepare_next()
-    assert [tab.created for tab in window._tabs.values()] == created
+    assert [tab.prepared for tab in window._tabs.values()] == prepared
     monkeypatch.undo()
     window._prepare_next()
-    assert sum(tab.created for tab in window._tabs.values()) == sum(created) + 1
+    assert sum(tab.prepared for tab in window._tabs.values()) == sum(prepared) + 1
+
+
+def test_preparation_creates_the_views_that_a_run_fills(window: MainWindow, qtbot: QtBot) -> None:
+    window.show()
+    with qtbot.waitSignal(window.prepared, timeout=20_000):
+        pass
+    analysis = cast(EngineerPage, window._tabs["engineer_page"].page).analysis
+    assert None not in (view._view for view in (analysis.result, analysis.observability, analysis.cycle))
+
+
+def test_no_widget_has_a_graphics_effect(window: MainWindow) -> None:
+    """Every paint of such a widget lays out all hidden pages, which takes longer than the event loop may block."""
+    window.create_engineer_page()
+    assert not [each for each in window.findChildren(QWidget) if each.graphicsEffect() is not None]
+
+
+def test_picture_of_a_table_at_unknown_angles_is_pale(window: MainWindow) -> None:
+    picture = window.operator_page._live.table.picture
+
+    def contrast() -> int:
+        """Return the largest difference from the background."""
+        image = picture.grab().toImage()
+        levels = [image.pixelColor(x, y).value() for x in range(image.width()) for y in range(image.height())]
+        return max(levels) - min(levels)
+
+    picture.resize(60, 60)
+    known = []
+    for angles_known in (True, False):
+        picture.set_angles(0.0, 0.0, known=angles_known)
+        known.append(contrast())
+    assert known[0] > 100
+    assert known[1] < 0.6 * known[0]

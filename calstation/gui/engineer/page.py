@@ -79,6 +79,10 @@ class EngineerPage(Page):
         }
         return places.get(view, "explanation/verdict.md#the-chain")
 
+    def prepare(self) -> None:
+        """Create the views that a run fills."""
+        self.analysis.create_views()
+
     def _lay_out(self) -> None:
         self._tabs = ViewTabs(
             "engineer_views",

@@ -294,6 +294,11 @@ class ResultAnalysis(QObject):
         app.released.connect(self._released)
         self._diagnosing.failed.connect(lambda error: self._diagnosis_failed(error.as_text))
 
+    def create_views(self) -> None:
+        """Create the views that a run fills."""
+        for lazy in (self.result, self.observability, self.cycle):
+            _ = lazy.view
+
     def open(self, path: Path) -> None:
         """Open a result or a log."""
         self.loading.cancel()

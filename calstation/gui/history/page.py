@@ -4,7 +4,7 @@ from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import Qt, QTimer, QUrl, SignalInstance
+from PySide6.QtCore import QSignalBlocker, Qt, QTimer, QUrl, SignalInstance
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QWidget
 
@@ -61,6 +61,8 @@ class HistoryPage(Page):
         self._match_count = 0
         #: Mark of the index when its runs were listed; None if they were not.
         self._listed: str | None = None
+        #: Show the list and, in a later turn of the event loop, the details, because both together block too long.
+        self._list_timer, self._details_timer = (QTimer(self, singleShot=True, interval=0) for _ in range(2))
         self.table = RunTable()
         bind(self.table.setAccessibleName, "history.run_table")
         self.setFocusProxy(self.table)
@@ -116,16 +118,18 @@ class HistoryPage(Page):
         conditions = self._filters.conditions
         self._match_count = 0 if history is None else history.count(conditions)
         self._stack.setCurrentWidget(self._split if self._match_count else self._nothing)
-        self.table.show_runs(
-            lambda *part: [] if history is None else history.runs(conditions, *part), self._match_count
-        )
+        with QSignalBlocker(self.table):
+            self.table.show_runs(
+                lambda *part: [] if history is None else history.runs(conditions, *part), self._match_count
+            )
+        self._details_timer.start()
         self._show_texts()
 
     def showEvent(self, event: QShowEvent) -> None:
         """List the indexed runs in the next turn of the event loop, and again after the folder has been read."""
         super().showEvent(event)
         self.refresh()
-        QTimer.singleShot(0, self, self._show_refreshed)
+        self._list_timer.start()
 
     def _build_actions(self) -> QWidget:
         """Create the row with the number of runs and the actions on several runs, or the progress of a job."""
@@ -153,6 +157,8 @@ class HistoryPage(Page):
         details, app = self.details, self.app
         self._filters.changed.connect(self.show_runs)
         self.table.selected.connect(self._show_details)
+        self._list_timer.timeout.connect(self._show_refreshed)
+        self._details_timer.timeout.connect(self._show_details)
         self.table.doubleClicked.connect(lambda _: self._open_result())
         details.result_button.clicked.connect(self._open_result)
         details.log_button.clicked.connect(self._open_log)
@@ -200,7 +206,8 @@ class HistoryPage(Page):
             self._index = (folder, History(folder))
         return self._index[1]
 
-    def _show_details(self, run: RunRecord | None) -> None:
+    def _show_details(self) -> None:
+        run = self.table.run
         self.details.setVisible(run is not None)
         if run is not None:
             result, unit_runs = _result(run), self._history().solved(run.serial, MAX_TREND)
@@ -239,7 +246,7 @@ class HistoryPage(Page):
             self.app.open_run.emit(run.result)
 
     def _open_fetched(self, result: Path) -> None:
-        self._show_details(self.table.run)
+        self._show_details()
         self.app.open_run.emit(result)
 
     def _open_log(self) -> None:

@@ -63,11 +63,13 @@ class _Tab(QWidget):
         super().__init__()
         self._app, self._create = app, create
         self._page: Page | None = None
+        self._drawn = False
         self.header = QWidget()
 
     @property
-    def created(self) -> bool:
-        return self._page is not None
+    def prepared(self) -> bool:
+        """Whether the page has been prepared or is visible."""
+        return self._drawn or self.isVisible()
 
     @property
     def page(self) -> Page:
@@ -84,10 +86,11 @@ class _Tab(QWidget):
         return self._page is None or self._page.may_leave(go)
 
     def prepare(self, size: QSize) -> None:
-        """Create the page, and polish, lay out and draw it unseen, so that it is shown without a delay later."""
-        self.create_page()
+        """Create the page and its views, and draw it unseen, so that it is shown without a delay later."""
+        self.page.prepare()
         self.resize(size)
         self.grab()
+        self._drawn = True
 
     def setVisible(self, visible: bool) -> None:
         """Create the page before it is first shown."""
@@ -194,7 +197,7 @@ class MainWindow(QMainWindow):
         if self.app.engine_link.running:  # the window must take STOP and reply to the engine at once
             QTimer.singleShot(_PREPARATION_DELAY_MS, self, self._prepare_next)
             return
-        tab = next((tab for tab in self._tabs.values() if not tab.created), None)
+        tab = next((tab for tab in self._tabs.values() if not tab.prepared), None)
         if tab is None:
             self.prepared.emit()
             return

@@ -86,6 +86,9 @@ class Page(JobView):
         if name:
             self.setObjectName(f"{name}_page")
 
+    def prepare(self) -> None:
+        """Create what is otherwise created when it is first used, which would block the window during a run."""
+
     def may_leave(self, go: Callable[[], object]) -> bool:
         """Return whether the page may be left; a page that returns False calls `go` after the user has confirmed."""
         return True

@@ -83,6 +83,12 @@ class Drawing(QWidget):
         self.draw()
         painter.end()
 
+    def fade(self) -> None:
+        """Make everything drawn so far pale; a graphics effect would lay out the whole window at every paint."""
+        self._painter.resetTransform()
+        self._painter.setOpacity(0.5)
+        self._painter.fillRect(self.rect(), QColor(theme.colours().panel))
+
     def set_opacity(self, opacity: float) -> None:
         """Set the opacity of everything drawn from now on."""
         self._painter.setOpacity(opacity)

@@ -343,8 +343,9 @@ class ElidedLabel(PlainLabel):
 
     def setText(self, text: str) -> None:
         """Set the text and the tooltip."""
-        super().setText(text)
-        self.setToolTip(plain_tip(text))
+        if text != self.text():
+            super().setText(text)
+            self.setToolTip(plain_tip(text))
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw as much of the text as fits."""

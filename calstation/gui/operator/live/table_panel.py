@@ -2,7 +2,7 @@
 
 import numpy as np
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QGraphicsOpacityEffect
+from PySide6.QtWidgets import QFrame
 
 from calstation.gui.text import on_language_change, say, with_minus
 from calstation.gui.widgets import (
@@ -44,9 +44,7 @@ class TablePicture(Drawing):
         self._orientation: Orientation = ALIGNED
         self._angles: tuple[float, ...] = (0.0, 0.0)
         self._order = ""
-        self._pale = QGraphicsOpacityEffect(self)
-        self._pale.setOpacity(0.5)
-        self.setGraphicsEffect(self._pale)
+        self._known = False  #: Whether the joint angles are known.
 
     def set_axes(self, outer: Axis, inner: Axis) -> None:
         """Set the table axes at home, unit vectors in the body frame of a unit that is aligned with the table."""
@@ -60,22 +58,22 @@ class TablePicture(Drawing):
 
     def set_angles(self, outer: float, inner: float, *, known: bool = True) -> None:
         """Set the joint angles, rad; the drawing is pale if they are not `known`."""
-        self._pale.setEnabled(not known)
-        if (outer, inner) != self._angles:
-            self._angles = (outer, inner)
+        if ((outer, inner), known) != (self._angles, self._known):
+            self._angles, self._known = (outer, inner), known
             self.update()
 
     def set_joints(self, order: str, joints: tuple[float, ...] = (0.0, 0.0, 0.0), *, known: bool = False) -> None:
         """Set the order of gimbal joints, letters from base to body or "" for a table, and the angles x, y, z, rad."""
         self._order = order
         if order:
-            self._pale.setEnabled(not known)
-            self._angles = joints
+            self._angles, self._known = joints, known
             self.update()
 
     def draw(self) -> None:
         """Draw the table or the gimbal."""
         self._draw_gimbal() if self._order else self._draw_table()
+        if not self._known:
+            self.fade()
 
     def _draw_gimbal(self) -> None:
         """Draw the outer ring, the middle ring and the unit."""

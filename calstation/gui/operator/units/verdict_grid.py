@@ -96,6 +96,7 @@ class VerdictGrid(QFrame):
         self._tiles: list[_VerdictTile] = []
         self._prepared: dict[str, _VerdictTile] = {}
         self._offered: list[Path] = []  #: Results that the buttons of labels and certificates apply to.
+        self._shown: list[tuple[object, ...]] = []  #: What the tiles show of each unit.
         self._summary = StateBadge(_SUMMARY, "units_summary")
         self._again = button("again_button", pressed=lambda: self.again.emit(self._failed), kind="primary")
         self._labels = LabelButton(app, "labels_button", notice, then, all_units=True)
@@ -116,7 +117,11 @@ class VerdictGrid(QFrame):
             self._offered = files
             self._labels.offer_all(self._passed)
             self._certificates.offer_all(self._passed)
-        self._refresh()
+        run = self._run
+        shown = [(unit, run.display_state_of(unit), unit.result, unit.fault) for unit in run.units]
+        if shown != self._shown:
+            self._shown = shown
+            self._refresh()
 
     def prepare(self) -> None:
         """Create the tiles of the units that have a verdict, which then need not all be created at the end."""
