@@ -118,7 +118,9 @@ class VerdictGrid(QFrame):
             self._labels.offer_all(self._passed)
             self._certificates.offer_all(self._passed)
         run = self._run
-        shown = [(unit, run.display_state_of(unit), unit.result, unit.fault) for unit in run.units]
+        shown: list[tuple[object, ...]] = [
+            (unit, run.display_state_of(unit), unit.result, unit.fault) for unit in run.units
+        ]
         if shown != self._shown:
             self._shown = shown
             self._refresh()
