@@ -300,3 +300,15 @@ def test_picture_of_a_table_at_unknown_angles_is_pale(window: MainWindow) -> Non
         known.append(contrast())
     assert known[0] > 100
     assert known[1] < 0.6 * known[0]
+
+
+def test_texts_of_the_first_show_keep_their_sizes(window: MainWindow) -> None:
+    window.show()
+    page = window.operator_page
+    later = page._verdict  # sets the sizes of its texts when it is shown
+    labels = [each for each in page.findChildren(QLabel) if not later.isAncestorOf(each)]
+    before = [(each.text(), each.font().pixelSize()) for each in labels]
+    for code in ("zh_CN", "en"):
+        window.app.set_language(code)
+    after = [(each.text(), each.font().pixelSize()) for each in labels]
+    assert [each for each in zip(before, after, strict=True) if each[0] != each[1]] == []

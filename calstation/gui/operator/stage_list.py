@@ -43,6 +43,7 @@ class _Row(QFrame):
         self.setProperty("kind", "")
         self._icon, self._bar = StateIcon(18), progress_bar(3)
         self._name, self._state, self._time = PlainLabel(), PlainLabel(), label(kind="muted")
+        self._name.setFont(theme.font(theme.SECTION))  # before it is first polished, or Qt would reset the font
         right = Qt.AlignmentFlag.AlignRight
         times = column(None, (self._state, 0, right), (self._time, 0, right), None, spacing=0)
         line = row(self._icon, (self._name, 1), times, spacing=theme.GRID, margins=(2 * theme.GRID, 0, theme.GRID, 0))

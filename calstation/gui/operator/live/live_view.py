@@ -50,6 +50,7 @@ class Preparation(QFrame):
         self._rows = [(StateIcon(20), PlainLabel(), label(kind="muted", wrap=True)) for _ in _STEPS]
         steps = grid(across=2 * theme.GRID, down=theme.GRID, stretch=2)
         for number, widgets in enumerate(self._rows):
+            widgets[1].setFont(theme.font(theme.SECTION))  # before it is first polished, or Qt would reset the font
             for at, widget in enumerate(widgets):
                 steps.addWidget(widget, number, at, Qt.AlignmentFlag.AlignVCenter)
         column(label("operator.preparing", "section"), steps, None, on=self, spacing=2 * theme.GRID, margins=PANEL)
