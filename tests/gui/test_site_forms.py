@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,6 +16,7 @@ from calstation.gui.settings.form_view import FormTable
 from calstation.gui.settings.standards_form import StandardsForm
 from calstation.gui.state import AppContext
 from calstation.gui.text import language
+from calstation.gui.widgets.file_dialog import FileDialog
 from calstation.records import audit_path, read_audit, select_audit
 from tests.gui.station_driver import PIN, station_page
 from tests.gui.test_forms import FormDriver
@@ -178,6 +180,46 @@ def test_unknown_entries_and_comments_of_a_laboratory_are_kept(forms: ListDriver
     assert comments(stored("line_4")) == comments(text)
     assert 'signatories = ["E, F"] # on leave' in stored("line_4")
     assert 'certificate = "P-2" # PTB' in stored("line_4")
+
+
+def test_folder_language_templates_and_signature_of_certificates_are_entered(forms: ListDriver, tmp_path: Path) -> None:
+    before = stored("line_4")
+    forms.show_section(LABORATORY)
+    assert forms.page.nav.currentItem().text() == "Laboratory, certificates"
+    assert "only on request" in forms.message("report_folder")
+    forms.type("report_folder_edit", str(tmp_path / "absent"))
+    assert forms.message("report_folder").startswith(f"{tmp_path / 'absent'} does not exist")
+    language.use("zh_CN")
+    assert "absent 不存在" in forms.message("report_folder")
+    assert forms.page.nav.currentItem().text() == "实验室与证书 ●"
+    language.use("en")
+    forms.press("report_browse_button")
+    dialog = forms.root.findChild(FileDialog)
+    dialog.selectFile(str(tmp_path))
+    dialog.accept()
+    assert forms.find(QLineEdit, "report_folder_edit").text() == str(tmp_path)
+    assert "does not exist" not in forms.message("report_folder")
+    forms.choose("report_language_edit", "中文")
+    forms.type("report_template_edit", "our-templates")
+    assert "our-templates does not exist" in forms.message("report_template")
+    (library.find("stations", "line_4").parent / "our-templates").mkdir()
+    forms.type("report_signing_certificate_edit", "laboratory.p12")
+    assert "laboratory.p12 does not exist" in forms.message("report_signing_certificate")
+    (library.find("stations", "line_4").parent / "laboratory.p12").touch()
+    forms.press("save_station_button")
+    report = {
+        "folder": str(tmp_path),
+        "language": "zh",
+        "template": "our-templates",
+        "signing": {"certificate": "laboratory.p12"},
+    }
+    assert tomllib.loads(stored("line_4"))["report"] == report
+    for name in ("folder", "template", "signing_certificate"):
+        assert "does not exist" not in forms.message(f"report_{name}")
+        forms.type(f"report_{name}_edit", "")
+    forms.choose("report_language_edit", "that of the window")
+    forms.press("save_station_button")
+    assert tomllib.loads(stored("line_4")) == tomllib.loads(before)
 
 
 # Operators

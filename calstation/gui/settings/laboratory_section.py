@@ -1,16 +1,21 @@
 """The laboratory of a station with its instruments and signatories, and its operators with their badges."""
 
-from calstation.config import BADGES, INSTRUMENTS, SIGNATORIES, Form
+from functools import partial
+from pathlib import Path
+
+from calstation.config import BADGES, INSTRUMENTS, SIGNATORIES, Form, StationConfig, missing_report_paths
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.settings.fields import EDITOR, AddressEdit, Field, Section
+from calstation.gui.settings.fields import EDITOR, AddressEdit, Field, Row, Section, folder_row
 from calstation.gui.settings.form_view import FittedForm
-from calstation.gui.text import say
-from calstation.gui.widgets import TextEdit, column, label, show_text, theme
+from calstation.gui.text import language, say
+from calstation.gui.widgets import ChoiceBox, TextEdit, ask_open, button, column, label, show_text, theme
+from calstation.schema import KeyPath
 
 #: Width of the input for a name or a postal address, px.
 _LONG_WIDTH = EDITOR + 14 * theme.GRID
 #: Default port of a label printer.
 _PRINTER_PORT = 9100
+_FOLDER, _TEMPLATE, _SIGNING = ("report", "folder"), ("report", "template"), ("report", "signing", "certificate")
 
 
 class FormPanel(Section):
@@ -40,7 +45,7 @@ class _FormsSection(Section):
 
 
 class LaboratorySection(_FormsSection):
-    """The section for the tables `[laboratory]` and `[[instruments]]` of a station file."""
+    """The section for the tables `[laboratory]`, `[[instruments]]` and `[report]` of a station file."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__(draft)
@@ -64,9 +69,52 @@ class LaboratorySection(_FormsSection):
             FormPanel(draft, SIGNATORIES),
             2 * theme.GRID,
             FormPanel(draft, INSTRUMENTS),
+            2 * theme.GRID,
+            CertificateFields(draft),
             None,
             on=self,
         )
+
+
+class CertificateFields(Section):
+    """The fields for the table `[report]` of a station file: where certificates are written, and how."""
+
+    def __init__(self, draft: Draft) -> None:
+        super().__init__(draft)
+        languages = ChoiceBox(
+            lambda: [(None, say("settings.as_window")), *((code[:2], name) for code, name in language.LANGUAGES)]
+        )
+        column(
+            label("settings.certificates", "section"),
+            self._path_field(_FOLDER),
+            folder_row("report_browse_button", draft, _FOLDER),
+            Field(draft, ("report", "language"), languages, hint="setting.about_report_language"),
+            self._path_field(_TEMPLATE),
+            folder_row("template_browse_button", draft, _TEMPLATE),
+            self._path_field(_SIGNING),
+            Row(button("signing_browse_button", "settings.choose_file", self._ask_signing)),
+            on=self,
+        )
+
+    def _path_field(self, key_path: KeyPath) -> Field:
+        """Create a field for a path, which warns if an edited path does not exist."""
+        name = f"report_{key_path[-1]}"
+        hint = f"setting.about_{name}"
+        field = Field(self._draft, key_path, TextEdit(), name=name, hint=hint, width=_LONG_WIDTH)
+        field.warning = partial(self._missing, key_path)
+        return field
+
+    def _missing(self, key_path: KeyPath) -> str:
+        """Return that an edited path does not exist, or ""; a stored one may be on a share that does not respond."""
+        station, path = self._draft.model, self._draft.path
+        if not isinstance(station, StationConfig) or station.report is None or path is None:
+            return ""
+        missing = missing_report_paths(station.report, path) if self._draft.differs(key_path) else ()
+        return next((say(error.code, **error.values) for error in missing if error.key_path == key_path), "")
+
+    def _ask_signing(self) -> None:
+        files, title = ["PKCS #12 (*.p12 *.pfx)"], say("setting.report_certificate")
+        ask_open(self, title, Path(), files, lambda file: self._draft.set({_SIGNING: str(file)}))
 
 
 class OperatorsSection(_FormsSection):

@@ -50,14 +50,14 @@ _SECTION_KEYS: tuple[tuple[KeyPath, ...], ...] = (
     (*(("imu", key) for key in _LINK_KEYS), ("slots",)),
     (("site",),),
     (("records",),),
-    (("laboratory",), ("instruments",)),
+    (("laboratory",), ("instruments",), ("report",)),
     (("sign_in",), ("label",)),
 )
 
 #: Catalogue codes of the names of the sections that follow the links.
 _OTHER_TITLES = (
-    *("settings.site", "settings.shared_records", "settings.laboratory", "settings.operators", "settings.table"),
-    *("settings.profiles_and_products", "settings.this_computer"),
+    *("settings.site", "settings.shared_records", "settings.laboratory_certificates", "settings.operators"),
+    *("settings.table", "settings.profiles_and_products", "settings.this_computer"),
 )
 
 
