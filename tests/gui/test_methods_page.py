@@ -452,7 +452,7 @@ def test_live_watch_uses_the_selected_product(
     qtbot.addWidget(view)
     qtbot.mouseClick(view.start_button, Qt.MouseButton.LeftButton)
     assert [(request.station, request.product) for request in asked] == [(window.app.station_path, product)]
-    for code, ready, watching in (("en", "NOT READY", "LIVE"), ("zh_CN", "未就绪", "实时监视")):
+    for code, ready, watching in (("en", "NOT READY", "LIVE"), ("zh_CN", "未就绪", "实时监测")):
         language.use(code)
         window.show_page("offline_page")
         texts = [label.text() for label in window.findChildren(QLabel) if label.isVisible()]

@@ -4,9 +4,10 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QStandardItemModel
-from PySide6.QtWidgets import QComboBox
+from PySide6.QtWidgets import QComboBox, QPushButton
 
 from calstation.config import library
+from calstation.messages import Text
 from tests.gui.conftest import Operator
 
 
@@ -44,8 +45,9 @@ def test_pair_station_leads_to_its_live_monitoring(operator: Operator) -> None:
     app.set_station(library.find("stations", "virtual_pair"))
     assert "compares IMUs on one body" in operator.says()
     app.set_language("zh_CN")
-    assert "请打开实时监测" in operator.says()
-    operator.press("watch_choice")
+    assert "请点击下方的“实时监测”" in operator.says()
+    assert operator.widget("show_watch_button", QPushButton).text() == "实时监测"
+    operator.press("show_watch_button")
     page = operator.window.offline_page
     assert page.isVisible()
     assert page.panel is not None
@@ -54,3 +56,23 @@ def test_pair_station_leads_to_its_live_monitoring(operator: Operator) -> None:
     assert live.isVisible()
     assert operator.window.focusWidget() is live.start_button
     assert not live.watching  # nothing starts by itself
+
+
+def test_monitoring_is_offered_for_every_product_and_its_state_is_shown(operator: Operator) -> None:
+    app, watch = operator.window.app, operator.widget("show_watch_button", QPushButton)
+    assert not watch.isVisible(), "the station has one IMU"
+    app.set_station(library.find("stations", "virtual_pair"))
+    app.set_product(library.find("products", "mems_hand"))
+    assert "compares IMUs on one body" not in operator.says()
+    operator.window.show_page("history_page")
+    operator.window.show_page("operator_page")
+    assert watch.isVisible()
+    assert watch.focusPolicy() == Qt.FocusPolicy.NoFocus  # the keys of a scan must not press it
+    app.run.set_monitoring(("caution", Text.of("logs.primary_out", sensors=["gyro"])))
+    assert "The IMUs are watched live: primary out of tolerance: gyro" in operator.says()
+    app.set_language("zh_CN")
+    assert "正在实时监测各 IMU：主 IMU 超差：" in operator.says()
+    app.run.set_monitoring(None)
+    assert "实时监测各 IMU" not in operator.says()
+    app.set_station(library.find("stations", "virtual_bench"))
+    assert not watch.isVisible()

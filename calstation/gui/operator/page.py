@@ -106,7 +106,11 @@ class OperatorPage(Page):
         self._events.hide()
         events = button("events_button", "event_log.show", self._show_events, tip="event_log.show_tip")
         events.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the keys of a scan must not press it
-        foot = panel(row((column(self._message, counts, spacing=0), 1), events, self._badge, spacing=2 * theme.GRID))
+        watch, tip = "logs.watch_live", "operator.show_watch_tip"
+        self._watch = button("show_watch_button", watch, lambda: app.watch_requested.emit(), tip=tip)
+        self._watch.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        state = column(self._message, counts, spacing=0)
+        foot = panel(row((state, 1), self._watch, events, self._badge, spacing=2 * theme.GRID))
         page_margins = (2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
         content = QWidget()
         row(self._stages, (right, 1), on=content)
@@ -241,6 +245,7 @@ class OperatorPage(Page):
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
         summary, choices = self._summarise()
+        self._watch.setVisible(self._has_pair())
         app.run.set_runnable(self._problem is None)
         self._starting.set_next_run(summary)
         self._stages.set_next_run(summary)
@@ -275,15 +280,12 @@ class OperatorPage(Page):
             compatible = compatible_products(app.station_path, app.product_path)
             display_names = {path: name for name, path in self._products}
             names = ", ".join(f"“{display_names[path]}”" for _, path in compatible)
-            monitored = bool(load_station(app.station_path)[1].secondaries)
-            why = Text("window.pair_station") if monitored else Text(self._wrong_rig(error))
+            why = Text("window.pair_station") if self._has_pair() else Text(self._wrong_rig(error))
             products = Text.of(
                 "window.compatible_products" if compatible else "window.no_compatible_product", names=names
             )
             self._problem = Text.of("question.wrong_table", why=why, products=products)
             choices = []
-            if monitored:
-                choices.append(Choice("watch_choice", "logs.watch_live", app.watch_requested.emit))
             for name, path in compatible[:2]:  # the notice lists all of them
                 words = Text.of("window.choose_product", name=display_names[path])
                 choices.append(Choice(f"product_choice_{name}", words, partial(app.set_product, path)))
@@ -291,6 +293,13 @@ class OperatorPage(Page):
         except CalstationError as error:
             self._problem = refusal("cannot_run", error, engineer=app.role.engineer)
             return None, []
+
+    def _has_pair(self) -> bool:
+        """Return whether the IMUs of the station are on one body, so that they can be monitored live."""
+        try:
+            return bool(load_station(self.app.station_path)[1].secondaries)
+        except CalstationError:
+            return False
 
     def _wrong_rig(self, error: CalstationError) -> str:
         """Return the code of the sentence about a station that is incompatible with a product."""
@@ -461,6 +470,8 @@ class OperatorPage(Page):
             return say("operator.sign_in")
         if run.display_state == "idle" and self._starting.refused is not None:
             return rendered(self._starting.refused).text
+        if run.display_state == "monitoring" and run.monitoring is not None:
+            return say("operator.message_monitoring", state=say(run.monitoring[1]))
         if run.state in ("idle", "starting"):
             slots = run.state == "idle" and run.runnable and self._starting.slots
             return say("operator.message_idle_slots" if slots else f"operator.message_{run.display_state}")

@@ -68,7 +68,8 @@ class RunStatus(QObject):
         self.register_operation = False
         #: Whether the station and the product are usable for the next run.
         self.runnable = True
-        self.monitoring = False  #: Whether the IMUs of the station are followed live.
+        #: Symbol and text of the state of the IMUs that are monitored live, outside a run; None without monitoring.
+        self.monitoring: tuple[str, Text] | None = None
         #: Whether the sequencer may have moved the table; False while devices are opened and identified.
         self.commanded = False
         #: Serial numbers and state of the run in the first window of the station; None in that window.
@@ -132,7 +133,7 @@ class RunStatus(QObject):
     @property
     def display_state(self) -> str:
         """`state`, or ``writing`` during a register operation, ``monitoring``, or ``not_ready`` if no run can start."""
-        if self.state == "idle" and self.monitoring:
+        if self.state == "idle" and self.monitoring is not None:
             return "monitoring"
         if self.state == "idle" and not self.runnable:
             return "not_ready"
@@ -231,8 +232,8 @@ class RunStatus(QObject):
             self.elsewhere = elsewhere
             self.changed.emit()
 
-    def set_monitoring(self, monitoring: bool) -> None:
-        """Set whether the IMUs of the station are followed live, outside a run."""
+    def set_monitoring(self, monitoring: tuple[str, Text] | None) -> None:
+        """Set the symbol and the text of the state of the IMUs that are monitored live; None without monitoring."""
         if monitoring != self.monitoring:
             self.monitoring = monitoring
             self.changed.emit()

@@ -81,6 +81,8 @@ def run_badge(run: RunStatus) -> tuple[str, str]:
         texts = [term("unit_count", outcome, count=counts[outcome]) for outcome in _COUNTED if counts[outcome]]
         return KINDS.get(run.display_state, "none"), term("unit_count", "comma").join(texts)
     state = term("badge", run.display_state)
+    if run.display_state == "monitoring" and run.monitoring is not None:
+        return run.monitoring[0], state
     if run.in_progress and run.partial:
         state = f"{term('badge', 'partial')}  ·  {state}"
     return KINDS.get(run.display_state, "none"), state

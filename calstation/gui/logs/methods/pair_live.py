@@ -12,6 +12,7 @@ from calstation.gui.logs.methods.plots import MethodPlot
 from calstation.gui.state import AppContext
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import StateBadge, box, button, column, enable, label, panel, row, show_text, theme
+from calstation.messages import Text
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G
 from calstation.results import CorrectedTrace
 
@@ -69,7 +70,7 @@ class PairLiveView(QWidget):
         if self._watch is not None:
             self._watch.close()
         self._watch = None
-        self._app.run.set_monitoring(False)
+        self._app.run.set_monitoring(None)
 
     def _start_or_stop(self) -> None:
         if self._watch is not None:
@@ -100,11 +101,12 @@ class PairLiveView(QWidget):
         self._refresh()
 
     def _refresh(self) -> None:
-        self._app.run.set_monitoring(self.watching)
+        kind, text = self._state()
+        self._app.run.set_monitoring((kind, text) if self.watching else None)
         self.start_button.setText(say("logs.stop" if self.watching else "logs.watch_live"))
         enable(self.start_button, "" if self.watching else self._why_not())
         enable(self.check_button, "" if self.status is not None and self.watching else say("logs.start_watch"))
-        self.badge.show_state(*self._state())
+        self.badge.show_state(kind, say(text))
         show_text(self._failure, "" if self._error is None else say(self._error.as_text))
         status = self.status
         self._explanation.setVisible(status is None)
@@ -151,21 +153,21 @@ class PairLiveView(QWidget):
             return say("logs.one_imu")
         return ""
 
-    def _state(self) -> tuple[str, str]:
+    def _state(self) -> tuple[str, Text]:
         """Return the symbol and the text of the state."""
         if not self.watching:
-            return "none", say("logs.not_watching")
+            return "none", Text("logs.not_watching")
         status = self.status
         if status is None:
-            return "waiting", say("logs.opening_ports")
+            return "waiting", Text("logs.opening_ports")
         if 0 in status.silent:
-            return "bad", say("logs.no_primary_samples")
+            return "bad", Text("logs.no_primary_samples")
         if status.primary_off:
-            return "caution", say("logs.primary_out", sensors=status.primary_off)
+            return "caution", Text.of("logs.primary_out", sensors=status.primary_off)
         state = status.progress.state
         if state == "waiting":
-            return "good", say("logs.watching")
-        return "active", say(f"pair.state_{state}", percent=100.0 * status.progress.motion)
+            return "good", Text("logs.watching")
+        return "active", Text.of(f"pair.state_{state}", percent=100.0 * status.progress.motion)
 
     def _bars(self, status: PairStatus) -> list[CheckBar]:
         bars: list[CheckBar] = []
