@@ -12,7 +12,16 @@ from calstation.quality.charts import (
     individuals_chart,
     nelson_signals,
 )
-from calstation.quality.gauge import MIN_CATEGORIES, AnovaRow, GaugeStudy, Variation, gauge_study
+from calstation.quality.gauge import (
+    ACCEPTABLE,
+    MARGINAL,
+    MIN_CATEGORIES,
+    AnovaRow,
+    GaugeStudy,
+    Variation,
+    gauge_study,
+    range_limits,
+)
 from calstation.quality.gauge_plan import GaugePlan, Measurement, StudyState, evaluate_study
 from calstation.quality.gravity_shift import COMMON_SCALE, GravityShift, common_step, gravity_shift
 from calstation.quality.runs import judged_runs, last_of_each_unit

@@ -19,7 +19,7 @@ from itertools import combinations, product
 from typing import Literal
 
 import numpy as np
-from scipy.special import fdtrc, gammaincinv
+from scipy.special import fdtrc, gammaincinv, ndtr
 
 from calstation.errors import InputError
 from calstation.physics import FloatArray
@@ -29,7 +29,7 @@ UNIT = "unit"
 #: Interactions with a larger p-value are pooled with the repeatability.
 _MAX_P_VALUE = 0.25
 #: Percentages of the study variation or tolerance at which the verdict changes, and the required number of categories.
-_ACCEPTABLE, _MARGINAL = 10.0, 30.0
+ACCEPTABLE, MARGINAL = 10.0, 30.0
 MIN_CATEGORIES = 5
 #: Width of the measurement's spread, in its sigmas, that is compared with the tolerance.
 _SPREAD_WIDTH = 6.0
@@ -104,7 +104,31 @@ class GaugeStudy:
 
 def verdict(percent: float) -> Verdict:
     """Return AIAG's verdict for a share of the variation or tolerance: acceptable to 10 %, marginal to 30 %."""
-    return "acceptable" if percent <= _ACCEPTABLE else "marginal" if percent <= _MARGINAL else "unacceptable"
+    return "acceptable" if percent <= ACCEPTABLE else "marginal" if percent <= MARGINAL else "unacceptable"
+
+
+def range_limits(values: FloatArray) -> tuple[float, float, float]:
+    """Return lower control limit, mean and upper control limit of the ranges of `values`, shape (..., trials)."""
+    center = float(np.ptp(values, axis=-1).mean())
+    mean, deviation = _range_moments(values.shape[-1])
+    width = 3.0 * deviation / mean * center
+    return max(center - width, 0.0), center, center + width
+
+
+@lru_cache(maxsize=8)
+def _range_moments(count: int) -> tuple[float, float]:
+    """Return mean and standard deviation of the range of normally distributed values, in sigmas (d2 and d3).
+
+    The range is at most r with the probability n times the integral of density(x) (Phi(x + r) - Phi(x))^(n - 1).
+    """
+    grid, step = np.linspace(-9.0, 9.0, 1201, retstep=True)
+    ranges = grid - grid[0]
+    density = np.exp(-0.5 * grid**2) / math.sqrt(2.0 * math.pi)
+    inside = ndtr(np.add.outer(ranges, grid)) - ndtr(grid)
+    above = 1.0 - count * step * inside ** (count - 1) @ density
+    mean = float(np.trapezoid(above, dx=step))
+    square = 2.0 * float(np.trapezoid(ranges * above, dx=step))
+    return mean, math.sqrt(square - mean**2)
 
 
 def crossed(

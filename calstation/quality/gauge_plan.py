@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
@@ -137,6 +138,11 @@ class GaugePlan(BaseModel):
         except OSError as exc:
             raise ConfigurationError("result.unwritable", file=path, reason=os_reason(exc)) from exc
 
+    @property
+    def appraisers(self) -> tuple[str, ...]:
+        """Operators, stations, or operators at stations, as in `Measurement.appraiser` and in the order of `values`."""
+        return tuple(", ".join(names) for names in product(*filter(None, (self.operators, self.stations))))
+
     def remaining(self, runs: RunColumns) -> list[Measurement]:
         """Return the runs of the plan that are not among the stored runs, in order."""
         counts = Counter(key for key, _ in self._measurements(runs))
@@ -169,11 +175,16 @@ class GaugePlan(BaseModel):
     def values(self, runs: RunColumns) -> Mapping[str, FloatArray]:
         """Return the measured values by parameter, SI, shape (number of levels of each factor, trials).
 
+        The levels are in the order of the plan, and the trials in chronological order.
         A parameter that is missing in a run of the study is omitted. Raises InputError while runs of the plan are
         missing.
         """
         self.check_complete(self.remaining(runs))
-        rows = self._measurements(runs)
+        levels = self.units, *filter(None, (self.operators, self.stations))
+        ranks = [{name: k for k, name in enumerate(names)} for names in levels]
+        rows = sorted(
+            self._measurements(runs), key=lambda row: [rank[name] for rank, name in zip(ranks, row[0], strict=True)]
+        )
         by_parameter = {}
         for name, column in runs.values.items():
             values = [(key, float(column[k])) for key, k in rows]
@@ -214,6 +225,7 @@ class StudyState:
     missing: tuple[Measurement, ...]  #: Runs that have not been made, in order.
     out_of_order: int  #: Number of runs that were not made in the planned order.
     studies: Mapping[str, GaugeStudy]  #: By parameter, SI; empty while runs are missing.
+    values: Mapping[str, FloatArray]  #: By parameter, SI; see `GaugePlan.values`.
 
 
 def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: Path | None) -> StudyState:
@@ -230,11 +242,11 @@ def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: 
     runs = product_runs(folder, plan.product)
     missing = tuple(plan.remaining(runs))
     studies = {}
-    values = {} if missing else plan.values(runs)
+    values: Mapping[str, FloatArray] = {} if missing else plan.values(runs)
     for done, (name, of_levels) in enumerate(values.items(), 1):
         if name in NAMES or further_parameter(name) is not None:
             interval = None if config is None else limit_interval(config, name)
             tolerance = None if interval is None else interval[1] - interval[0]
             studies[name] = gauge_study(plan.factors, of_levels, tolerance)
         report(done / len(values))
-    return StudyState(plan, missing, plan.out_of_order(runs), studies)
+    return StudyState(plan, missing, plan.out_of_order(runs), studies, values)

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pyqtgraph as pg
 import pytest
 import tomli_w
 from PySide6.QtCore import QPoint, Qt
@@ -58,8 +59,8 @@ def until_read(operator: Operator, page: QualityPage) -> None:
     operator.until(lambda: not page.busy)
 
 
-def click_tab(operator: Operator, title: str) -> None:
-    tabs = operator.widget("quality_views", QTabBar)
+def click_tab(operator: Operator, title: str, name: str = "quality_views") -> None:
+    tabs = operator.widget(name, QTabBar)
     index = [tabs.tabText(k) for k in range(tabs.count())].index(title)
     operator.qtbot.mouseClick(tabs, Qt.MouseButton.LeftButton, pos=tabs.tabRect(index).center())
 
@@ -165,6 +166,7 @@ def test_study_lists_the_results_of_all_parameters(operator: Operator, page: Qua
     assert rows[4][:3] == ["ACCEPTABLE", f"{study.gauge.percent_tolerance:.1f}", f"{study.gauge.percent_study:.1f}"]
     click_row(operator, "study_overview_table", 4)
     assert operator.widget("study_parameter_label", QLabel).text() == parameter_text(NAMES[4])
+    click_tab(operator, "Analysis of variance", "study_views")
     components = cells(operator, "study_components_table")
     assert next(row[4] for row in components if "GRR" in row[0]) == rows[4][1]
     click_tab(operator, "Capability")
@@ -178,6 +180,45 @@ def test_study_lists_the_results_of_all_parameters(operator: Operator, page: Qua
     language.use("zh_CN")
     assert cells(operator, "study_overview_table")[4][0] == "可接受"
     assert operator.widget("study_parameter_label", QLabel).text() == parameter_text(NAMES[4])
+
+
+@pytest.mark.long
+def test_study_is_charted_by_unit_by_appraiser_and_for_all_parameters(operator: Operator, page: QualityPage) -> None:
+    click_tab(operator, "Repeatability")
+    page.study.open_plan(next((operator.site_folder.runs / "studies").glob("*.json")))
+    until_read(operator, page)
+    click_row(operator, "study_overview_table", 4)
+    name, charts, plan = NAMES[4], page.study.charts, page.study._state.plan
+    values = display(name, 1.0)[0] * page.study._state.values[name]
+    assert values.shape == (10, 3, 3)
+    assert charts.isVisible()
+    points, means = (item.getData() for item in charts.by_unit.getPlotItem().listDataItems())
+    np.testing.assert_allclose(points[1], values.ravel())
+    np.testing.assert_allclose(means[1], values.mean(axis=(1, 2)))
+    means = charts.by_appraiser.getPlotItem().listDataItems()[1].getData()
+    np.testing.assert_allclose(means[1], values.mean(axis=(0, 2)))
+    assert [name for _, name in charts.by_appraiser.getAxis("bottom")._tickLevels[0]] == list(plan.operators)
+    items = charts.ranges.getPlotItem().items
+    lines = [item.getData()[1] for item in items if isinstance(item, pg.PlotDataItem)]
+    np.testing.assert_allclose(lines, np.ptp(values, axis=-1).T)
+    limits = [item.value() for item in items if isinstance(item, pg.InfiniteLine)]
+    np.testing.assert_allclose(limits, np.array([0.0, 1.0, 2.574]) * np.ptp(values, axis=-1).mean(), rtol=1e-3)
+    shares = page.study.shares
+    assert not shares.isVisible()
+    click_tab(operator, "All parameters", "study_views")
+    assert shares.isVisible()
+    bars = [item for item in shares.getPlotItem().items if isinstance(item, pg.BarGraphItem)]
+    tolerance = [each.gauge.percent_tolerance for each in page.study._state.studies.values()]
+    assert bars[0].opts["width"] == tolerance
+    colours = [bar.opts["brush"].name() for bar in bars]
+    theme.apply("dark")
+    bars = [item for item in shares.getPlotItem().items if isinstance(item, pg.BarGraphItem)]
+    assert all(bar.opts["brush"].name() != colour for bar, colour in zip(bars, colours, strict=True))
+    theme.apply("light")
+    language.use("zh_CN")
+    assert shares.getAxis("left")._tickLevels[0][4][1] == parameter_text(name)
+    click_tab(operator, "图表", "study_views")
+    assert "各产品的测量值及其均值" in operator.says()
 
 
 def test_missing_standards_and_instruments_are_explained_beside_the_geometry(
@@ -370,6 +411,7 @@ def test_gauge_study_is_planned_run_and_judged(
     operator.press("study_open_button")
     until_read(operator, page)
     assert "10 units × 3 operators, 3 times each" in operator.says()
+    click_tab(operator, "Analysis of variance", "study_views")
     rows = cells(operator, "study_components_table")
     assert [row[0] for row in rows][-2:] == ["Units (PV)", "Total (TV)"]
     assert float(rows[-1][3]) == 100.0

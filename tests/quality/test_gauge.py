@@ -7,7 +7,7 @@ from scipy import stats
 from calstation.errors import InputError
 from calstation.physics import FloatArray
 from calstation.quality import gauge_study
-from calstation.quality.gauge import _Model, _sums_of_squares, crossed, verdict
+from calstation.quality.gauge import _Model, _sums_of_squares, crossed, range_limits, verdict
 
 #: AIAG, Measurement Systems Analysis, 4th ed., 2010, figure III-B 6: ten parts (columns) measured by appraisers A, B
 #: and C in three trials each (rows).
@@ -208,3 +208,14 @@ def test_verdicts_follow_the_aiag_criteria() -> None:
         "marginal",
         "unacceptable",
     ]
+
+
+def test_limits_of_ranges_are_those_of_the_tables() -> None:
+    """D3 and D4 of AIAG's manual (appendix) for samples of normally distributed values."""
+    tables = {2: (0.0, 3.267), 3: (0.0, 2.574), 5: (0.0, 2.114), 7: (0.076, 1.924), 10: (0.223, 1.777)}
+    for count, factors in tables.items():
+        values = np.zeros((4, count))
+        values[:, 0] = 2.0
+        low, center, high = range_limits(values)
+        assert center == 2.0
+        np.testing.assert_allclose((low / center, high / center), factors, atol=1e-3)

@@ -91,7 +91,8 @@ def test_plan_with_operators_and_stations_crosses_both() -> None:
     values = both.values(runs)["gyro_bias_x"]
     assert values.shape == (3, 2, 2, 2)
     first = both.order[0]
-    levels = [list(dict.fromkeys(getattr(m, factor) for m in both.order)) for factor in both.factors]
+    levels = both.units, both.operators, both.stations
+    assert both.appraisers == ("A, s1", "A, s2", "B, s1", "B, s2")  # in the order of the values
     at = [names.index(getattr(first, factor)) for names, factor in zip(levels, both.factors, strict=True)]
     assert values[(*at, 0)] == runs.values["gyro_bias_x"][0]
 

@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QSpinBox, QWidget
 from calstation.config import load_product
 from calstation.errors import CalstationError
 from calstation.gui.quality.capability_view import cpk_state
+from calstation.gui.quality.study_plots import ComponentsPlot, StudyCharts, StudyValues
 from calstation.gui.state import Page
 from calstation.gui.text import on_language_change, parameter_text, say
 from calstation.gui.widgets import (
@@ -19,6 +20,7 @@ from calstation.gui.widgets import (
     CellTable,
     EmptyState,
     StateBadge,
+    ViewTabs,
     ask_file,
     ask_open,
     box,
@@ -28,6 +30,7 @@ from calstation.gui.widgets import (
     line_edit,
     panel,
     row,
+    scroll_area,
     show_text,
     split,
     stack,
@@ -94,12 +97,14 @@ class StudyView(QWidget):
         self._next_label = label(kind="section", name="study_left_label", wrap=True)
         self._empty, self._missing_runs = EmptyState(), box(self._next_label, (self.order, 1))
         self._name_label = label(kind="section", name="study_parameter_label")
-        selected = box(
-            row(self._name_label, 2 * theme.GRID, self.badge, None),
-            self.about_label,
-            (self.components, 5),
-            (self.anova, 4),
-        )
+        self.charts, self.shares = StudyCharts(), ComponentsPlot()
+        tables = box((self.components, 5), (self.anova, 4))
+        self.tabs = ViewTabs("study_views", "quality.charts", "quality.analysis_of_variance", "quality.all_parameters")
+        shares = box(label("quality.shares", "muted"), (scroll_area(self.shares, wide=False), 1))
+        views = stack(self.charts, tables, shares)
+        self.tabs.currentChanged.connect(views.setCurrentIndex)
+        head = row(self._name_label, 2 * theme.GRID, self.badge, None)
+        selected = box(head, self.about_label, row(self.tabs, None), (views, 1))
         self._evaluation = split((self.overview, 5), (selected, 5), handle=2 * theme.GRID)
         self._stack = stack(self._empty, self._missing_runs, self._evaluation)
         open_button = button("study_open_button", "quality.open_plan", self._open)
@@ -191,6 +196,7 @@ class StudyView(QWidget):
         names, current = list(state.studies), self.overview.current_name
         cells = {name: _overview_cells(study, self._capability.get(name)) for name, study in state.studies.items()}
         self.overview.show_cells(cells, ("tolerance", "study", "cpk"))
+        self.shares.show_data(state.studies)
         if names:
             self.overview.selectRow(names.index(current) if current in names else 0)
         self._show_study()
@@ -208,6 +214,9 @@ class StudyView(QWidget):
         digits = size * study.gauge.sigma
         cells = {key: {"name": _source(key), **_cells(each, size, digits)} for key, each in _components(study).items()}
         self.components.show_cells(cells, ("sigma",))
+        plan, values = state.plan, size * state.values[name]
+        values = values.reshape(len(plan.units), -1, plan.trials)
+        self.charts.show_data(StudyValues(name, unit, plan.units, plan.appraisers, values))
         self.anova.show_cells({line.source: _anova_cells(line) for line in study.anova})
 
 
