@@ -114,6 +114,32 @@ def test_every_place_and_every_link_of_the_manual_exists(window: MainWindow) -> 
     assert missing == []
 
 
+def test_chinese_window_shows_chinese_chapters_and_says_where_there_is_none(window: MainWindow) -> None:
+    page = press_f1(window)
+    window.app.set_language("zh_CN")
+    page.open("explanation/verdict.md#the-verdict")
+    assert page.target == "explanation/verdict.md"
+    scrolled = page.browser.verticalScrollBar()
+    assert first_line(page.browser) == "结论" or scrolled.value() == scrolled.maximum()
+    assert "只用于 passed" in page.browser.toPlainText()
+    page.browser.open(page.browser.source().resolved(QUrl("../how-to/certificates.md#the-values")))
+    assert page.target == "how-to/certificates.md"
+    assert page.browser.toPlainText().startswith("本章只有英文版。")
+    edit, found = window.findChild(QLineEdit, "manual_search_edit"), window.findChild(QListWidget, "manual_list")
+    texts = [found.item(row).text() for row in range(found.count())]
+    assert "第一次标定" in texts
+    assert len(texts) == len(set(texts)), "no chapter is listed in both languages"
+    edit.insert("装夹位")  # as an input method does
+    texts = [found.item(row).text() for row in range(found.count())]
+    item = found.item(texts.index("描述装夹位  ·  同时标定多台产品"))
+    QTest.mouseClick(found.viewport(), Qt.MouseButton.LeftButton, pos=found.visualItemRect(item).center())
+    assert page.target == "how-to/several-units.md"
+    assert first_line(page.browser) == "描述装夹位"
+    window.app.set_language("en")
+    assert "Describe the slots" in page.browser.toPlainText()
+    assert "本章" not in page.browser.toPlainText()
+
+
 def sections(file: Path) -> tuple[manual.Section, ...]:
     return manual.sections(file.relative_to(library.manual_folder()).as_posix())
 

@@ -1,11 +1,16 @@
-"""The manual: its chapters in order, and its sections, which can be searched."""
+"""The manual: its chapters in order, and its sections, which can be searched.
+
+A chapter may have a Chinese translation beside it, such as ``tutorial.zh.md``, with the same headings in the same
+order. Paths and anchors are those of the English chapters in both languages.
+"""
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 from calstation.config import library
+from calstation.gui.text import language, say
 
 #: Groups of chapters by their folder, with the catalogue code of the title of each group; "" for single chapters.
 GROUPS = {"how-to": "help.how_to", "reference": "help.reference", "explanation": "help.explanation"}
@@ -13,21 +18,24 @@ GROUPS = {"how-to": "help.how_to", "reference": "help.reference", "explanation":
 _FIRST, _LAST = ("index.md", "tutorial.md"), ("limits-of-judgement.md", "glossary.md", "contract.md")
 #: Folder of the notes for the change log, which are not part of the manual.
 _NOTES = "changes"
+#: End of the names of Chinese chapters.
+CHINESE = ".zh.md"
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the manual: the path and the title of its chapter, its own heading, and its text."""
+    """A section of the manual: the path and the title of its chapter, its own heading and anchor, and its text."""
 
     path: str
     chapter: str
     heading: str
+    anchor: str
     text: str
 
     @property
     def target(self) -> str:
         """The path of the chapter with the anchor of the section."""
-        return f"{self.path}#{anchor(self.heading)}"
+        return f"{self.path}#{self.anchor}"
 
 
 def anchor(heading: str) -> str:
@@ -39,8 +47,7 @@ def chapters() -> dict[str, list[tuple[str, str]]]:
     """Return the title and the path of each chapter by the catalogue code of its group, in the order of the manual."""
     listed = {"help.start": list(_FIRST)}
     for folder, code in GROUPS.items():
-        found = sorted((library.manual_folder() / folder).glob("*.md"))
-        listed[code] = [f"{folder}/{file.name}" for file in found]
+        listed[code] = [path for path in _paths() if path.startswith(f"{folder}/")]
     listed["help.further"] = list(_LAST)
     return {code: sorted_titles(paths, keep=code in ("help.start", "help.further")) for code, paths in listed.items()}
 
@@ -54,22 +61,53 @@ def sorted_titles(paths: list[str], *, keep: bool) -> list[tuple[str, str]]:
 def search(words: str) -> list[Section]:
     """Return the sections that contain all words; those with the words in their heading come first."""
     wanted = words.lower().split()
-    pages = sorted(file for file in library.manual_folder().rglob("*.md") if file.parent.name != _NOTES)
-    paths = [file.relative_to(library.manual_folder()).as_posix() for file in pages]
     found = [
         section
-        for path in paths
+        for path in _paths()
         for section in sections(path)
         if all(word in section.text.lower() or word in section.heading.lower() for word in wanted)
     ]
     return sorted(found, key=lambda section: not all(word in section.heading.lower() for word in wanted))
 
 
-@cache
+def chapter_text(path: str) -> str:
+    """Return the text of a chapter in the current language or, after a line that says so, in English."""
+    text = _read(path, _translated(path))
+    return f"*{say('help.not_translated')}*\n\n{text}" if language.current() != "en" and not _translated(path) else text
+
+
 def sections(path: str) -> tuple[Section, ...]:
     """Return the sections of a chapter; the first has the title of the chapter as its heading."""
-    text = (library.manual_folder() / path).read_text(encoding="utf-8")
-    return tuple(_split(path, text))
+    return _sections(path, _translated(path))
+
+
+def _translated(path: str) -> bool:
+    """Return whether a chapter is shown in Chinese."""
+    return language.current() != "en" and (library.manual_folder() / _chinese(path)).is_file()
+
+
+def _chinese(path: str) -> str:
+    return path.removesuffix(".md") + CHINESE
+
+
+def _paths() -> list[str]:
+    """Return the paths of all English chapters."""
+    pages = sorted(library.manual_folder().rglob("*.md"))
+    chosen = [file for file in pages if file.parent.name != _NOTES and not file.name.endswith(CHINESE)]
+    return [file.relative_to(library.manual_folder()).as_posix() for file in chosen]
+
+
+def _read(path: str, translated: bool) -> str:
+    return (library.manual_folder() / (_chinese(path) if translated else path)).read_text(encoding="utf-8")
+
+
+@cache
+def _sections(path: str, translated: bool) -> tuple[Section, ...]:
+    english = tuple(_split(path, _read(path, translated=False)))
+    if not translated:
+        return english
+    chinese = _split(path, _read(path, translated=True))
+    return tuple(replace(each, anchor=other.anchor) for each, other in zip(chinese, english, strict=False))
 
 
 def _split(path: str, text: str) -> Iterator[Section]:
@@ -83,6 +121,6 @@ def _split(path: str, text: str) -> Iterator[Section]:
             body.append(line)
             continue
         if heading:
-            yield Section(path, chapter, heading, "\n".join(body))
+            yield Section(path, chapter, heading, anchor(heading), "\n".join(body))
         heading, body = match[1].strip(), []
         chapter = chapter or heading

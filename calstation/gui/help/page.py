@@ -1,5 +1,6 @@
 """The Help page: list of chapters, search, and the text of a chapter."""
 
+from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Qt, QUrl
@@ -57,6 +58,8 @@ class ManualBrowser(QTextBrowser):
         if url.scheme() == "help":
             path = url.toString()
             return licence_text(path.removeprefix(LICENCE)) if path != ABOUT else about_text(self._app.runs_folder)
+        if path := chapter_path(url):
+            return manual.chapter_text(path)
         if kind == QTextDocument.ResourceType.ImageResource.value:
             image = QImage(url.toLocalFile())
             width = self.viewport().width() - 8 * theme.GRID
@@ -87,13 +90,22 @@ class ManualBrowser(QTextBrowser):
             block = block.next()
 
     def _heading(self, anchor: str) -> QTextBlock:
-        """Return the heading with an anchor, or the first line of the text."""
+        """Return the heading of the section with an anchor, or the first line of the text."""
+        path = chapter_path(self.source())
+        heading = next((each.heading for each in manual.sections(path) if each.anchor == anchor), "") if path else ""
         block = self.document().begin()
         while block.isValid():
-            if block.blockFormat().headingLevel() and manual.anchor(block.text()) == anchor:
+            if block.blockFormat().headingLevel() and manual.anchor(block.text()) == manual.anchor(heading):
                 return block
             block = block.next()
         return self.document().begin()
+
+
+def chapter_path(url: QUrl) -> str:
+    """Return the path of a chapter in the manual, or "" for another text or file."""
+    file, folder = Path(url.toLocalFile()), library.manual_folder()
+    inside = url.isLocalFile() and file.suffix == ".md" and file.is_relative_to(folder)
+    return file.relative_to(folder).as_posix() if inside else ""
 
 
 class HelpPage(Page):
@@ -130,8 +142,7 @@ class HelpPage(Page):
     def target(self) -> str:
         """The displayed chapter as a path in the manual, or the URL of another text."""
         url = self.browser.source()
-        folder = library.manual_folder()
-        return url.toLocalFile()[len(str(folder)) + 1 :] if url.isLocalFile() else url.toString()
+        return chapter_path(url) or url.toString()
 
     def open(self, target: str) -> None:
         """Show a chapter of the manual, given by its path and, after ``#``, the anchor of a section."""

@@ -1,0 +1,47 @@
+"""Chapters of the manual in Chinese have the structure, the commands and the links of the English chapters."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from calstation.config import library
+from calstation.gui.help.manual import CHINESE
+
+CHAPTERS = sorted(library.manual_folder().rglob(f"*{CHINESE}"))
+
+
+def outside_blocks(text: str) -> list[str]:
+    """Return the lines outside blocks of code."""
+    return re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE).splitlines()
+
+
+def structure(text: str) -> list[str]:
+    """Return the levels of the headings, the rows of tables, and the items of lists, in their order."""
+    lines = outside_blocks(text)
+    kinds = (re.match(r"\s*(#+ |\||\d+\. |- )", line) for line in lines)
+    return [kind[1] for kind in kinds if kind is not None]
+
+
+def code(text: str) -> list[str]:
+    """Return the lines of code without comments, the commands, and the names between backticks, sorted."""
+    blocks = re.findall(r"^```.*?^```", text, flags=re.DOTALL | re.MULTILINE)
+    lines = [re.sub(r"\s*#.*", "", line) for block in blocks for line in block.splitlines()]
+    plain = "\n".join(outside_blocks(text))
+    commands = re.findall(r"^ {4}(?:calstation|make|pip|python|\.venv|\{).*", plain, re.MULTILINE)
+    return sorted([*lines, *commands, *re.findall(r"`[^`\n]+`", plain)])
+
+
+@pytest.mark.parametrize("chapter", CHAPTERS, ids=lambda file: file.name)
+def test_chinese_chapter_corresponds_to_the_english_one(chapter: Path) -> None:
+    english = chapter.with_name(chapter.name.removesuffix(CHINESE) + ".md").read_text(encoding="utf-8")
+    chinese = chapter.read_text(encoding="utf-8")
+    assert structure(chinese) == structure(english)
+    assert code(chinese) == code(english)
+    links = [sorted(re.findall(r"\]\(([^)\s]+)\)", text)) for text in (chinese, english)]
+    assert links[0] == links[1]
+
+
+def test_operators_and_engineers_have_their_chapters_in_chinese() -> None:
+    names = {file.name.removesuffix(CHINESE) for file in CHAPTERS}
+    assert names >= {"tutorial", "verdict", "several-units", "history", "design-a-schedule"}
