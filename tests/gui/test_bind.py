@@ -75,7 +75,7 @@ def test_items_tabs_headings_and_empty_states_follow_the_language(qtbot: QtBot) 
     assert texts() == ("Any time", "Today", "Cycle", "Every run will be listed here", "Unit")
     with qtbot.waitSignal(table.parameters.headerDataChanged):
         language.use("zh_CN")
-    assert texts() == ("任何时间", "今天", "节拍", "每次标定都会列在这里", "单位")
+    assert texts() == ("不限时间", "今天", "节拍", "每次标定都会列在这里", "单位")
     assert [combo.itemData(k) for k in (0, 1)] == [None, 1]
 
 

@@ -312,3 +312,25 @@ def test_texts_of_the_first_show_keep_their_sizes(window: MainWindow) -> None:
         window.app.set_language(code)
     after = [(each.text(), each.font().pixelSize()) for each in labels]
     assert [each for each in zip(before, after, strict=True) if each[0] != each[1]] == []
+
+
+def test_focus_returns_to_the_page_after_the_role_panel(window: MainWindow, qtbot: QtBot) -> None:
+    """A scan after the sign-in must reach the field for it, not the button in the top bar."""
+    window.show()
+    window.activateWindow()
+    role = window.findChild(QPushButton, "role_button")
+    for name in ("operator_page", "history_page"):
+        window.show_page(name)
+        page = window._tabs[name].page
+        expected = window.operator_page.header.serial_edit if name == "operator_page" else page.focusProxy()
+        for leave in (Qt.Key.Key_Escape, None):
+            role.setFocus()
+            qtbot.mouseClick(role, Qt.MouseButton.LeftButton)
+            panel = window.findChild(RolePanel)
+            assert panel.isVisible()
+            if leave is not None:
+                qtbot.keyClick(window, leave)
+            else:
+                panel._accept("")
+            assert not panel.isVisible()
+            assert window.focusWidget() is expected

@@ -257,8 +257,6 @@ class RunTable(QTableView):
         for column in range(_STAGES + 1):
             self.setColumnHidden(column, column in hidden)
         self.resizeColumnsToContents()
-        for column in range(_STAGES):
-            self.setColumnWidth(column, self.columnWidth(column) + theme.GRID)
         free = self.viewport().width() - sum(self.columnWidth(column) for column in range(_STAGES))
         minimum = 16 * theme.GRID
         self.setColumnHidden(_STAGES, free < minimum)

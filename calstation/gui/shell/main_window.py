@@ -170,6 +170,7 @@ class MainWindow(QMainWindow):
         app.run.changed.connect(self._show_title)
         app.role.changed.connect(self._show_role)
         app.role.pin_requested.connect(self._move_role_panel)
+        self._role_panel.closed.connect(self._focus_page)
         theme.themes.changed.connect(self._set_icons)
         app.engine_link.running_changed.connect(self._running_changed)
         app.page_requested.connect(self.show_page)
@@ -375,6 +376,11 @@ class MainWindow(QMainWindow):
         else:
             stop = self.stop_button.mapTo(self, QPoint(0, 0))
             self._role_panel.move(stop.x() - panel.width() - theme.GRID, self.height() - panel.height())
+
+    def _focus_page(self) -> None:
+        """Move the focus from the top bar to the current page, where a scan or the keys belong."""
+        page = list(self._tabs.values())[self._current].page
+        self.operator_page.await_scan() if page is self.operator_page else page.setFocus()
 
     def _role_pressed(self) -> None:
         if self.app.role.engineer:

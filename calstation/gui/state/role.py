@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, cast
 
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt, QTimer, Signal
+from PySide6.QtGui import QHideEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QPushButton, QWidget
 
 from calstation.config import access
@@ -101,7 +102,12 @@ class RoleLock(QObject):
 
 
 class RolePanel(QFrame):
-    """Panel with a touch keypad that asks for a person and the PIN, and closes when the engineer role is unlocked."""
+    """Panel with a touch keypad that asks for a person and the PIN, and closes when the engineer role is unlocked.
+
+    The signal `closed` is emitted when it has been closed or cancelled.
+    """
+
+    closed = Signal()
 
     def __init__(self, app: "AppContext", parent: QWidget) -> None:
         super().__init__(parent)
@@ -153,6 +159,12 @@ class RolePanel(QFrame):
         self.raise_()
         (self.pin_edit if self._person_edit.text() else self._person_edit).setFocus()
         self._show_wait()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Report that the panel has been closed, but not that the whole window is hidden."""
+        super().hideEvent(event)
+        if self.isHidden():
+            self.closed.emit()
 
     def _refresh(self) -> None:
         new = self._role.new

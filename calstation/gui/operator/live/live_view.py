@@ -103,6 +103,7 @@ class LiveView(QWidget):
         run.changed.connect(self._refresh)
         link.running_changed.connect(lambda running: self._start() if running else self._traces.stop())
         link.event.connect(self._show_event)
+        self._refresh()
 
     def _start(self) -> None:
         """Prepare for a new run."""
