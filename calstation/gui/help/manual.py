@@ -53,9 +53,9 @@ def chapters() -> dict[str, list[tuple[str, str]]]:
 
 
 def sorted_titles(paths: list[str], *, keep: bool) -> list[tuple[str, str]]:
-    """Return titles and paths of chapters, sorted by title unless their order is to be kept."""
+    """Return titles and paths of chapters, unless `keep` sorted by title after those in the current language."""
     titled = [(sections(path)[0].chapter, path) for path in paths if (library.manual_folder() / path).is_file()]
-    return titled if keep else sorted(titled)
+    return titled if keep else sorted(titled, key=lambda each: (not _translated(each[1]), each))
 
 
 def search(words: str) -> list[Section]:
@@ -73,7 +73,7 @@ def search(words: str) -> list[Section]:
 def chapter_text(path: str) -> str:
     """Return the text of a chapter in the current language or, after a line that says so, in English."""
     text = _read(path, _translated(path))
-    return f"*{say('help.not_translated')}*\n\n{text}" if language.current() != "en" and not _translated(path) else text
+    return f"{say('help.not_translated')}\n\n{text}" if language.current() != "en" and not _translated(path) else text
 
 
 def sections(path: str) -> tuple[Section, ...]:
