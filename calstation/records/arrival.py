@@ -1,14 +1,17 @@
 """Sample counter and clock derived from time stamps alone, which are either clock times or arrival times.
 
 A sample arrives late, never early, so the earliest of many samples represent the sample clock. Lost samples shift all
-later ones; a late sample does not shift any.
+later ones; a late sample does not shift any. The times of a recording are kept in a temporary file, so that memory does
+not grow with its length; medians are taken over rows spread evenly over it.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from calstation.physics import FloatArray, IntArray
+from calstation.records.spool import Spool
 
 #: Time over which the earliest samples before and after a possible gap are compared, s.
 _WINDOW = 1.0
@@ -25,25 +28,32 @@ _MIN_SHIFT = 1.5
 _SCATTER_FACTOR = 6.0
 #: Multiple of the median deviation from a first line beyond which an arrival is excluded from the final line.
 _OUTLIER_FACTOR = 5.0
+#: Largest number of rows over which a median is taken.
+_MOST = 2**18
+
+#: Row of the times of a recording: time, s, number of the row, and whether it repeats the row before.
+TIMES = np.dtype([("time", "<f8"), ("row", "<i8"), ("repeated", "?")])
+#: Row of a clock: sample counter and time, s.
+CLOCK = np.dtype([("seq", "<i8"), ("time", "<f8")])
 
 
 @dataclass(frozen=True)
 class SampleTimes:
     """Sample counter and clock that were derived from the times of a recording."""
 
-    seq: IntArray  #: Continuous count from 0, shape (n,).
-    time: FloatArray  #: Times as given, or on a line fitted to the arrival times, s, shape (n,).
+    #: Rows `CLOCK`: continuous count from 0, and times as given, or on a line fitted to the arrival times.
+    clock: Spool
     jitter: float  #: Rms deviation of the arrival times from the line, s; 0 if the times are clock times.
 
 
-def sample_period(time: FloatArray, nominal: float) -> float:
-    """Return the period of samples in order, s.
+def sample_period(times: Spool, nominal: float) -> float:
+    """Return the period of samples in order, s, given their times as rows `TIMES`.
 
     The median of single steps is insensitive to gaps, the median over longer times to jitter; the candidate nearest to
     `nominal` is returned.
     """
-    intervals = (1, *(round(baseline / nominal) for baseline in _BASELINES), len(time) // 2)
-    periods = [float(np.median(time[w:] - time[:-w])) / w for w in intervals if 0 < w < len(time)]
+    intervals = (1, *(round(baseline / nominal) for baseline in _BASELINES), len(times) // 2)
+    periods = [float(np.median(_steps(times, w, "time"))) / w for w in intervals if 0 < w < len(times)]
     return min(periods, key=lambda period: abs(period - nominal) if period > 0.0 else np.inf, default=nominal)
 
 
@@ -60,44 +70,120 @@ def are_arrivals(seq: IntArray, time: FloatArray, period: float) -> bool:
     return bool(np.count_nonzero(irregular) > 3 + _MAX_FRACTION * len(irregular) and (steps >= 0.0).all())
 
 
-def sample_times(time: FloatArray, nominal: float, numbers: IntArray | None = None) -> SampleTimes:
-    """Return counter and clock of a recording.
+def sample_times(times: Spool, nominal: float) -> SampleTimes:
+    """Return counter and clock of a recording, in a temporary file that the caller closes.
 
     Parameters
     ----------
-    time : time stamps in increasing order, s, shape (n,)
+    times : rows `TIMES` in increasing order; their numbers leave out damaged rows
     nominal : configured sample period, s
-    numbers : numbers of the rows, which leave out damaged rows, shape (n,); None if there are none
     """
-    period = sample_period(time, nominal)
-    steps = np.diff(time) / period
-    rounded = np.rint(steps)
-    if len(time) < 2 or (steps < 0.0).any():  # decreasing times are an error or a restart, detected with the counter
-        return SampleTimes(np.arange(len(time)), time, 0.0)
-    if steps.min() > _IRREGULAR and np.mean(np.abs(steps - rounded) > _MAX_DEVIATION) <= _MAX_FRACTION:
-        return SampleTimes(np.concatenate([[0], np.cumsum(np.maximum(rounded, 1.0))]).astype(np.int64), time, 0.0)
-    numbers = np.arange(len(time)) if numbers is None else numbers - numbers[0]
-    seq = numbers + _missing_before(time - (numbers - np.arange(len(time))) * period, period)
-    half = len(seq) // 2
-    slope = float(np.median((time[half:] - time[:-half]) / (seq[half:] - seq[:-half])))
+    period = sample_period(times, nominal)
+    clock, smallest, irregular = Spool(CLOCK), np.inf, 0
+    for steps in _pairs(times, 1, "time"):
+        steps = steps / period
+        smallest = min(smallest, float(steps.min()))
+        irregular += int(np.count_nonzero(np.abs(steps - np.rint(steps)) > _MAX_DEVIATION))
+    if len(times) < 2 or smallest < 0.0:  # decreasing times are an error or a restart, detected with the counter
+        _count(times, clock, None)
+    elif smallest > _IRREGULAR and irregular <= _MAX_FRACTION * (len(times) - 1):
+        _count(times, clock, period)
+    else:
+        with clock:
+            _count_arrivals(times, clock, period)
+            return _fit(clock)
+    return SampleTimes(clock, 0.0)
+
+
+def _steps(rows: Spool, interval: int, name: str) -> FloatArray:
+    """Return the differences of a field over `interval` rows, at most `_MOST` of them, evenly spread."""
+    return _thinned(_pairs(rows, interval, name), len(rows) - interval)
+
+
+def _pairs(rows: Spool, interval: int, name: str) -> Iterator[FloatArray]:
+    """Yield the differences of a field over `interval` rows in parts."""
+    for later, earlier in zip(rows.parts(interval), rows.parts(), strict=False):
+        yield later[name] - earlier[name][: len(later)]
+
+
+def _thinned(parts: Iterator[FloatArray], count: int) -> FloatArray:
+    """Return at most `_MOST` of `count` values, evenly spread."""
+    stride, position, kept = -(-count // _MOST), 0, [np.empty(0)]
+    for part in parts:
+        kept.append(part[-position % stride :: stride])
+        position += len(part)
+    return np.concatenate(kept)
+
+
+def _count(times: Spool, clock: Spool, period: float | None) -> None:
+    """Append counter and time of the samples of a clock; without `period`, the samples are only numbered."""
+    last: tuple[int, float] | None = None
+    for part in times.parts():
+        steps = np.ones(len(part))
+        if period is not None:
+            steps = np.rint(np.diff(part["time"], prepend=part["time"][0] if last is None else last[1]) / period)
+        steps = np.maximum(steps, 1.0)
+        seq = np.cumsum(steps).astype(np.int64) + (-int(steps[0]) if last is None else last[0])
+        last = int(seq[-1]), float(part["time"][-1])
+        _append(clock, seq, part["time"])
+
+
+def _append(clock: Spool, seq: IntArray, time: FloatArray) -> None:
+    rows = np.empty(len(seq), CLOCK)
+    rows["seq"], rows["time"] = seq, time
+    clock.append(rows)
+
+
+def _count_arrivals(times: Spool, clock: Spool, period: float) -> None:
+    """Append counter and time of arrival of the samples; the counter has gaps where samples are missing."""
+    window = max(round(_WINDOW / period), 8)
+    first = int(times.read(0, 1)["row"][0])
+    earliest = [np.zeros(2)]
+    size = window * max(1, times.part_rows // window)
+    for part in times.parts(rows=size):
+        end = len(part) // window * window
+        earliest.append(_lateness(part, first, period)[:end].reshape(-1, window).min(axis=1, initial=np.inf))
+    typical = np.diff(np.concatenate(earliest[1:])) if len(times) // window > 1 else np.zeros(1)
+    threshold = _MIN_SHIFT * period + _SCATTER_FACTOR * float(np.median(np.abs(typical)))
+    start, last, total = 0, 0, 0
+    for part in times.parts(rows=size):
+        low = max(start - window, 0)
+        lateness = _lateness(times.read(low, start + len(part) + window - low), first, period)
+        missing = np.zeros(len(part), np.int64)
+        for k in (np.flatnonzero(np.diff(lateness) > _IRREGULAR * period) + 1 + low).tolist():
+            if not max(start, 1) <= k < start + len(part) or k + window // 4 > len(times):
+                continue
+            before = lateness[max(last, k - window) - low : k - low].min()
+            after = lateness[k - low : k - low + window].min()
+            if after - before > threshold:
+                missing[k - start] = round((after - before) / period)
+                last = k
+        _append(clock, part["row"] - first + total + np.cumsum(missing), part["time"])
+        total += int(missing.sum())
+        start += len(part)
+
+
+def _lateness(rows: np.ndarray, first: int, period: float) -> FloatArray:
+    """Return the times of rows less those of a clock that begins with the row `first`, s, shape (n,)."""
+    return np.asarray(rows["time"] - (rows["row"] - first) * period)
+
+
+def _fit(arrivals: Spool) -> SampleTimes:
+    """Return the clock on a line fitted to the times of arrival."""
+    half = len(arrivals) // 2
+    slope = float(np.median(_steps(arrivals, half, "time") / _steps(arrivals, half, "seq")))
+    seq, time = (
+        _thinned((part[name] for part in arrivals.parts()), len(arrivals)).astype(np.float64)
+        for name in ("seq", "time")
+    )
     residuals = time - slope * seq - np.median(time - slope * seq)
     inliers = np.abs(residuals) <= _OUTLIER_FACTOR * np.median(np.abs(residuals))
-    line = np.polynomial.Polynomial.fit(seq[inliers], time[inliers], 1)(seq)
-    return SampleTimes(seq, line, float(np.std(time - line)))
-
-
-def _missing_before(time: FloatArray, period: float) -> IntArray:
-    """Return the number of samples missing before each arrival, shape (n,)."""
-    window = max(round(_WINDOW / period), 8)
-    lateness = time - np.arange(len(time)) * period
-    missing = np.zeros(len(time), np.int64)
-    end = len(time) // window * window
-    earliest = lateness[:end].reshape(-1, window).min(axis=1) if end > window else np.zeros(2)
-    threshold = _MIN_SHIFT * period + _SCATTER_FACTOR * float(np.median(np.abs(np.diff(earliest))))
-    last = 0
-    for k in np.flatnonzero(np.diff(time) > (1.0 + _IRREGULAR) * period) + 1:
-        before, after = lateness[max(last, k - window) : k].min(), lateness[k : k + window].min()
-        if after - before > threshold and k + window // 4 <= len(time):
-            missing[k] = round((after - before) / period)
-            last = int(k)
-    return np.asarray(np.cumsum(missing))
+    line = np.polynomial.Polynomial.fit(seq[inliers], time[inliers], 1)
+    clock, total, squares = Spool(CLOCK), 0.0, 0.0
+    for part in arrivals.parts():
+        fitted = line(part["seq"])
+        late = part["time"] - fitted
+        total, squares = total + float(late.sum()), squares + float(late @ late)
+        _append(clock, part["seq"], fitted)
+    mean = total / len(arrivals)
+    return SampleTimes(clock, float(np.sqrt(max(squares / len(arrivals) - mean**2, 0.0))))

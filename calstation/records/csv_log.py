@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from calstation.errors import InputError
-from calstation.physics import AXES, FloatArray
+from calstation.physics import AXES
 from calstation.records.columns import (
     ColumnMap,
     Layout,
@@ -33,8 +33,8 @@ from calstation.schema import read_toml, validate
 _TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
 #: Suffixes of CSV logs and text recordings.
 CSV_SUFFIXES = tuple(suffix + compressed for suffix in _TEXT_SUFFIXES for compressed in ("", ".gz"))
-#: Number of samples that are checked for non-integer output.
-_DECIMALS_CHECKED = 200
+#: Number of samples in which the step of the output, and output that is not whole, are looked for.
+_FIRST_ROWS = 1024
 #: Relative error of a count size of six digits, due to which counts are not quite whole numbers.
 _LSB_ERROR = 1e-6
 
@@ -76,17 +76,25 @@ def recorded_log(path: Path, meta: LogMeta, tables: Callable[[], Iterator[Sample
 
 
 def _with_quantisation(meta: LogMeta, tables: Callable[[], Iterator[SampleTable]]) -> LogMeta:
-    counts: list[FloatArray] = []
+    counts = [np.empty((0, 6))]
     with suppress(InputError):  # reported when the samples are read
-        for table in tables():
-            counts.append(table.counts()[table.valid])
-            if sum(map(len, counts)) >= _DECIMALS_CHECKED:
-                break
-    values = np.concatenate([np.empty((0, 6)), *counts])
-    is_decimal = (np.abs(values - np.rint(values)) > _LSB_ERROR * np.abs(values)).any(axis=0)
+        counts += [part.counts()[part.valid] for part in _first_rows(tables)]
+    values = np.concatenate(counts)
+    is_decimal = np.any(np.abs(values - np.rint(values)) > _LSB_ERROR * np.abs(values), axis=0)
     sensors = {"gyro_quantisation": is_decimal[:3].any(), "accel_quantisation": is_decimal[3:].any()}
     added = {name: 0.0 for name, has_decimals in sensors.items() if has_decimals and getattr(meta.imu, name) is None}
     return meta.model_copy(update={"imu": meta.imu.model_copy(update=added)}) if added else meta
+
+
+def _first_rows(tables: Callable[[], Iterator[SampleTable]]) -> list[SampleTable]:
+    """Return the first rows of a recording, whatever the parts in which it is read. Raises InputError."""
+    parts, wanted = list[SampleTable](), _FIRST_ROWS
+    for table in tables():
+        parts.append(table.select(np.arange(len(table)) < wanted))
+        wanted -= len(table)
+        if wanted <= 0:
+            break
+    return parts
 
 
 def load_recording(path: Path, meta_file: Path) -> tuple[LogMeta, Layout]:
@@ -95,18 +103,18 @@ def load_recording(path: Path, meta_file: Path) -> tuple[LogMeta, Layout]:
     columns = validate(ColumnMap, {"columns": data.get("columns", {})}, meta_file, InputError).columns
     secondaries = list(itertools.takewhile(lambda n: f"imu{n}" in data, FURTHER_IMUS))
     layout = read_layout(path, _head(path), columns, secondaries)
-    complete_counts(data, layout, lambda: next(csv_tables(path, layout, {}), None))
+    complete_counts(data, layout, partial(csv_tables, path, layout, {}))
     return validate(RecordingMeta, data, meta_file, InputError).log_meta, layout
 
 
-def complete_counts(data: dict[str, Any], layout: Layout, first: Callable[[], SampleTable | None]) -> None:
+def complete_counts(data: dict[str, Any], layout: Layout, tables: Callable[[], Iterator[SampleTable]]) -> None:
     """Set missing count sizes of columns with a physical unit to their smallest step.
 
     Parameters
     ----------
     data : content of the TOML, which is changed
     layout : columns of the recording
-    first : function that returns its first samples in the units of the file
+    tables : function that reads its samples from the start, in the units of the file
     """
     for number in ("", *FURTHER_IMUS):
         section = data.get(f"imu{number}")
@@ -120,8 +128,9 @@ def complete_counts(data: dict[str, Any], layout: Layout, first: Callable[[], Sa
             if unit is None or f"{sensor}_lsb" in section:
                 continue
             output = "increment" if is_increment(unit) else "rate"
-            if section.setdefault("output", output) == output and (head := first()) is not None:
-                step = min_step(head.floats(name) for name in names) or 1.0
+            if section.setdefault("output", output) == output and (head := _first_rows(tables)):
+                values = (np.concatenate([part.floats(name) for part in head]) for name in names)
+                step = min_step(values) or 1.0
                 section[f"{sensor}_lsb"] = float(f"{step * unit_factor(names[0], unit):.6g}")
 
 

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -16,12 +17,13 @@ from calstation.estimation.common import (
     SequenceError,
     SequenceUnwrapper,
 )
-from calstation.physics import CHANNELS, BoolArray, FloatArray, IntArray
-from calstation.records.arrival import SampleTimes, are_arrivals, sample_period, sample_times
+from calstation.physics import CHANNELS, FloatArray, IntArray
+from calstation.records.arrival import TIMES, SampleTimes, are_arrivals, sample_period, sample_times
 from calstation.records.clock import ClockUnwrapper, TimeReport
 from calstation.records.log import DamagedRows
 from calstation.records.meta import LogMeta
 from calstation.records.samples import SampleTable
+from calstation.records.spool import Spool
 
 #: Size limit of a stage's name, bytes, which the raw log also has.
 _MAX_STAGE = 64
@@ -95,25 +97,27 @@ class Recording:
             return
         self._refuse_means(first.table.counts())
         period = 1.0 / self.meta.imu.sample_rate_hz
-        times, keep, position, read = None, None, 0, 0
-        if first.seq is None or (not self.report.counted and are_arrivals(first.seq, first.time, period)):
-            times, keep = self._sample_times()
-        for table, seq, time, set_back in itertools.chain([first], stream):
-            if times is not None and keep is not None:
-                kept = keep[read : read + len(table)]
-                read += len(table)
-                numbers = np.cumsum(kept) - 1
-                set_back = [int(numbers[k]) for k in set_back if kept[k]]
-                table = table.select(kept)
-                part = slice(position, position + len(table))
-                time, seq = times.time[part], times.seq[part] if seq is None else seq
-                position = part.stop
-            if seq is not None:
-                yield table, seq, time, set_back
-        if times is not None and keep is not None:
-            self.report.repeated = int(np.count_nonzero(~keep))
-            self.report.jitter = times.jitter
-            self.report.jumps = 0 if times.jitter else self.report.jumps
+        with ExitStack() as files:
+            times, rows, position, read = None, None, 0, 0
+            if first.seq is None or (not self.report.counted and are_arrivals(first.seq, first.time, period)):
+                times, rows = self._sample_times(files)
+            for table, seq, time, set_back in itertools.chain([first], stream):
+                if rows is not None:
+                    kept = ~rows.read(read, len(table))["repeated"]
+                    read += len(table)
+                    numbers = np.cumsum(kept) - 1
+                    set_back = [int(numbers[k]) for k in set_back if kept[k]]
+                    table = table.select(kept)
+                if times is not None:
+                    clock = times.clock.read(position, len(table))
+                    time, seq = clock["time"], clock["seq"] if seq is None else seq
+                    position += len(table)
+                if seq is not None:
+                    yield table, seq, time, set_back
+            if times is not None:
+                self.report.repeated = 0 if rows is None else len(rows) - len(times.clock)
+                self.report.jitter = times.jitter
+                self.report.jumps = 0 if times.jitter else self.report.jumps
 
     def _timed(self, report: TimeReport) -> Iterator[_Timed]:
         """Yield rows with their counter and their continuous time; irregularities of the time are added to `report`."""
@@ -134,31 +138,31 @@ class Recording:
                 raise self._sequence_error(exc, table) from exc
             yield _Timed(table, seq, time, set_back)
 
-    def _sample_times(self) -> tuple[SampleTimes, BoolArray]:
-        """Return counter and clock of the rows of the whole file, without repeated rows, and the mask of these rows.
+    def _sample_times(self, files: ExitStack) -> tuple[SampleTimes, Spool | None]:
+        """Return counter and clock of the rows of the whole file without repeated rows, and `TIMES` if there are any.
 
         In a file without counter, a row with the time and the values of the row before is repeated, unless the time
         stamps are so coarse that rows with different values share them, or the sample rate is right with these rows.
+        `files` closes the temporary files.
         """
         nominal = 1.0 / self.meta.imu.sample_rate_hz
-        times, rows, repeated = list[FloatArray](), list[IntArray](), list[BoolArray]()
+        rows = files.enter_context(Spool(TIMES))
         last, coarse = np.full((1, 1 + len(CHANNELS)), np.nan), False
         for table, seq, time, _ in self._timed(TimeReport()):
             values = np.vstack([last, np.column_stack([time, np.nan_to_num(table.counts())])])
             last = values[-1:]
             same = values[1:] == values[:-1]
-            times.append(time)
-            rows.append(table.rows)
-            repeated.append(same.all(axis=1) & (seq is None))
+            part = np.empty(len(time), TIMES)
+            part["time"], part["row"], part["repeated"] = time, table.rows, same.all(axis=1) & (seq is None)
+            rows.append(part)
             coarse |= bool((same[:, 0] & ~same.all(axis=1)).any())
-        keep, time = ~np.concatenate(repeated) | coarse, np.concatenate(times)
-        errors = [abs(sample_period(each, nominal) - nominal) for each in (time, time[keep])]
-        if errors[0] < errors[1]:
-            keep[:] = True
-        time = time[keep]
-        self._check_rate(sample_period(time, nominal))
-        numbers = np.concatenate(rows) - np.cumsum(~keep)
-        return sample_times(time, nominal, numbers[keep]), keep
+        kept = files.enter_context(_without_repeated(rows))
+        if coarse or abs(sample_period(rows, nominal) - nominal) < abs(sample_period(kept, nominal) - nominal):
+            kept = rows
+        self._check_rate(sample_period(kept, nominal))
+        times = sample_times(kept, nominal)
+        files.enter_context(times.clock)
+        return times, None if len(kept) == len(rows) else rows
 
     def _angle_spans(self) -> FloatArray:
         """Return the ranges of the encoder angles of the file, rad, shape (2,)."""
@@ -208,6 +212,18 @@ class Recording:
 
     def _sequence_error(self, error: SequenceError, table: SampleTable) -> InputError:
         return InputError("csv.sequence", file=self.path, line=int(table.lines[error.row]), what=error.as_text)
+
+
+def _without_repeated(rows: Spool) -> Spool:
+    """Return the rows `TIMES` that are not repeated, with numbers that do not count the repeated ones."""
+    kept, repeated = Spool(TIMES), 0
+    for part in rows.parts():
+        before = repeated + np.cumsum(part["repeated"])
+        repeated = int(before[-1])
+        part = part.copy()
+        part["row"] -= before
+        kept.append(part[~part["repeated"]])
+    return kept
 
 
 class _CounterTime:

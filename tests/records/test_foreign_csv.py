@@ -11,7 +11,8 @@ from records_samples import joined
 
 from calstation.errors import InputError
 from calstation.records import export_csv, open_log
-from calstation.records.arrival import sample_times
+from calstation.records.arrival import TIMES, sample_times
+from calstation.records.spool import Spool
 from tests.helpers import convert_log, raises_code
 
 G = 9.80665
@@ -205,6 +206,19 @@ def delayed(time: np.ndarray, seconds: float) -> np.ndarray:
     return np.asarray(np.maximum.accumulate(time + random.exponential(seconds, len(time))))
 
 
+def derived(time: np.ndarray, nominal: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return counter, clock and jitter that are derived from times."""
+    with Spool(TIMES) as times:
+        rows = np.zeros(len(time), TIMES)
+        rows["time"], rows["row"] = time, np.arange(len(time))
+        times.append(rows)
+        found = sample_times(times, nominal)
+    with found.clock as clock:
+        rows = clock.read(0, len(clock))
+    return rows["seq"], rows["time"], found.jitter
+
+
+@pytest.mark.parametrize("part", [100, 2**16])
 @pytest.mark.parametrize(
     "late",
     [lambda t: in_bursts(t, 0.05), lambda t: delayed(t, 0.004), lambda t: delayed(t, 0.02)],
@@ -212,24 +226,25 @@ def delayed(time: np.ndarray, seconds: float) -> np.ndarray:
 )
 @pytest.mark.parametrize("lost", [{}, {1500: 20, 2400: 300}], ids=["whole", "gaps"])
 def test_jitter_changes_neither_the_rate_nor_the_gaps(
-    late: Callable[[np.ndarray], np.ndarray], lost: dict[int, int]
+    late: Callable[[np.ndarray], np.ndarray], lost: dict[int, int], part: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(Spool, "part_rows", part)
     seq, time = clock(4000, 200.0 * (1.0 + 3e-4), lost)
     arrived = late(time)
-    found = sample_times(arrived, 1.0 / 200.0)
-    assert np.abs(found.seq - seq)[[0, 1000, 2000, -1]].max() <= 3, "how many are lost is known to a few samples"
-    assert np.count_nonzero(np.diff(found.seq) != 1) == len(lost)
-    assert found.jitter == pytest.approx(np.std(arrived - time), rel=0.2)
-    rate = 1.0 / np.polyfit(found.seq, found.time, 1)[0]
+    counted, fitted, jitter = derived(arrived, 1.0 / 200.0)
+    assert np.abs(counted - seq)[[0, 1000, 2000, -1]].max() <= 3, "how many are lost is known to a few samples"
+    assert np.count_nonzero(np.diff(counted) != 1) == len(lost)
+    assert jitter == pytest.approx(np.std(arrived - time), rel=0.2)
+    rate = 1.0 / np.polyfit(counted, fitted, 1)[0]
     assert rate == pytest.approx(200.0 * (1.0 + 3e-4), rel=2e-3 if lost else 2e-4)
 
 
 def test_sample_clock_is_kept_unchanged_and_its_gaps_are_counted() -> None:
     seq, time = clock(3000, 204.8 * (1.0 - 2e-3), {10: 1, 11: 1, 700: 40})
-    found = sample_times(time, 1.0 / 204.8)
-    np.testing.assert_array_equal(found.seq, seq)
-    np.testing.assert_array_equal(found.time, time)
-    assert found.jitter == 0.0
+    counted, kept, jitter = derived(time, 1.0 / 204.8)
+    np.testing.assert_array_equal(counted, seq)
+    np.testing.assert_array_equal(kept, time)
+    assert jitter == 0.0
 
 
 def csv_of(folder: Path, seq: np.ndarray | None, time: np.ndarray, rate: float) -> Path:

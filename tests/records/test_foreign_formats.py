@@ -1,6 +1,7 @@
 """Recordings in foreign formats give the same log as the CSV of the same numbers, bit for bit."""
 
 import struct
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from records_samples import joined
 
 from calstation.errors import InputError
-from calstation.records import open_log
+from calstation.records import arrival, open_log, spool
 from tests.helpers import raises_code
 
 COUNT = 300
@@ -159,6 +160,51 @@ def test_long_stage_is_refused(tmp_path: Path) -> None:
     (tmp_path / "rec.toml").write_text(f'{TOML}[columns]\nstage = {{ value = "{"s" * 65}" }}')
     with raises_code(InputError, "csv.stage_too_long"):
         open_log(path).facts()
+
+
+def peak_of_reading(path: Path, repetitions: int) -> int:
+    """Return the peak of the memory, bytes, for reading a recording of so many times 298 messages."""
+    rows = np.tile(samples(), (repetitions, 1))
+    rows[:, 0] = 0.02 * np.arange(1, len(rows) + 1) + np.random.default_rng(1).exponential(0.004, len(rows))
+    rows[:, 0] = np.maximum.accumulate(rows[:, 0])
+    write_mcap(path, {"/imu": [imu_message(row, is_cdr=True) for row in rows]})
+    path.with_suffix(".toml").write_text(TOML)
+    tracemalloc.start()
+    log = open_log(path)
+    count = sum(len(block) for block in log.blocks())
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert count == len(rows)
+    assert log.times.jitter > 0.001
+    return peak
+
+
+@pytest.mark.long
+def test_memory_does_not_grow_with_the_length_of_a_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arrival, "_MOST", 500)
+    monkeypatch.setattr(spool, "_MEMORY", 1000)
+    monkeypatch.setattr(spool.Spool, "part_rows", 500)
+    write_mcap(path := tmp_path / "first.mcap", {"/imu": [imu_message(row, is_cdr=True) for row in samples()]})
+    path.with_suffix(".toml").write_text(TOML)
+    assert open_log(path).facts().samples == COUNT - 2, "imports all that is needed"
+    peaks = [peak_of_reading(tmp_path / f"{k}.mcap", k) for k in (3, 9)]
+    assert (peaks[1] - peaks[0]) / (6 * COUNT) < 30.0  # bytes per message
+
+
+def test_messages_out_of_order_and_without_an_index_are_ordered(tmp_path: Path) -> None:
+    rows = samples()
+    writer_type = pytest.importorskip("mcap.writer", reason="mcap is not installed").Writer
+    index_types = __import__("mcap.writer").writer.IndexType
+    swapped = [*range(0, 100), 101, 100, *range(102, len(rows))]
+    for name, options in {"swapped": {}, "unindexed": {"index_types": index_types.CHUNK}}.items():
+        with (tmp_path / f"{name}.mcap").open("wb") as stream:
+            writer = writer_type(stream, chunk_size=4096, **options)
+            writer.start()
+            channel = writer.register_channel("/imu", "cdr", writer.register_schema("sensor_msgs/msg/Imu", "", b""))
+            for k in swapped:
+                writer.add_message(channel, int(2e7 * k), imu_message(rows[k], is_cdr=True), 0)
+            writer.finish()
+        assert_same_as_csv(tmp_path / f"{name}.mcap", rows)
 
 
 @pytest.mark.parametrize("version", [1, 2])

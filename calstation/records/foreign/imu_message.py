@@ -4,11 +4,14 @@ A message ends with orientation, angular velocity and linear acceleration, each 
 Sources: ROS message definition sensor_msgs/Imu; OMG CDR (XCDR1) for ROS 2.
 """
 
-import struct
+import itertools
 from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from calstation.physics import FloatArray, IntArray
 from calstation.records.foreign.topics import CHUNK_ROWS, Columns, vector_columns
 
 #: Names of the message type in ROS 1 and ROS 2.
@@ -17,44 +20,61 @@ IMU_TYPES = ("sensor_msgs/Imu", "sensor_msgs/msg/Imu")
 IMU_COLUMNS = vector_columns("angular_velocity.{}", "linear_acceleration.{}", ("rad/s", "m/s2"), ("header.stamp", "s"))
 _NUMBERS = 37
 _GYRO, _ACCEL = 4 + 9, 4 + 9 + 3 + 9
+#: Size of the counter of ROS 1 or the encapsulation header of CDR, and of the header up to the name of the frame.
+_PREFIX, _HEADER = 4, 12
 
 
-def imu_columns(messages: Iterable[tuple[float, bytes]], *, is_cdr: bool) -> Iterator[Columns]:
-    """Yield the columns of messages in parts, given the time of recording, s, and the bytes of each message.
+class Messages(NamedTuple):
+    """Messages that were read together."""
 
-    A message that is too short is a damaged row of NaN. `is_cdr` tells ROS 2 from ROS 1.
-    """
-    rows: list[tuple[float, float]] = []
-    numbers = np.empty((CHUNK_ROWS, _NUMBERS))
-    for recorded, data in messages:
-        rows.append((_decode(data, numbers[len(rows)], is_cdr), recorded))
-        if len(rows) == CHUNK_ROWS:
-            yield _columns(rows, numbers)
-            rows = []
-    if rows:
-        yield _columns(rows, numbers[: len(rows)])
+    recorded: FloatArray  #: Times of recording, s, shape (n,).
+    data: NDArray[np.uint8]  #: Bytes that contain all messages.
+    starts: IntArray  #: Position of the first byte of each message, shape (n,).
+    lengths: IntArray  #: Number of bytes of each message, shape (n,).
 
 
-def _decode(data: bytes, numbers: np.ndarray, is_cdr: bool) -> float:
-    """Store the numbers of a message, shape (37,), and return the time of its header, s."""
-    order = ">" if is_cdr and data[1:2] == b"\0" else "<"
-    start = 4  # after the encapsulation header of CDR, or after the counter of ROS 1
-    try:
-        seconds, nanoseconds, length = struct.unpack_from(f"{order}3I", data, start)
-        begin = start + 12 + length
-        if is_cdr:
-            begin += -(begin - start) % 8
-        numbers[:] = np.frombuffer(data, f"{order}f8", _NUMBERS, begin)
-    except (struct.error, ValueError):
-        numbers[:] = np.nan
-        return np.nan
-    return float(seconds + 1e-9 * nanoseconds)
+def messages_of(messages: Iterable[tuple[float, bytes]]) -> Iterator[Messages]:
+    """Yield messages in parts, given the time of recording, s, and the bytes of each."""
+    stream = iter(messages)
+    while part := list(itertools.islice(stream, CHUNK_ROWS)):
+        lengths = np.array([len(data) for _, data in part])
+        data = np.frombuffer(b"".join(data for _, data in part), np.uint8)
+        yield Messages(np.array([recorded for recorded, _ in part]), data, np.cumsum(lengths) - lengths, lengths)
 
 
-def _columns(rows: list[tuple[float, float]], numbers: np.ndarray) -> Columns:
-    header, recorded = np.array(rows).T
-    values = {"header.stamp": header if np.nanmax(header, initial=0.0) > 0.0 else recorded, "recorded": recorded}
-    for k, axis in enumerate("xyz"):
-        values[f"angular_velocity.{axis}"] = numbers[:, _GYRO + k].copy()
-        values[f"linear_acceleration.{axis}"] = numbers[:, _ACCEL + k].copy()
-    return values
+def imu_columns(messages: Messages, *, is_cdr: bool) -> Columns:
+    """Return the columns of messages, those of ROS 2 if `is_cdr`; one that is too short is a damaged row of NaN."""
+    values = np.full((len(messages.starts), 1 + 6), np.nan)
+    big = np.zeros(len(values), np.bool_)
+    intact = messages.lengths >= _PREFIX + _HEADER
+    if is_cdr:
+        big[intact] = messages.data[messages.starts[intact] + 1] == 0
+    for order, of_order in (("<", intact & ~big), (">", intact & big)):
+        _decode(messages, np.flatnonzero(of_order), order, values, is_cdr)
+    header = values[:, 0]
+    is_stamped = np.nanmax(header, initial=0.0) > 0.0
+    names = [name.format(axis) for name in ("angular_velocity.{}", "linear_acceleration.{}") for axis in "xyz"]
+    columns = {"header.stamp": header if is_stamped else messages.recorded, "recorded": messages.recorded}
+    return columns | dict(zip(names, values[:, 1:].T.copy(), strict=True))
+
+
+def _decode(messages: Messages, rows: IntArray, order: str, values: FloatArray, is_cdr: bool) -> None:
+    """Store the time of the header, s, angular velocity and linear acceleration of messages in their rows."""
+    if not len(rows):
+        return
+    header = messages.starts[rows] + _PREFIX
+    seconds, nanoseconds, name = _gather(messages.data, header, 3, f"{order}u4").T.astype(np.int64)
+    begin = header + _HEADER + name
+    if is_cdr:
+        begin += -(begin - header) % 8
+    fits = begin + 8 * _NUMBERS <= messages.starts[rows] + messages.lengths[rows]
+    rows, begin = rows[fits], begin[fits]
+    values[rows, 0] = seconds[fits] + 1e-9 * nanoseconds[fits]
+    for first, number in ((1, _GYRO), (4, _ACCEL)):
+        values[rows, first : first + 3] = _gather(messages.data, begin + 8 * number, 3, f"{order}f8")
+
+
+def _gather(data: NDArray[np.uint8], starts: IntArray, count: int, kind: str) -> np.ndarray:
+    """Return `count` numbers of a kind from each of n positions on, shape (n, count)."""
+    size = count * np.dtype(kind).itemsize
+    return np.asarray(data[starts[:, None] + np.arange(size)].view(kind))

@@ -1,13 +1,19 @@
 """MCAP files with `sensor_msgs/Imu` of ROS 1 or ROS 2, read in constant memory (https://mcap.dev/spec)."""
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
 
 from calstation.errors import InputError
-from calstation.records.foreign.imu_message import IMU_COLUMNS, IMU_TYPES, imu_columns
-from calstation.records.foreign.topics import Columns, ForeignFormat, Topic
+from calstation.records.foreign.imu_message import IMU_COLUMNS, IMU_TYPES, Messages, imu_columns, messages_of
+from calstation.records.foreign.topics import CHUNK_ROWS, Columns, ForeignFormat, Topic
 
 _ENCODINGS = ("cdr", "ros1")
+#: Sizes of the start of a record (kind and length), and of the fields of a message before its data.
+_RECORD, _MESSAGE = 1 + 8, 2 + 4 + 8 + 8
 
 
 def _topics(path: Path) -> list[Topic]:
@@ -35,9 +41,49 @@ def _read(path: Path, topic: Topic) -> Iterator[Columns]:
     with path.open("rb") as stream:
         reader = make_reader(stream)
         summary = reader.get_summary()
-        encodings = {c.message_encoding for c in summary.channels.values() if c.topic == topic.name} if summary else {}
-        messages = ((1e-9 * m.log_time, m.data) for _, _, m in reader.iter_messages([topic.name]))
-        yield from imu_columns(messages, is_cdr="cdr" in encodings)
+        channels = {k: c for k, c in summary.channels.items() if c.topic == topic.name} if summary else {}
+        is_cdr = "cdr" in {channel.message_encoding for channel in channels.values()}
+        chunks = sorted(summary.chunk_indexes, key=lambda index: index.message_start_time) if summary else []
+        if _are_indexed(chunks):
+            parts: Iterator[Messages] = (part for chunk in chunks for part in _messages(stream, chunk, channels))
+        else:
+            is_ordered = bool(chunks)  # without chunks, the library would keep all messages to order them
+            messages = reader.iter_messages([topic.name], log_time_order=is_ordered)
+            parts = messages_of((1e-9 * message.log_time, message.data) for _, _, message in messages)
+        for part in parts:
+            yield imu_columns(part, is_cdr=is_cdr)
+
+
+def _are_indexed(chunks: Sequence[Any]) -> bool:
+    """Return whether the chunks follow each other in time, and each has an index of its messages."""
+    follow = all(a.message_end_time <= b.message_start_time for a, b in itertools.pairwise(chunks))
+    return bool(chunks) and follow and all(chunk.message_index_offsets for chunk in chunks)
+
+
+def _messages(stream: BinaryIO, chunk: Any, channels: Collection[int]) -> Iterator[Messages]:
+    """Yield the messages of channels in a chunk, ordered by their times, without an object for each."""
+    from mcap.data_stream import ReadDataStream
+    from mcap.records import Chunk
+    from mcap.stream_reader import get_chunk_data_stream
+
+    indexes = [np.empty((0, 2), np.int64)]
+    for channel in sorted(chunk.message_index_offsets.keys() & channels):
+        stream.seek(chunk.message_index_offsets[channel] + _RECORD + 2)
+        size = int.from_bytes(stream.read(4), "little")
+        indexes.append(np.frombuffer(stream.read(size), "<i8").reshape(-1, 2))
+    times, starts = np.concatenate(indexes).T
+    if not len(times):
+        return
+    order = np.lexsort((starts, times))
+    times, starts = times[order], starts[order]
+    stream.seek(chunk.chunk_start_offset + _RECORD)
+    data = np.frombuffer(
+        get_chunk_data_stream(Chunk.read(ReadDataStream(stream)))[0].read(chunk.uncompressed_size), np.uint8
+    )
+    lengths = data[starts[:, None] + np.arange(1, _RECORD)].view("<i8")[:, 0] - _MESSAGE
+    for first in range(0, len(times), CHUNK_ROWS):
+        part = slice(first, first + CHUNK_ROWS)
+        yield Messages(1e-9 * times[part], data, starts[part] + _RECORD + _MESSAGE, lengths[part])
 
 
 FORMAT = ForeignFormat("MCAP", (".mcap",), "mcap", _topics, _read)

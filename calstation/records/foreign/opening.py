@@ -48,7 +48,7 @@ def open_foreign(path: Path, meta_file: Path | None = None, topic: str | None = 
     chosen = _choose(path, topics, topic, mapped)
     layout = _layout(path, chosen, mapped)
     tables = partial(_tables, path, kind, chosen, layout)
-    complete_counts(data, layout, lambda: next(tables({}), None))
+    complete_counts(data, layout, partial(tables, {}))
     meta = validate(RecordingMeta, data, meta_file, InputError).log_meta
     log = recorded_log(path, meta, partial(tables, unit_factors(layout, meta)), layout)
     return replace(log, topics=tuple(map(str, topics)))

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from calstation.records.foreign.imu_message import IMU_COLUMNS, IMU_TYPES, imu_columns
+from calstation.records.foreign.imu_message import IMU_COLUMNS, IMU_TYPES, imu_columns, messages_of
 from calstation.records.foreign.topics import Columns, ForeignFormat, Topic
 
 
@@ -23,7 +23,8 @@ def _read(path: Path, topic: Topic) -> Iterator[Columns]:
     with AnyReader([_bag(path)]) as reader:
         connections = [each for each in reader.connections if each.topic == topic.name]
         messages = ((1e-9 * time, data) for _, time, data in reader.messages(connections))
-        yield from imu_columns(messages, is_cdr=reader.is2)
+        for part in messages_of(messages):
+            yield imu_columns(part, is_cdr=reader.is2)
 
 
 def _bag(path: Path) -> Path:
