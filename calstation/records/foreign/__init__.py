@@ -4,5 +4,5 @@ A module lists the topics of a file and reads the columns of one as arrays; the 
 does not write, and imports the library of its format only to read a file.
 """
 
-from calstation.records.foreign.opening import FOREIGN_FORMATS, FOREIGN_SUFFIXES, foreign_format, open_foreign
+from calstation.records.foreign.opening import FOREIGN_FORMATS, foreign_format, open_foreign
 from calstation.records.foreign.topics import ForeignFormat, Topic

@@ -1,5 +1,6 @@
 """Opening of recordings in foreign formats: choice of the topic, its columns, and its samples as a log."""
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -13,7 +14,7 @@ from calstation.messages import Text, os_reason
 from calstation.physics import CHANNELS, FloatArray
 from calstation.records.columns import COUNTS, ColumnMap, ColumnSection, Layout, RecordingMeta, unit_factors
 from calstation.records.csv_log import complete_counts, recorded_log
-from calstation.records.foreign import mat, mcap, rosbag, tdms
+from calstation.records.foreign import dataflash, mat, mcap, novatel, rosbag, tdms, ulog
 from calstation.records.foreign.topics import Columns, ForeignFormat, Topic
 from calstation.records.log import Log
 from calstation.records.samples import SampleTable, damages, is_excessive
@@ -21,15 +22,29 @@ from calstation.schema import near_miss, read_toml, validate
 
 _Part = TypeVar("_Part", list[Topic], Columns)
 
-FOREIGN_FORMATS: tuple[ForeignFormat, ...] = (mcap.FORMAT, rosbag.FORMAT, mat.FORMAT, tdms.FORMAT)
-FOREIGN_SUFFIXES = tuple(suffix for each in FOREIGN_FORMATS for suffix in each.suffixes)
+FOREIGN_FORMATS: tuple[ForeignFormat, ...] = (
+    mcap.FORMAT, rosbag.FORMAT, ulog.FORMAT, dataflash.FORMAT, novatel.FORMAT, mat.FORMAT, tdms.FORMAT
+)  # fmt: skip
+#: Number of bytes in which the format of a file is looked for.
+_BEGIN = 4096
 
 
 def foreign_format(path: Path) -> ForeignFormat | None:
-    """Determine the format of a file, or of a ROS 2 bag's folder, from its name; return None for any other file."""
+    """Determine the format of a file, or of a ROS 2 bag's folder, from its name and its first bytes.
+
+    Return None for any other file.
+    """
     if (path / "metadata.yaml").is_file():
         return rosbag.FORMAT
-    return next((each for each in FOREIGN_FORMATS if path.name.lower().endswith(each.suffixes)), None)
+    named = [each for each in FOREIGN_FORMATS if path.name.lower().endswith(each.suffixes)]
+    if not any(each.begin for each in named):
+        return next(iter(named), None)
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(_BEGIN)
+    except OSError:
+        return None
+    return next((each for each in named if re.search(each.begin, head)), None)
 
 
 def open_foreign(path: Path, meta_file: Path | None = None, topic: str | None = None) -> Log:
@@ -48,6 +63,9 @@ def open_foreign(path: Path, meta_file: Path | None = None, topic: str | None = 
     chosen = _choose(path, topics, topic, mapped)
     layout = _layout(path, chosen, mapped)
     tables = partial(_tables, path, kind, chosen, layout)
+    if isinstance(data.get("imu"), dict):
+        data["imu"] = {**chosen.imu, **data["imu"]}
+        _check_counts(path, chosen, mapped, data["imu"])
     complete_counts(data, layout, partial(tables, {}))
     meta = validate(RecordingMeta, data, meta_file, InputError).log_meta
     log = recorded_log(path, meta, partial(tables, unit_factors(layout, meta)), layout)
@@ -93,6 +111,14 @@ def _layout(path: Path, topic: Topic, mapped: Mapping[str, ColumnSection]) -> La
     stage = mapped["stage"].value if "stage" in mapped else None
     units = {name: unit for name, unit in units.items() if unit != COUNTS}
     return Layout(header=tuple(sources.values()), names=tuple(sources), units=units, stage=stage or "")
+
+
+def _check_counts(path: Path, topic: Topic, mapped: Mapping[str, ColumnSection], imu: Mapping[str, object]) -> None:
+    """Raise InputError if a topic has counts whose size neither the file nor the TOML gives."""
+    for sensor in ("gyro", "accel"):
+        name = f"{sensor}_x"
+        if topic.columns.get(name, ("", ""))[1] == COUNTS and name not in mapped and f"{sensor}_lsb" not in imu:
+            raise InputError("foreign.no_scale", file=path, topic=topic.name)
 
 
 def _tables(
