@@ -33,6 +33,13 @@ class TimeReport:
         """Clear the report before the recording is read again."""
         self.__init__()  # type: ignore[misc]
 
+    def add(self, other: "TimeReport") -> None:
+        """Add what another file of the same log contains."""
+        for name in ("wraps", "steps_back", "jumps", "repeated"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        self.counted |= other.counted
+        self.jitter = max(self.jitter, other.jitter)
+
     @property
     def irregularities(self) -> list[Text]:
         """Sentences about what is irregular, except the jitter."""

@@ -1,7 +1,7 @@
 """Logs in the CSV format of docs/contract.md, and CSV files of other programs."""
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -49,7 +49,7 @@ def open_csv(path: Path, meta_file: Path | None = None) -> Log:
     """Open a CSV with its TOML file next to it or at `meta_file`. Raises InputError if one is missing or invalid."""
     if not path.is_file():
         raise InputError("log.not_found" if path.name.endswith((".csv", ".csv.gz")) else "log.not_a_log", file=path)
-    meta, layout = load_recording(path, meta_file or meta_path(path))
+    meta, (layout,) = load_recording([path], meta_file or meta_path(path))
     return recorded_log(path, meta, partial(csv_tables, path, layout, unit_factors(layout, meta)), layout)
 
 
@@ -64,7 +64,7 @@ def recorded_log(path: Path, meta: LogMeta, tables: Callable[[], Iterator[Sample
     layout : its columns
     """
     unit = unit_factor("time_s", layout.units.get("time_s", "s"))
-    recording = Recording(path, _with_quantisation(meta, tables), tables, unit)
+    recording = Recording(path, with_quantisation(meta, tables), tables, unit)
     return Log(
         path,
         recording.meta,
@@ -75,7 +75,8 @@ def recorded_log(path: Path, meta: LogMeta, tables: Callable[[], Iterator[Sample
     )
 
 
-def _with_quantisation(meta: LogMeta, tables: Callable[[], Iterator[SampleTable]]) -> LogMeta:
+def with_quantisation(meta: LogMeta, tables: Callable[[], Iterator[SampleTable]]) -> LogMeta:
+    """Return the configuration with quantisation 0, if not given, for sensors with non-integer output."""
     counts = [np.empty((0, 6))]
     with suppress(InputError):  # reported when the samples are read
         counts += [part.counts()[part.valid] for part in _first_rows(tables)]
@@ -97,14 +98,14 @@ def _first_rows(tables: Callable[[], Iterator[SampleTable]]) -> list[SampleTable
     return parts
 
 
-def load_recording(path: Path, meta_file: Path) -> tuple[LogMeta, Layout]:
-    """Read the TOML of a CSV and find the layout of the CSV. Raises InputError with file, field and remedy."""
+def load_recording(paths: Sequence[Path], meta_file: Path) -> tuple[LogMeta, list[Layout]]:
+    """Read the TOML of CSV files and find the layout of each. Raises InputError with file, field and remedy."""
     data = read_toml(meta_file, InputError)
     columns = validate(ColumnMap, {"columns": data.get("columns", {})}, meta_file, InputError).columns
     secondaries = list(itertools.takewhile(lambda n: f"imu{n}" in data, FURTHER_IMUS))
-    layout = read_layout(path, _head(path), columns, secondaries)
-    complete_counts(data, layout, partial(csv_tables, path, layout, {}))
-    return validate(RecordingMeta, data, meta_file, InputError).log_meta, layout
+    layouts = [read_layout(path, _head(path), columns, secondaries) for path in paths]
+    complete_counts(data, layouts[0], partial(csv_tables, paths[0], layouts[0], {}))
+    return validate(RecordingMeta, data, meta_file, InputError).log_meta, layouts
 
 
 def complete_counts(data: dict[str, Any], layout: Layout, tables: Callable[[], Iterator[SampleTable]]) -> None:

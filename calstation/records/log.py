@@ -26,6 +26,11 @@ class DamagedRows:
     after: int | None  #: Sequence number of the preceding intact sample; None at the start of the log.
     before: int | None  #: Sequence number of the following intact sample; None at the end of the log.
 
+    def shifted(self, shift: int) -> "DamagedRows":
+        """Return the rows with `shift` added to the sequence numbers."""
+        after, before = (None if seq is None else seq + shift for seq in (self.after, self.before))
+        return replace(self, after=after, before=before)
+
     @property
     def missing(self) -> str:
         """Text with the first and the last missing sequence number, as far as they are known."""

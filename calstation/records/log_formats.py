@@ -6,6 +6,7 @@ from pathlib import Path
 
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
+from calstation.records.csv_folder import csv_files, open_folder
 from calstation.records.csv_log import CSV_SUFFIXES, meta_path, open_csv
 from calstation.records.csv_text import csv_rows
 from calstation.records.csv_write import write_csv_log
@@ -52,12 +53,14 @@ def open_log(path: Path, meta_file: Path | None = None, topic: str | None = None
 
     Parameters
     ----------
-    path : the file
+    path : the file, or a folder of CSV files
     meta_file : its configuration, if the file does not contain it; None for the TOML next to it
     topic : topic of a foreign format; None for its only IMU
     """
     if foreign_format(path) is not None:
         return open_foreign(path, meta_file, topic)
+    if path.is_dir():
+        return open_folder(path, meta_file)
     return _required_format(path).open(path, meta_file)
 
 
@@ -65,6 +68,8 @@ def estimated_rows(path: Path) -> int:
     """Return the number of samples in a log, possibly estimated; 1 for a foreign format. Raises InputError."""
     if foreign_format(path) is not None:
         return 1
+    if path.is_dir():
+        return sum(map(csv_rows, csv_files(path)))
     return max(1, _required_format(path).count_rows(path))
 
 
