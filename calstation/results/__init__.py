@@ -15,8 +15,15 @@ from calstation.results.history import (
     refresh_history,
     shift_start,
 )
-from calstation.results.inspection import Inspection, inspect_log, inspect_recording, recording_faults
-from calstation.results.offline import drop_partial, export_log, export_result, export_runs, offline_solve
+from calstation.results.inspection import Inspection, inspect_log, inspect_recording, look_at, recording_faults
+from calstation.results.offline import (
+    drop_partial,
+    export_log,
+    export_result,
+    export_runs,
+    import_recording,
+    offline_solve,
+)
 from calstation.results.override import is_release_recorded, override_required, override_result, run_files
 from calstation.results.pairs import (
     PairCheckResult,

@@ -10,6 +10,7 @@ import numpy as np
 
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, has_gyros, join_blocks
+from calstation.jobs import ProgressCallback
 from calstation.judgement import data_faults
 from calstation.messages import Text
 from calstation.records import Log, LogFacts, context_from_meta, open_log, prior_from_meta
@@ -44,10 +45,40 @@ class Inspection:
     #: based; None for all samples.
     tested: int | None = None
 
+    @property
+    def summary(self) -> list[tuple[str, Text]]:
+        """Code of the name, "" for more of the row above, and text of what was understood, for a person to read."""
+        facts, text = self.facts, Text.of
+        seconds = (facts.last_seq - facts.first_seq + 1) / self.configured_rate
+        samples = {"samples": facts.samples, "first_seq": facts.first_seq, "last_seq": facts.last_seq}
+        times = text("look.arrival_times", jitter=1e3 * self.jitter) if self.jitter else Text("look.sample_clock")
+        stages = ", ".join(f"{stage} ({count})" for stage, count in self.stages.items()) or Text("look.no_stages")
+        invalid = "look.damaged_are" if facts.damaged else "look.invalid_are"
+        return [
+            ("look.unit", text("look.unit_is", serial=self.serial)),
+            ("look.samples", text("look.samples_are", **samples, seconds=seconds)),
+            ("look.rate", text("look.rate_is", rate=self.rate, configured=self.configured_rate, times=times)),
+            ("look.gaps", text("look.gaps_are", gaps=facts.gaps, missing=self.missing)),
+            ("look.invalid", text(invalid, invalid=self.invalid, damaged=facts.damaged)),
+            *(("look.times", irregular) for irregular in self.irregular_times),
+            ("look.channels", text("look.channels_are", channels=list(self.channels))),
+            *(("", text("look.column_is", name=name, source=source)) for name, source in self.columns.items()),
+            ("look.stages", text("look.stages_are", stages=stages)),
+            *([("look.tested", text("look.tested_are", samples=self.tested))] if self.tested is not None else []),
+            *(("look.fault", text("look.fault_is", fault=fault)) for fault in self.faults),
+        ]
+
 
 def inspect_recording(path: Path) -> Inspection:
     """Open a log of any format and inspect it. Raises InputError if it cannot be read."""
     return inspect_log(open_log(path))
+
+
+def look_at(report: ProgressCallback, path: Path, meta_file: Path | None, topic: str | None) -> Inspection:
+    """Job: inspect a recording, see `records.open_log`. Raises InputError if it cannot be read."""
+    inspection = inspect_log(open_log(path, meta_file, topic))
+    report(1.0)
+    return inspection
 
 
 def inspect_log(log: Log) -> Inspection:

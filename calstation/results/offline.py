@@ -8,10 +8,20 @@ from pathlib import Path
 
 from calstation.errors import ConfigurationError
 from calstation.escaping import for_csv
+from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.physics import INDEX, NAMES, PARAMETERS, EffectName, further_parameter
-from calstation.records import IndexedRun, RunFilter, Verdict, export_csv, partial_path, write_atomic
+from calstation.records import (
+    IndexedRun,
+    RunFilter,
+    Verdict,
+    export_csv,
+    open_log,
+    partial_path,
+    write_atomic,
+    write_log,
+)
 from calstation.results.history import History
 from calstation.results.plots import StageSpan
 from calstation.results.resolving import Resolved, resolve
@@ -74,6 +84,39 @@ def export_log(report: ProgressCallback, source: Path, target: Path, first_seq: 
     """Job: export samples between two sequence numbers as CSV and TOML, see `export_csv`; a failure leaves no file."""
     count = max(last_seq - first_seq + 1, 1)
     export_csv(source, target, lambda done: report(min(done / count, 0.99)), first_seq, last_seq)
+    return target
+
+
+def import_recording(
+    report: ProgressCallback, source: Path, meta_file: Path | None, topic: str | None, target: Path, samples: int
+) -> Path:
+    """Job: write a recording of another program to a raw log; a failure leaves no file.
+
+    Raises InputError or ConfigurationError.
+
+    Parameters
+    ----------
+    report : function that is called with the fraction that is done
+    source, meta_file, topic : recording, see `records.open_log`
+    target : raw log to write
+    samples : number of samples of the recording
+    """
+    log, partial = open_log(source, meta_file, topic), partial_path(target)
+
+    def counted() -> Iterator[SampleBlock]:
+        done = 0
+        for block in log.blocks():
+            yield block
+            done += len(block)
+            report(min(done / max(samples, 1), 0.99))
+
+    try:
+        partial.unlink(missing_ok=True)
+        write_log(partial, log.meta, counted())
+        partial.replace(target)
+    except OSError as exc:
+        partial.unlink(missing_ok=True)
+        raise ConfigurationError("log.not_created", file=target, reason=os_reason(exc)) from exc
     return target
 
 

@@ -1,11 +1,12 @@
 """Samples of which recordings in the formats of other programs are made, and the CSV with which they are compared."""
 
+import struct
 from pathlib import Path
 
 import numpy as np
-from records_samples import joined
 
 from calstation.records import open_log
+from tests.records.records_samples import joined
 
 COUNT = 300
 NAMES = ("time_s", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
@@ -48,3 +49,13 @@ def assert_same_as_csv(
         np.testing.assert_array_equal(found[name], column, err_msg=name)
     assert log.facts().sha256 == expected.facts().sha256
     assert log.facts().gaps == 1
+
+
+def imu_message(row: np.ndarray, *, is_cdr: bool) -> bytes:
+    """Return a message sensor_msgs/Imu with the samples of a row."""
+    seconds, nanoseconds, _ = stamps(row[:1])
+    frame = b"imu_link\0" if is_cdr else b"imu_link"
+    head = struct.pack("<3I", int(seconds[0]), int(nanoseconds[0]), len(frame)) + frame
+    head += bytes(-len(head) % 8 if is_cdr else 0)
+    numbers = np.concatenate([[0, 0, 0, 1], np.zeros(9), row[1:4], np.zeros(9), row[4:], np.zeros(9)])
+    return (b"\0\1\0\0" if is_cdr else struct.pack("<I", 7)) + head + numbers.tobytes()

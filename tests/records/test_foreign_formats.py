@@ -1,27 +1,16 @@
 """Recordings in foreign formats give the same log as the CSV of the same numbers, bit for bit."""
 
-import struct
 import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_samples import COUNT, NAMES, TOML, UNITS, assert_same_as_csv, samples, stamps
+from foreign_samples import COUNT, NAMES, TOML, UNITS, assert_same_as_csv, imu_message, samples
 from records_samples import joined
 
 from calstation.errors import InputError
 from calstation.records import arrival, open_log, spool
 from tests.helpers import raises_code
-
-
-def imu_message(row: np.ndarray, *, is_cdr: bool) -> bytes:
-    """Return a message sensor_msgs/Imu with the samples of a row."""
-    seconds, nanoseconds, _ = stamps(row[:1])
-    frame = b"imu_link\0" if is_cdr else b"imu_link"
-    head = struct.pack("<3I", int(seconds[0]), int(nanoseconds[0]), len(frame)) + frame
-    head += bytes(-len(head) % 8 if is_cdr else 0)
-    numbers = np.concatenate([[0, 0, 0, 1], np.zeros(9), row[1:4], np.zeros(9), row[4:], np.zeros(9)])
-    return (b"\0\1\0\0" if is_cdr else struct.pack("<I", 7)) + head + numbers.tobytes()
 
 
 def write_mcap(path: Path, topics: dict[str, list[bytes]], *, is_cdr: bool = True) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.cells import cell_len
 
 from calstation.cli.commands.audit import check_audit
 from calstation.cli.options import JsonOption, command_group
@@ -95,22 +96,13 @@ def show_recording(path: Path, recording: Inspection, json: str | None) -> int:
         "faults": [sentence(fault) for fault in recording.faults],
         "methods": {name: {"solvable": reason is None, "reason": reason} for name, reason in reasons.items()},
     }
-    seconds = (facts.last_seq - facts.first_seq + 1) / recording.configured_rate
-    times = say("cli.arrival_times" if recording.jitter else "cli.sample_clock", jitter=1e3 * (recording.jitter or 0.0))
-    stages = ", ".join(f"{stage} ({count})" for stage, count in recording.stages.items()) or say("cli.none")
+    names = [say(name) if name else "" for name, _ in recording.summary]
     lines = [
-        say("cli.recording_unit", **row),
-        say("cli.recording_samples", **row, seconds=seconds),
-        say("cli.recording_rate", rate=recording.rate, configured=recording.configured_rate, times=times),
-        say("cli.recording_gaps", **row),
-        say("cli.recording_damaged" if facts.damaged else "cli.recording_invalid", **row),
-        *(say("cli.recording_times", what=say(text.code, **text.values)) for text in recording.irregular_times),
-        say("cli.recording_channels", **row),
-        *(say("cli.recording_column", name=name, source=source) for name, source in recording.columns.items()),
-        say("cli.recording_stages", stages=stages),
-        *([say("cli.recording_tested", samples=recording.tested)] if recording.tested is not None else []),
-        *(say("cli.recording_fault", fault=fault) for fault in recording.faults),
-        *(f"{name:<18} {reason or say('cli.solvable')}" for name, reason in reasons.items()),
+        *(
+            f"{name}{' ' * (11 - cell_len(name))}{say(text.code, **text.values)}"
+            for name, (_, text) in zip(names, recording.summary, strict=True)
+        ),
+        *(f"{name:<18} {reason or say('look.solvable')}" for name, reason in reasons.items()),
     ]
     emit(row, json, lines)
     return 0 if solvable else ConfigurationError.exit_code

@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QSplitter
 
 from calstation.gui.logs.allan_view import AllanView
 from calstation.gui.logs.comparison import Comparison
+from calstation.gui.logs.import_panel import ImportPanel
 from calstation.gui.logs.log_head import LogHead
 from calstation.gui.logs.log_plot import LogPlot
 from calstation.gui.logs.methods import CROSS_CALIBRATION, MethodBar, MethodPanel
@@ -36,7 +37,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.physics import EffectName
-from calstation.records import LOG_SUFFIXES
+from calstation.records import LOG_SUFFIXES, foreign_format
 from calstation.results import History, Resolved, offline_solve
 from calstation.results.plots import Columns, LogIndex, log_index, longest_rest, samples
 
@@ -94,6 +95,22 @@ class OfflinePage(Page):
         self._stack.setCurrentWidget(self._reading)
         self.reader.start(path.absolute(), self._index_folder)
 
+    def look_at(self, path: Path) -> None:
+        """Show what is understood of a recording of another program before it is imported."""
+        self.methods.select("")
+        if self._working:
+            self.notice.inform("caution", str, self._wait_text, self.plot.setFocus)
+            return
+        self.notice.dismiss()
+        self.source.show_path(path.absolute())
+        self._stack.setCurrentWidget(self.importer)
+        self.importer.open(path)
+
+    def _leave_importer(self) -> None:
+        """Show the log that was open before."""
+        self._stack.setCurrentWidget(self._open if self.log is not None else self._empty)
+        self.source.show_path(Path() if self.log is None else self.log.path)
+
     def solve(self, *states: EffectName) -> None:
         """Solve the selected range and stages; `states` are added to the error model."""
         if self.log is None or self._why_not_solve():
@@ -117,12 +134,13 @@ class OfflinePage(Page):
 
     def _build(self) -> None:
         open_button = button("", "logs.open_log_button", self.source.browse, kind="primary")
+        self.importer = ImportPanel(self.app)
         self._empty = EmptyState(open_button, title="logs.no_log", text="logs.about_no_log")
         progress = JobRow(self.reader, "read_cancel_button")
         progress.setFixedWidth(70 * theme.GRID)
         self._reading = EmptyState(progress, title="logs.reading_log")
         self._open = self._build_open()
-        self._stack = stack(self._empty, self._reading, self._open)
+        self._stack = stack(self._empty, self._reading, self._open, self.importer)
         self._body = stack(box(self.notice, (self._stack, 1)))
         margins = (2 * theme.GRID, theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
         column(self.methods, self.source, (self._body, 1), on=self, margins=margins)
@@ -154,6 +172,10 @@ class OfflinePage(Page):
 
     def _connect(self) -> None:
         self.source.path_selected.connect(self._open_chosen)
+        self.source.recording_selected.connect(self.look_at)
+        self.importer.closed.connect(self._leave_importer)
+        self.importer.imported.connect(self.open)
+        self.importer.busy_changed.connect(self._update)
         self.methods.method_selected.connect(self._show_method)
         self.plot.range_moved.connect(self.range.set_range)
         self.range.changed.connect(self.plot.set_range)
@@ -181,7 +203,9 @@ class OfflinePage(Page):
 
     def _open_chosen(self, path: Path) -> None:
         panel = self.panel
-        if panel is None:
+        if panel is None and (path.is_dir() or foreign_format(path) is not None):
+            self.look_at(path)
+        elif panel is None:
             self.open(path)
         elif panel.busy:
             panel.notice.inform("caution", str, self._wait_text, panel.setFocus)
@@ -307,7 +331,8 @@ class OfflinePage(Page):
 
     @property
     def _working(self) -> bool:
-        jobs = self.solver, self.exports.watch, self.rest_finder, self.allan.watch, self.allan.saving
+        importing = self.importer.looker, self.importer.exports.watch
+        jobs = self.solver, self.exports.watch, self.rest_finder, self.allan.watch, self.allan.saving, *importing
         return any(watch.busy for watch in jobs)
 
     def _wait_text(self) -> str:
@@ -357,6 +382,8 @@ class OfflinePage(Page):
 def _dropped(mime: QMimeData) -> Path | None:
     """Return the first dropped file that may be a log, if any."""
     for url in mime.urls():
-        if url.isLocalFile() and url.toLocalFile().lower().endswith(LOG_SUFFIXES):
-            return Path(url.toLocalFile())
+        path = Path(url.toLocalFile())
+        is_log = path.name.lower().endswith(LOG_SUFFIXES) or path.is_dir() or foreign_format(path) is not None
+        if url.isLocalFile() and is_log:
+            return path
     return None

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QMenu, QWidget
 from calstation.gui.state import FileExport
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import ask_open, button, enable, label, line_edit, row
-from calstation.records import LOG_SUFFIXES
+from calstation.records import CSV_SUFFIXES, FOREIGN_FORMATS, LOG_SUFFIXES
 from calstation.results import Result, export_log, export_result
 from calstation.results.plots import LogIndex
 
@@ -25,9 +25,13 @@ def ask_log(parent: QWidget, title: str, folder: Path, then: Callable[[Path], ob
 
 
 class SourceBar(QWidget):
-    """A bar that emits `path_selected(path)`; `latest` returns the logs of the latest runs for the menu."""
+    """A bar that emits `path_selected(path)`, or `recording_selected(path)` for a recording to import.
+
+    `latest` returns the logs of the latest runs for the menu.
+    """
 
     path_selected = Signal(object)
+    recording_selected = Signal(object)
 
     def __init__(self, settings: QSettings, latest: Callable[[], list[Path]]) -> None:
         super().__init__()
@@ -42,11 +46,12 @@ class SourceBar(QWidget):
         self.log_edit.textChanged.connect(self._paste_timer.start)
         caption = label("logs.log", buddy=self.log_edit)
         self.open_button = button("log_open_button", "logs.open", self.browse)
+        self.import_button = button("log_import_button", "logs.import", self.browse_recordings, tip="logs.import_tip")
         self.recent_button = button("log_recent_button", "logs.recent")
         self._menu = QMenu(self)
         self.recent_button.setMenu(self._menu)
         self._menu.aboutToShow.connect(self._fill)
-        row(caption, (self.log_edit, 1), self.open_button, self.recent_button, on=self)
+        row(caption, (self.log_edit, 1), self.open_button, self.import_button, self.recent_button, on=self)
         on_language_change(self, self._fill)
 
     def show_path(self, path: Path) -> None:
@@ -67,9 +72,19 @@ class SourceBar(QWidget):
 
     def browse(self) -> None:
         """Open the file dialog in the folder of the current path or, without one, of the most recent log."""
+        ask_log(self, say("logs.open_log"), self._folder, self.path_selected.emit)
+
+    def browse_recordings(self) -> None:
+        """Open the file dialog for a recording of another program in the same folder."""
+        suffixes = dict.fromkeys(s for each in FOREIGN_FORMATS for s in each.suffixes)
+        kinds = [f"{say('logs.recordings')} ({' '.join(f'*{s}' for s in (*CSV_SUFFIXES, *suffixes))})"]
+        kinds.append(say("common.all_files"))
+        ask_open(self, say("logs.import_recording"), self._folder, kinds, self.recording_selected.emit)
+
+    @property
+    def _folder(self) -> Path:
         typed = self.log_edit.text()
-        latest = Path(typed) if typed else next(iter(self.recent()), Path("runs/log"))
-        ask_log(self, say("logs.open_log"), latest.parent, self.path_selected.emit)
+        return (Path(typed) if typed else next(iter(self.recent()), Path("runs/log"))).parent
 
     def showEvent(self, event: QShowEvent) -> None:
         """Update the menu, because there may be new runs."""
