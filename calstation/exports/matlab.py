@@ -2,7 +2,11 @@
 
 `imuSensor` simulates samples in rows (`IMUSensorSimulator.stepBulkModel`) as
 
-    measured = true (AxesMisalignment / 100)' + ConstantBias          AxesMisalignment in percent
+    reading = true (AxesMisalignment / 100)' + ConstantBias          AxesMisalignment in percent
+
+For accelerometers, `true` is gravity minus acceleration, the negative of specific force ("Obtain Total Acceleration"
+among the algorithms of its documentation). ConstantBias therefore has the opposite sign of the accelerometer bias: the
+negative of the readings is the output of the unit.
 
 The standard deviation of its noise is NoiseDensity √bandwidth, where the bandwidth is the sample rate for the type
 "single-sided". The ``.mat`` file contains A and b of each sensor as from `accelcal`, for corrected = measured A + b.
@@ -21,6 +25,8 @@ _SENSORS = {"gyro": "Gyroscope", "accel": "Accelerometer"}
 #: Ending of the file with the matrices.
 _MAT = ".mat"
 _PERCENT = 100.0
+#: Sign of the readings of `imuSensor` relative to the output of the unit.
+_SIGNS = {"gyro": 1.0, "accel": -1.0}
 
 
 def _write(source: ExportSource) -> Files:
@@ -31,7 +37,7 @@ def _write(source: ExportSource) -> Files:
     for name, noise in (("gyro", source.gyro_noise), ("accel", source.accel_noise)):
         bias = np.array(source.vector(f"{name}_bias"))
         sensors[_SENSORS[name]] = {
-            "ConstantBias": bias.tolist(),
+            "ConstantBias": (_SIGNS[name] * bias + 0.0).tolist(),
             "AxesMisalignment": (_PERCENT * source.matrix(name)).tolist(),
             "NoiseDensity": [noise.density] * 3,
             "BiasInstability": [noise.instability] * 3,
@@ -56,7 +62,8 @@ def _read(files: Files) -> Corrector:
         """Invert the simulation; the result is NaN if the matrices of the ``.mat`` file give another one."""
         section = sensors[_SENSORS[name]]
         gain = np.array(section["AxesMisalignment"]) / _PERCENT
-        inverted = np.linalg.solve(gain, (measured - np.array(section["ConstantBias"])).T).T
+        readings = _SIGNS[name] * measured
+        inverted = _SIGNS[name] * np.linalg.solve(gain, (readings - np.array(section["ConstantBias"])).T).T
         product = measured @ matrices[f"{name}_A"] + matrices[f"{name}_b"]
         tolerance = 1e-9 * np.nan_to_num(np.abs(inverted)).max(initial=0.0)
         return np.where(np.abs(inverted - product) <= tolerance, inverted, np.nan)

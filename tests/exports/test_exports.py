@@ -412,6 +412,7 @@ INJECTED: list[tuple[str, str, Callable[[Files], Files]]] = [
     ),
     ("matlab", "matrix transposed", json_error("Accelerometer", "AxesMisalignment", transpose)),
     ("matlab", "bias with the other sign", json_error("Gyroscope", "ConstantBias", negated)),
+    ("matlab", "accelerometer bias with the sign of the unit", json_error("Accelerometer", "ConstantBias", negated)),
     ("matlab", "bias in g", json_error("Accelerometer", "ConstantBias", in_g)),
     ("matlab", "matrix for columns of samples", mat_error("gyro_A", np.transpose)),
     ("matlab", "b before the matrix", mat_error("accel_b", lambda b: 1.01 * b)),
@@ -443,3 +444,16 @@ def test_error_of_convention_is_detected(
     assert wrong != files
     with raises_code(CalstationError, "export.contradicts"):
         check_export(to, FORMATS[to], wrong, source)
+
+
+def test_negative_readings_of_the_simulated_sensor_are_the_output_of_the_unit() -> None:
+    """`imuSensor` in ENU: totalAcc = −acceleration + g, in sensor axes; then AxesMisalignment and ConstantBias."""
+    source = calibrated("mems")
+    (sensors,) = json.loads(FORMATS["matlab"].write(source)[""]).values()
+    section = sensors["Accelerometer"]
+    acceleration, gravity = np.array([[0.3, -0.2, 0.1]]), np.array([[0.0, 0.0, -9.8]])
+    readings = (gravity - acceleration) @ (np.array(section["AxesMisalignment"]) / 100.0).T + section["ConstantBias"]
+    force = acceleration - gravity
+    p = source.parameters
+    gain = np.eye(3) + group_matrix(p, "accel_scale", "accel_misalign")
+    np.testing.assert_allclose(-readings, force @ gain.T + group_vector(p, "accel_bias"), rtol=1e-12)
