@@ -50,6 +50,10 @@ sbom: $(VENV)/installed
 fonts: $(VENV)/installed-dev
 	$(VENV)/bin/python tests/make_fonts.py
 
+# The reference logs of `calstation validate` and their answers, after a change of the estimation.
+references: $(VENV)/installed-dev
+	$(VENV)/bin/python -m tests.make_references
+
 # The pictures of the window in the documentation, from runs on the virtual bench.
 pictures: $(VENV)/installed-dev
 	$(VENV)/bin/python -m tests.gui.make_pictures

@@ -41,6 +41,7 @@ from calstation.sequencer import (
     StateChanged,
     StepStarted,
 )
+from calstation.validation import validation_due
 
 #: Largest number of checks listed per unit of a batch.
 _MAX_NAMED = 3
@@ -74,6 +75,8 @@ def run_command(
     confirmed_by : badge of the second person who confirms an override
     debug : whether to show the traceback of a programming error
     """
+    if (due := validation_due()) is not None:
+        show_line(plain_console(stderr=True), sentence(due))
     request = _ask_questions(with_product(request), answers, confirmed_by)
     finalized: list[Finalized] = []
     fault = None

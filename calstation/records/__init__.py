@@ -108,7 +108,16 @@ from calstation.records.reports import (
     reports_of_others,
 )
 from calstation.records.resolves import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolve_file
-from calstation.records.station_key import HeldHead, TrailHead, find_heads, held_heads, keep_held_heads
+from calstation.records.station_key import (
+    KEY_VARIABLE,
+    HeldHead,
+    TrailHead,
+    find_heads,
+    held_heads,
+    is_signed,
+    keep_held_heads,
+    key_file,
+)
 from calstation.records.verdict import Verdict
 
 if TYPE_CHECKING:

@@ -46,6 +46,8 @@ AuditEventName = Literal[
     "standard_overridden",
     "attempt_allowed",
     "trail_restarted",
+    "validation_begun",
+    "validation",
 ]
 AUDIT_EVENTS: tuple[AuditEventName, ...] = get_args(AuditEventName)
 

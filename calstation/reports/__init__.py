@@ -18,4 +18,5 @@ from calstation.reports.issue import (
     station_request,
 )
 from calstation.reports.label import label_template, print_label, print_labels
+from calstation.reports.pdf import compile_template
 from calstation.reports.verification import CertificateState, verify_certificate, verify_reports

@@ -30,7 +30,7 @@ class CertificateState:
 
 
 def verify_certificate(path: Path) -> CertificateState:
-    """Compare a PDF or a digital certificate with the audit trail of the site, which issued it.
+    """Compare a PDF, a digital certificate or a validation with the audit trail of the site, which issued it.
 
     Raises InputError if a file cannot be read.
     """
@@ -41,7 +41,8 @@ def verify_certificate(path: Path) -> CertificateState:
     state = verify_trail(site_folder(), every_signature=True)
     found, intact = list(state.faults), not state.faults
     digest = hashlib.sha256(content).hexdigest()
-    numbers = [each.values["certificate"] for each in site_events(site_folder()) if digest in _files(each.values)]
+    events = [each.values for each in site_events(site_folder()) if digest in _files(each.values)]
+    numbers = [values["certificate"] if "certificate" in values else values["validation"] for values in events]
     if numbers:
         found.append(Text.of("audit.file_recorded", file=path, certificate=str(numbers[-1])))
     else:

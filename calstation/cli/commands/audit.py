@@ -9,7 +9,7 @@ import typer
 from calstation.cli.confirmation import ask_person
 from calstation.cli.options import JsonOption, check_choice, command_group
 from calstation.cli.show import emit, ignore_progress
-from calstation.cli.text import say
+from calstation.cli.text import say, sentence
 from calstation.config import (
     SiteTrail,
     access,
@@ -22,6 +22,7 @@ from calstation.config import (
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
 from calstation.records import AUDIT_EVENTS, AuditEvent, audit_path, select_audit
+from calstation.validation import validation_due
 
 app = command_group()
 
@@ -62,7 +63,9 @@ def check_audit(file: Path | None, json: str | None) -> int:
     Raises InputError if `file` is missing.
     """
     path, site = _read(file)
-    emit(_row(path, site, []), json, _verified(site))
+    due = validation_due() if file is None else None
+    row = {**_row(path, site, []), **({"validation_due": sentence(due)} if due is not None else {})}
+    emit(row, json, [*_verified(site), *([sentence(due)] if due is not None else [])])
     return 0 if site.intact else InputError.exit_code
 
 

@@ -38,7 +38,7 @@ def check(
     """
     if file is None or file.match("audit*.jsonl"):
         return check_audit(file, json)
-    if file.suffix in (".pdf", ".xml"):
+    if file.suffix in (".pdf", ".xml") or file.match("validation_*.json"):
         return _show_evidence(file, verify_certificate(file), json)
     if file.name == "reports.jsonl" or file.is_dir():
         return _show_evidence(file, verify_reports(file if file.is_dir() else file.parent), json)

@@ -1,0 +1,182 @@
+"""The installation: files of all packages as released, versions as required, and nothing loaded from elsewhere."""
+
+import base64
+import hashlib
+import os
+import platform
+import sys
+from collections.abc import Generator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path, PurePosixPath
+
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+from packaging.utils import canonicalize_name
+
+from calstation.messages import Text
+from calstation.validation.lines import CheckStopped, Line
+
+ROOT = "calstation"
+#: Optional part that only developers install.
+_DEVELOPMENT = "dev"
+
+
+@dataclass
+class Package:
+    """An installed package, or None, and what the packages that need it require of its version."""
+
+    installed: Distribution | None
+    required: SpecifierSet = field(default_factory=SpecifierSet)
+
+    @property
+    def version(self) -> str:
+        """Installed version, or "-"."""
+        return "-" if self.installed is None else self.installed.version
+
+    @cached_property
+    def hashed(self) -> list[tuple[str, Path, str, str]]:
+        """Recorded name, path, algorithm and hash of the files; without those that the installer creates."""
+        files = [] if self.installed is None else self.installed.files or []
+        return [
+            (str(file), Path(str(file.locate())), file.hash.mode, file.hash.value)
+            for file in files
+            if file.hash is not None and file.suffix != ".pyc" and ".." not in file.parts
+        ]
+
+    @property
+    def is_source_tree(self) -> bool:
+        """Whether the package is used from a folder of sources, whose files have no recorded hashes."""
+        return self.installed is not None and '"editable": true' in (self.installed.read_text("direct_url.json") or "")
+
+
+def packages(extra: str = "") -> dict[str, Package]:
+    """Return calstation and all packages that it needs on this computer, or that one of its optional parts needs."""
+    found: dict[str, Package] = {}
+    pending = [(ROOT, {extra})]
+    done: set[tuple[str, str]] = set()
+    while pending:
+        name, extras = pending.pop()
+        if name not in found:
+            try:
+                found[name] = Package(distribution(name))
+            except PackageNotFoundError:
+                found[name] = Package(None)
+        installed = found[name].installed
+        for each in extras - {e for n, e in done if n == name}:
+            done.add((name, each))
+            for text in (installed.requires or []) if installed is not None else []:
+                requirement = Requirement(text)
+                if requirement.marker is None or requirement.marker.evaluate({"extra": each}):
+                    needed = canonicalize_name(requirement.name)
+                    pending.append((needed, {"", *requirement.extras}))
+                    found.setdefault(needed, Package(_find(needed))).required &= requirement.specifier
+    return found
+
+
+def _find(name: str) -> Distribution | None:
+    try:
+        return distribution(name)
+    except PackageNotFoundError:
+        return None
+
+
+def identity() -> dict[str, str]:
+    """Return the versions of Python, calstation and all packages that it needs, by name."""
+    return {"python": platform.python_version(), **{name: each.version for name, each in sorted(packages().items())}}
+
+
+def installation_lines(check_stopped: CheckStopped) -> Generator[Line]:
+    """Compare versions with the released list, and the files of all packages with the hashes in their records."""
+    area, root, needed = "installation", ROOT, packages()
+    own = needed[root].installed
+    required = "" if own is None else (own.metadata.get_all("Requires-Python") or [""])[0]
+    version = platform.python_version()
+    yield Line.compared(area, "python", "", required, version, bool(required) and version in SpecifierSet(required))
+    system = f"{platform.system()} {platform.release()}, {platform.machine()}, {os.cpu_count()} × CPU"
+    yield Line(area, "system", "", Text("validation.recorded"), system, "ok")
+    variables = [name for name in ("PYTHONPATH", "PYTHONHOME") if os.environ.get(name)]
+    shown = ", ".join(variables) or Text("validation.none")
+    yield Line.compared(area, "variables", "", Text("validation.none"), shown, not variables)
+    for name, package in sorted(needed.items(), key=lambda item: (item[0] != root, item[0])):
+        check_stopped()
+        yield from _package_lines(name, package)
+    extras = [] if own is None else own.metadata.get_all("Provides-Extra") or []
+    for extra in (each for each in extras if each != _DEVELOPMENT):
+        check_stopped()
+        added = {name: package for name, package in packages(extra).items() if name not in needed}
+        yield from _extra_lines(extra, added)
+        needed |= added
+
+
+def _extra_lines(extra: str, added: Mapping[str, Package]) -> Generator[Line]:
+    """Yield the lines of an optional part, which is checked if all of its packages are installed."""
+    missing = [name for name, package in added.items() if package.installed is None]
+    if missing:
+        reason = Text.of("validation.not_installed", names=missing)
+        yield Line.unchecked("installation", "extra", extra, "", reason, required=False)
+        return
+    for name, package in sorted(added.items()):
+        yield from _package_lines(name, package)
+
+
+def _package_lines(name: str, package: Package) -> Generator[Line]:
+    area, expected = "installation", Text.of("validation.version", required=str(package.required) or "*")
+    if name == ROOT:
+        expected = Text("validation.files_released")
+    if package.installed is None:
+        yield Line.compared(area, "package", name, expected, Text("validation.missing"), good=False)
+        return
+    elsewhere = _loaded_elsewhere(package)
+    if package.is_source_tree or elsewhere:
+        reason = Text.of("validation.source_tree", folder=elsewhere or "")
+        yield Line.unchecked(area, "package", name, expected, reason)
+        return
+    if not package.hashed:
+        yield Line.unchecked(area, "package", name, expected, Text("validation.no_record"))
+        return
+    altered, digest = compare_files(package)
+    values = {"version": package.version, "files": len(package.hashed), "digest": digest[:16]}
+    found = Text("validation.files", values)
+    good = not altered and package.required.contains(package.version, prereleases=True)
+    if altered:
+        found = Text.of("validation.altered_files", version=package.version, count=len(altered), names=altered[:3])
+    yield Line.compared(area, "package", name, expected, found, good)
+
+
+def compare_files(package: Package) -> tuple[list[str], str]:
+    """Return the names of altered, missing and added files, and the SHA-256 of the recorded names and hashes.
+
+    Only calstation's own folders are searched for added files.
+    """
+    altered, content = [], hashlib.sha256()
+    for name, path, mode, value in sorted(package.hashed):
+        try:
+            actual = hashlib.new(mode, path.read_bytes()).digest()
+        except OSError:
+            actual = b""
+        if base64.urlsafe_b64encode(actual).rstrip(b"=").decode() != value:
+            altered.append(name)
+        if ".dist-info" not in name:
+            content.update(f"{name} {value}\n".encode())
+    if package.installed is not None and canonicalize_name(package.installed.name) == ROOT:
+        known = {path for _, path, _, _ in package.hashed}
+        folders = {Path(str(package.installed.locate_file(PurePosixPath(n).parts[0]))) for n, *_ in package.hashed}
+        files = (file for folder in folders if folder.suffix != ".dist-info" for file in folder.rglob("*"))
+        added = (file for file in files if file.is_file() and "__pycache__" not in file.parts and file not in known)
+        altered += sorted(map(str, added))
+    return altered, content.hexdigest()
+
+
+def _loaded_elsewhere(package: Package) -> str | None:
+    """Return the file of a loaded module that belongs to the package by its name, but not to its files; or None."""
+    tops = {PurePosixPath(name).parts[0].removesuffix(".py") for name, *_ in package.hashed}
+    base = Path(str(package.installed.locate_file("."))).resolve() if package.installed is not None else Path()
+    if package.installed is not None and canonicalize_name(package.installed.name) == ROOT:
+        tops.add(ROOT)
+    for top in tops:
+        file = getattr(sys.modules.get(top), "__file__", None)
+        if file is not None and not Path(file).resolve().is_relative_to(base):
+            return str(Path(file).parent)
+    return None

@@ -1,0 +1,93 @@
+"""One line of a validation: what was checked, what was expected, what was found, and the conclusion."""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from calstation.errors import CalstationError, StoppedError
+from calstation.messages import Text, os_reason
+
+State = Literal["ok", "failed", "not_checked"]
+Verdict = Literal["passed", "failed", "incomplete"]
+#: Called often; raises StoppedError after Ctrl-C.
+CheckStopped = Callable[[], None]
+#: What is expected or found: a message, or a value that is the same in every language.
+Content = Text | str
+
+#: Areas of a validation in their order, each with the clause of ISO/IEC 17025:2017 that it serves.
+AREAS = {
+    "installation": "7.11.2",
+    "clock": "7.11.3 c",
+    "disk": "7.11.3 b, d",
+    "rights": "7.11.3 a, b",
+    "calculation": "7.11.6",
+    "faults": "7.11.3 e",
+    "time": "7.11.2",
+    "scope": "7.11.2",
+}
+
+
+@dataclass(frozen=True)
+class Line:
+    """One check and its result.
+
+    check : name in the catalogue's family ``validation_check``
+    subject : what was checked, such as the name of a package; with area and check it identifies the line
+    reason : why something was not checked, or failed to be checked
+    required : whether a validation is incomplete if this was not checked
+    measured : whether `found` differs from one validation to the next without a change of the installation
+    """
+
+    area: str
+    check: str
+    subject: str
+    expected: Content
+    found: Content
+    state: State
+    reason: Text | None = None
+    required: bool = True
+    measured: bool = False
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the line as JSON data."""
+        data = {**vars(self), "clause": AREAS[self.area]}
+        return {name: value.to_json() if isinstance(value, Text) else value for name, value in data.items()}
+
+    @classmethod
+    def compared(cls, area: str, check: str, subject: str, expected: Content, found: Content, good: bool) -> "Line":
+        """Return the line of a check that was made."""
+        return cls(area, check, subject, expected, found, "ok" if good else "failed")
+
+    @classmethod
+    def measurement(cls, area: str, check: str, subject: str, expected: Content, found: Content, good: bool) -> "Line":
+        """Return the line of a check whose value varies."""
+        return cls(area, check, subject, expected, found, "ok" if good else "failed", measured=True)
+
+    @classmethod
+    def unchecked(
+        cls, area: str, check: str, subject: str, expected: Content, reason: Text, *, required: bool = True
+    ) -> "Line":
+        """Return the line of something that could not be checked."""
+        return cls(area, check, subject, expected, "", "not_checked", reason, required)
+
+
+def verdict_of(lines: list[Line]) -> Verdict:
+    """Return the verdict: without any failed line, something required that was not checked leaves it incomplete."""
+    if any(line.state == "failed" for line in lines):
+        return "failed"
+    return "incomplete" if any(line.state == "not_checked" and line.required for line in lines) else "passed"
+
+
+def guarded(area: str, check: str, subject: str, make: Callable[[], Generator[Line]]) -> Generator[Line]:
+    """Yield the lines of a check; an error in it becomes a failed line with its reason."""
+    try:
+        yield from make()
+    except StoppedError:
+        raise
+    except CalstationError as error:
+        yield Line(
+            area, check, subject, Text("validation.completed"), Text("validation.error"), "failed", error.as_text
+        )
+    except OSError as error:
+        reason = os_reason(error)
+        yield Line(area, check, subject, Text("validation.completed"), Text("validation.error"), "failed", reason)

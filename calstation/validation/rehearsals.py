@@ -1,0 +1,190 @@
+"""Faults rehearsed on the virtual bench: each run must end with its code, and never with an unearned verdict.
+
+The runs use the engine, the drivers and the protocols of a real run, with the shipped profiles and a separate site.
+"""
+
+import os
+import tempfile
+import threading
+import time
+from collections.abc import Generator, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from calstation.errors import CalstationError, StoppedError
+from calstation.messages import Text
+from calstation.records import KEY_VARIABLE, open_log
+from calstation.results import Result, load_result, resolve_log
+from calstation.runs import Engine
+from calstation.schema import read_toml
+from calstation.sequencer import Command, StateChanged, TableMoved
+from calstation.simulation import SHORT_STAGES, PlannedRun, RunEvaluation, judge_run, write_request
+from calstation.validation.lines import CheckStopped, Line, guarded
+
+#: Variable with the folder of the site.
+_HOME = "CALSTATION_HOME"
+_STAGE = "six_position"
+#: Longest host time of a run, s.
+_TIMEOUT = 240.0
+#: Longest time between STOP and axes off on the bench in real time, s: the table decelerates from 100 to 0 °/s at
+#: 100 °/s², and the engine has one tick and the polls of the table.
+STOP_LIMIT = 2.0
+#: Runs at the same time; each has several processes.
+_PARALLEL = 2
+
+
+@dataclass(frozen=True)
+class Case:
+    """One rehearsal: its fault and value, and the outcome and code with which the run must end."""
+
+    kind: str
+    outcome: str
+    code: str | None = None
+    value: float | None = None
+    from_start: bool = False
+
+
+#: Name of the run without a fault.
+NO_FAULT = "none"
+CASES = (
+    Case(NO_FAULT, "passed"),
+    Case("operator_stop", "stopped"),
+    Case("interlock", "fault", "table.latched_interlock", 0.0),
+    Case("trip_watchdog", "fault", "table.latched_watchdog"),
+    Case("silence_imu", "fault", "stream.not_started", 600.0),
+    Case("engine_killed", "incomplete"),
+    Case("disk_full", "fault", "log.disk_nearly_full"),
+    Case("wrong_unit", "fault", "preflight.other_unit", from_start=True),
+    Case("wrong_gravity", "failed", from_start=True),
+)
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a rehearsal ended."""
+
+    case: Case
+    evaluation: RunEvaluation
+    log: Path | None
+    result: Result | None
+    stop_s: float | None  #: Host time between STOP and axes off.
+
+
+def rehearsal_lines(check_stopped: CheckStopped) -> Generator[Line]:
+    """Run all cases, two at a time, and yield their lines."""
+    stopped = threading.Event()
+    with (
+        tempfile.TemporaryDirectory(prefix="calstation-validate-") as temporary,
+        _separate_site(Path(temporary)),
+        ThreadPoolExecutor(_PARALLEL) as pool,
+    ):
+        pending: dict[Future[Ending], Case] = {
+            pool.submit(_rehearse, number, case, Path(temporary) / case.kind, stopped): case
+            for number, case in enumerate(CASES)
+        }
+        try:
+            while pending:
+                done, _ = wait(pending, timeout=0.2, return_when="FIRST_COMPLETED")
+                check_stopped()
+                for future in done:
+                    yield from guarded("faults", "ending", pending.pop(future).kind, partial(_lines, future))
+        finally:
+            stopped.set()
+            pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _separate_site(folder: Path) -> Iterator[None]:
+    """Use another site, because runs write to the audit trail."""
+    before = {name: os.environ.pop(name, None) for name in (_HOME, KEY_VARIABLE)}
+    os.environ[_HOME] = str(folder / "site")
+    try:
+        yield
+    finally:
+        del os.environ[_HOME]
+        os.environ.update({name: value for name, value in before.items() if value is not None})
+
+
+def _rehearse(number: int, case: Case, folder: Path, stopped: threading.Event) -> Ending:
+    folder.mkdir()
+    planned = PlannedRun(number, 1, False, () if case.kind == NO_FAULT else ((case.kind, case.value),))
+    request = write_request(planned, folder, SHORT_STAGES)
+    fault: dict[str, Any] = {"kind": case.kind} | ({} if case.value is None else {"value": case.value})
+    if not case.from_start:
+        fault["stage"] = _STAGE
+    observed = case.kind in (NO_FAULT, "operator_stop")
+    (folder / "plan.toml").write_text(tomli_w.dumps({"fault": [] if observed else [fault]}), encoding="utf-8")
+    if case.kind == "operator_stop":
+        station = read_toml(folder / "station.toml")
+        station["bench"]["speed"] = 1.0
+        (folder / "station.toml").write_text(tomli_w.dumps(station), encoding="utf-8")
+    begin = time.monotonic()
+    hung, stop_s = False, None
+    with Engine.start(request) as engine:
+        sent: float | None = None
+        while not engine.ended:
+            for event in engine.poll():
+                moves = isinstance(event, TableMoved) and event.moving
+                if case.kind == "operator_stop" and sent is None and moves:
+                    engine.send(Command.STOP)
+                    sent = time.monotonic()
+                if sent is not None and isinstance(event, StateChanged) and event.state == "stopped":
+                    stop_s = time.monotonic() - sent
+            hung = time.monotonic() - begin > _TIMEOUT
+            if hung or stopped.wait(0.01):
+                break
+    if stopped.is_set():
+        raise StoppedError("cli.aborted")
+    report = folder / "bench" / f"{number}.json"
+    evaluation = judge_run(planned, request, hung, 0.0, time.monotonic() - begin, report)
+    log = next(iter(sorted(request.out.glob(f"{request.serial}_*.h5"))), None)
+    result = None
+    with suppress(CalstationError):
+        result = load_result(log.with_suffix(".json")) if log is not None else None
+    return Ending(case, evaluation, log, result, stop_s)
+
+
+def _lines(future: Future[Ending]) -> Generator[Line]:
+    yield from ending_lines(future.result())
+
+
+def ending_lines(ending: Ending) -> Generator[Line]:
+    """Yield the lines of a rehearsal."""
+    case, run = ending.case, ending.evaluation
+    code = None if ending.result is None else ending.result.error_code
+    expected = Text.of("validation.ends", outcome=case.outcome, error=case.code or "–")
+    found = Text.of("validation.ends", outcome=run.outcome, error=code or "–")
+    good = (run.outcome, code) == (case.outcome, case.code)
+    yield Line.compared("faults", "ending", case.kind, expected, found, good)
+    state = Text("validation.unsafe" if run.unsafe else "validation.safe")
+    yield Line.compared("faults", "table", case.kind, Text("validation.safe"), state, not run.unsafe)
+    records = ", ".join(run.record_defects) or Text("validation.complete")
+    yield Line.compared("faults", "records", case.kind, Text("validation.complete"), records, not run.record_defects)
+    if case.kind == "operator_stop":
+        limit = Text.of("validation.at_most_s", seconds=f"{STOP_LIMIT:g}")
+        if ending.stop_s is None:
+            yield Line.compared("time", "stop", "", limit, Text("validation.missing"), good=False)
+        else:
+            found_s = f"{ending.stop_s:.2f} s"
+            yield Line.measurement("time", "stop", "", limit, found_s, ending.stop_s <= STOP_LIMIT)
+    if case.kind == NO_FAULT and ending.result is not None and ending.log is not None:
+        yield from _nominal_lines(ending.result, ending.log)
+
+
+def _nominal_lines(result: Result, path: Path) -> Generator[Line]:
+    """Yield the lines of the run without a fault: the same solution from the log, and the registers read back."""
+    log = open_log(path)
+    solved = resolve_log(log, log.meta, diagnostics=False).result
+    same = solved.parameters == result.parameters
+    bits = Text("validation.bits" if same else "validation.other_bits")
+    yield Line.compared("calculation", "online", "", Text("validation.bits"), bits, same)
+    verified = result.registers is not None and result.registers.verified is True
+    count = 0 if result.registers is None or result.registers.new is None else len(result.registers.new)
+    found = Text.of("validation.registers" if verified else "validation.registers_unverified", count=count)
+    yield Line.compared("calculation", "registers", "", Text("validation.read_back"), found, verified and count > 0)
