@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 from calstation.config import library
 from calstation.gui.text import language, say
@@ -45,16 +46,16 @@ def anchor(heading: str) -> str:
 
 def chapters() -> dict[str, list[tuple[str, str]]]:
     """Return the title and the path of each chapter by the catalogue code of its group, in the order of the manual."""
-    listed = {"help.start": list(_FIRST)}
+    listed, paths = {"help.start": list(_FIRST)}, _paths()
     for folder, code in GROUPS.items():
-        listed[code] = [path for path in _paths() if path.startswith(f"{folder}/")]
+        listed[code] = [path for path in paths if path.startswith(f"{folder}/")]
     listed["help.further"] = list(_LAST)
     return {code: sorted_titles(paths, keep=code in ("help.start", "help.further")) for code, paths in listed.items()}
 
 
 def sorted_titles(paths: list[str], *, keep: bool) -> list[tuple[str, str]]:
     """Return titles and paths of chapters, unless `keep` sorted by title after those in the current language."""
-    titled = [(sections(path)[0].chapter, path) for path in paths if (library.manual_folder() / path).is_file()]
+    titled = [(sections(path)[0].chapter, path) for path in paths]
     return titled if keep else sorted(titled, key=lambda each: (not _translated(each[1]), each))
 
 
@@ -83,7 +84,7 @@ def sections(path: str) -> tuple[Section, ...]:
 
 def _translated(path: str) -> bool:
     """Return whether a chapter is shown in Chinese."""
-    return language.current() != "en" and (library.manual_folder() / _chinese(path)).is_file()
+    return language.current() != "en" and _chinese(path) in _files(library.manual_folder())
 
 
 def _chinese(path: str) -> str:
@@ -92,9 +93,14 @@ def _chinese(path: str) -> str:
 
 def _paths() -> list[str]:
     """Return the paths of all English chapters."""
-    pages = sorted(library.manual_folder().rglob("*.md"))
-    chosen = [file for file in pages if file.parent.name != _NOTES and not file.name.endswith(CHINESE)]
-    return [file.relative_to(library.manual_folder()).as_posix() for file in chosen]
+    return [path for path in _files(library.manual_folder()) if not path.endswith(CHINESE)]
+
+
+@cache
+def _files(folder: Path) -> tuple[str, ...]:
+    """Return the paths of the chapters in both languages."""
+    pages = sorted(folder.rglob("*.md"))
+    return tuple(page.relative_to(folder).as_posix() for page in pages if page.parent.name != _NOTES)
 
 
 def _read(path: str, translated: bool) -> str:
