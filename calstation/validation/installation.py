@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import json
 import os
 import platform
 import sys
@@ -48,7 +49,14 @@ class Package:
     @property
     def is_source_tree(self) -> bool:
         """Whether the package is used from a folder of sources, whose files have no recorded hashes."""
-        return self.installed is not None and '"editable": true' in (self.installed.read_text("direct_url.json") or "")
+        origin = json.loads((self.installed and self.installed.read_text("direct_url.json")) or "{}")
+        return bool(origin.get("dir_info", {}).get("editable"))
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the recorded names and hashes, which is the same wherever this version is installed."""
+        rows = sorted((name, value) for name, _, _, value in self.hashed if ".dist-info" not in name)
+        return hashlib.sha256("".join(f"{name} {value}\n" for name, value in rows).encode()).hexdigest()
 
 
 def packages(extra: str = "") -> dict[str, Package]:
@@ -83,8 +91,14 @@ def _find(name: str) -> Distribution | None:
 
 
 def identity() -> dict[str, str]:
-    """Return the versions of Python, calstation and all packages that it needs, by name."""
-    return {"python": platform.python_version(), **{name: each.version for name, each in sorted(packages().items())}}
+    """Return the versions of Python, calstation and all packages that it needs, by name.
+
+    The version of calstation includes the digest of its files as they were installed.
+    """
+    found = packages()
+    versions = {name: each.version for name, each in sorted(found.items())}
+    own = {ROOT: f"{found[ROOT].version} ({found[ROOT].digest[:16]})"}
+    return {"python": platform.python_version(), **versions, **own}
 
 
 def installation_lines(check_stopped: CheckStopped) -> Generator[Line]:
@@ -136,8 +150,8 @@ def _package_lines(name: str, package: Package) -> Generator[Line]:
     if not package.hashed:
         yield Line.unchecked(area, "package", name, expected, Text("validation.no_record"))
         return
-    altered, digest = compare_files(package)
-    values = {"version": package.version, "files": len(package.hashed), "digest": digest[:16]}
+    altered = altered_files(package)
+    values = {"version": package.version, "files": len(package.hashed), "digest": package.digest[:16]}
     found = Text("validation.files", values)
     good = not altered and package.required.contains(package.version, prereleases=True)
     if altered:
@@ -145,12 +159,9 @@ def _package_lines(name: str, package: Package) -> Generator[Line]:
     yield Line.compared(area, "package", name, expected, found, good)
 
 
-def compare_files(package: Package) -> tuple[list[str], str]:
-    """Return the names of altered, missing and added files, and the SHA-256 of the recorded names and hashes.
-
-    Only calstation's own folders are searched for added files.
-    """
-    altered, content = [], hashlib.sha256()
+def altered_files(package: Package) -> list[str]:
+    """Return the names of altered and missing files, and of files that were added to calstation's own folders."""
+    altered = []
     for name, path, mode, value in sorted(package.hashed):
         try:
             actual = hashlib.new(mode, path.read_bytes()).digest()
@@ -158,15 +169,13 @@ def compare_files(package: Package) -> tuple[list[str], str]:
             actual = b""
         if base64.urlsafe_b64encode(actual).rstrip(b"=").decode() != value:
             altered.append(name)
-        if ".dist-info" not in name:
-            content.update(f"{name} {value}\n".encode())
     if package.installed is not None and canonicalize_name(package.installed.name) == ROOT:
         known = {path for _, path, _, _ in package.hashed}
         folders = {Path(str(package.installed.locate_file(PurePosixPath(n).parts[0]))) for n, *_ in package.hashed}
         files = (file for folder in folders if folder.suffix != ".dist-info" for file in folder.rglob("*"))
         added = (file for file in files if file.is_file() and "__pycache__" not in file.parts and file not in known)
         altered += sorted(map(str, added))
-    return altered, content.hexdigest()
+    return altered
 
 
 def _loaded_elsewhere(package: Package) -> str | None:

@@ -1,11 +1,14 @@
 """One line of a validation: what was checked, what was expected, what was found, and the conclusion."""
 
+import logging
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from calstation.errors import CalstationError, StoppedError
 from calstation.messages import Text, os_reason
+
+logger = logging.getLogger(__name__)
 
 State = Literal["ok", "failed", "not_checked"]
 Verdict = Literal["passed", "failed", "incomplete"]
@@ -84,10 +87,15 @@ def guarded(area: str, check: str, subject: str, make: Callable[[], Generator[Li
         yield from make()
     except StoppedError:
         raise
-    except CalstationError as error:
-        yield Line(
-            area, check, subject, Text("validation.completed"), Text("validation.error"), "failed", error.as_text
-        )
-    except OSError as error:
-        reason = os_reason(error)
-        yield Line(area, check, subject, Text("validation.completed"), Text("validation.error"), "failed", reason)
+    except Exception as error:  # a damaged installation may raise anything
+        logger.warning("%s %s %s: not completed", area, check, subject, exc_info=True)
+        completed, failed = Text("validation.completed"), Text("validation.error")
+        yield Line(area, check, subject, completed, failed, "failed", _reason(error))
+
+
+def _reason(error: Exception) -> Text:
+    if isinstance(error, CalstationError):
+        return error.as_text
+    if isinstance(error, OSError):
+        return os_reason(error)
+    return Text.of("os.other", words=f"{type(error).__name__}: {error}")

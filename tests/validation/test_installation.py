@@ -53,6 +53,7 @@ def test_an_unchanged_installation_is_in_order_and_names_what_is_not_installed(s
     assert found["part"].reason is not None
     assert "wanting" in str(found["part"].reason)
     assert identity()["needed"] == "2.1.4"
+    assert identity()[ROOT] == f"9.9 ({packages()[ROOT].digest[:16]})"
 
 
 @pytest.mark.parametrize("content", ["y = 2\n", None], ids=["altered", "removed"])

@@ -71,6 +71,16 @@ def test_an_error_within_a_check_is_a_failed_line() -> None:
     assert lines[1].reason == Text("os.disk_full")
 
 
+def test_a_check_that_a_damaged_package_ends_is_a_failed_line() -> None:
+    def damaged() -> Any:
+        yield GOOD
+        raise AttributeError("module 'numpy' has no attribute 'array'")
+
+    lines = list(guarded("calculation", "solution", "gimbal", damaged))
+    assert [line.state for line in lines] == ["ok", "failed"]
+    assert "no attribute 'array'" in str(lines[1].reason)
+
+
 def test_the_record_is_signed_and_in_the_audit_trail(tmp_path: Path) -> None:
     path = saved(validation(GOOD, OUTSIDE), tmp_path / "out")
     data = read_validation(path)
