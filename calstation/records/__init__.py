@@ -29,7 +29,7 @@ from calstation.records.columns import RecordingMeta
 from calstation.records.convert import export_corrected, export_csv
 from calstation.records.csv_log import CSV_SUFFIXES
 from calstation.records.facts import LogFacts
-from calstation.records.files import acquire_lock, locked, partial_path, sync_folder, write_atomic
+from calstation.records.files import FILE_MODE, acquire_lock, locked, partial_path, sync_folder, write_atomic
 from calstation.records.foreign import FOREIGN_FORMATS, foreign_format
 from calstation.records.indexed_run import (
     LATEST_FIRST,

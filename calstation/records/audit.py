@@ -142,7 +142,7 @@ def verify_trail(folder: Path, *, every_signature: bool = False) -> TrailState:
     except ValueError:
         faults.append(Text.of("audit.head_changed", file=head_path))
     except OSError as exc:
-        raise InputError("result.unreadable", file=head_path, reason=os_reason(exc)) from exc
+        raise InputError("audit.head_unreadable", file=head_path, reason=os_reason(exc)) from exc
     trail = read_audit(path, 0 if every_signature or stored is None else stored.lines)
     key, error, interrupted = None, None, False
     recorded = public_key(trail)
@@ -237,9 +237,8 @@ def audit_writer(folder: Path) -> Iterator[AuditWriter]:
     except OSError as exc:
         raise ConfigurationError("audit.unwritable", file=writer.path, reason=os_reason(exc)) from exc
     except InputError as exc:
-        if exc.code != "result.unreadable":
-            raise
-        raise ConfigurationError("audit.unwritable", **exc.values) from exc
+        code = "audit.unwritable" if exc.code == "result.unreadable" else exc.code
+        raise ConfigurationError(code, **exc.values) from exc
 
 
 def append_audit(

@@ -9,6 +9,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+#: Permissions of a new file, which the umask or the default rights of its folder limit, as the site has chosen: several
+#: accounts of the computer may share a folder.
+FILE_MODE = 0o666
+
 #: Error numbers for a file that another process has locked.
 _LOCKED_ERRORS = (errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK)
 
@@ -48,7 +52,7 @@ else:
 @contextmanager
 def locked(path: Path, timeout: float) -> Iterator[None]:
     """Lock a file, creating it if necessary. Raises TimeoutError after `timeout` s, or OSError."""
-    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    handle = os.open(path, os.O_RDWR | os.O_CREAT, FILE_MODE)
     try:
         if not acquire_lock(handle, timeout):
             raise TimeoutError(f"{path} is locked by another program")
@@ -99,7 +103,7 @@ def is_locked(path: Path, timeout: float = TEST_TIMEOUT) -> bool:
         os.close(handle)
 
 
-def write_atomic(path: Path, content: str | bytes, mode: int = 0o644, *, sync: bool = True) -> None:
+def write_atomic(path: Path, content: str | bytes, mode: int = FILE_MODE, *, sync: bool = True) -> None:
     """Replace the content of a file atomically.
 
     Raises OSError, after which the old file is unchanged.

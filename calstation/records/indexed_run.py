@@ -47,17 +47,20 @@ class RunRecord:
     location: str | None = None  #: Location of the log of a run of another folder: a URL or ``host:path``.
     batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
     slot: str | None = None  #: Name of the unit's slot on the table.
-    altered: bool = False  #: Whether the result file was altered; the entries are then those of the log.
+    altered: bool = False  #: Whether the result file differs from the log; the entries are then those of the log.
+    #: Whether it states a PASS that its log, which was not closed, neither confirms nor contradicts.
+    unconfirmed: bool = False
     result_sha256: str = ""  #: Digest of the result file, with which it is compared if its log is missing.
 
     @property
     def badge(self) -> str:
         """The verdict as the window shows it.
 
-        It is ``altered`` if the result file was altered, and ``released`` for a failed run whose unit was released.
+        It is ``altered`` or ``unconfirmed`` if the result file differs from the log, and ``released`` for a failed run
+        whose unit was released.
         """
         if self.altered:
-            return "altered"
+            return "unconfirmed" if self.unconfirmed else "altered"
         return "released" if self.released else self.verdict
 
 

@@ -36,7 +36,7 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text, os_reason
 from calstation.records.facts import FactsBuilder, LogFacts
-from calstation.records.files import acquire_lock
+from calstation.records.files import FILE_MODE, acquire_lock
 from calstation.records.meta import LogMeta
 from calstation.records.superblock import SUPERBLOCK, superblock_end
 
@@ -155,7 +155,8 @@ class RawLogWriter:
         self._disconnected = False  #: Whether the file has failed, and HDF5 writes to nothing.
         content = meta.to_json().encode()
         try:
-            self._sync_handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
+            flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+            self._sync_handle = os.open(path, flags, FILE_MODE)
         except OSError as exc:
             raise ConfigurationError("log.not_created", file=path, reason=_os_reason(exc)) from exc
         try:

@@ -7,6 +7,7 @@ the audit trail, signed with the key, is in the file ``station.head`` next to it
 import json
 import os
 import re
+import stat
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -134,7 +135,10 @@ def _load(path: Path) -> StationKey | None:
 
 
 def new_key(folder: Path) -> StationKey:
-    """Make a key, which becomes that of the site in `finish_key`, after the trail has recorded it. Raises OSError."""
+    """Make a key, which becomes that of the site in `finish_key`, after the trail has recorded it. Raises OSError.
+
+    Only the owner may read the first key of a site; a later one has the permissions of the key that it replaces.
+    """
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
@@ -142,7 +146,9 @@ def new_key(folder: Path) -> StationKey:
     path = _pending(folder)
     path.parent.mkdir(parents=True, exist_ok=True)
     content = private.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
-    write_atomic(path, content, mode=0o600)
+    former = key_file(folder)
+    mode = stat.S_IMODE(former.stat().st_mode) if former.exists() else 0o600
+    write_atomic(path, content, mode)
     return StationKey(private)
 
 

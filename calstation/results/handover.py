@@ -17,7 +17,7 @@ from calstation.escaping import for_csv
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
 from calstation.parsing import parse_json
-from calstation.records import SUFFIX, locked, sync_folder, write_atomic
+from calstation.records import FILE_MODE, SUFFIX, locked, sync_folder, write_atomic
 from calstation.results.result import NO_RESULT, Result
 from calstation.sequencer import Emit, Message
 
@@ -175,7 +175,7 @@ def _append(folder: Path, name: str, result: Result) -> None:
         except OSError:
             pass  # a share without locks: a single appending write is still atomic
         flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
-        handle = os.open(folder / CSV_NAME, flags, 0o644)
+        handle = os.open(folder / CSV_NAME, flags, FILE_MODE)
         stack.callback(os.close, handle)
         size = os.fstat(handle).st_size
         os.lseek(handle, max(0, size - _TAIL), os.SEEK_SET)

@@ -160,8 +160,8 @@ class History:
         if record.result is not None:
             return load_run_result(record.result)
         try:
-            return Result.from_json(open_log(record.log).results[-1])
-        except (ValueError, IndexError) as exc:
+            return Result.from_json(last_result(record.log))
+        except NO_RESULT as exc:
             raise InputError("result.not_a_result", file=record.log, schema=SCHEMA) from exc
 
     def resolves(self, log: Path) -> list[ResolveRecord]:
@@ -314,13 +314,16 @@ def _from_file(folder: Path, name: str, stamp: str, path: Path) -> IndexedRun | 
             entry = altered_entry(content, stored)
     if entry is None:
         return replace(run, record=replace(run.record, result_sha256=content_digest(content)))
+    digest, unconfirmed = "", False
     if stored is None:
-        run, digest = _from_log(folder, name, stamp, open_log(log)), ""
+        contents = open_log(log)
+        run, unconfirmed = _from_log(folder, name, stamp, contents), contents.outcome is None
     else:
         digest = content_digest(stored)
         later = {key: content[key] for key in ADDED_LATER if key in content}
         run = _from_result(folder, name, stamp, Result.from_json({**stored, **later}), path)
-    return replace(run, record=replace(run.record, result=path, altered=True, result_sha256=digest))
+    record = replace(run.record, result=path, altered=True, unconfirmed=unconfirmed, result_sha256=digest)
+    return replace(run, record=record)
 
 
 def _check_texts(run: IndexedRun) -> None:

@@ -4,9 +4,11 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from calstation.errors import ConfigurationError
+from calstation.errors import ConfigurationError, InputError
 from calstation.escaping import for_csv
 from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
@@ -146,22 +148,23 @@ def export_runs(report: ProgressCallback, folder: Path, conditions: RunFilter, t
     """Job: export the runs of a folder that meet all conditions, the latest first; a failure leaves no file.
 
     A ``.csv`` or ``.parquet`` file contains a row per run with its values and sigmas from the index, and their SI units
-    in the heading; any other file contains a list of the result JSONs, without the runs that have no result. Raises
-    InputError if a result cannot be read, or ConfigurationError if the file cannot be written, or if pyarrow, which
-    writes Parquet, is not installed.
+    in the heading; any other file contains a list of the result JSONs, without the runs that have no result. If a
+    result file was altered, the result in the log takes its place, if there is one. Raises InputError if a result
+    cannot be read, or ConfigurationError if the file cannot be written, or if pyarrow, which writes Parquet, is not
+    installed.
     """
     history = History(folder)
     runs = history.indexed(conditions)
-    table = target.suffix in (".csv", ".parquet")
-    rows = _run_rows(runs) if table else _run_results(history, runs)
     partial = partial_path(target)
     try:
-        with partial.open("w", encoding="utf-8", newline="") as stream:
-            for done, text in enumerate(rows):
-                stream.write(text)
-                report(min(done / (len(runs) + 1), 0.99))
         if target.suffix == ".parquet":
-            _convert_to_parquet(partial)
+            _write_parquet(partial, _run_rows(runs))
+        else:
+            texts = (for_csv([row]) for row in _run_rows(runs))
+            with partial.open("w", encoding="utf-8", newline="") as stream:
+                for done, text in enumerate(texts if target.suffix == ".csv" else _run_results(history, runs)):
+                    stream.write(text)
+                    report(min(done / (len(runs) + 1), 0.99))
         partial.replace(target)
     except OSError as exc:
         raise ConfigurationError("result.unwritable", file=target, reason=os_reason(exc)) from exc
@@ -171,46 +174,52 @@ def export_runs(report: ProgressCallback, folder: Path, conditions: RunFilter, t
     return target
 
 
-def _convert_to_parquet(file: Path) -> None:
-    """Replace a CSV file of runs by a Parquet file; columns of text remain text, even serial numbers of digits."""
+def _write_parquet(file: Path, rows: Iterator[list[Any]]) -> None:
+    """Write the rows of runs to a Parquet file; texts are unchanged, because no spreadsheet takes them for formulas."""
     try:
         import pyarrow as pa
-        import pyarrow.csv
         import pyarrow.parquet
     except ImportError as exc:
         raise ConfigurationError("api.no_package", function="Parquet", package="pyarrow") from exc
-    names = file.read_text(encoding="utf-8").splitlines()[0].split(",")
-    types = {name: pa.float64() for name in names} | {name: pa.string() for name in _RUN_COLUMNS}
-    types |= {"duration_s": pa.float64(), "attempt": pa.int64()}
-    table = pyarrow.csv.read_csv(file, convert_options=pyarrow.csv.ConvertOptions(column_types=types))
-    pyarrow.parquet.write_table(table, file)
+    names, *runs = rows
+    types = {name: pa.string() for name in _RUN_COLUMNS} | {"duration_s": pa.float64(), "attempt": pa.int64()}
+    columns = ([run[k] for run in runs] for k in range(len(names)))
+    arrays = [pa.array(column, types.get(name, pa.float64())) for name, column in zip(names, columns, strict=True)]
+    pyarrow.parquet.write_table(pa.table(arrays, names=names), file)
 
 
 def _run_results(history: History, runs: Sequence[IndexedRun]) -> Iterator[str]:
     """Yield the text of a list of result JSONs in pieces, without incomplete runs that were not closed."""
     begin = "["
     for run in runs:
-        if run.record.verdict is not Verdict.INCOMPLETE or run.record.result is not None:
-            result = history.result(run.record).to_json()
-            yield begin + "\n" + json.dumps(result, allow_nan=False, ensure_ascii=False)
+        record = replace(run.record, result=None) if run.record.altered else run.record
+        if run.record.verdict is Verdict.INCOMPLETE and record.result is None:
+            continue
+        try:
+            result = history.result(record)
+        except InputError:
+            if not run.record.altered:
+                raise
+        else:
+            yield begin + "\n" + json.dumps(result.to_json(), allow_nan=False, ensure_ascii=False)
             begin = ","
     yield "[]\n" if begin == "[" else "\n]\n"
 
 
-def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[str]:
-    """Yield the header row and the row of each run."""
+def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[list[Any]]:
+    """Yield the header row and the row of each run; None is an empty cell."""
     solved = dict.fromkeys(name for run in runs for name in run.values)
     names = [*(name for name in NAMES if name in solved), *(name for name in solved if name not in INDEX)]
     heads = [f"{name}{end}{_unit_text(name)}" for name in names for end in ("", "_sigma")]
-    yield for_csv([[*_RUN_COLUMNS, *heads]])
+    yield [*_RUN_COLUMNS, *heads]
     for run in runs:
         record = run.record
-        cells = [record.serial, record.started_utc, repr(record.duration), record.product, record.station]
-        cells += [record.operator, str(record.attempt), record.verdict, " ".join(record.stages)]
+        cells: list[Any] = [record.serial, record.started_utc, record.duration, record.product, record.station]
+        cells += [record.operator, record.attempt, str(record.verdict), " ".join(record.stages)]
         cells += ["; ".join(check.name for check in run.failed_checks), record.batch, record.slot]
         for name in names:
-            cells += [repr(run.values[name]), repr(run.sigmas.get(name, math.nan))] if name in run.values else ["", ""]
-        yield for_csv([cells])
+            cells += [run.values[name], run.sigmas.get(name, math.nan)] if name in run.values else [None, None]
+        yield cells
 
 
 def _unit_text(name: str) -> str:

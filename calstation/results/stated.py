@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.errors import InputError
-from calstation.records import SUFFIX, Verdict, last_result
+from calstation.records import SUFFIX, Verdict, last_result, open_log
 from calstation.results.result import Result, read_content, result_from
 
 #: Entries that are added later to the result file of a run: an override, which must be in the audit trail, and the
@@ -42,9 +42,11 @@ def load_run_result(path: Path, *, require_log: bool = False) -> Result:
             raise
         return result
     entry = altered_entry(content, stored)
-    if entry is not None:
-        raise InputError("result.altered", file=path, log=log, entry=entry)
-    return result
+    if entry is None:
+        return result
+    if stored is None and open_log(log).outcome is None:
+        raise InputError("result.unconfirmed", file=path, log=log)
+    raise InputError("result.altered", file=path, log=log, entry=entry)
 
 
 def run_log(file: str, path: Path) -> Path | None:
@@ -61,18 +63,19 @@ def altered_entry(content: Mapping[str, Any], stored: Mapping[str, Any] | None) 
     if stored is None:
         return "outcome" if content.get("outcome") == Verdict.PASSED else None
     stated = {key: value for key, value in content.items() if key not in ADDED_LATER}
-    log = stated.get("log")
-    if isinstance(log, dict):
-        stated["log"] = {**log, "file": stored["log"]["file"]}
-    return difference(stated, stored, 0.0)
+    return difference(_without_path(stated), _without_path(stored), 0.0)
 
 
 def content_digest(content: Mapping[str, Any]) -> str:
     """Return the SHA-256 of a result without the entries that are added later, and without the path of its log."""
     stated = {key: value for key, value in content.items() if key not in ADDED_LATER}
-    if isinstance(stated.get("log"), dict):
-        stated["log"] = {**stated["log"], "file": ""}
-    return hashlib.sha256(json.dumps(stated, sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(_without_path(stated), sort_keys=True).encode()).hexdigest()
+
+
+def _without_path(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a result without the path of its log."""
+    log = content.get("log")
+    return {**content, "log": {**log, "file": ""}} if isinstance(log, dict) else {**content}
 
 
 def difference(one: Any, other: Any, rounding: float, scale: float = 0.0) -> str | None:

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import multiprocessing
+import os
 import re
 import stat
 import sys
@@ -13,7 +14,7 @@ from pathlib import Path
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from calstation.errors import ConfigurationError
+from calstation.errors import ConfigurationError, InputError
 from calstation.records import (
     ChainedFile,
     append_audit,
@@ -213,6 +214,31 @@ def test_lines_older_than_the_key_are_accepted_only_before_it(tmp_path: Path) ->
 @pytest.mark.skipif(sys.platform == "win32", reason="no such permissions")
 def test_only_the_owner_may_read_the_key(tmp_path: Path, trail: Path) -> None:
     assert stat.S_IMODE(key_file(tmp_path).stat().st_mode) == 0o600
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no umask")
+def test_several_accounts_append_to_one_trail(tmp_path: Path) -> None:
+    """The umask of the accounts decides who may write the files, and a new key is readable for whom the former was."""
+    before = os.umask(0o002)
+    try:
+        append_audit(tmp_path, "pin_set", "wang")
+        key_file(tmp_path).chmod(0o640)
+        restart_trail(tmp_path, "li", "disk replaced", None)
+    finally:
+        os.umask(before)
+    modes = {path.name: stat.S_IMODE(path.stat().st_mode) for path in tmp_path.iterdir()}
+    assert modes.pop("station.key") == 0o640
+    assert {*modes.values()} == {0o664}
+
+
+def test_unreadable_head_is_no_missing_file(tmp_path: Path, trail: Path) -> None:
+    """An account without rights in the folder of the key learns which rights it lacks."""
+    head_file(tmp_path).unlink()
+    head_file(tmp_path).mkdir()
+    with raises_code(InputError, "audit.head_unreadable"):
+        verify_trail(tmp_path)
+    with raises_code(ConfigurationError, "audit.head_unreadable"):
+        append_audit(tmp_path, "pin_set", "wang")
 
 
 def test_site_chooses_where_the_key_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,18 +1,34 @@
 """Any change of a certificate, of the record of reports or of the audit trail is found, and stops the issue."""
 
 import json
+import random
 import shutil
+import sqlite3
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import h5py
 import pytest
 
 from calstation.cli.app import run_app
 from calstation.config import site_folder
 from calstation.database.exchange import Exchange
-from calstation.records import ChainedFile, append_audit, audit_path, find_heads, read_reports, restart_trail
+from calstation.errors import InputError
+from calstation.records import (
+    ChainedFile,
+    append_audit,
+    audit_path,
+    find_heads,
+    read_reports,
+    restart_trail,
+    verify_trail,
+)
+from calstation.records.run_index import FILE
 from calstation.records.station_key import head_file
 from calstation.reports import verify_certificate, verify_reports
+from calstation.reports.source import load_source
+from calstation.results import History, load_run_result
+from tests.helpers import ignore_progress
 from tests.reports.certificates import make
 from tests.shared_runs import SharedRuns
 
@@ -72,6 +88,86 @@ def test_change_of_a_byte_of_a_certificate_is_found(site: Path, name: str) -> No
         path.write_bytes(bytes(changed))
         assert not verify_certificate(path).intact
     assert calstation("check", path) == 2
+
+
+@pytest.mark.parametrize("name", ["audit.jsonl", "reports.jsonl"])
+def test_change_of_a_byte_of_trail_or_reports_is_found(site: Path, name: str) -> None:
+    path = site / "runs" / name if name == "reports.jsonl" else audit_path(site_folder())
+    content = path.read_bytes()
+    for i in [*range(0, len(content), len(content) // _TRIALS), len(content) - 2]:
+        path.write_bytes(_flipped(content, i))
+        found = verify_trail(site_folder()).faults if name == "audit.jsonl" else not verify_reports(path.parent).intact
+        assert found, i
+
+
+def _flipped(content: bytes, i: int) -> bytes:
+    return content[:i] + bytes([content[i] ^ 1]) + content[i + 1 :]
+
+
+def _places(log: Path) -> dict[str, list[int]]:
+    """Return the positions of the bytes of each dataset of a log, and of the rest of the file."""
+    places: dict[str, list[int]] = {}
+    with h5py.File(log) as file:
+        for name, data in file.items():
+            chunks = [data.id.get_chunk_info(i) for i in range(data.id.get_num_chunks())] if data.chunks else []
+            parts = [(each.byte_offset, each.size) for each in chunks] or [(data.id.get_offset(), data.nbytes)]
+            places[name] = [k for start, size in parts for k in range(start, start + size)][: data.nbytes]
+    used = {k for part in places.values() for k in part}
+    return {**places, "structure": [k for k in range(log.stat().st_size) if k not in used]}
+
+
+#: Parts of a log of which every byte is covered. No value and no verdict depends on events, except the registers as
+#: found, nor on the outcome in the closing record; the structure of the file also has unused bytes.
+COVERED = ("samples", "meta", "stages", "results")
+
+
+@pytest.mark.parametrize("part", [*COVERED, "closing", "events", "structure"])
+def test_change_of_a_byte_of_a_log_is_found_or_changes_no_evidence(site: Path, part: str) -> None:
+    log, result = site / "runs" / "run.h5", site / "runs" / "run.json"
+    content, places = log.read_bytes(), _places(log)[part]
+    original = _evidence(log, result)
+    for i in random.Random(34).sample(places, min(12, len(places))):
+        log.write_bytes(_flipped(content, i))
+        try:
+            evidence = _evidence(log, result)
+        except InputError:
+            continue
+        assert part not in COVERED, i
+        assert evidence == original, i
+
+
+def _evidence(log: Path, result: Path) -> tuple[object, ...]:
+    """Return what a certificate is made from. Raises InputError if a change is found."""
+    source, contents = load_source(ignore_progress, result)
+    facts = contents.facts()
+    if facts.damaged:
+        raise InputError("log.altered", file=log)
+    return source.to_json(), facts, contents.meta
+
+
+def test_a_changed_index_is_believed_by_history_only(site: Path) -> None:
+    """Labels, `apply` and certificates read result and log, from which the index is made again."""
+    runs = site / "runs"
+    History(runs).refresh()
+    with sqlite3.connect(runs / FILE) as connection:
+        connection.execute("UPDATE runs SET verdict='failed', content=replace(content, '\"passed\"', '\"failed\"')")
+    connection.close()
+    history = History(runs)
+    history.refresh()
+    assert [run.verdict for run in history.runs()] == ["failed"]
+    assert (load_run_result(runs / "run.json").verdict, verify_reports(runs).intact) == ("passed", True)
+    (runs / FILE).unlink()
+    History(runs).refresh()
+    assert [run.verdict for run in History(runs).runs()] == ["passed"]
+
+
+def test_reports_that_were_moved_away_are_put_back(site: Path) -> None:
+    reports = site / "runs" / "reports.jsonl"
+    report = ["report", site / "runs" / "run.h5", "-o", site / "r2.pdf", "--revise", "Once more"]
+    reports.rename(site / "reports_2026.jsonl")
+    assert calstation(*report) == 2
+    (site / "reports_2026.jsonl").rename(reports)
+    assert calstation(*report) == 0
 
 
 def calstation(*arguments: object) -> int:

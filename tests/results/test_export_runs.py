@@ -11,7 +11,7 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.records import LogMeta, RawLogWriter, RunFilter, partial_path
 from calstation.results import History, export_runs, load_result
 from tests.check_rows import check_row
-from tests.helpers import Progress
+from tests.helpers import Progress, write_log_of
 from tests.records.records_samples import META, make_block
 from tests.results.test_history import write
 
@@ -48,6 +48,30 @@ def test_parquet_has_the_rows_of_the_csv(folder: Path, tmp_path: Path) -> None:
     for row, text in zip(rows, expected, strict=True):
         value = text["gyro_bias_x [rad/s]"]
         assert row["gyro_bias_x [rad/s]"] == (float(value) if value else None)
+
+
+def test_parquet_has_texts_as_they_are(folder: Path, tmp_path: Path) -> None:
+    """Unlike a cell of a CSV file, no spreadsheet takes them for formulas."""
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    write(folder, "d", "=SN-1", "passed", 4, operator='-x, "q"\n2')
+    History(folder).refresh()
+    target = export_runs(Progress(), folder, RunFilter(), tmp_path / "o'neil's runs.parquet")
+    row = next(row for row in parquet.read_table(target).to_pylist() if row["serial"] == "=SN-1")
+    assert (row["operator"], row["attempt"], row["batch"]) == ('-x, "q"\n2', 1, None)
+
+
+def test_altered_run_is_exported_from_its_log_or_left_out(folder: Path, tmp_path: Path) -> None:
+    for name, day in (("d", 4), ("e", 5)):
+        write_log_of(write(folder, name, f"SN-{name}", "failed", day))
+        History(folder).refresh()
+        write(folder, name, f"SN-{name}", "passed", day)
+    (folder / "e.h5").unlink()
+    History(folder).refresh()
+    assert [run.badge for run in History(folder).runs()][:2] == ["altered", "altered"]
+    exported = json.loads(export_runs(Progress(), folder, RunFilter(), tmp_path / "runs.json").read_bytes())
+    assert [(each["unit"]["serial"], each["outcome"]) for each in exported] == [
+        *(("SN-d", "failed"), ("SN=2, x", "passed"), ("SN-1", "failed")),
+    ]
 
 
 def test_csv_row_has_the_values_and_sigmas_of_its_run(folder: Path, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from helpers import ignore_progress
 from calstation.errors import InputError
 from calstation.records import CheckId, IndexedRun, LogMeta, RawLogWriter, RunFilter, RunIndex, Verdict, acquire_lock
 from calstation.records.run_index import FILE
-from calstation.results import History, refresh_history
+from calstation.results import History, altered_entry, refresh_history
 from calstation.results import history as history_module
 from calstation.runs import find_resumable, recover_at_startup
 from tests.check_rows import check_row
@@ -195,6 +195,32 @@ def test_result_that_a_log_without_a_result_contradicts_is_altered(tmp_path: Pat
     write(tmp_path, "a", "SN-1", "passed", 1)
     (run,) = refreshed(tmp_path).runs()
     assert (run.badge, run.verdict, run.serial) == ("altered", "incomplete", meta.imu.serial)
+
+
+def test_passed_result_is_unconfirmed_if_its_log_was_not_closed(tmp_path: Path) -> None:
+    """The disk failed when the run ended: the log has neither a result nor an end."""
+    writer = RawLogWriter(tmp_path / "x.h5", LogMeta.model_validate(META))
+    writer.append(make_block("rate", 0, 10))
+    writer.flush()
+    (tmp_path / "runs").mkdir()
+    shutil.copyfile(tmp_path / "x.h5", tmp_path / "runs" / "a.h5")
+    writer.close("stopped")
+    write(tmp_path / "runs", "a", "SN-1", "passed", 1)
+    history = refreshed(tmp_path / "runs")
+    (run,) = history.runs()
+    assert (run.badge, run.verdict) == ("unconfirmed", "incomplete")
+    with raises_code(InputError, "result.unconfirmed"):
+        history.result(run)
+    run.log.unlink()
+    assert [each.badge for each in refreshed(tmp_path / "runs").runs()] == ["unconfirmed"]
+
+
+@pytest.mark.parametrize("log", [None, 3, {}, {"file": "/b.h5"}])
+def test_stored_result_without_the_path_of_its_log_is_compared(log: Any) -> None:
+    stored = {"outcome": "failed", "log": {"file": "/a.h5"}}
+    other = {"outcome": "failed"} if log is None else {"outcome": "failed", "log": log}
+    expected = None if isinstance(log, dict) else "log"
+    assert (altered_entry(stored, other), altered_entry(other, stored)) == (expected, expected)
 
 
 @pytest.mark.parametrize("key", ["override", "closed_utc"])

@@ -256,7 +256,8 @@ class RunDetails(QFrame):
         """Return the reason for the outcome of a run, and whether it can be resumed."""
         result = self._result
         if run.altered:
-            return say("history.altered", file=run.result, outcome=term("badge", run.verdict))
+            code = "history.unconfirmed" if run.unconfirmed else "history.altered"
+            return say(code, file=run.result, outcome=term("badge", run.verdict))
         if run.verdict is Verdict.FAULT and run.error:
             fault = None if result is None else result.fault
             if fault is None:
