@@ -7,6 +7,7 @@
 """
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 AXES = "xyz"
 _OFF = ("xy", "xz", "yx", "yz", "zx", "zy")
@@ -26,32 +27,17 @@ NAMES = tuple(f"{group}_{member}" for group, (members, _) in GROUPS.items() for 
 WIDE = np.array([sigma for members, sigma in GROUPS.values() for _ in members])
 COUNT = len(NAMES)
 AT = {group: [i for i, name in enumerate(NAMES) if name.startswith(group + "_")] for group in GROUPS}
-#: Row and column of the misalignments.
-_G_OFF = tuple((AXES.index(m[0]), AXES.index(m[1])) for m in _OFF)
-_A_OFF = tuple((AXES.index(m[0]), AXES.index(m[1])) for m in ("yx", "zx", "zy"))
 EARTH_RATE = 7.292115e-5
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def gyro_matrix(p):
-    """Return I + M_g."""
-    M = np.diag(1.0 + p[AT["gyro_scale"]])
-    for i, (row, column) in zip(AT["gyro_misalign"], _G_OFF, strict=True):
-        M[row, column] = p[i]
+def matrix(p, sensor):
+    """Return I + M of the gyros or the accelerometers."""
+    M = np.diag(1.0 + p[AT[sensor + "_scale"]])
+    for i in AT[sensor + "_misalign"]:
+        row, column = NAMES[i][-2:]
+        M[AXES.index(row), AXES.index(column)] = p[i]
     return M
-
-
-def accel_matrix(p):
-    """Return I + M_a."""
-    M = np.diag(1.0 + p[AT["accel_scale"]])
-    for i, (row, column) in zip(AT["accel_misalign"], _A_OFF, strict=True):
-        M[row, column] = p[i]
-    return M
-
-
-def rate_of(p, gyro):
-    """Return the angular rate, rad/s, from the measured one, shape (n, 3)."""
-    return np.linalg.solve(gyro_matrix(p), (gyro - p[AT["gyro_bias"]]).T).T
 
 
 def size_effect(p, omega):
@@ -59,69 +45,50 @@ def size_effect(p, omega):
     return p[AT["inner_lever"]] * (omega**2 - np.sum(omega**2, axis=1, keepdims=True))
 
 
+def sensed(p, omega, force):
+    """Return the output of gyros and accelerometers, shape (n, 6), without the size effect."""
+    gyro = omega @ matrix(p, "gyro").T + p[AT["gyro_bias"]]
+    accel = force @ matrix(p, "accel").T + p[AT["accel_quadratic"]] * force**2 + p[AT["accel_bias"]]
+    return np.hstack([gyro, accel])
+
+
+def rate_of(p, gyro):
+    """Return the angular rate, rad/s, from the measured one, shape (n, 3)."""
+    return np.linalg.solve(matrix(p, "gyro"), (gyro - p[AT["gyro_bias"]]).T).T
+
+
 def force_of(p, accel, omega):
     """Return the specific force at the reference point, m/s², from the measured one, shape (n, 3)."""
-    inverse, linear = np.linalg.inv(accel_matrix(p)), accel - p[AT["accel_bias"]]
+    inverse, linear = np.linalg.inv(matrix(p, "accel")), accel - p[AT["accel_bias"]]
     force = linear @ inverse.T
     for _ in range(4):
         force = (linear - p[AT["accel_quadratic"]] * force**2) @ inverse.T
     return force - size_effect(p, omega)
 
 
-def rate_derivative(p, omega):
-    """Return the change of the computed rate per parameter, shape (n, 3, 30)."""
-    change = np.zeros((len(omega), 3, COUNT))
-    for axis in range(3):
-        change[:, axis, AT["gyro_bias"][axis]] = 1.0
-        change[:, axis, AT["gyro_scale"][axis]] = omega[:, axis]
-    for i, (row, column) in zip(AT["gyro_misalign"], _G_OFF, strict=True):
-        change[:, row, i] = omega[:, column]
-    return -np.linalg.inv(gyro_matrix(p)) @ change
+def derivatives(p, omega, force):
+    """Return the changes of the computed rate and force per parameter, shape (n, 3, 30) each.
 
-
-def force_derivative(p, force, omega):
-    """Return the change of the computed force per parameter at a fixed rate, shape (n, 3, 30).
-
-    The force is that at the reference point, although the accelerometers sense it at their own.
+    The parameters act on the force at the reference point, although the accelerometers sense it at their own.
     """
-    change = np.zeros((len(force), 3, COUNT))
-    for axis in range(3):
-        change[:, axis, AT["accel_bias"][axis]] = 1.0
-        change[:, axis, AT["accel_scale"][axis]] = force[:, axis]
-        change[:, axis, AT["accel_quadratic"][axis]] = force[:, axis] ** 2
-    for i, (row, column) in zip(AT["accel_misalign"], _A_OFF, strict=True):
-        change[:, row, i] = force[:, column]
-    slope = accel_matrix(p) + 2.0 * p[AT["accel_quadratic"]][None, :, None] * force[:, :, None] * np.eye(3)
-    change = -np.linalg.solve(slope, change)
-    size = np.sum(omega**2, axis=1, keepdims=True) - omega**2
-    for axis in range(3):
-        change[:, axis, AT["inner_lever"][axis]] += size[:, axis]
-    return change
+    change, output = np.zeros((len(omega), 6, COUNT)), sensed(p, omega, force)
+    for i in range(AT["inner_lever"][0]):  # the output is linear in its parameters
+        change[:, :, i] = sensed(p + np.eye(COUNT)[i], omega, force) - output
+    slope = matrix(p, "accel") + 2.0 * p[AT["accel_quadratic"]][None, :, None] * force[:, :, None] * np.eye(3)
+    by_rate, by_force = -np.linalg.inv(matrix(p, "gyro")) @ change[:, :3], -np.linalg.solve(slope, change[:, 3:])
+    for axis, i in enumerate(AT["inner_lever"]):
+        by_force[:, axis, i] += np.sum(omega**2, axis=1) - omega[:, axis] ** 2
+    return by_rate, by_force
 
 
 def skew(v):
     """Return the matrices of the cross products with vectors, shape (..., 3, 3)."""
-    v = np.asarray(v)
-    zero = np.zeros(v.shape[:-1])
-    x, y, z = v[..., 0], v[..., 1], v[..., 2]
-    rows = [np.stack(row, axis=-1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
-    return np.stack(rows, axis=-2)
+    return np.cross(np.eye(3), np.asarray(v)[..., None, :])
 
 
 def rotation(v):
     """Return the rotation matrices of rotation vectors, rad, shape (..., 3, 3)."""
-    v = np.asarray(v, float)
-    angle = np.linalg.norm(v, axis=-1)[..., None, None]
-    S = skew(v)
-    return np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * (S @ S)
-
-
-def vector(R):
-    """Return the rotation vectors, rad, of rotation matrices by less than half a turn, shape (..., 3)."""
-    twice = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1)
-    sine, cosine = 0.5 * np.linalg.norm(twice, axis=-1), 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1.0)
-    angle = np.arctan2(sine, cosine)
-    return 0.5 * twice / np.sinc(angle / np.pi)[..., None]
+    return Rotation.from_rotvec(v).as_matrix()
 
 
 def earth_rate(latitude):

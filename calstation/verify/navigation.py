@@ -12,25 +12,14 @@ appear as information about the heading.
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.spatial.transform import Rotation
 
-from .model import (
-    AT,
-    COUNT,
-    UP,
-    earth_rate,
-    force_derivative,
-    force_of,
-    rate_derivative,
-    rate_of,
-    rotation,
-    skew,
-    vector,
-)  # fmt: skip
+from .estimate import SIZE
+from .model import AT, COUNT, UP, derivatives, earth_rate, force_of, rate_of, rotation, skew
 from .samples import DRIFT_TIME, MARGIN, SHORTEST, NotCoveredError, mean_angles, rests
 
-#: Columns after the 30 parameters: the offset of the table's axes, and the relative error of gravity.
-OFFSET, GRAVITY = COUNT, COUNT + 1
-COLUMNS = COUNT + 2
+#: Number of columns: the parameters, the offsets of the table's axes, the relative error of gravity, the misclosure.
+COLUMNS = SIZE + 2
 _PASSES, _CONVERGED = 25, 1e-3
 _LONGEST_ALIGNMENT = 20.0
 
@@ -46,24 +35,16 @@ class Segment:
         self.stop = self.begin + self.count * self.stride
         self.gyro, self.accel, self.last = stage.gyro, stage.accel, span[1]
         self.first_time, self.last_time = (float(stage.seq[k]) * setting.dt for k in (self.begin, self.stop - 1))
-        sigma = setting.sigma
-        end = min(rest[1], rest[0] + int(_LONGEST_ALIGNMENT / setting.dt))
-        tilt = np.sqrt(sigma["mount"] ** 2 + sigma["base_tilt"] ** 2 + sigma["encoder"] ** 2)
+        sigma, end = setting.sigma, min(rest[1], rest[0] + int(_LONGEST_ALIGNMENT / setting.dt))
         heading = np.sqrt(sigma["azimuth"] ** 2 + sigma["mount"] ** 2 + sigma["encoder"] ** 2)
-        self.prior_sigma = np.array([tilt, tilt, heading])
-        self.prior = self._attitudes(mean_angles(stage, self.begin, end)[None])[0]
+        self.prior_sigma = np.r_[sigma["tilt"], sigma["tilt"], heading, [np.sqrt(100.0 * setting.velocity)] * 3]
+        self.prior = (setting.platform(mean_angles(stage, (self.begin, end))[None]) @ setting.orientation)[0]
         at = np.arange(self.begin, self.stop + 1, self.stride)
         polled = self.begin + np.flatnonzero(np.isfinite(stage.angles[self.begin : span[1]]).all(axis=1))
         angles = np.stack([np.interp(at, polled + 1, stage.angles[polled, j]) for j in (0, 1)], axis=1)
-        self.attitude = self._attitudes(angles)
+        self.attitude = setting.platform(angles) @ setting.orientation
         self.velocity = np.zeros((self.count + 1, 3))
         self.drift = np.zeros((self.count + 1, 6))
-
-    def _attitudes(self, angles):
-        """Return C_bn at angles of the table, rad, shape (n, 2)."""
-        s = self.setting
-        table = rotation(angles[:, :1] * s.axes[0]) @ rotation(angles[:, 1:] * s.axes[1])
-        return rotation(-s.azimuth * UP) @ table @ s.orientation
 
     def _integrate(self, p):
         """Return rotation, velocity and displacement over intervals in b, their derivatives in n, and the rates."""
@@ -79,7 +60,7 @@ class Segment:
         change = now[1] + 0.5 * np.cross(now[0], now[1]) + np.cross(now[0], np.cross(now[0], now[1])) / 6.0
         change += (np.cross(before[0], now[1]) + np.cross(before[1], now[0])) / 12.0
         angle, change = (x.reshape(n, self.stride, 3) for x in (angle, change))
-        # from the mean of the velocities before and after a sample; exactly, the second term is a sixth
+        # exact if the force is constant in n: a force constant in b would need a sixth instead of a quarter
         shift = (0.5 * now[1] + np.cross(now[0], now[1]) / 4.0).reshape(n, self.stride, 3) * dt
         R, v, x = np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3))
         J_phi, J_v, J_x = (np.zeros((n, 3, COUNT)) for _ in range(3))
@@ -90,8 +71,9 @@ class Segment:
                 "nij,nj->ni", middle, np.cross(spin[:, j], np.cross(spin[:, j], p[AT["outer_lever"]]))
             )
             implied = np.einsum("nji,nj->ni", middle, lift)
-            turned = dt * middle @ rate_derivative(p, spin[:, j])
-            pushed = middle @ force_derivative(p, implied, spin[:, j]) - skew(lift) @ (J_phi + 0.5 * turned)
+            by_rate, by_force = derivatives(p, spin[:, j], implied)
+            turned = dt * middle @ by_rate
+            pushed = middle @ by_force - skew(lift) @ (J_phi + 0.5 * turned)
             J_x += dt * (J_v + 0.5 * dt * pushed)
             J_v += dt * pushed
             J_phi += turned
@@ -107,13 +89,13 @@ class Segment:
         C = self.attitude[:-1]
         return R, v, x, (C @ J_phi, C @ J_v, C @ J_x), np.vstack([first, ends])
 
-    def equations(self, p):
-        """Return the whitened equations about the present trajectory and parameters.
+    def equations(self, p, offset):
+        """Return the whitened equations about the present trajectory, the parameters and the offsets of the axes.
 
         Coefficients of the states at the start and at the end of every interval, of the columns, and the misclosures,
-        shapes (n, 9, m), (n, 9, m), (n, 9, 32), (n, 9); m is 6, or 12 with drifts.
+        shape (n, 9, 2 m + 34); m is 6, or 12 with drifts.
         """
-        s, T, n = self.setting, self.T, self.count
+        s, T, n, m = self.setting, self.T, self.count, states_of(self.setting)
         earth = earth_rate(s.latitude)
         R, v, x, (J_phi, J_v, J_x), rate = self._integrate(p)
         C0, C1, r = self.attitude[:-1], self.attitude[1:], p[AT["outer_lever"]]
@@ -122,20 +104,17 @@ class Segment:
         push, way = np.einsum("nij,nj->ni", C0, v), np.einsum("nij,nj->ni", C0, x)
         impulse = s.gravity * T * UP + np.diff(u, axis=0)
         moment = 0.5 * s.gravity * T**2 * UP + np.diff(arm, axis=0) - T * u[:-1]
-        bias = np.r_[AT["gyro_bias"], AT["accel_bias"]]
         # the trajectory predicted over every interval, with the drifts of the biases to first order
-        lean = skew(impulse)
-        b = self.drift[:-1, :, None]
-        attitude = rotation(-earth * T) @ C0 @ R
-        attitude = rotation((J_phi[:, :, bias] @ b)[..., 0]) @ attitude
+        lean, bias, b = skew(impulse), np.r_[AT["gyro_bias"], AT["accel_bias"]], self.drift[:-1, :, None]
+        attitude = rotation((J_phi[:, :, bias] @ b)[..., 0]) @ rotation(-earth * T) @ C0 @ R
         coriolis = np.cross(earth, np.diff(arm, axis=0))
         velocity = self.velocity[:-1] + push - 0.5 * T * np.cross(earth, push) - s.gravity * T * UP - 2.0 * coriolis
         velocity = velocity + (J_v[:, :, bias] @ b)[..., 0]
         shift = T * self.velocity[:-1] + way - T / 3.0 * np.cross(earth, way) - 0.5 * s.gravity * T**2 * UP
         shift = shift - T * np.cross(earth, T * self.velocity[:-1]) + (J_x[:, :, bias] @ b)[..., 0]
-        hinge = self._hinge()
-        m, columns = 12 if s.drift.any() else 6, np.zeros((n, 9, COLUMNS))
-        before, after, wrong = np.zeros((n, 9, m)), np.zeros((n, 9, m)), np.zeros((n, 9))
+        centre = np.diff(self._directions(), axis=0)
+        E = np.zeros((n, 9, 2 * m + COLUMNS))
+        before, after, columns, wrong = E[:, :, :m], E[:, :, m : 2 * m], E[:, :, 2 * m : -1], E[:, :, -1]
         spin = skew(earth) * T
         before[:, 0:3, 0:3] = -(np.eye(3) - spin)
         before[:, 3:6, 0:3], before[:, 3:6, 3:6] = lean, -(np.eye(3) - 2.0 * spin)
@@ -143,19 +122,16 @@ class Segment:
         before[:, 6:9, 3:6] = -np.eye(3)
         after[:, 0:3, 0:3] = after[:, 3:6, 3:6] = np.eye(3)
         after[:, 6:9, 0:3] = -skew(arm[1:]) / T
-        columns[:, 0:3, :COUNT], columns[:, 3:6, :COUNT], columns[:, 6:9, :COUNT] = -J_phi, -J_v, -J_x / T
+        columns[:, :, :COUNT] = np.concatenate([-J_phi, -J_v, -J_x / T], axis=1)
         columns[:, 6:9, AT["outer_lever"]] += (C1 - C0) / T
-        columns[:, 6:9, OFFSET] = np.diff(hinge, axis=0) / T
-        columns[:, 3:6, GRAVITY] = s.gravity * T * UP
-        columns[:, 6:9, GRAVITY] = 0.5 * s.gravity * T * UP
+        columns[:, 6:9, COUNT:SIZE] = centre / T
+        columns[:, 3:6, SIZE], columns[:, 6:9, SIZE] = s.gravity * T * UP, 0.5 * s.gravity * T * UP
         if m == 12:
             before[:, :, 6:12] = columns[:, :, bias]
-        wrong[:, 0:3] = -vector(attitude @ C1.transpose(0, 2, 1))
+        wrong[:, 0:3] = -_vector(attitude @ C1.transpose(0, 2, 1))
         wrong[:, 3:6] = self.velocity[1:] - velocity
-        wrong[:, 6:9] = (np.diff(arm, axis=0) + self.offset * np.diff(hinge, axis=0) - shift) / T
-        root = np.linalg.cholesky(self._noise(lean / T))
-        white = [np.linalg.solve(root, each) for each in (before, after, columns, wrong[:, :, None])]
-        return white[0], white[1], white[2], white[3][:, :, 0]
+        wrong[:, 6:9] = (np.diff(arm, axis=0) + centre @ offset - shift) / T
+        return np.linalg.solve(np.linalg.cholesky(self._noise(lean / T)), E)
 
     def _noise(self, F):
         """Return the covariance of the nine equations of every interval for white noise of rate and force."""
@@ -171,24 +147,19 @@ class Segment:
         lower = np.tril(N)
         return lower + np.tril(N, -1).transpose(0, 2, 1)
 
-    def _hinge(self):
-        """Return the direction in n along which the inner axis may miss the outer one, at the ends of intervals."""
+    def _directions(self):
+        """Return the directions in n of the offsets of the axes, at the ends of the intervals."""
         s = self.setting
-        outer = rotation(-s.azimuth * UP) @ s.axes[0]
         inner = self.attitude @ (s.orientation.T @ s.axes[1])
-        hinge = np.cross(outer, inner)
-        return hinge / np.linalg.norm(hinge, axis=1, keepdims=True)
+        hinge = np.cross(rotation(-s.azimuth * UP) @ s.axes[0], inner)
+        return np.stack([hinge / np.linalg.norm(hinge, axis=1, keepdims=True), inner], axis=2)
 
     def start(self, m):
-        """Return the equations of attitude and velocity at the start, shapes (6, m) and (6,)."""
-        known, wrong = np.zeros((6, m)), np.zeros(6)
-        known[:3, :3], known[3:, 3:6] = (
-            np.diag(1.0 / self.prior_sigma),
-            np.eye(3) / np.sqrt(100.0 * self.setting.velocity),
-        )
-        wrong[:3] = -vector(self.prior @ self.attitude[0].T) / self.prior_sigma
-        wrong[3:] = self.velocity[0] / np.sqrt(100.0 * self.setting.velocity)
-        return known, wrong
+        """Return the equations of attitude and velocity at the start, shape (1, 9, 2 m + 34)."""
+        E = np.zeros((1, 9, 2 * m + COLUMNS))
+        E[0, :6, m : m + 6] = np.diag(1.0 / self.prior_sigma)
+        E[0, :6, -1] = np.r_[-_vector(self.prior @ self.attitude[0].T), self.velocity[0]] / self.prior_sigma
+        return E
 
     def correct(self, states):
         """Add the corrections of the states at the ends of the intervals, shape (n + 1, m)."""
@@ -198,88 +169,78 @@ class Segment:
             self.drift = self.drift + states[:, 6:]
 
 
-def _with_drift(setting, equations, seconds, before, after):
+def states_of(setting):
+    """Return the number of states of the trajectory: attitude, velocity, and drifts of the biases, if there are any."""
+    return 12 if setting.drift.any() else 6
+
+
+def _vector(R):
+    return Rotation.from_matrix(R).as_rotvec()
+
+
+def _with_drift(setting, E, seconds, before, after):
     """Return equations with those of the drifts `before` and `after` intervals: a first-order Gauss-Markov process."""
+    if states_of(setting) == 6:
+        return E
     keep, known = np.exp(-seconds / DRIFT_TIME), setting.drift > 0.0
     scale = np.where(known, 1.0 / np.where(known, setting.drift * np.sqrt(1.0 - keep**2), 1.0), 1e12)
-    start, end, columns, wrong = (np.concatenate([x, np.zeros((len(x), 6, *x.shape[2:]))], axis=1) for x in equations)
-    start[:, 9:, 6:], end[:, 9:, 6:] = -keep * np.diag(scale), np.diag(scale)
-    wrong[:, 9:] = (after - keep * before) * scale
-    return start, end, columns, wrong
+    more = np.zeros((len(E), 6, E.shape[2]))
+    more[:, :, 6:12], more[:, :, 18:24], more[:, :, -1] = (
+        -keep * np.diag(scale),
+        np.diag(scale),
+        (after - keep * before) * scale,
+    )
+    return np.concatenate([E, more], axis=1)
 
 
 def reduce(segments, p, offset):
-    """Eliminate the trajectory of all segments; return the remaining equations, their misclosures, and a step.
+    """Eliminate the trajectory of all segments; return the remaining equations and their misclosures, and a step.
 
-    Shapes (k, 32) and (k,); `step` corrects the trajectory for a change of the columns. Attitude and velocity begin
+    Shapes (k, 33) and (k,); `step` corrects the trajectory for a change of the columns. Attitude and velocity begin
     anew with every segment, the drifts of the biases continue.
     """
-    s, m, parts = segments[0].setting, 12 if segments[0].setting.drift.any() else 6, []
-    for k, segment in enumerate(segments):
-        segment.offset = offset
-        known, wrong = segment.start(m)
-        if k:
-            link = (np.zeros((1, 9, m)), np.zeros((1, 9, m)), np.zeros((1, 9, COLUMNS)), np.zeros((1, 9)))
-            link[1][0, :6], link[3][0, :6] = known, wrong
-            gap = segment.first_time - segments[k - 1].last_time
-            last = segments[k - 1].drift[-1:]
-            parts.append(_with_drift(s, link, gap, last, segment.drift[:1]) if m == 12 else link)
-        equations = segment.equations(p)
+    s, parts, end, last = segments[0].setting, [], -np.inf, 0.0
+    m = states_of(s)
+    for segment in segments:
         drift = segment.drift
-        parts.append(_with_drift(s, equations, segment.T, drift[:-1], drift[1:]) if m == 12 else equations)
-    before, after, columns, wrong = (np.concatenate(each) for each in zip(*parts, strict=True))
-    start, known = segments[0].start(m)
-    if m == 12:
-        scale = np.where(s.drift > 0.0, 1.0 / np.where(s.drift > 0.0, s.drift, 1.0), 1e12)
-        start = np.vstack([start, np.hstack([np.zeros((6, 6)), np.diag(scale)])])
-        known = np.append(known, scale * segments[0].drift[0])
-    n = len(before)
-    # units in which the states are of order one
+        parts.append(_with_drift(s, segment.start(m), segment.first_time - end, last, drift[:1]))
+        parts.append(_with_drift(s, segment.equations(p, offset), segment.T, drift[:-1], drift[1:]))
+        end, last = segment.last_time, drift[-1:]
+    # units in which the states are of order one; every state follows from the one before, the first from nothing
     unit = np.r_[[1e-6] * 3, [1e-3] * 3, np.where(s.drift > 0, s.drift, 1e-9)][:m]
-    before, after, start = before * unit, after * unit, start * unit
-    blocks = np.zeros((n + 1, m, m))
+    before, after, right = np.split(np.concatenate(parts), [m, 2 * m], axis=2)
+    before, after = before[1:] * unit, after * unit
+    blocks, load = after.transpose(0, 2, 1) @ after, after.transpose(0, 2, 1) @ right
     blocks[:-1] += before.transpose(0, 2, 1) @ before
-    blocks[1:] += after.transpose(0, 2, 1) @ after
-    blocks[0] += start.T @ start
-    below = after.transpose(0, 2, 1) @ before
-    right = np.concatenate([columns, wrong[:, :, None]], axis=2)
-    load = np.zeros((n + 1, m, right.shape[2]))
-    load[:-1] += before.transpose(0, 2, 1) @ right
-    load[1:] += after.transpose(0, 2, 1) @ right
-    load[0, :, -1] += start.T @ known
-    band = np.zeros((2 * m, (n + 1) * m))
+    load[:-1] += before.transpose(0, 2, 1) @ right[1:]
+    below, n = after[1:].transpose(0, 2, 1) @ before, len(after)
+    band = np.zeros((2 * m, n * m))
     for i in range(m):
         for j in range(m):
             if i >= j:
                 band[i - j, j::m] = blocks[:, i, j]
-            band[m + i - j, j : n * m : m] = below[:, i, j]
-    factor = cholesky_banded(band, lower=True)
-    Y = cho_solve_banded((factor, True), load.reshape((n + 1) * m, -1)).reshape(n + 1, m, -1)
-    rest = right - before @ Y[:-1] - after @ Y[1:]
-    first = -start @ Y[0]
-    first[:, -1] += known
-    remaining = np.concatenate([rest.reshape(-1, rest.shape[2]), first])
+            band[m + i - j, j : (n - 1) * m : m] = below[:, i, j]
+    Y = cho_solve_banded((cholesky_banded(band, lower=True), True), load.reshape(n * m, -1)).reshape(load.shape)
+    rest = right - after @ Y
+    rest[1:] -= before @ Y[:-1]
 
     def step(change):
-        states = -(Y[:, :, :GRAVITY] @ change + Y[:, :, -1]) * unit
+        states = -(Y[:, :, :SIZE] @ change + Y[:, :, -1]) * unit
         ends = np.cumsum([segment.count + 1 for segment in segments])
         for segment, part in zip(segments, np.split(states, ends[:-1]), strict=True):
             segment.correct(part)
 
+    remaining = rest.reshape(-1, COLUMNS)
     return remaining[:, :-1], remaining[:, -1], step
 
 
-def segments_of(stage, setting, mean, sigma):
+def segments_of(stage, setting, prior):
     """Return the segments of a stage that begin with a rest. Raises NotCoveredError if there is none."""
     found = []
     for first, last in stage.spans:
         span = (first + (first > 0), last - (last < len(stage.seq)))
-        for rest in rests(stage, setting, mean[AT["gyro_bias"]], sigma[AT["gyro_bias"]].max(), [span]):
-            if (rest[1] - rest[0]) * setting.dt >= SHORTEST:
-                if mean_angles(stage, *rest) is None:
-                    raise NotCoveredError("a stage without angles of the table")
-                found.append(Segment(stage, setting, span, rest))
-                break
+        long = (r for r in rests(stage, setting, prior, [span]) if (r[1] - r[0]) * setting.dt >= SHORTEST)
+        found += [Segment(stage, setting, span, rest) for rest in long][:1]
     if not found:
         raise NotCoveredError(f"the stage {stage.name} without a rest of {SHORTEST + MARGIN} s")
     return found
@@ -287,14 +248,12 @@ def segments_of(stage, setting, mean, sigma):
 
 def solve_motion(stage, setting, prior):
     """Return the joint estimate after a stage of motion; `prior` and the estimate are `estimate.Joint`."""
-    segments = segments_of(stage, setting, prior.mean[:COUNT], prior.sigma[:COUNT])
-    point = prior.mean.copy()
+    segments, point = segments_of(stage, setting, prior), prior.mean.copy()
     for _ in range(_PASSES):
-        jacobian, wrong, step = reduce(segments, point[:COUNT], point[OFFSET])
+        jacobian, wrong, step = reduce(segments, point[:COUNT], point[COUNT:])
         posterior = prior.with_equations(jacobian, -wrong, point)
-        change = posterior.mean - point
+        change, point = posterior.mean - point, posterior.mean.copy()
         step(change)
-        point = posterior.mean.copy()
         if np.max(np.abs(change) / np.where(posterior.sigma > 0, posterior.sigma, 1.0)) < _CONVERGED:
             return posterior
     raise NotCoveredError(f"the stage {stage.name}, whose solution does not converge")

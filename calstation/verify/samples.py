@@ -3,21 +3,21 @@
 import hashlib
 import json
 import zlib
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
 
-from .model import AT, AXES, COUNT, NAMES, WIDE, normal_gravity
+from .model import AT, AXES, COUNT, NAMES, UP, WIDE, normal_gravity, rotation
 
 #: Window, s, margin at both ends, s, and shortest usable rest, s.
 WINDOW, MARGIN, SHORTEST = 0.5, 0.3, 1.0
 #: Correlation time of the drift of a bias, s, and its sigma per bias instability.
 DRIFT_TIME, DRIFT_SIGMA = 200.0, 1.375
-
-
+#: Sections of a configuration that change what is estimated.
+_SECTIONS = ("model", "imu2", "temperature")
 _DIGESTED = (
     ("seq", "<i8"), ("time", "<f8"), ("counts", "<f8", (6,)), ("angles", "<f8", (2,)), ("step", "<i8"),
     ("temperature", "<f8"), ("valid", "u1"),
@@ -32,105 +32,77 @@ class UnreadableError(Exception):
     """A file cannot be read."""
 
 
-@dataclass
-class Setting:
-    """Site, table, noise and prior, from the configuration of a log."""
+class Setting(SimpleNamespace):
+    """Site, table, noise and prior, from the configuration of a log; see `setting_of`."""
 
-    meta: dict
-    gravity: float
-    gravity_sigma: float  # relative
-    latitude: float
-    azimuth: float
-    axes: tuple  # outer and inner axis on the platform at home
-    orientation: np.ndarray  # from b to the platform
-    sigma: dict  # encoder, mount, azimuth, tilt of the base, rad
-    dt: float
-    rate_noise: float  # (rad/s)²/Hz
-    force_noise: float  # (m/s²)²/Hz
-    drift: np.ndarray  # sigma of the drift of the six biases
-    velocity: float  # variance of a mean velocity, (m/s)²
-    interval: float
-    gyro_size: float  # rad/s per count
-    accel_size: float  # m/s² per count
-    gyro_step: float  # step of a gyro output
-    mean: np.ndarray
-    covariance: np.ndarray
-    offset: tuple  # distance of the axes of the table and its sigma, m
-
-
-def _orientation(name):
-    x, z = (np.eye(3)[AXES.index(part[1])] * (1 if part[0] == "+" else -1) for part in (name[:2], name[2:]))
-    return np.array([x, np.cross(z, x), z])
+    def platform(self, angles):
+        """Return the rotations from the platform to n at angles of the table, rad, shape (n, 2)."""
+        table = rotation(angles[:, :1] * self.axes[0]) @ rotation(angles[:, 1:] * self.axes[1])
+        return rotation(-self.azimuth * UP) @ table
 
 
 def setting_of(meta):
     """Return what the solution needs from the configuration of a log. Raises NotCoveredError."""
     site, imu, table = meta["site"], meta["imu"], meta.get("table", {})
-    for name, section in (
-        ("model", meta.get("model")),
-        ("imu2", meta.get("imu2")),
-        ("temperature", meta.get("temperature")),
-    ):
-        if section:
+    for name in _SECTIONS:
+        if meta.get(name):
             raise NotCoveredError(f"the section [{name}] of the configuration")
     if site.get("azimuth_deg") is None:
         raise NotCoveredError("an unknown azimuth")
     if imu.get("bandwidth_hz") or imu.get("coning_compensated"):
         raise NotCoveredError("a filter of the unit (bandwidth_hz, coning_compensated)")
-    if any(table.get("axis_offset_mm", (0, 0))[1:]) and table.get("outer_lever") == "fixed":
-        raise NotCoveredError("an offset along the inner axis with a fixed lever arm")
-    latitude, rate = np.deg2rad(site["latitude_deg"]), imu["sample_rate_hz"]
+    latitude, rate, increment = np.deg2rad(site["latitude_deg"]), imu["sample_rate_hz"], imu["output"] == "increment"
     gravity = site.get("gravity_mps2") or float(normal_gravity(latitude, site["height_m"]))
-    sigma = site.get("gravity_sigma_mps2") or (1e-6 if site.get("gravity_mps2") else 5e-4)
-    interval, increment = table.get("velocity_interval_s", 0.1), imu["output"] == "increment"
-    steps = [
-        imu[f"{s}_quantisation"] if imu.get(f"{s}_quantisation") is not None else imu[f"{s}_lsb"]
-        for s in ("gyro", "accel")
-    ]
-    noises = []
-    for step, white in zip(steps, (imu["gyro_arw"], imu["accel_vrw"]), strict=True):
-        if not increment and step > 2.5 * white * np.sqrt(rate):
+    gravity_sigma = site.get("gravity_sigma_mps2") or (1e-6 if site.get("gravity_mps2") else 5e-4)
+    interval, noises, steps = table.get("velocity_interval_s", 0.1), [], []
+    for sensor, white in (("gyro", imu["gyro_arw"]), ("accel", imu["accel_vrw"])):
+        step = imu.get(f"{sensor}_quantisation")
+        steps.append(imu[f"{sensor}_lsb"] if step is None else step)
+        if not increment and steps[-1] > 2.5 * white * np.sqrt(rate):
             raise NotCoveredError("an output rounded more coarsely than its noise")
-        rounding = step**2 / 12.0 * (1.0 / interval if increment else 1.0 / rate)
-        noises.append(white**2 + rounding)
-    mean, wide = np.zeros(COUNT), WIDE.copy()
+        noises.append(white**2 + steps[-1] ** 2 / 12.0 * (1.0 / interval if increment else 1.0 / rate))
+    mean, wide, correlation = np.zeros(COUNT), WIDE.copy(), np.eye(COUNT)
     for name, prior in meta.get("prior", {}).items():
-        mean[NAMES.index(name)] = prior.get("value", 0.0)
-        wide[NAMES.index(name)] = prior.get("sigma", wide[NAMES.index(name)])
-    if table.get("outer_lever") == "fixed":
+        i = NAMES.index(name)
+        mean[i], wide[i] = prior.get("value", 0.0), prior.get("sigma", wide[i])
+    fixed = table.get("outer_lever") == "fixed"
+    if fixed:
         mean[AT["outer_lever"]] = wide[AT["outer_lever"]] = 0.0
-    correlation = np.eye(COUNT)
     for one, row in meta.get("prior_correlation", {}).items():
         for other, value in row.items():
             i, j = NAMES.index(one), NAMES.index(other)
             correlation[i, j] = correlation[j, i] = value
     defaults = {"encoder": 0.05, "mount": 1.0, "azimuth": 0.5, "base_tilt": 0.2}
-    instability = [imu.get("gyro_bias_instability", 0.0)] * 3 + [imu.get("accel_bias_instability", 0.0)] * 3
+    sigma = {k: np.deg2rad(table.get(f"{k}_sigma_deg", d)) for k, d in defaults.items()}
+    sigma["tilt"] = np.sqrt(sigma["mount"] ** 2 + sigma["base_tilt"] ** 2 + sigma["encoder"] ** 2)
+    drift = np.repeat([imu.get(f"{sensor}_bias_instability", 0.0) for sensor in ("gyro", "accel")], 3)
     axes = [np.array(table.get(f"{a}_axis", d), float) for a, d in (("outer", (1, 0, 0)), ("inner", (0, 0, 1)))]
-    factor = rate if increment else 1.0
+    name = table.get("orientation", "+x+z")
+    x, z = (np.eye(3)[AXES.index(half[1])] * float(half[0] + "1") for half in (name[:2], name[2:]))
+    # an estimated lever arm is measured from the point of the inner axis that the profile states
+    offset = 1e-3 * np.array([table.get("axis_offset_mm", (0.0, 0.0)), [table.get("axis_offset_sigma_mm", 0.5)] * 2])
     return Setting(
-        meta, gravity, sigma / gravity, float(latitude), float(np.deg2rad(site["azimuth_deg"])),
-        tuple(a / np.linalg.norm(a) for a in axes), _orientation(table.get("orientation", "+x+z")),
-        {k: np.deg2rad(table.get(f"{k}_sigma_deg", d)) for k, d in defaults.items()},
-        1.0 / rate, *noises, DRIFT_SIGMA * np.array(instability),
-        table.get("velocity_sigma", 1e-3) ** 2, max(interval, 1.0 / rate),
-        imu["gyro_lsb"] * factor, imu["accel_lsb"] * factor, steps[0],
-        mean, correlation * np.outer(wide, wide),
-        (1e-3 * table.get("axis_offset_mm", (0.0, 0.0))[0], 1e-3 * table.get("axis_offset_sigma_mm", 0.5)),
-    )  # fmt: skip
-
-
-@dataclass
-class Log:
-    """A raw log."""
-
-    setting: Setting
-    rows: np.ndarray
-    stages: list
-    results: list
-    closing: dict
-    digests: dict  # of the log and of its configuration
-    damaged: int  # rows with a wrong checksum
+        meta=meta,
+        gravity=gravity,
+        gravity_sigma=gravity_sigma / gravity,  # relative
+        latitude=float(latitude),
+        azimuth=float(np.deg2rad(site["azimuth_deg"])),
+        axes=[a / np.linalg.norm(a) for a in axes],  # outer and inner axis on the platform at home
+        orientation=np.array([x, np.cross(z, x), z]),  # from b to the platform
+        sigma=sigma,  # encoder, mount, azimuth, tilt of the base, and of the unit in all, rad
+        dt=1.0 / rate,
+        rate_noise=noises[0],  # (rad/s)²/Hz
+        force_noise=noises[1],  # (m/s²)²/Hz
+        drift=DRIFT_SIGMA * drift,  # sigma of the drift of the six biases
+        velocity=table.get("velocity_sigma", 1e-3) ** 2,  # variance of a mean velocity, (m/s)²
+        interval=max(interval, 1.0 / rate),
+        sizes=np.repeat([imu["gyro_lsb"], imu["accel_lsb"]], 3) * (rate if increment else 1.0),  # of counts, SI
+        gyro_step=steps[0],  # step of a gyro output
+        mean=mean,
+        covariance=correlation * np.outer(wide, wide),
+        # of the offsets of the axes along outer × inner and along the inner axis: means and sigmas, m, (2, 2)
+        offset=offset * [1.0, float(fixed)],
+    )
 
 
 def _checks(rows):
@@ -159,7 +131,10 @@ def _stored(file, name, kind, size):
 
 
 def read_log(path):
-    """Read a raw log. Raises UnreadableError and NotCoveredError."""
+    """Read a raw log: setting, intact rows, names of stages, results, closing record, digests, number of damaged rows.
+
+    Raises UnreadableError and NotCoveredError.
+    """
     try:
         size = Path(path).stat().st_size
         with h5py.File(path, "r", locking=False) as file:
@@ -171,82 +146,16 @@ def read_log(path):
             stages = [name.decode() for name in _stored(file, "stages", "S", size)]
         if zlib.crc32(texts["meta"]) != checksum:
             raise UnreadableError(f"the configuration of {path} is damaged: its checksum is wrong")
-        meta = json.loads(texts["meta"])
-        lines = {key: texts[key].decode().split("\n")[:-1] for key in ("results", "closing")}
-        results, closing = ([json.loads(line) for line in lines[key]] for key in ("results", "closing"))
-        wrong = _checks(rows) != rows["check"]
-        intact = rows[~wrong]
+        lines = [texts[key].decode().split("\n")[:-1] for key in ("results", "closing")]
+        results, closing = ([json.loads(line) for line in each] for each in lines)
+        intact = rows[_checks(rows) == rows["check"]]
         digest = hashlib.sha256(texts["meta"]).hexdigest()
         digests = {"log": _digest(intact, stages, texts["meta"]), "configuration": digest}
-        setting = setting_of(meta)
+        setting = setting_of(json.loads(texts["meta"]))
     except (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError) as exc:  # of a damaged file
         raise UnreadableError(f"{path} cannot be read: {exc}") from exc
-    return Log(setting, intact, stages, results, closing[-1] if closing else {}, digests, int(wrong.sum()))
-
-
-@dataclass
-class Stage:
-    """Valid samples of a stage."""
-
-    name: str
-    seq: np.ndarray
-    gyro: np.ndarray
-    accel: np.ndarray
-    angles: np.ndarray
-    spans: list  # (first, last + 1) of consecutive samples
-
-
-def stages_of(log):
-    """Return the stages of a log in their order."""
-    rows, setting, found = log.rows[log.rows["valid"] != 0], log.setting, []
-    for number in dict.fromkeys(rows["stage"].tolist()):
-        if not log.stages[number]:
-            continue
-        part = rows[rows["stage"] == number]
-        cuts = [0, *(np.flatnonzero(np.diff(part["seq"]) != 1) + 1).tolist(), len(part)]
-        gyro, accel = part["counts"][:, :3] * setting.gyro_size, part["counts"][:, 3:] * setting.accel_size
-        spans = list(pairwise(cuts))
-        found.append(Stage(log.stages[number], part["seq"], gyro, accel, part["angles"], spans))
-    return found
-
-
-def rests(stage, setting, bias, bias_sigma, spans=None):
-    """Return the rests (first, last + 1) of a stage: the rate agrees with the median of its quiet windows of 0.5 s."""
-    width, margin = max(round(WINDOW / setting.dt), 2), round(MARGIN / setting.dt)
-    white = np.sqrt(setting.meta["imu"]["gyro_arw"] ** 2 / (width * setting.dt))
-    increment = setting.meta["imu"]["output"] == "increment"
-    rounding = setting.gyro_step / (width * setting.dt if increment else np.sqrt(width))
-    noise, found = 5.0 * (white + rounding), []
-    for first, last in spans or stage.spans:
-        if last - first < 2 * width:
-            continue
-        totals = [
-            np.vstack([np.zeros(3), np.cumsum(x[first:last] - x[first], axis=0)]) for x in (stage.gyro, stage.accel)
-        ]
-        rate = (totals[0][width:] - totals[0][:-width]) / width + stage.gyro[first] - bias
-        force = (totals[1][width:] - totals[1][:-width]) / width
-        change = np.abs(rate[width:] - rate[:-width]).max(axis=1)
-        largest = np.abs(rate[width:]).max(axis=1)
-        quiet = (change < noise + np.deg2rad(0.01)) & (largest < 3.0 * bias_sigma + noise + np.deg2rad(0.1))
-        if not quiet.any():
-            continue
-        still = np.abs(rate - np.median(rate[width:][quiet], axis=0)).max(axis=1) < noise + np.deg2rad(0.03)
-        jump = np.flatnonzero(np.abs(force[width:] - force[:-width]).max(axis=1) > 0.5)
-        still[jump] = still[jump + width] = False
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
-        for a, b in edges.reshape(-1, 2).tolist():
-            begin, end = first + a + (margin if a > 0 else 0), first + b + width - 1
-            end -= margin if end < last else 0
-            if end - begin >= width:
-                found.append((begin, end))
-    return found
-
-
-def mean_angles(stage, first, last):
-    """Return the mean angles of outer and inner axis, rad, during a rest; None without angles."""
-    polled = stage.angles[first:last]
-    polled = polled[np.isfinite(polled).all(axis=1)]
-    return polled.mean(axis=0) if len(polled) else None
+    more = {"closing": closing[-1] if closing else {}, "damaged": len(rows) - len(intact)}
+    return SimpleNamespace(setting=setting, rows=intact, stages=stages, results=results, digests=digests, **more)
 
 
 def _digest(rows, stages, configuration):
@@ -267,3 +176,75 @@ def _digest(rows, stages, configuration):
         columns = np.hstack(more)
         digest.update(hashlib.sha256(np.where(np.isnan(columns), np.nan, columns).astype("<f8").tobytes()).digest())
     return digest.hexdigest()
+
+
+def stages_of(log):
+    """Return the valid samples of the stages of a log by name; `spans` are (first, last + 1) of consecutive samples."""
+    rows, found = log.rows[log.rows["valid"] != 0], {}
+    for number in dict.fromkeys(rows["stage"].tolist()):
+        part, name = rows[rows["stage"] == number], log.stages[number]
+        if name:
+            cuts = [0, *(np.flatnonzero(np.diff(part["seq"]) != 1) + 1).tolist(), len(part)]
+            gyro, accel = np.hsplit(part["counts"] * log.setting.sizes, 2)
+            columns = {"seq": part["seq"], "gyro": gyro, "accel": accel, "angles": part["angles"]}
+            found[name] = SimpleNamespace(name=name, spans=list(pairwise(cuts)), **columns)
+    return found
+
+
+def rests(stage, setting, prior, spans=None):
+    """Return the rests (first, last + 1) of a stage: the rate agrees with the median of its quiet windows of 0.5 s.
+
+    `prior` is the estimate before the stage, an `estimate.Joint`.
+    """
+    width, margin = max(round(WINDOW / setting.dt), 2), round(MARGIN / setting.dt)
+    bias, bias_sigma = prior.mean[AT["gyro_bias"]], prior.sigma[AT["gyro_bias"]].max()
+    white = np.sqrt(setting.meta["imu"]["gyro_arw"] ** 2 / (width * setting.dt))
+    increment = setting.meta["imu"]["output"] == "increment"
+    rounding = setting.gyro_step / (width * setting.dt if increment else np.sqrt(width))
+    noise, found = 5.0 * (white + rounding), []
+    for first, last in spans or stage.spans:
+        if last - first < 2 * width:
+            continue
+        both = np.hstack([stage.gyro[first:last] - stage.gyro[first], stage.accel[first:last] - stage.accel[first]])
+        totals = np.vstack([np.zeros(6), np.cumsum(both, axis=0)])
+        rate, force = np.hsplit((totals[width:] - totals[:-width]) / width, 2)
+        rate = rate + stage.gyro[first] - bias
+        change = np.abs(rate[width:] - rate[:-width]).max(axis=1)
+        largest = np.abs(rate[width:]).max(axis=1)
+        quiet = (change < noise + np.deg2rad(0.01)) & (largest < 3.0 * bias_sigma + noise + np.deg2rad(0.1))
+        if not quiet.any():
+            continue
+        still = np.abs(rate - np.median(rate[width:][quiet], axis=0)).max(axis=1) < noise + np.deg2rad(0.03)
+        jump = np.flatnonzero(np.abs(force[width:] - force[:-width]).max(axis=1) > 0.5)
+        still[jump] = still[jump + width] = False
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
+        for a, b in edges.reshape(-1, 2).tolist():
+            begin, end = first + a + (margin if a > 0 else 0), first + b + width - 1
+            end -= margin if end < last else 0
+            if end - begin >= width:
+                found.append((begin, end))
+    return found
+
+
+def mean_angles(stage, rest):
+    """Return the mean angles of outer and inner axis, rad, during a rest. Raises NotCoveredError without angles."""
+    polled = stage.angles[slice(*rest)]
+    polled = polled[np.isfinite(polled).all(axis=1)]
+    if not len(polled):
+        raise NotCoveredError(f"the stage {stage.name} without angles of the table")
+    return polled.mean(axis=0)
+
+
+def mean_force(stage, setting, first, last):
+    """Return the force of a rest, m/s², as the slope of a line through its mean velocities, and its variance."""
+    dt, count = setting.dt, last - first
+    stride = max(round(setting.interval / dt), 1)
+    width, blocks = min(stride, max(count // 2, 1)), max(count // stride, 2)
+    middle = np.arange(blocks) - 0.5 * (blocks - 1)
+    slope = middle / (np.sum(middle**2) * width * dt)  # of a line through the mean velocities
+    # the velocity at a sample is the sum of the forces so far; a block's mean counts a force by its later samples
+    weights, later = np.zeros(count), (width - 0.5 - np.arange(width)) / width
+    after = np.cumsum(slope[::-1])[::-1] - slope
+    weights[: blocks * width] = (slope[:, None] * later + after[:, None]).ravel() * dt
+    noise = setting.velocity * np.sum(slope**2) + setting.force_noise * np.sum(weights**2) / dt
+    return weights @ stage.accel[first:last], noise + setting.drift[3] ** 2

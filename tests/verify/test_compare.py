@@ -1,0 +1,33 @@
+"""The second opinion agrees with calstation on simulated logs of all grades, stages, schedules and simulators."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.verify.compare import Case, cases, compare
+
+#: Largest difference of a value, in sigmas, and of a sigma, relative to it.
+VALUE, SIGMA = 0.05, 0.01
+LOGS = {case.number: case for case in cases(200)}
+SHORT = Case(11, "mems", "designed", "bench", 0.5, "estimated", 30.0, gap=False)
+
+
+def check(case: Case, folder: Path) -> None:
+    """Check that both results of a log agree."""
+    compared = compare(case, folder)
+    assert compared.findings == ()
+    assert compared.largest < VALUE, compared.parameter
+    assert abs(compared.sigma_ratio - 1.0) < SIGMA
+
+
+@pytest.mark.parametrize("lever", ["estimated", "fixed"])
+def test_a_short_log_agrees(tmp_path: Path, lever: str) -> None:
+    """With a fixed lever arm, both offsets of the table's axes are uncertain."""
+    check(replace(SHORT, outer_lever=lever), tmp_path)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("number", LOGS)
+def test_a_log_agrees(tmp_path: Path, number: int) -> None:
+    check(LOGS[number], tmp_path)
