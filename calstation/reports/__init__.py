@@ -19,4 +19,5 @@ from calstation.reports.issue import (
 )
 from calstation.reports.label import label_template, print_label, print_labels
 from calstation.reports.pdf import compile_template
+from calstation.reports.time_stamp import stamp_trail, verify_time_stamp
 from calstation.reports.verification import CertificateState, verify_certificate, verify_reports

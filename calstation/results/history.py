@@ -160,7 +160,7 @@ class History:
         if record.result is not None:
             return load_run_result(record.result)
         try:
-            return Result.from_json(last_result(record.log))
+            return Result.from_json(last_result(record.log) or {})
         except NO_RESULT as exc:
             raise InputError("result.not_a_result", file=record.log, schema=SCHEMA) from exc
 

@@ -22,6 +22,7 @@ from calstation.config import (
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
 from calstation.records import AUDIT_EVENTS, AuditEvent, audit_path, select_audit
+from calstation.reports import CertificateState, stamp_trail, verify_time_stamp
 from calstation.validation import validation_due
 
 app = command_group()
@@ -34,9 +35,10 @@ def audit(
     since: Annotated[str | None, typer.Option(metavar="YYYY-MM-DD")] = None,
     file: Path | None = None,
     restart: Annotated[str | None, typer.Option(metavar="REASON")] = None,
+    timestamp: Annotated[str | None, typer.Option(metavar="URL")] = None,
     json: JsonOption = None,
 ) -> int:
-    """List the events of an audit trail, filtered by event, person and first day (UTC), or begin a new one.
+    """List the events of an audit trail, filtered by event, person and first day (UTC), or begin or time-stamp one.
 
     The default is the audit trail of the site. Returns the exit code of an input error if the trail was changed.
     Raises InputError if `file` is missing, or ConfigurationError for an unknown event.
@@ -49,12 +51,22 @@ def audit(
         event_made = restart_site_trail(restart, ask_person(by or computer_user() or "", pin=access.has_pin()))
         emit(event_made.model_dump(), json, [_line(event_made)])
         return 0
+    if timestamp is not None:
+        stamp = stamp_trail(timestamp)
+        return show_evidence(stamp, verify_time_stamp(stamp), json)
     path, site = _read(file)
     names = dict.fromkeys((*AUDIT_EVENTS, *(e.event for e in site.trail.entries)))  # includes events of later versions
     check_choice("--event", event, tuple(names))
     events = select_audit(site.trail.entries, event, by, first)
     emit(_row(path, site, events), json, [*map(_line, events), *_verified(site)])
     return 0 if site.intact else InputError.exit_code
+
+
+def show_evidence(file: Path, state: CertificateState, json: str | None) -> int:
+    """Show what the verification of a file has found; return the exit code of an input error if it was changed."""
+    lines = [say(each.code, **each.values) for each in state.found]
+    emit({"file": str(file), "kind": "evidence", "intact": state.intact, "found": lines}, json, lines)
+    return 0 if state.intact else InputError.exit_code
 
 
 def check_audit(file: Path | None, json: str | None) -> int:

@@ -9,17 +9,17 @@ from typing import Annotated
 import typer
 from rich.cells import cell_len
 
-from calstation.cli.commands.audit import check_audit
+from calstation.cli.commands.audit import check_audit, show_evidence
 from calstation.cli.options import JsonOption, command_group
 from calstation.cli.show import emit
 from calstation.cli.text import say, sentence
 from calstation.config import check as check_text
 from calstation.config import detect_kind, library, line_of, load_station, missing_report_paths, read_text
 from calstation.connection import station_conflicts
-from calstation.errors import ConfigurationError, InputError
+from calstation.errors import ConfigurationError
 from calstation.quality import due_certificates
 from calstation.records import log_format
-from calstation.reports import CertificateState, verify_certificate, verify_reports
+from calstation.reports import verify_certificate, verify_reports, verify_time_stamp
 from calstation.results import Inspection, inspect_recording
 from calstation.schema import Problem
 
@@ -39,9 +39,11 @@ def check(
     if file is None or file.match("audit*.jsonl"):
         return check_audit(file, json)
     if file.suffix in (".pdf", ".xml") or file.match("validation_*.json"):
-        return _show_evidence(file, verify_certificate(file), json)
+        return show_evidence(file, verify_certificate(file), json)
+    if file.suffix == ".tst":
+        return show_evidence(file, verify_time_stamp(file), json)
     if file.name == "reports.jsonl" or file.is_dir():
-        return _show_evidence(file, verify_reports(file if file.is_dir() else file.parent), json)
+        return show_evidence(file, verify_reports(file if file.is_dir() else file.parent), json)
     if log_format(file) is not None:
         return show_recording(file, inspect_recording(file), json)
     path = library.locate_any(file)
@@ -61,12 +63,6 @@ def check(
     row = {"file": str(path), "kind": kind, "problems": rows}
     emit({**row, "overdue": certificates} if certificates else row, json, lines or valid)
     return ConfigurationError.exit_code if problems else 0
-
-
-def _show_evidence(file: Path, state: CertificateState, json: str | None) -> int:
-    lines = [say(each.code, **each.values) for each in state.found]
-    emit({"file": str(file), "kind": "evidence", "intact": state.intact, "found": lines}, json, lines)
-    return 0 if state.intact else InputError.exit_code
 
 
 def show_recording(path: Path, recording: Inspection, json: str | None) -> int:
