@@ -119,8 +119,8 @@ def solve_rate(stage, setting, prior):
     names, index = np.unique([one, two], return_inverse=True)
     (one, two), duration, sums = index.reshape(2, -1), (second - first) * s.dt, []
     for a, b, before, after in zip(first, second, starts, ends, strict=True):
-        share = np.cumsum(np.linalg.norm(stage.gyro[a:b], axis=1))
-        share = (share / share[-1])[:: max((b - a) // 2000, 1), None]
+        rate = np.linalg.norm(stage.gyro[a:b], axis=1)[:, None]
+        share = (np.cumsum(rate, axis=0) - 0.5 * rate) / rate.sum()  # of the motion, in the middle of every sample
         sums.append(s.platform(before + (after - before) * share).mean(axis=0) * (b - a) * s.dt)
     C, earth = np.array(sums), earth_rate(s.latitude)  # integrals of the rotation from platform to n
 

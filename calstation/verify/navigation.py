@@ -67,18 +67,17 @@ class Segment:
         spin, up = omega[1:].reshape(n, self.stride, 3), self.attitude[:-1, 2]
         for j in range(self.stride):
             middle = R @ rotation(0.5 * angle[:, j])
-            lift = self.setting.gravity * up + np.einsum(
-                "nij,nj->ni", middle, np.cross(spin[:, j], np.cross(spin[:, j], p[AT["outer_lever"]]))
-            )
-            implied = np.einsum("nji,nj->ni", middle, lift)
+            central = np.cross(spin[:, j], np.cross(spin[:, j], p[AT["outer_lever"]]))
+            lift = self.setting.gravity * up + _turned(middle, central)
+            implied = _turned(middle.transpose(0, 2, 1), lift)
             by_rate, by_force = derivatives(p, spin[:, j], implied)
             turned = dt * middle @ by_rate
             pushed = middle @ by_force - skew(lift) @ (J_phi + 0.5 * turned)
             J_x += dt * (J_v + 0.5 * dt * pushed)
             J_v += dt * pushed
             J_phi += turned
-            x = x + v * dt + np.einsum("nij,nj->ni", R, shift[:, j])
-            v = v + np.einsum("nij,nj->ni", R, change[:, j])
+            x = x + v * dt + _turned(R, shift[:, j])
+            v = v + _turned(R, change[:, j])
             R = R @ rotation(angle[:, j])
         edge = omega[self.stride :: self.stride][:n]  # last sample of every interval
         following = np.vstack([omega[self.stride + 1 :: self.stride][: n - 1], edge[-1:]])
@@ -100,8 +99,8 @@ class Segment:
         R, v, x, (J_phi, J_v, J_x), rate = self._integrate(p)
         C0, C1, r = self.attitude[:-1], self.attitude[1:], p[AT["outer_lever"]]
         arm = self.attitude @ r
-        u = np.einsum("nij,nj->ni", self.attitude, np.cross(rate - np.einsum("nji,j->ni", self.attitude, earth), r))
-        push, way = np.einsum("nij,nj->ni", C0, v), np.einsum("nij,nj->ni", C0, x)
+        u = _turned(self.attitude, np.cross(rate - earth @ self.attitude, r))
+        push, way = _turned(C0, v), _turned(C0, x)
         impulse = s.gravity * T * UP + np.diff(u, axis=0)
         moment = 0.5 * s.gravity * T**2 * UP + np.diff(arm, axis=0) - T * u[:-1]
         # the trajectory predicted over every interval, with the drifts of the biases to first order
@@ -135,17 +134,16 @@ class Segment:
 
     def _noise(self, F):
         """Return the covariance of the nine equations of every interval for white noise of rate and force."""
-        s, T, n = self.setting, self.T, len(F)
-        q, a, FF, one = s.rate_noise, s.force_noise, F @ F.transpose(0, 2, 1), np.eye(3)
-        N = np.zeros((n, 9, 9))
-        N[:, 0:3, 0:3] = q * T * one
-        N[:, 3:6, 0:3] = -F * q * T**2 / 2.0
-        N[:, 6:9, 0:3] = -F * q * T**2 / 6.0
-        N[:, 3:6, 3:6] = FF * q * T**3 / 3.0 + a * T * one
-        N[:, 6:9, 3:6] = FF * q * T**3 / 8.0 + a * T / 2.0 * one
-        N[:, 6:9, 6:9] = FF * q * T**3 / 20.0 + a * T / 3.0 * one + s.velocity * one
-        lower = np.tril(N)
-        return lower + np.tril(N, -1).transpose(0, 2, 1)
+        s, T, one = self.setting, self.T, np.broadcast_to(np.eye(3), F.shape)
+        N = np.zeros((len(F), 9, 9))
+        N[:, 6:9, 6:9] = s.velocity * one
+        for x, weight in zip(*np.polynomial.legendre.leggauss(3), strict=True):
+            t = 0.5 * T * (1.0 + x)  # before the end of the interval
+            by_rate = np.concatenate([one, -F * t, -F * t**2 / (2.0 * T)], axis=1)
+            by_force = np.concatenate([0.0 * one, one, one * t / T], axis=1)
+            for density, effect in ((s.rate_noise, by_rate), (s.force_noise, by_force)):
+                N += 0.5 * T * weight * density * effect @ effect.transpose(0, 2, 1)
+        return N
 
     def _directions(self):
         """Return the directions in n of the offsets of the axes, at the ends of the intervals."""
@@ -176,6 +174,10 @@ def states_of(setting):
 
 def _vector(R):
     return Rotation.from_matrix(R).as_rotvec()
+
+
+def _turned(R, v):
+    return (R @ v[:, :, None])[:, :, 0]
 
 
 def _with_drift(setting, E, seconds, before, after):
