@@ -399,12 +399,9 @@ def test_operator_page_verdict_shows_the_product_checks() -> None:
     assert advice.reason("passed", result_with(checks=checks[:1])).endswith(
         "Close to the limit: force at rest, at 95 % of it."
     )
-    assert (
-        advice.brief_reason("passed", result_with(checks=checks[:1]))
-        == "Close to the limit: force at rest, at 95 % of it."
-    )
+    assert advice.brief_reason("passed", result_with(checks=checks[:1])) == "At 95 % of its limit: force at rest"
     named = [check("sigma_below", "gyro_bias_x", 0.99, 1.0, "rad/s"), *checks[:1]]
-    close = "Close to the limit: gyro bias x, at 99 % of it; other values close to their limits: 1."
+    close = "At 99 % of its limit: gyro bias x and 1 more"
     assert advice.brief_reason("passed", result_with(checks=named)) == close
 
 

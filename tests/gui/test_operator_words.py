@@ -64,11 +64,11 @@ def test_reason_names_further_checks_in_words() -> None:
         for name, value in (("gyro_bias_x", 0.959), ("gyro_bias_y", 0.9))
     ]
     one, two = result_with(checks=near[:1]), result_with(checks=near)
-    nearest = "Close to the limit: gyro bias x, at 95 % of it"
-    assert advice.brief_reason("passed", one) == f"{nearest}."
-    assert advice.brief_reason("passed", two) == f"{nearest}; other values close to their limits: 1."
+    nearest = "At 95 % of its limit: gyro bias x"
+    assert advice.brief_reason("passed", one) == nearest
+    assert advice.brief_reason("passed", two) == f"{nearest} and 1 more"
     language.use("zh_CN")
-    assert advice.brief_reason("passed", two) == "接近限差：陀螺零偏 x，已达限差的 95 %；另有 1 项也接近限差。"
+    assert advice.brief_reason("passed", two) == "已达限差的 95 %：陀螺零偏 x，另有 1 项"
     language.use("en")
 
 

@@ -168,7 +168,7 @@ class RunDetails(QFrame):
         self._facts.setVerticalSpacing(theme.GRID // 2)
         self.resolves = OfflineSolutionsTable()
         self.trend = Trend()
-        self.trend.setMinimumHeight(17 * theme.GRID)
+        self.trend.setMinimumHeight(20 * theme.GRID)
         self.result_button = button("history_result_button", "history.open_result")
         self.log_button = button("history_log_button", "history.open_log")
         self.record_button = button("history_record_button", "history.record", tip="history.record_tip")

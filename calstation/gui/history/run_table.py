@@ -50,7 +50,7 @@ _HIDDEN_NEXT = (_DURATION, _ATTEMPT)
 #: Columns of numbers, which are right-aligned.
 _NUMBERS = (_ATTEMPT, _DURATION)
 #: Columns whose texts are elided if the table is still too wide, and their smallest width, px.
-_ELIDED, _MIN_WIDTH = (_BATCH, _OPERATOR, _PRODUCT), 9 * theme.GRID
+_ELIDED, _MIN_WIDTH = (_BATCH, _OPERATOR, _PRODUCT), 10 * theme.GRID
 
 
 Index = QModelIndex | QPersistentModelIndex

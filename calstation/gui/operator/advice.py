@@ -77,7 +77,7 @@ def next_action(outcome: str, result: Result | None) -> str:
 def brief_reason(outcome: str, result: Result | None) -> str:
     """Return the worst failed check of a failed unit, or the value nearest to its limit of a passed unit."""
     if outcome in ("passed", "partial"):
-        return "" if result is None else _near(result.checks)
+        return "" if result is None else _near(result.checks, brief=True)
     if outcome != "failed" or result is None:
         return ""
     failing = [figure for figure in figures(result) if not figure.passed]
@@ -169,15 +169,18 @@ def failed_check_text(check: Check, result: Result) -> str:
     return say(code, parameter=name, value=value, limit=limit)
 
 
-def _near(checks: Sequence[Check]) -> str:
+def _near(checks: Sequence[Check], *, brief: bool = False) -> str:
     """Return the near miss nearest to its limit and the number of other near misses, or "" if there is none."""
     near = [check for check in checks if check.near_miss]
     if not near:
         return ""
     nearest = max(near, key=_ratio)
     name = parameter_text(nearest.subject) if is_parameter_check(nearest) else check_name(nearest)
-    code, percent = "advice.near" if len(near) == 1 else "advice.near_more", int(100.0 * _ratio(nearest))
-    return say(code, name=name, percent=percent, more=len(near) - 1)
+    more, percent = len(near) - 1, int(100.0 * _ratio(nearest))
+    if brief:
+        names = say("advice.and_more", names=name, more=more) if more else name
+        return say("advice.near_brief", names=names, percent=percent)
+    return say("advice.near_more" if more else "advice.near", name=name, percent=percent, more=more)
 
 
 def _ratio(check: Check | None) -> float:
