@@ -14,7 +14,7 @@ from calstation.config import library, load_product
 from calstation.gui.engineer.schedule_form import _number as schedule_number
 from calstation.gui.quality.yield_view import DayAxis
 from calstation.gui.text import language, parameter_text, product_text, say
-from calstation.gui.widgets import Column, NumberEdit, ParameterModel, ParameterTable, ThemedPlot, VectorEdit
+from calstation.gui.widgets import Column, NumberEdit, ParameterModel, ParameterTable, ThemedPlot, VectorEdit, theme
 from calstation.messages import Text, sentence
 from calstation.physics import EFFECT_PARAMETERS, PAIR_PARAMETERS, PARAMETERS
 from tests.gui.conftest import Operator
@@ -109,3 +109,22 @@ def test_months_of_the_yield_are_in_the_current_language(qapp: QApplication, cod
     shown = axis.tickStrings(starts, 1.0, MONTH_SPACING)
     language.use("en")
     assert shown == names
+
+
+@pytest.mark.parametrize("name", ["light", "dark"])
+def test_names_have_the_background_of_their_rows(qtbot: QtBot, name: str) -> None:
+    before = theme.current()
+    theme.apply(name)
+    model = ParameterModel([Column(lambda: "value", lambda _: "")])
+    table = ParameterTable(model)
+    qtbot.addWidget(table)
+    names = [f"{group}_{axis}" for group in ("gyro_bias", "gyro_scale") for axis in "xy"]
+    model.show(model.columns, names)
+    table.resize(400, 300)
+    table.show()
+    image = table.grab().toImage()
+    for row in range(len(names)):
+        y = table.viewport().y() + table.rowViewportPosition(row) + 3
+        colours = [image.pixelColor(x, y).name() for x in (table.verticalHeader().x() + 3, table.viewport().x() + 20)]
+        assert colours[0] == colours[1], (names[row], colours)
+    theme.apply(before)
