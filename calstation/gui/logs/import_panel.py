@@ -126,6 +126,6 @@ class ImportPanel(JobView):
         wait = say("window.busy_job") if self.busy else ""
         for widget in (self.meta_edit, self.topic_combo, self.look_button):
             enable(widget, wait)
-        for widget in (self._topic, self.topic_combo):
-            widget.setVisible(self.topic_combo.count() > 0)
+        self._topic.setVisible(self.topic_combo.count() > 0)
+        self.topic_combo.setVisible(self.topic_combo.count() > 0)
         enable(self.import_button, wait or ("" if self.inspection is not None else say("logs.not_understood")))
