@@ -27,7 +27,7 @@ from calstation.config.site_check import check_confirmation, check_gravity_sigma
 from calstation.config.slots import PLATFORM_AXES, SlotSection
 from calstation.config.station import BenchSettings, StationConfig, at_slot, load_bench, load_station
 from calstation.devices.imu import RegisterMap
-from calstation.devices.links import SOCKETS
+from calstation.devices.links import CAN, SOCKETS, UDP
 from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile
 from calstation.errors import ConfigurationError
 from calstation.escaping import surrogates
@@ -419,7 +419,7 @@ def _product_errors(setup: RunConfiguration) -> Iterator[EntryError]:
 def _check_baud(setup: RunConfiguration) -> None:
     """Check that the baud rate in the station file suffices for the unit's stream; that of a socket is unknown."""
     serial, port = setup.station.imu.serial, setup.station.imu.port or ""
-    if serial is None or "baud" not in serial.model_fields_set or port.startswith(SOCKETS):
+    if serial is None or "baud" not in serial.model_fields_set or port.startswith((*SOCKETS, UDP, CAN)):
         return
     try:
         for frame in setup.imu.frames.values():

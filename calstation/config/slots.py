@@ -9,7 +9,7 @@ from pydantic import Field, field_validator
 
 from calstation.config import library
 from calstation.config.product import load_product
-from calstation.devices.links import SOCKETS, host_and_port
+from calstation.devices.links import CAN, SOCKETS, UDP, can_port, host_and_port, udp_address
 from calstation.devices.profiles import SerialSettings, TableProfile, load_imu_profile, load_table_profile
 from calstation.errors import ConfigurationError
 from calstation.schema import EntryError, StrictModel
@@ -31,7 +31,7 @@ class DeviceSection(StrictModel):
     """The link of a device at a station; its serial settings replace those of the profile."""
 
     #: ``tcp://host:port`` (tables), ``socket://host:port`` for a serial server, the name of a serial port, or
-    #: ``usb:SERIALNUMBER`` for its adapter.
+    #: ``usb:SERIALNUMBER`` for its adapter; an IMU also ``udp://host:port`` or ``can://interface/channel/ids``.
     port: str | None = None
     serial: SerialSettings | None = None
     timeout_s: float | None = Field(default=None, gt=0, le=60)  #: Reply timeout, host time; default from the profile.
@@ -41,6 +41,10 @@ class DeviceSection(StrictModel):
     def _address(cls, port: str | None) -> str | None:
         if port is not None and port.startswith(SOCKETS) and host_and_port(port) is None:
             raise EntryError("station.not_an_address", port=port, scheme=port.split("://")[0])
+        if port is not None and port.startswith(UDP) and udp_address(port) is None:
+            raise EntryError("station.not_an_address", port=port, scheme="udp")
+        if port is not None and port.startswith(CAN) and can_port(port) is None:
+            raise EntryError("station.not_a_bus", port=port)
         return port
 
 

@@ -13,7 +13,7 @@ from calstation.connection.identify import LinkSettings, identify
 from calstation.connection.port_lock import lock_ports
 from calstation.devices.imu import StreamedImu
 from calstation.devices.imu import open_imu as imu_on
-from calstation.devices.links import SerialLink, port_device, with_connection_reason
+from calstation.devices.links import open_link, port_device, with_connection_reason
 from calstation.devices.profiles import ImuProfile, SerialSettings, TableProfile
 from calstation.devices.table import ManualTable, RegisterTable, SharedTable, TextTable
 from calstation.devices.table import open_table as table_on
@@ -222,7 +222,7 @@ def open_table(setup: RunConfiguration, port: str) -> RegisterTable | TextTable:
 
 def open_imu(setup: RunConfiguration, port: str) -> StreamedImu:
     """Open the IMU on its port without starting its stream. Raises DeviceFaultError or ConfigurationError."""
-    link = SerialLink(port, imu_settings(setup), "imu")
+    link = open_link(port, imu_settings(setup))
     return imu_on(link, imu_profile(setup), setup.request.serial)
 
 

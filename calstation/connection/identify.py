@@ -12,7 +12,15 @@ from dataclasses import dataclass
 from calstation.config import library
 from calstation.devices import Imu, OtherModelError, Table, TableIdentity
 from calstation.devices.imu import FrameDecoder
-from calstation.devices.links import ModbusRefusalError, NoAnswerError, PortLostError, SerialLink, host_and_port
+from calstation.devices.links import (
+    UDP,
+    Link,
+    ModbusRefusalError,
+    NoAnswerError,
+    PortLostError,
+    host_and_port,
+    open_link,
+)
 from calstation.devices.profiles import ImuProfile, SerialSettings, TableProfile, load_table_profile
 from calstation.devices.table import open_table
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
@@ -189,7 +197,7 @@ def _detect_unit(link: LinkSettings, profiles: dict[str, TableProfile], number: 
     return unknown
 
 
-def listen(link: SerialLink, seconds: float) -> bytes:
+def listen(link: Link, seconds: float) -> bytes:
     """Return the bytes received within `seconds` of host time. Raises PortLostError."""
     received = b""
     end = time.monotonic() + seconds
@@ -201,7 +209,7 @@ def listen(link: SerialLink, seconds: float) -> bytes:
 def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool:
     """Return whether frames of a profile arrive at a port; return False if the port cannot be opened."""
     try:
-        with closing(SerialLink(port, settings, "imu")) as link:
+        with closing(open_link(port, settings)) as link:
             return len(FrameDecoder(profile.frame).feed(listen(link, LISTEN_TIME)).frames) > 0
     except CalstationError:
         return False
@@ -214,6 +222,6 @@ def is_text(received: bytes) -> bool:
 
 def line_values(port: str, settings: SerialSettings) -> dict[str, Value]:
     """Return the serial settings as values for a finding, or no values for a serial server with its own settings."""
-    if host_and_port(port) is not None:
+    if host_and_port(port) is not None or port.startswith(UDP):
         return {}
     return {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}

@@ -29,8 +29,8 @@ from calstation.connection.identify import (
 )
 from calstation.connection.imu_test import ImuTest, diagnose_text, find_baud_rate
 from calstation.connection.table_test import query_table
-from calstation.devices.links import SerialLink, diagnose_port, host_and_port, list_serial_ports, port_device
 from calstation.devices.links import SerialPortInfo as SerialPortInfo
+from calstation.devices.links import diagnose_port, host_and_port, list_serial_ports, open_link, port_device
 from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.jobs import ProgressCallback
@@ -172,7 +172,7 @@ def _with_line_finding(setup: RunConfiguration, at: Endpoints, findings: list[Fi
     if index is None or setup.imu.frame.format != "text":
         return findings
     try:
-        with closing(SerialLink(at.imu, imu_settings(setup), "imu")) as link:
+        with closing(open_link(at.imu, imu_settings(setup))) as link:
             wrong = diagnose_text(setup.imu.frame, listen(link, LISTEN_TIME))
     except CalstationError:
         return findings

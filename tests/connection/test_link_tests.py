@@ -420,7 +420,9 @@ def test_imu_at_another_baud_rate_is_found(monkeypatch: pytest.MonkeyPatch) -> N
     class AtBaud:
         """A unit at 460800 baud; elsewhere its bytes are noise."""
 
-        def __init__(self, port: str, settings: SerialSettings, name: str) -> None:
+        received_at = property(lambda link: time.monotonic())
+
+        def __init__(self, port: str, settings: SerialSettings) -> None:
             self.port, self._right = port, settings.baud == 460800
 
         def read(self, wait: float) -> bytes:
@@ -432,8 +434,8 @@ def test_imu_at_another_baud_rate_is_found(monkeypatch: pytest.MonkeyPatch) -> N
         def close(self) -> None:
             """Nothing to close."""
 
-    monkeypatch.setattr("calstation.connection.devices.SerialLink", AtBaud)
-    monkeypatch.setattr(who_answers, "SerialLink", AtBaud)
+    for module in ("calstation.connection.devices", who_answers.__name__):
+        monkeypatch.setattr(f"{module}.open_link", AtBaud)
     monkeypatch.setattr(who_answers, "LISTEN_TIME", 0.01)
     report = imu(port="COM7", serial={"baud": 115200})
     assert wrong(report).id == "no_frames"

@@ -1,6 +1,7 @@
 """A simulated unit of any protocol on an in-memory serial line with a power supply that can fail at any byte."""
 
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
@@ -54,6 +55,7 @@ class Wire:
     """The serial line of the unit; replaces `SerialLink`."""
 
     port, name = "memory", "IMU"
+    received_at = property(lambda link: time.monotonic())
 
     def __init__(self, unit: ImuUnit, supply: Supply) -> None:
         self._supply = supply

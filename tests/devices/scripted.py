@@ -3,6 +3,7 @@
 import queue
 import struct
 import threading
+import time
 from collections.abc import Sequence
 
 from calstation.errors import DeviceFaultError
@@ -19,6 +20,7 @@ class ScriptedDevice:
     """
 
     port = "SCRIPT"
+    received_at = property(lambda link: time.monotonic())
 
     def __init__(self, pairs: Sequence[tuple[bytes, bytes | None]]) -> None:
         self.pairs = list(pairs)

@@ -1,6 +1,7 @@
 """Table drivers command absolute angles and repeat lost commands literally, so motions never add up."""
 
 import struct
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -112,6 +113,7 @@ class Line:
     """A link to a simulated unit whose own axes are the table."""
 
     port = "LINE"
+    received_at = property(lambda link: time.monotonic())
 
     def __init__(self, device: FakeDevice) -> None:
         self._device = device

@@ -30,6 +30,7 @@ class BootingLink:
     """A simulated unit that ignores a number of requests after its restart, then sends `unsolicited`."""
 
     port = "memory"
+    received_at = property(lambda link: time.monotonic())
 
     def __init__(self, unit: ImuUnit) -> None:
         self.unit, self.lost, self.unsolicited = unit, 0, b""

@@ -16,7 +16,7 @@ from calstation.devices.codecs import SENSORS, matrix_elements, number
 from calstation.devices.imu.registers import RegisterMap, bitwise_equal
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
-from calstation.devices.links import SerialLink, Transaction
+from calstation.devices.links import Link, Transaction
 from calstation.devices.profiles import ImuProfile, ImuProtocol, RegisterEntry
 from calstation.errors import DeviceFaultError
 
@@ -32,7 +32,7 @@ ATTEMPTS = 3
 class RegisteredImu(StreamedImu):
     """An IMU with registers, which are accessed by commands on its link; the protocol's section has the timeouts."""
 
-    def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
+    def __init__(self, link: Link, profile: ImuProfile, serial: str = "") -> None:
         super().__init__(link, profile, serial)
         times = profile.section_of(ImuProtocol)
         self._registers = RegisterMap(tuple(profile.registers))

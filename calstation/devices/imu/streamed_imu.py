@@ -2,7 +2,6 @@
 
 import queue
 import threading
-import time
 from collections.abc import Iterator
 from typing import TypeVar, cast
 
@@ -12,7 +11,7 @@ from calstation.devices.codecs import Reply, ReplyKind
 from calstation.devices.imu.frames import FrameDecoder, Samples
 from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.interfaces import Imu, LinkStats, NoFramesError, SampleBatch
-from calstation.devices.links import Dialogue, Refusal, SerialLink, Transaction
+from calstation.devices.links import Dialogue, Link, Refusal, Transaction
 from calstation.devices.profiles import FrameSection, ImuProfile
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text
@@ -45,7 +44,7 @@ class StreamedImu(Imu):
     `serial` is the serial number entered by the operator, for a unit that does not report its own.
     """
 
-    def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
+    def __init__(self, link: Link, profile: ImuProfile, serial: str = "") -> None:
         self._link = link
         self._profile = profile
         self._serial = serial
@@ -176,7 +175,7 @@ class StreamedImu(Imu):
                     self._link.write(self._requests.get())
                 data = self._link.read(_POLL_TIMEOUT)
                 if data:
-                    self._decode(data, time.monotonic())
+                    self._decode(data, self._link.received_at)
         except DeviceFaultError as exc:
             self._failure = exc
         except Exception as exc:  # noqa: BLE001 - otherwise the unit would seem to send no data

@@ -1,6 +1,7 @@
-"""Serial, Modbus and text links, which have a time limit for every exchange with the device."""
+"""Serial, UDP, CAN, Modbus and text links, which have a time limit for every exchange with the device."""
 
 from calstation.devices.links.dialogue import Dialogue, Refusal, Transaction
+from calstation.devices.links.message_links import CAN, UDP, Link, can_port, open_link, udp_address
 from calstation.devices.links.modbus_link import (
     ACKNOWLEDGED,
     BUSY_EXCEPTIONS,

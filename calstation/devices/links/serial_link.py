@@ -4,6 +4,7 @@ import errno
 import re
 import select
 import socket
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -45,6 +46,7 @@ class SerialLink:
     def __init__(self, port: str, settings: SerialSettings, device: Device) -> None:
         self.port = port
         self.device = device
+        self.received_at = time.monotonic()  #: Time at which the last bytes were read, s.
         name = port_device(port, device)
         try:
             self._serial = open_serial(name, settings)
@@ -62,13 +64,16 @@ class SerialLink:
         try:
             if self._fileno is not None:
                 ready, _, _ = select.select([self._fileno], [], [], wait)
-                return bytes(self._serial.read(_READ_SIZE)) if ready else b""
-            if self._serial.timeout != wait:
-                self._serial.timeout = wait
-            first = self._serial.read(1)
-            return bytes(first + self._serial.read(self._serial.in_waiting)) if first else b""
+                data = bytes(self._serial.read(_READ_SIZE)) if ready else b""
+            else:
+                if self._serial.timeout != wait:
+                    self._serial.timeout = wait
+                first = self._serial.read(1)
+                data = bytes(first + self._serial.read(self._serial.in_waiting)) if first else b""
         except LINK_ERRORS as exc:
             raise self._lost(exc) from exc
+        self.received_at = time.monotonic()
+        return data
 
     def write(self, data: bytes) -> None:
         """Send bytes. Raises PortLostError."""
@@ -169,6 +174,8 @@ def diagnose_port(port: str, settings: SerialSettings, timeout: float) -> tuple[
     """
     if port.startswith(SOCKETS):
         return _diagnose_connection(port, timeout)
+    if port.startswith(("udp://", "can://")):
+        return "other", None
     try:
         device = port_device(port, "imu")
     except DeviceFaultError as exc:

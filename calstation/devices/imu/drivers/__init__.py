@@ -9,7 +9,7 @@ from importlib import import_module
 from calstation.devices.imu.drivers.framed import FramedImu
 from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.streamed_imu import StreamedImu
-from calstation.devices.links import SerialLink
+from calstation.devices.links import Link
 from calstation.devices.profiles import ImuProfile
 
 
@@ -20,7 +20,7 @@ def driver(protocol: str) -> type[StreamedImu]:
     return kind
 
 
-def open_imu(link: SerialLink, profile: ImuProfile, serial: str) -> StreamedImu:
+def open_imu(link: Link, profile: ImuProfile, serial: str) -> StreamedImu:
     """Open the driver of an IMU without starting its stream; `serial` is for a unit that reports no serial number."""
     return driver(profile.protocol)(link, profile, serial)
 

@@ -7,7 +7,7 @@ from calstation.devices.codecs import CRC_WIDTHS, Reply, ReplyKind, check_bytes,
 from calstation.devices.imu.registered_imu import ATTEMPTS, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
-from calstation.devices.links import SerialLink, Transaction
+from calstation.devices.links import Link, Transaction
 from calstation.devices.profiles import OPS, FramedProtocol, FrameSection, ImuProfile, RegisterEntry, hex_bytes
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
@@ -61,7 +61,7 @@ class FramedImu(RegisteredImu):
     A register request consists of address u16, count u8 and, for a write, the numbers.
     """
 
-    def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
+    def __init__(self, link: Link, profile: ImuProfile, serial: str = "") -> None:
         self._commands = profile.section_of(FramedProtocol)
         super().__init__(link, profile)
 

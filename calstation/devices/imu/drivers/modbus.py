@@ -9,7 +9,7 @@ from calstation.devices.codecs import ByteOrder, ReplyKind, WordOrder, number, r
 from calstation.devices.imu.registered_imu import ATTEMPTS, POLL_INTERVAL, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.devices.interfaces import ImuIdentity
-from calstation.devices.links import ACKNOWLEDGED, BUSY_EXCEPTIONS, RtuReply, RtuRequest, SerialLink, Transaction
+from calstation.devices.links import ACKNOWLEDGED, BUSY_EXCEPTIONS, Link, RtuReply, RtuRequest, Transaction
 from calstation.devices.profiles import ImuProfile, ModbusProtocol, RegisterEntry, TextRegisters, WordCommand
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
@@ -21,7 +21,7 @@ _MAX_REGISTERS = 120
 class ModbusImu(RegisteredImu):
     """Driver of an IMU with Modbus registers."""
 
-    def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
+    def __init__(self, link: Link, profile: ImuProfile, serial: str = "") -> None:
         section = self._section = profile.section_of(ModbusProtocol)
         self._texts = [text for text in (section.model, section.serial, section.firmware) if text is not None]
         self._word = 0

@@ -7,7 +7,7 @@ from calstation.devices.imu.registered_imu import ATTEMPTS, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuRefusalError
 from calstation.devices.imu.text_frames import TextLine
 from calstation.devices.interfaces import ImuIdentity
-from calstation.devices.links import SerialLink, Transaction
+from calstation.devices.links import Link, Transaction
 from calstation.devices.profiles import CrcSection, FrameSection, ImuProfile, RegisterEntry, VectorNavProtocol
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
@@ -39,7 +39,7 @@ def line(words: str, check: str) -> bytes:
 class VectorNavImu(RegisteredImu):
     """Driver of a VectorNav IMU. A register entry is one register of the unit with all its fields."""
 
-    def __init__(self, link: SerialLink, profile: ImuProfile, serial: str = "") -> None:
+    def __init__(self, link: Link, profile: ImuProfile, serial: str = "") -> None:
         self._section = profile.section_of(VectorNavProtocol)
         super().__init__(link, profile)
 
