@@ -3,6 +3,7 @@
 import json
 import sys
 from pathlib import Path
+from runpy import run_path
 
 import pytest
 
@@ -20,6 +21,17 @@ def test_there_are_four_notebooks_without_output() -> None:
     for notebook in NOTEBOOKS:
         cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
         assert not any(cell.get("outputs") for cell in cells)
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebook_has_a_page_on_the_site(notebook: Path) -> None:
+    hooks = run_path(str(FOLDER.parents[1] / "mkdocs_hooks.py"))
+    page = hooks["notebook_page"](notebook)
+    assert page.startswith("# ")
+    assert f"]({notebook.name})" in page
+    for code in code_of(notebook):
+        assert f"```python\n{code}\n```" in page
+    assert f"notebooks/{notebook.stem}.md" in (FOLDER.parents[1] / "mkdocs.yml").read_text(encoding="utf-8")
 
 
 @pytest.mark.long
