@@ -334,3 +334,15 @@ def test_focus_returns_to_the_page_after_the_role_panel(window: MainWindow, qtbo
                 panel._accept("")
             assert not panel.isVisible()
             assert window.focusWidget() is expected
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_pages_of_a_new_window_need_no_vertical_scroll_bar_at_1280_x_720(window: MainWindow, code: str) -> None:
+    window.app.set_language(code)
+    window.resize(1280, 720)
+    window.show()
+    for name in PAGES:
+        window.show_page(name)
+        QApplication.processEvents()
+        tab = window._tabs[name]
+        assert tab.page.minimumSizeHint().height() <= tab.height() - (theme.BIG_BUTTON + 2 * theme.GRID), name
