@@ -7,6 +7,7 @@ from calstation.validation.report import (
     Validation,
     compare,
     differences,
+    find_validation_due,
     read_validation,
     save_validation,
     validation_due,

@@ -9,6 +9,7 @@ from typing import Any
 
 from calstation.config import site_folder
 from calstation.errors import CalstationError, ConfigurationError, InputError
+from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason, values_from_json
 from calstation.parsing import read_json
 from calstation.records import append_audit, is_signed, site_events, verify_trail, write_atomic
@@ -173,6 +174,11 @@ def save_validation(validation: Validation, files: Mapping[str, bytes], folder: 
             identity=dict(validation.identity),
             files=digests,
         )
+
+
+def find_validation_due(progress: ProgressCallback) -> Text | None:
+    """Job: return what `validation_due` returns."""
+    return validation_due()
 
 
 def validation_due() -> Text | None:

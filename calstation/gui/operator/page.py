@@ -22,7 +22,7 @@ from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live import LiveView
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.production import ShiftCounter
-from calstation.gui.operator.questions import ClaimNotice, FailingNotice, ask, refusal
+from calstation.gui.operator.questions import ClaimNotice, FailingNotice, ValidationNotice, ask, refusal
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.units import SlotsPanel, VerdictGrid
@@ -85,7 +85,7 @@ class OperatorPage(Page):
         self._failing = FailingNotice(app.run)
         self._loading, self._live = Loading(), LiveView(app)
         self._verdict, self._shift = VerdictPanel(app, self.notice, self.await_scan), ShiftCounter(app)
-        self._claimed = ClaimNotice(app)
+        self._claimed, self._validation = ClaimNotice(app), ValidationNotice(app)
         self._starting = RunStarter(app, self.header, self.notice)
         self._slots = SlotsPanel(self._starting.slots)
         self._verdicts = VerdictGrid(app, self.notice, self.await_scan)
@@ -97,7 +97,8 @@ class OperatorPage(Page):
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
         right = column(
-            self.closing, self._failing, self._claimed, self.notice, self._starting.dialog.people, (self._views, 1)
+            *(self.closing, self._failing, self._claimed, self._validation, self.notice),
+            *(self._starting.dialog.people, (self._views, 1)),
         )
         counts = row(self._shift, None, ExchangeLabel(app), spacing=3 * theme.GRID)
         self._events = EventLog("events_table")
@@ -136,6 +137,7 @@ class OperatorPage(Page):
         if not self._opened:
             self._opened = True
             self._starting.interrupted.recover()
+            self._validation.look()
         self._shift.count()
         self.await_scan()
 

@@ -12,6 +12,7 @@ from calstation.gui.text import for_operator, rendered, say
 from calstation.gui.widgets import Choice, NoticeBar
 from calstation.messages import Text, event_text
 from calstation.runs import Question, Role, RunStart
+from calstation.validation import find_validation_due
 
 #: Badge shapes (`widgets.badge.KINDS`) of the questions before a start, by subject; the default is ``caution``.
 _KINDS = {"resume": "paused", "attempts": "bad"}
@@ -165,6 +166,22 @@ class StartDialog:
         """Ask a question with an additional answer that cancels it."""
         primary = "resume" if "resume" in answers else "cancel"
         ask(self._notice, kind, question, {**answers, "cancel": self._cancelled}, primary=primary)
+
+
+class ValidationNotice(NoticeBar):
+    """Warning that the validation of the installation must be repeated, which does not prevent a run."""
+
+    def __init__(self, app: AppContext) -> None:
+        super().__init__("validation_notice")
+        self._search = app.job(self, find_validation_due, self._show)
+
+    def look(self) -> None:
+        """Compare the installation with the last validation."""
+        self._search.start()
+
+    def _show(self, due: Text | None) -> None:
+        if due is not None:
+            self.ask("caution", due, "")
 
 
 class ClaimNotice(NoticeBar):
