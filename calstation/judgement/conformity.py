@@ -17,11 +17,12 @@ from dataclasses import dataclass
 from pydantic import Field
 from scipy.special import ndtr, owens_t
 
-from calstation.estimation import Solution
+from calstation.estimation import Estimate, Solution
 from calstation.estimation.common import Posterior
 from calstation.judgement.check import Check
 from calstation.judgement.limits import COVERAGE_FACTOR, acceptance_interval
-from calstation.physics import INDEX, entry_of
+from calstation.judgement.over_temperature import worst_estimate
+from calstation.physics import INDEX, PARAMETERS, entry_of
 from calstation.records import ConformitySection, LogMeta, Rule
 from calstation.schema import Number, ResultSection
 
@@ -171,7 +172,7 @@ def conformity(
     for check in checks:
         if check.kind == "within" and isinstance(check.limit, tuple):
             name = check.subject
-            measured, spread = _measurement(meta, name, prior, solutions), entry_of(section.spread, name)
+            measured, spread = _measurement(meta, name, prior, solutions, check.limit), entry_of(section.spread, name)
             if measured.sigma == 0.0:
                 continue  # fixed, not measured
             outside = probability_outside(measured, check.limit, spread)
@@ -195,15 +196,19 @@ def conformity_section(meta: LogMeta) -> ConformitySection:
     return (meta.product.conformity if meta.product is not None else None) or ConformitySection()
 
 
-def _measurement(meta: LogMeta, name: str, prior: Posterior, solutions: Sequence[Solution]) -> Measurement:
+def _measurement(
+    meta: LogMeta, name: str, prior: Posterior, solutions: Sequence[Solution], limits: Interval
+) -> Measurement:
+    """Return what is compared with the limits, over a range of temperatures the worst value and the largest sigma."""
     if name not in INDEX:
         estimate = next(s.estimates[name] for s in reversed(solutions) if name in s.estimates)
         return Measurement(estimate.value, estimate.sigma)
     i, posterior = INDEX[name], solutions[-1].posterior
-    value, sigma = float(posterior.mean[i]), float(posterior.sigma[i])
+    found = Estimate(float(posterior.mean[i]), float(posterior.sigma[i]), PARAMETERS[i].unit)
+    worst = worst_estimate(solutions, name, limits, found)
     if name in meta.calibrated:
-        return Measurement(value, sigma)
-    return Measurement(value, sigma, float(prior.mean[i]), float(prior.sigma[i]))
+        return Measurement(worst.value, worst.sigma)
+    return Measurement(worst.value, worst.sigma, float(prior.mean[i]), float(prior.sigma[i]))
 
 
 def _middle(limits: Interval) -> float:

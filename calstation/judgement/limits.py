@@ -7,8 +7,8 @@ import numpy as np
 
 from calstation.estimation import Diagnosis, Estimate, Solution
 from calstation.estimation.common import Posterior
-from calstation.estimation.temperature import TemperatureFit
 from calstation.judgement.check import Check, Where
+from calstation.judgement.over_temperature import check_up_down, fit_over_temperature, worst_estimate
 from calstation.physics import INDEX, NAMES, OBSERVABLE, PARAMETERS, display, entry_of
 from calstation.records import MODEL_KINDS, NEAR_MISS_FRACTION, Limit, Rule
 
@@ -50,12 +50,16 @@ def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
 def unobservable(prior: Posterior, solutions: Sequence[Solution]) -> list[str]:
     """Return the estimated parameters that the data do not determine.
 
-    Their sigma is above 0.9 of the prior sigma, or they are in the unobservable subspace of every stage that estimated
-    them, so that only a prior correlation has reduced their sigma, or their sigma rests on an assumption.
+    Their sigma, the largest over the range of temperatures, is above 0.9 of the prior sigma, or they are in the
+    unobservable subspace of every stage that estimated them, so that only a prior correlation has reduced their sigma,
+    or their sigma rests on an assumption.
     """
     if not solutions:
         return []
     before, after = prior.sigma, solutions[-1].posterior.sigma
+    fit = fit_over_temperature(solutions)
+    if fit is not None:
+        after = np.maximum(after, fit.largest_sigma)
     names = [
         name
         for name in estimated_stage(solutions)
@@ -123,9 +127,7 @@ def check_limits(
         limit = entry_of(limits, name)
         if limit is not None:
             estimate = Estimate(float(posterior.mean[i]), float(sigma[i]), PARAMETERS[i].unit)
-            over_range = next((s.temperature for s in reversed(solutions) if s.temperature is not None), None)
-            if over_range is not None:
-                estimate = _over_range(over_range, name, limit, estimate)
+            estimate = worst_estimate(solutions, name, limit.interval, estimate)
             checks += _check_estimate(name, estimate, limit, limit.sigma_limit(stage), near, rule)
     for s in solutions:
         for name, estimate in s.estimates.items():
@@ -134,6 +136,7 @@ def check_limits(
                 checks += _check_estimate(name, estimate, limit, limit.sigma_below, near, rule)
     last = solutions[-1]
     model = [check for s in solutions for check in _model_checks(s, last=s is last)]
+    model += [check for s in solutions for check in check_up_down(s, limits, near)]
     checks += sorted(model, key=lambda check: [*MODEL_KINDS].index(check.kind))
     checks += [check for s in solutions for check in _consistency(s)]
     unknown = undetermined(prior, solutions, calibrated)
@@ -213,17 +216,6 @@ def _changes(prior: Posterior, after_data: Posterior, names: Sequence[str]) -> d
         if variance > _RESOLVED * before[i]:
             changes[name] = float(abs(after_data.mean[i] - prior.mean[i]) / np.sqrt(variance))
     return changes
-
-
-def _over_range(fit: TemperatureFit, name: str, limit: Limit, estimate: Estimate) -> Estimate:
-    """Return the value farthest from the middle of its limits, and the largest sigma, over the range of temperatures.
-
-    The sigma of `estimate` includes the uncertainty of gravity, which is the same at all temperatures.
-    """
-    middle = 0.5 * sum(limit.interval) if limit.interval is not None else 0.0
-    worst, at_reference = fit.worst(name, middle), fit.at(fit.model.reference).sigma[INDEX[name]]
-    common = max(estimate.sigma**2 - float(at_reference) ** 2, 0.0)
-    return replace(estimate, value=worst.value, sigma=float(np.sqrt(worst.sigma**2 + common)))
 
 
 def _check_estimate(

@@ -37,6 +37,7 @@ CheckKind = Literal[
     "start_attitude",
     "temperature",
     "temperature_fit",
+    "hysteresis",
     "held_out",
     "convergence",
     "other",
@@ -57,6 +58,7 @@ MODEL_KINDS: tuple[CheckKind, ...] = (
     "agreement",
     "table_noise",
     "temperature_fit",
+    "hysteresis",
     "held_out",
     "temperature",
 )

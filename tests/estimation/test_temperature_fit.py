@@ -10,7 +10,7 @@ from calstation.estimation.temperature import (
     held_out_points,
     with_orders,
 )
-from calstation.physics import COUNT, INDEX, PARAMETERS, group_indices
+from calstation.physics import COUNT, INDEX, NAMES, PARAMETERS, group_indices
 
 PRIOR = Posterior(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
 ORDER = {"gyro_bias": 3, "gyro_scale": 2, "accel_bias": 2, "accel_scale": 1}
@@ -82,7 +82,6 @@ def test_largest_value_and_sigma_are_found_over_the_range() -> None:
     ("cause", "group", "size"),
     [
         ("temperature_order", "gyro_scale", lambda t, k: ((t - 25.0) / 65.0) ** 3),
-        ("temperature_hysteresis", "accel_bias", lambda t, k: 0.5 * np.sign(t - TEMPERATURES[max(k - 1, 0)])),
         ("changed_in_time", "gyro_bias", lambda t, k: k / 6.0),
     ],
 )
@@ -96,6 +95,45 @@ def test_what_the_polynomials_do_not_describe_is_named(cause, group, size) -> No
         test = fit_temperature(MODEL, points, PRIOR).test
         assert not test.passed
         assert (test.diagnosis.cause, test.diagnosis.values["group"]) == (cause, group)
+
+
+def test_hysteresis_has_a_size_and_leaves_the_other_tests_alone() -> None:
+    rng = np.random.default_rng(6)
+    i = INDEX["accel_bias_x"]
+    for size in (0.0, 0.05):
+        for _ in range(5):
+            _, truth = polynomials(rng)
+            step = np.zeros(COUNT)
+            step[i] = size * PRIOR.sigma[i]
+            points = measured(
+                rng,
+                lambda t, k, truth=truth, step=step: (
+                    truth(t, k) + 0.5 * step * np.sign(t - TEMPERATURES[max(k - 1, 0)])
+                ),
+            )
+            fit = fit_temperature(MODEL, points, PRIOR)
+            assert fit.test.passed
+            found = {row.parameter: row for row in fit.up_down}
+            assert found.keys() == ({"accel_bias_x", "accel_bias_y", "accel_bias_z"} if size else set(NAMES))
+            row = found["accel_bias_x"]
+            assert abs(row.difference - step[i]) < 5.0 * row.sigma < 0.05 * PRIOR.sigma[i]
+
+
+def test_scatter_of_one_group_is_no_hysteresis() -> None:
+    rng = np.random.default_rng(10)
+    causes = []
+    for _ in range(20):
+        _, truth = polynomials(rng)
+        scatter = np.zeros((len(TEMPERATURES), COUNT))
+        group = group_indices("gyro_bias")
+        scatter[:, group] = 0.05 * PRIOR.sigma[group] * rng.normal(size=(len(TEMPERATURES), 3))
+        points = measured(rng, lambda t, k, truth=truth, scatter=scatter: truth(t, k) + scatter[k])
+        fit = fit_temperature(MODEL, points, PRIOR)
+        assert not fit.test.passed
+        assert fit.test.diagnosis.values["group"] == "gyro_bias"
+        causes.append(fit.test.diagnosis.cause)
+        assert fit.up_down == () or fit.test.diagnosis.cause != "temperature_scatter"
+    assert causes.count("temperature_scatter") >= 18
 
 
 def test_scatter_without_a_cause_is_named() -> None:

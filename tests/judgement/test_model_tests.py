@@ -70,6 +70,6 @@ def test_documentation_describes_every_kind_of_test() -> None:
     described = text.partition("### Tests of the model")[2].partition("\n## ")[0]
     assert {kind for kind in MODEL_KINDS if f"`{kind.replace('_', ' ')}`" not in described} == set()
     assert (
-        f"tests of {('nine', 'ten', 'eleven', 'twelve', 'thirteen', 'fourteen', 'fifteen')[len(MODEL_KINDS) - 9]} kinds"
+        f"tests of {('nine', 'ten', 'eleven', 'twelve', 'thirteen', 'fourteen', 'fifteen', 'sixteen')[len(MODEL_KINDS) - 9]} kinds"
         in described
     )

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -105,6 +106,7 @@ def test_range_that_was_not_measured_is_refused() -> None:
     ("temperatures", "held_out", "code"),
     [
         ((25.0, -40.0, 85.0), -40.0, "temperature.not_covered"),
+        ((25.0, -36.0, -10.0, 0.0, 50.0, 85.0), 0.0, "temperature.not_covered"),
         ((25.0, -40.0, 85.0), 0.0, "temperature.held_out_missing"),
         ((25.0, -40.0, 85.0, 24.4, 0.0), 0.0, "temperature.too_few"),
         ((25.0, -40.0, 0.0, 50.0, 85.0), 0.0, "temperature.too_few"),
@@ -116,6 +118,16 @@ def test_temperatures_that_do_not_determine_the_polynomials_are_refused(temperat
     points = [TemperaturePoint(t, 0.0, 0.0, "soak", 0, 1, PRIOR, PRIOR) for t in temperatures]
     with raises_code(InputError, code):
         solver._require_range(held_out_points(points, section.held_out_c))
+
+
+def test_range_of_a_ramp_is_that_of_its_samples() -> None:
+    context = context_from_meta(ThermalCase("mems_c_fast", (), {}, SECTION).meta())
+    ends = [(-40.0, -30.0), (-10.0, 0.0), (20.0, 30.0), (50.0, 60.0), (75.0, 83.5)]
+    points = [TemperaturePoint(sum(e) / 2, 0.1, 0.0, "up", 0, 1, PRIOR, PRIOR, extent=e) for e in ends]
+    solver = METHOD.solver(context, PRIOR, Schedule())
+    solver._require_range(points)
+    with raises_code(InputError, "temperature.not_covered"):
+        solver._require_range([*points[:-1], replace(points[-1], extent=(73.0, 82.0))])
 
 
 def test_samples_without_gyros_are_corrected_as_at_one_temperature() -> None:

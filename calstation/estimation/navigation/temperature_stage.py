@@ -41,8 +41,10 @@ from calstation.physics import COUNT, GROUPS, FloatArray
 _BEFORE = 20.0
 #: Largest number of solutions of all temperatures, and largest change of a coefficient that ends them, in sigmas.
 _MAX_PASSES, _CONVERGED = 4, 0.02
-#: Part of the range that may remain beyond the lowest or the highest temperature, and between a held-out temperature
-#: and its measurement.
+#: Largest distance of an end of the range from the lowest or highest temperature of the fitted samples, K: a unit in a
+#: chamber at that end may settle this far from it.
+_BEYOND = 2.0
+#: Largest distance of a held-out temperature from its measurement, as a part of the range.
 _MARGIN = 0.05
 
 
@@ -107,9 +109,11 @@ class TemperatureStage(StageSolver):
             nearest = nearest_temperature(points, held_out)
             if abs(nearest - held_out) > margin:
                 raise InsufficientDataError("temperature.held_out_missing", value=held_out, nearest=nearest)
-        means = [p.temperature for p in points if not p.is_held_out] or [self._model.reference]
-        if min(means) > low + margin or max(means) < high - margin:
-            measured = {"low": min(means), "high": max(means)}
+        extents = [p.extent or (p.temperature, p.temperature) for p in points if not p.is_held_out]
+        lowest = min((extent[0] for extent in extents), default=self._model.reference)
+        highest = max((extent[1] for extent in extents), default=self._model.reference)
+        if lowest > low + _BEYOND or highest < high - _BEYOND:
+            measured = {"low": lowest, "high": highest, "beyond": _BEYOND}
             raise InsufficientDataError("temperature.not_covered", range_low=low, range_high=high, **measured)
         different, fitted = different_temperatures(points), sum(not p.is_held_out for p in points)
         for group in GROUPS:
@@ -185,8 +189,9 @@ class _Part:
     def point(self, posterior: Posterior, prior: Posterior) -> TemperaturePoint:
         """Return the solution of the part; its way is determined later."""
         seq = self._block.seq
-        times = self.mean, self._rate, self._time
-        return TemperaturePoint(*times, "soak", int(seq[0]), int(seq[-1]), prior, posterior)
+        times, extent = (self.mean, self._rate, self._time), (self._temperature.min(), self._temperature.max())
+        point = TemperaturePoint(*times, "soak", int(seq[0]), int(seq[-1]), prior, posterior)
+        return replace(point, extent=(float(extent[0]), float(extent[1])))
 
 
 def temperature_parts(block: SampleBlock, soak: float, moves: int) -> list[tuple[int, int]]:

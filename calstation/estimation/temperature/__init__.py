@@ -4,6 +4,7 @@ from calstation.estimation.temperature.fit import (
     HeldOut,
     TemperatureFit,
     TemperaturePoint,
+    UpDown,
     WorstOverRange,
     different_temperatures,
     fit_temperature,

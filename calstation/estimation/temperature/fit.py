@@ -2,7 +2,9 @@
 
 Every solution contributes the information of its data, in decorrelated observations of unit variance. The tests add
 columns to the fit: a higher order, a difference between rising and falling temperature, a change with time, and a term
-in the rate of change of the temperature. The one that explains most of the residual is the cause.
+in the rate of change of the temperature. The one that explains most of the residual is the cause, unless it explains no
+more of the residual of its group than it would of scatter: an F test tells them apart. A difference between rising and
+falling temperature is a test of its own, `up_down`, and is removed from the residuals of the other tests.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,6 +13,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from scipy.special import fdtrc
 
 from calstation.estimation.common import Consistency, Diagnosis, ModelTest, Posterior, TemperatureModel, nis_consistency
 from calstation.estimation.effects import MAX_EXCESS
@@ -25,6 +28,9 @@ HELD_OUT_SIGMAS = 5.0
 _SAME = 1.0
 #: Smallest number of temperatures of each way at which hysteresis is tested.
 _MIN_OF_WAY = 2
+#: Largest probability with which scatter is taken for a cause.
+_SCATTER_PROBABILITY = 0.005
+_HYSTERESIS = "temperature_hysteresis"
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,7 @@ class TemperaturePoint:
     prior: Posterior
     posterior: Posterior
     is_held_out: bool = False
+    extent: tuple[float, float] | None = None  #: Lowest and highest temperature, °C; None if it did not change.
 
     def observations(self, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return decorrelated observations of unit variance, shape (n,), and their Jacobian, shape (n, 30).
@@ -83,6 +90,15 @@ class HeldOut:
 
 
 @dataclass(frozen=True)
+class UpDown:
+    """Difference of a parameter between rising and falling temperature, and its sigma, SI."""
+
+    parameter: str
+    difference: float
+    sigma: float
+
+
+@dataclass(frozen=True)
 class TemperatureFit:
     """Coefficients with their joint covariance."""
 
@@ -92,6 +108,9 @@ class TemperatureFit:
     points: tuple[TemperaturePoint, ...]
     consistency: Consistency  #: Test of the residuals of the fitted points.
     test: ModelTest
+    #: Differences of the parameters whose group has a hysteresis or, if none has, of all of them; empty if the
+    #: temperature did not rise and fall often enough, or if something else than a hysteresis fails the test.
+    up_down: tuple[UpDown, ...] = ()
 
     def at(self, temperature: float, rate: float = 0.0) -> Posterior:
         """Return the parameters at a temperature, °C, that changes by `rate`, K/s."""
@@ -113,6 +132,11 @@ class TemperatureFit:
         """Parameters and their sigmas at the temperatures of the range, shape (n, 30) each."""
         parameters = [self.at(t) for t in self.model.temperatures]
         return np.array([p.mean for p in parameters]), np.array([p.sigma for p in parameters])
+
+    @property
+    def largest_sigma(self) -> FloatArray:
+        """Largest sigma of each parameter over the range, SI, shape (30,)."""
+        return np.asarray(self._over_range[1].max(axis=0))
 
     def worst(self, name: str, middle: float = 0.0) -> WorstOverRange:
         """Return the value of a parameter farthest from `middle` over the range, and its largest sigma."""
@@ -178,17 +202,64 @@ def fit_temperature(model: TemperatureModel, points: Sequence[TemperaturePoint],
     for k, column in enumerate(model.columns):
         if column.power != 0 and sigma[k] > 0.0:
             precision[k, k] = sigma[k] ** -2
-    used = np.flatnonzero(sigma > 0.0)
-    scale = sigma[used]
-    jacobian = equations.jacobian[:, used] * scale
-    information = jacobian.T @ jacobian + precision[np.ix_(used, used)] * np.outer(scale, scale)
     mean = np.array([prior.mean[c.parameter] if c.power == 0 else 0.0 for c in model.columns])
-    covariance = np.zeros_like(precision)
-    covariance[np.ix_(used, used)] = np.linalg.inv(information) * np.outer(scale, scale)
-    innovation = equations.observed - equations.jacobian @ mean
-    mean = mean + covariance @ (equations.jacobian.T @ innovation)
-    consistency, test = _tested(model, equations, jacobian)
-    return TemperatureFit(model, mean, covariance, tuple(points), consistency, test)
+    before = _Coefficients(mean, sigma, precision)
+    consistency, test, hysteretic = _tested(model, equations, equations.jacobian[:, sigma > 0.0] * sigma[sigma > 0.0])
+    fit = TemperatureFit(model, *before.updated(equations.jacobian, equations), tuple(points), consistency, test)
+    groups = hysteretic or (GROUPS if test.passed else ())
+    return replace(fit, up_down=_up_down(equations, before, prior, groups))
+
+
+@dataclass(frozen=True)
+class _Coefficients:
+    """Coefficients before the fit: means and sigmas, shape (c,), and their joint precision, shape (c, c)."""
+
+    mean: FloatArray
+    sigma: FloatArray  #: 0 for a fixed coefficient.
+    precision: FloatArray
+
+    def updated(self, jacobian: FloatArray, equations: _Equations) -> tuple[FloatArray, FloatArray]:
+        """Return the coefficients after the observations, and their covariance."""
+        used = np.flatnonzero(self.sigma > 0.0)
+        scale = self.sigma[used]
+        part = jacobian[:, used] * scale
+        information = part.T @ part + self.precision[np.ix_(used, used)] * np.outer(scale, scale)
+        covariance = np.zeros_like(self.precision)
+        covariance[np.ix_(used, used)] = np.linalg.inv(information) * np.outer(scale, scale)
+        return self.mean + covariance @ (jacobian.T @ (equations.observed - jacobian @ self.mean)), covariance
+
+    def with_further(self, sigma: FloatArray) -> "_Coefficients":
+        """Return the coefficients with further, independent ones of mean 0."""
+        free = np.where(sigma > 0.0, sigma, np.inf)
+        zeros = np.zeros((len(self.sigma), len(sigma)))
+        precision = np.block([[self.precision, zeros], [zeros.T, np.diag(free**-2)]])
+        return _Coefficients(np.append(self.mean, 0.0 * sigma), np.append(self.sigma, sigma), precision)
+
+
+def _up_down(
+    equations: _Equations, before: _Coefficients, prior: Posterior, groups: Sequence[str]
+) -> tuple[UpDown, ...]:
+    """Return the differences between rising and falling temperature of all parameters in groups, fitted jointly.
+
+    Parameters
+    ----------
+    equations : observations
+    before : coefficients before the fit
+    prior : parameters before the calibration, whose sigmas bound the differences
+    groups : groups with a difference
+    """
+    ways = _ways(equations)
+    if ways is None or not groups:
+        return ()
+    index = np.concatenate([group_indices(group) for group in groups])
+    jacobian = np.hstack([equations.jacobian, *(_columns(equations, group, ways) for group in groups)])
+    mean, covariance = before.with_further(prior.sigma[index]).updated(jacobian, equations)
+    sigma = np.sqrt(np.diag(covariance))[-len(index) :]
+    return tuple(
+        UpDown(NAMES[i], float(d), float(s))
+        for i, d, s in zip(index, mean[-len(index) :], sigma, strict=True)
+        if s > 0.0
+    )
 
 
 def with_orders(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> TemperatureModel:
@@ -209,7 +280,7 @@ def with_orders(model: TemperatureModel, points: Sequence[TemperaturePoint], pri
             if group in model.order or order >= highest or not prior.sigma[group_indices(group)].any():
                 continue
             added = _next_order(chosen, equations, group)
-            gain = projector.explained(equations.observed, added)
+            gain, _ = projector.explained(equations.observed, added)
             gains[group] = gain - added.shape[1] * np.log(max(len(equations.observed), 2))
         best = max(gains, key=lambda group: gains[group], default=None)
         if best is None or gains[best] <= 0.0:
@@ -238,50 +309,122 @@ class _Projector:
         """Return the residual."""
         return np.asarray(observed - self._basis @ (self._basis.T @ observed))
 
-    def explained(self, observed: FloatArray, added: FloatArray) -> float:
-        """Return the decrease of the sum of squares by further columns, shape (n, k)."""
+    def explained(self, observed: FloatArray, added: FloatArray) -> tuple[float, int]:
+        """Return the decrease of the sum of squares by further columns, shape (n, k), and their number that counts."""
         columns = self.remaining(added)
         u, values, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(added, axis=0), 1e-300), full_matrices=False)
         kept = u[:, values > 1e-8]
-        return float(np.sum((kept.T @ observed) ** 2))
+        return float(np.sum((kept.T @ observed) ** 2)), kept.shape[1]
 
 
-def _tested(model: TemperatureModel, equations: _Equations, jacobian: FloatArray) -> tuple[Consistency, ModelTest]:
-    """Return the test of the residuals, and that of the columns which explain most of them.
+@dataclass(frozen=True)
+class _Candidate:
+    """A possible cause of the residuals of a group."""
 
-    Residuals that are too large without columns that explain them fail the second one as scatter.
+    cause: str
+    group: str
+    excess: float  #: Decrease of χ² minus the number of columns.
+    is_scatter: bool  #: Whether scatter of the group would be explained as well.
+
+
+def _tested(
+    model: TemperatureModel, equations: _Equations, jacobian: FloatArray
+) -> tuple[Consistency, ModelTest, tuple[str, ...]]:
+    """Return the test of the residuals, that of the columns that explain most of them, and groups with a hysteresis.
+
+    The tests are those of the residuals without the hysteresis. Residuals that are too large without columns that
+    explain them fail the second one as scatter.
     """
+    best: dict[str, _Candidate] = {}
+    for candidate in _candidates(model, equations, _Projector(jacobian), _ways(equations)):
+        if candidate.group not in best or candidate.excess > best[candidate.group].excess:
+            best[candidate.group] = candidate
+    found = [c for c in best.values() if c.cause == _HYSTERESIS and c.excess > MAX_EXCESS and not c.is_scatter]
+    hysteretic, ways = tuple(candidate.group for candidate in found), _ways(equations)
+    if ways is not None and hysteretic:
+        jacobian = np.hstack([jacobian, *(_columns(equations, group, ways) for group in hysteretic)])
     projector = _Projector(jacobian)
+    likeliest = max(_candidates(model, equations, projector, None), key=lambda candidate: candidate.excess)
+    group = likeliest.group
+    values = {"group": group} if likeliest.is_scatter else {"group": group, "order": model.order.get(group, 0)}
+    diagnosis = Diagnosis("temperature_scatter" if likeliest.is_scatter else likeliest.cause, values=values)
+    test = ModelTest("temperature_fit", likeliest.excess, MAX_EXCESS, "1", diagnosis)
     total = float(np.sum(projector.remaining(equations.observed) ** 2))
-    causes = [
-        (projector.explained(equations.observed, added) - added.shape[1], cause, group)
-        for cause, group, added in _candidates(model, equations)
-    ]
-    excess, cause, group = max(causes)
-    diagnosis = Diagnosis(cause, values={"group": group, "order": model.order.get(group, 0)})
-    test = ModelTest("temperature_fit", excess, MAX_EXCESS, "1", diagnosis)
     consistency = nis_consistency(total, projector.freedom, 1)
     if test.passed and consistency.nis_mean > consistency.nis_high:
-        largest = consistency.nis_high * projector.freedom
-        test = ModelTest("temperature_fit", total, largest, "1", Diagnosis("temperature_scatter"))
-    return consistency, test
+        largest, most = consistency.nis_high * projector.freedom, _most_scattered(equations, projector)
+        test = ModelTest(
+            "temperature_fit", total, largest, "1", Diagnosis("temperature_scatter", values={"group": most})
+        )
+    return consistency, test, hysteretic
 
 
-def _candidates(model: TemperatureModel, equations: _Equations) -> Iterator[tuple[str, str, FloatArray]]:
-    """Yield causes of a residual, the group that they concern, and their columns."""
+def _candidates(
+    model: TemperatureModel, equations: _Equations, projector: _Projector, ways: FloatArray | None
+) -> Iterator[_Candidate]:
+    """Yield the possible causes of the residuals of every group.
+
+    Parameters
+    ----------
+    model : orders of the polynomials
+    equations : observations
+    projector : removes what the coefficients explain
+    ways : direction of every point, shape (points,); None if a hysteresis is no cause
+    """
     points = [p for p, _ in equations.points]
-    ways = np.array([{"up": 0.5, "down": -0.5, "soak": 0.0}[p.way] for p in points])
     times = np.array([p.time for p in points])
     times = times / max(float(times.max(initial=0.0)), 1e-9)
     rates = np.array([60.0 * p.rate for p in points])
-    has_ways = min(np.count_nonzero(ways > 0.0), np.count_nonzero(ways < 0.0)) >= _MIN_OF_WAY
     for group in GROUPS:
-        yield "temperature_order", group, _next_order(model, equations, group)
-        yield "changed_in_time", group, _columns(equations, group, times)
-        if has_ways:
-            yield "temperature_hysteresis", group, _columns(equations, group, ways)
+        causes = {
+            "temperature_order": _next_order(model, equations, group),
+            "changed_in_time": _columns(equations, group, times),
+        }
+        if ways is not None:
+            causes[_HYSTERESIS] = _columns(equations, group, ways)
         if group not in model.rate_term and rates.any():
-            yield "temperature_rate", group, _columns(equations, group, rates)
+            causes["temperature_rate"] = _columns(equations, group, rates)
+        most, freedom = projector.explained(equations.observed, _each_point(equations, group))
+        for cause, added in causes.items():
+            gain, count = projector.explained(equations.observed, added)
+            yield _Candidate(cause, group, gain - count, _is_scatter(gain, count, most - gain, freedom - count))
+
+
+def _is_scatter(gain: float, count: int, rest: float, freedom: int) -> bool:
+    """Return whether columns explain no more of the residual of a group than they would of scatter, by an F test.
+
+    What the columns leave counts as noise at least. Without redundancy, nothing tells scatter from a cause.
+
+    Parameters
+    ----------
+    gain, count : decrease of χ² by the columns, and their number
+    rest, freedom : what they leave of the residual of the group, and its degrees of freedom
+    """
+    if freedom <= 0 or count == 0:
+        return gain - count > MAX_EXCESS
+    ratio = (gain / count) / max(rest / freedom, 1.0)
+    return bool(fdtrc(count, freedom, ratio) > _SCATTER_PROBABILITY)
+
+
+def _most_scattered(equations: _Equations, projector: _Projector) -> str:
+    """Return the group whose changes from point to point explain most of the residuals."""
+
+    def excess(group: str) -> float:
+        gain, count = projector.explained(equations.observed, _each_point(equations, group))
+        return gain - count
+
+    return max(GROUPS, key=excess)
+
+
+def _ways(equations: _Equations) -> FloatArray | None:
+    """Return half a step up for points after a rise, and down after a fall; None if a way has too few points."""
+    ways = np.array([{"up": 0.5, "down": -0.5, "soak": 0.0}[p.way] for p, _ in equations.points])
+    return ways if min(np.count_nonzero(ways > 0.0), np.count_nonzero(ways < 0.0)) >= _MIN_OF_WAY else None
+
+
+def _each_point(equations: _Equations, group: str) -> FloatArray:
+    """Return the columns of a change of a group at every point by itself."""
+    return np.hstack([_columns(equations, group, row) for row in np.eye(len(equations.points))])
 
 
 def _next_order(model: TemperatureModel, equations: _Equations, group: str) -> FloatArray:

@@ -1,0 +1,92 @@
+"""Verdict on parameters that are functions of the temperature: worst value, largest sigma, hysteresis."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.config import RunRequest, load_configuration
+from calstation.estimation import Solution
+from calstation.estimation.common import Consistency, Posterior, TemperatureModel
+from calstation.estimation.temperature import TemperaturePoint, fit_temperature
+from calstation.judgement import check_limits, judge, unobservable
+from calstation.physics import COUNT, INDEX, NAMES, PARAMETERS
+from calstation.records import Limit
+
+PRIOR = Posterior(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
+MODEL = TemperatureModel(25.0, (-40.0, 85.0), {"gyro_bias": 1})
+NAME, BIAS = "gyro_bias_x", INDEX["gyro_bias_x"]
+TEMPERATURES = (25.0, -40.0, 20.0, 85.0, 30.0, -35.0, 25.0)
+RATIO = 1e-3
+
+
+def solved(slope: float = 0.0, step: float = 0.0, blind: str = "") -> Solution:
+    """Return a solution without errors, for a bias with a slope over the range and a step between both directions.
+
+    The data do not determine the parameter `blind` at the highest temperature.
+    """
+    points = []
+    for k, t in enumerate(TEMPERATURES):
+        way = "soak" if k == 0 else "up" if t > TEMPERATURES[k - 1] else "down"
+        mean, sigma = np.zeros(COUNT), RATIO * PRIOR.sigma
+        mean[BIAS] = PRIOR.sigma[BIAS] * (
+            slope * (t - 25.0) / 65.0 + step * {"up": 0.5, "down": -0.5, "soak": 0.0}[way]
+        )
+        if blind and t == 85.0:
+            sigma[INDEX[blind]] = PRIOR.sigma[INDEX[blind]]
+        points.append(TemperaturePoint(t, 0.0, 600.0 * k, way, 0, 1, PRIOR, Posterior(mean, np.diag(sigma**2))))
+    fit = fit_temperature(MODEL, points, PRIOR)
+    consistency = Consistency(1.0, 0.9, 1.1, 100)
+    return replace(Solution("temperature", fit.at(25.0), NAMES, consistency), temperature=fit, tests=(fit.test,))
+
+
+def failed(solution: Solution, **limits: Limit) -> list[str]:
+    """Return the names of the failed checks."""
+    return [check.name for check in check_limits(limits, PRIOR, [solution]) if not check.passed]
+
+
+def test_limits_hold_at_the_worst_temperature() -> None:
+    within = Limit(within=0.5 * PRIOR.sigma[BIAS])
+    assert failed(solved(0.4), gyro_bias=within) == []
+    assert failed(solved(0.6), gyro_bias=within) == [f"{NAME} within"]
+
+
+def test_hysteresis_is_compared_with_the_limit_of_sigma() -> None:
+    step = 0.1
+    assert failed(solved(step=step)) == ["temperature hysteresis"]
+    assert failed(solved(step=step), gyro_bias=Limit(sigma_below=0.6 * step * PRIOR.sigma[BIAS])) == []
+    strict = Limit(sigma_below=0.4 * step * PRIOR.sigma[BIAS])
+    checks = [c for c in check_limits({"gyro_bias": strict}, PRIOR, [solved(step=step)]) if c.kind == "hysteresis"]
+    (check,) = checks
+    assert not check.passed
+    assert (check.where.parameter, check.unit) == (NAME, "rad/s")
+    assert check.value == pytest.approx(0.5 * step * PRIOR.sigma[BIAS], rel=1e-3)
+    assert check.limit == pytest.approx(strict.sigma_below)
+    assert check.diagnosis.size == pytest.approx(step * PRIOR.sigma[BIAS], rel=1e-3)
+    assert check.diagnosis.parameter_shift[NAME] > 10.0
+
+
+def test_small_difference_of_both_directions_is_shown_and_passes() -> None:
+    (check,) = [c for c in check_limits({}, PRIOR, [solved()]) if c.kind == "hysteresis"]
+    assert check.passed
+    assert check.value < check.limit
+
+
+def test_parameter_that_one_end_of_the_range_does_not_determine_is_unobservable() -> None:
+    order = {"gyro_scale": 3}
+    assert unobservable(PRIOR, [solved()]) == []
+    points = [p for p in solved(blind="gyro_scale_x").temperature.points if p.temperature in (25.0, -40.0, 85.0, 20.0)]
+    fit = fit_temperature(replace(MODEL, order=order), points, PRIOR)
+    solution = replace(solved(), posterior=fit.at(25.0), temperature=fit)
+    assert solution.posterior.sigma[INDEX["gyro_scale_x"]] < 0.1 * PRIOR.sigma[INDEX["gyro_scale_x"]]
+    assert unobservable(PRIOR, [solution]) == ["gyro_scale_x"]
+
+
+def test_probability_of_a_wrong_decision_is_that_at_the_worst_temperature() -> None:
+    meta = load_configuration(RunRequest("SN-1", product=Path("data/products/mems_c_fast.toml"))).log_meta()
+    solution = solved()
+    limit, columns = meta.product.limits["gyro_bias"].within, solution.temperature.model.columns
+    scaled = np.array([limit if c.parameter == BIAS and c.power == 1 else 0.0 for c in columns])
+    solution = replace(solution, temperature=replace(solution.temperature, scaled=scaled))
+    assert judge(meta, PRIOR, (solution,)).conformity.parameters[NAME].probability == pytest.approx(0.5, abs=0.01)
