@@ -18,13 +18,12 @@ from calstation.database import start_exchange
 from calstation.designer import Design, DesignRequest, design_schedule, designed_product
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.estimation.common import SampleBlock, join_blocks
-from calstation.estimation.temperature import compensate_each
 from calstation.exports import ExportCheck, ExportSource, export_calibration
 from calstation.jobs import ProgressCallback
-from calstation.physics import EffectName, FloatArray, IntArray, compensate, compensation
+from calstation.physics import EffectName, FloatArray, IntArray
 from calstation.records import Log as StoredLog
 from calstation.records import LogMeta, context_from_meta, open_log
-from calstation.results import Result, resolve_log, with_states
+from calstation.results import Result, compensate_samples, known_temperatures, resolve_log, with_states
 from calstation.results import resolve as resolve_file
 from calstation.runs import Engine, RunStart
 from calstation.sequencer import Fault, Finalized, StageProgress, StageStarted
@@ -218,7 +217,8 @@ def apply(
     gyro : raw angular rate, rad/s, shape (n, 3)
     accel : raw specific force, m/s², shape (n, 3)
     temp_c : temperature of the unit, °C, shape (n,), or one for all samples; a result over temperature requires it, and
-        the term in its rate of change is left out
+        the term in its rate of change is left out. Missing ones (NaN) are interpolated; those outside the range of the
+        result raise InputError.
 
     Returns
     -------
@@ -230,14 +230,14 @@ def apply(
         if values.ndim != 2 or values.shape[1] != 3 or len(values) != len(arrays["gyro"]):
             raise ConfigurationError("api.sample_shape", name=name, shape=str(values.shape))
     if result.temperature is None:
-        return compensate(compensation(result.vector), arrays["gyro"], arrays["accel"])
+        return compensate_samples(result.vector, None, arrays["gyro"], arrays["accel"], np.empty(0))
     if temp_c is None:
         raise ConfigurationError("api.no_temperature")
     temperature = np.asarray(temp_c, dtype=np.float64)
     if temperature.shape not in ((), (len(arrays["gyro"]),)):
         raise ConfigurationError("api.temperature_shape", shape=str(temperature.shape), samples=len(arrays["gyro"]))
-    temperature = np.broadcast_to(temperature, len(arrays["gyro"]))
-    return compensate_each(arrays["gyro"], arrays["accel"], result.temperature.parameters_at(temperature))
+    temperature = known_temperatures(np.broadcast_to(temperature, len(arrays["gyro"])))
+    return compensate_samples(result.vector, result.temperature, arrays["gyro"], arrays["accel"], temperature)
 
 
 def export(

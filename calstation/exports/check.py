@@ -1,14 +1,14 @@
 """Comparison of an export, evaluated by the reading program's formula, with the samples that we correct."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from calstation.errors import CalstationError
-from calstation.exports.source import ExportFormat, ExportSource, Files
-from calstation.physics import PARAMETERS, FloatArray, compensate, compensation
+from calstation.exports.source import ExportFormat, ExportSource, Files, TemperatureCorrector
+from calstation.physics import PARAMETERS, FloatArray
 from calstation.records import context_from_meta
 
 #: Largest difference of an export from the same parameters in our correction, as a fraction of the largest sample.
@@ -31,7 +31,8 @@ class ExportCheck:
     accel: float  #: Largest difference of the specific force, m/s².
     gyro_sigmas: float  #: `gyro` in standard deviations of the noise of a sample.
     accel_sigmas: float  #: `accel` in standard deviations of the noise of a sample.
-    not_expressed: Mapping[str, float]  #: Parameters that the format cannot express, SI.
+    not_expressed: Mapping[str, float]  #: What the format cannot express, see `ExportSource.not_expressed`, SI.
+    of_limit: Mapping[str, float]  #: The sizes of it as multiples of the product's limits, as far as there are limits.
     exceeding: tuple[str, ...]  #: Those of them that exceed the product's limits.
 
     def to_json(self) -> dict[str, Any]:
@@ -43,6 +44,7 @@ class ExportCheck:
             "largest_sigmas": {"gyro": self.gyro_sigmas, "accel": self.accel_sigmas},
             "not_expressed": list(self.not_expressed),
             "values": dict(self.not_expressed),
+            "of_limit": dict(self.of_limit),
             "exceeding": list(self.exceeding),
         }
 
@@ -59,33 +61,45 @@ def check_export(name: str, export_format: ExportFormat, files: Files, source: E
     files : content of the export
     source : the exported calibration
     """
-    left = source.not_expressed(export_format.groups)
-    expressed = source.parameters.copy()
-    expressed[[i for i, parameter in enumerate(PARAMETERS) if parameter.name in left]] = 0.0
-    theirs = export_format.read(files)
-    same = compensation(expressed)
+    left = source.not_expressed(export_format)
+    unexpressed = [i for i, parameter in enumerate(PARAMETERS) if parameter.name in left]
+    same = replace(source, parameters=source.parameters.copy())
+    same.parameters[unexpressed] = 0.0
+    theirs = _corrector(export_format, files, source)
+    if export_format.read_over is None:
+        same = replace(same, temperature=None)
     largest, samples = np.zeros(2), 0
-    for raw, temperature in _samples(source):
+    for raw, temperature, is_recorded in _samples(source):
         measured = raw[:, :3], raw[:, 3:]
-        corrected = theirs(*measured)
-        _compare(name, corrected, compensate(same, *measured))
-        if temperature is not None:
+        corrected = theirs(*measured, temperature)
+        _compare(name, corrected, same.corrected(*measured, temperature)[:2])
+        if is_recorded:
             rate, force, count = source.corrected(*measured, temperature)
             samples += count
             largest = np.maximum(largest, _differences(corrected, (rate, force)))
     sigmas = largest / [source.gyro_noise.sample, source.accel_noise.sample]
-    exceeding = [parameter for parameter, value in left.items() if abs(value) > source.limits.get(parameter, np.inf)]
+    of_limit = {n: abs(value) / source.limit(n) for n, value in left.items() if source.limit(n) < np.inf}
+    exceeding = tuple(n for n, share in of_limit.items() if share > 1.0)
     gyro, accel, gyro_sigmas, accel_sigmas = map(float, (*largest, *sigmas))
-    return ExportCheck(name, samples, gyro, accel, gyro_sigmas, accel_sigmas, left, tuple(exceeding))
+    return ExportCheck(name, samples, gyro, accel, gyro_sigmas, accel_sigmas, left, of_limit, exceeding)
 
 
-def _samples(source: ExportSource) -> Iterator[tuple[FloatArray, FloatArray | None]]:
-    """Yield samples, rad/s and m/s², shape (n, 6), and temperatures, °C, of the valid samples of the recording."""
-    yield _PROBES, None
-    yield _SMALL_PROBES, None
+def _corrector(export_format: ExportFormat, files: Files, source: ExportSource) -> TemperatureCorrector:
+    """Return the reading program's correction, which depends on the temperature if calibration and format do."""
+    if source.temperature is not None and export_format.read_over is not None:
+        return export_format.read_over(files)
+    constant = export_format.read(files)
+    return lambda gyro, accel, _: constant(gyro, accel)
+
+
+def _samples(source: ExportSource) -> Iterator[tuple[FloatArray, FloatArray, bool]]:
+    """Yield samples, rad/s and m/s², shape (n, 6), their temperatures, °C, and whether the recording contains them."""
+    low, high = source.temperature.range_c if source.temperature is not None else (0.0, 0.0)
+    for probes in (_PROBES, _SMALL_PROBES):
+        yield probes, np.linspace(low, high, len(probes)), False
     size = context_from_meta(source.log.meta).imu.count_size
     for block in source.log.blocks():
-        yield block.counts[block.valid] * size, block.temperature[block.valid]
+        yield block.counts[block.valid] * size, block.temperature[block.valid], True
 
 
 def _differences(theirs: tuple[FloatArray, FloatArray], ours: tuple[FloatArray, FloatArray]) -> FloatArray:

@@ -7,7 +7,7 @@ from calstation.errors import ConfigurationError
 from calstation.exports.check import ExportCheck, check_export
 from calstation.exports.formats import FORMATS
 from calstation.exports.source import ExportSource
-from calstation.messages import os_reason
+from calstation.messages import Text, os_reason
 from calstation.records import write_atomic
 
 #: Ending of the file with the check.
@@ -32,7 +32,8 @@ def export_calibration(source: ExportSource, to: str, path: Path, *, allow_loss:
     files = FORMATS[to].write(source)
     check = check_export(to, FORMATS[to], files, source)
     if check.exceeding and not allow_loss:
-        raise ConfigurationError("export.loss", format=to, names=list(check.exceeding))
+        names = [Text.of("export.of_limit", name=name, share=check.of_limit[name]) for name in check.exceeding]
+        raise ConfigurationError("export.loss", format=to, names=names)
     content = {**files, CHECK_SUFFIX: json.dumps(check.to_json(), indent=1).encode() + b"\n"}
     for ending, data in content.items():
         target = path.with_name(path.name + ending)

@@ -7,21 +7,24 @@ from pathlib import Path
 import numpy as np
 
 from calstation.errors import InputError
-from calstation.estimation.temperature import compensate_each
-from calstation.physics import NAMES, PARAMETERS, FloatArray, compensate, compensation, entry_of
+from calstation.physics import NAMES, PARAMETERS, FloatArray, entry_of
 from calstation.records import ImuSection, Limit, Log, open_log, prior_from_meta
-from calstation.results import Result, TemperatureResult, find_log
+from calstation.results import Result, TemperatureResult, compensate_samples, find_log
 
 #: Time, s, at which a random walk of the bias has the Allan deviation of the bias instability, K √(T/3) = B; programs
 #: that model no flicker noise ask for K (IEEE Std 952-2020, annex C).
 BIAS_TIME = 1000.0
 #: The lever arm of the mounting on the table is no property of the unit.
 _NOT_OF_UNIT = "outer_lever"
+#: Ending of a name that denotes the change of a parameter over the range of temperatures.
+_OVER_TEMPERATURE = "(T)"
 
 #: Files by the ending that is added to the name of the export; "" is the export itself.
 Files = Mapping[str, bytes]
 #: Corrects angular rate, rad/s, and specific force, m/s², shape (n, 3) each.
 Corrector = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+#: Corrects them at temperatures, °C, shape (n,); NaN outside the range.
+TemperatureCorrector = Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,8 @@ class ExportFormat:
     write: "Callable[[ExportSource], Files]"
     #: Returns the reading program's own correction with the content of the files.
     read: Callable[[Files], Corrector]
+    #: The same for a calibration over temperature; None if the format cannot express one.
+    read_over: Callable[[Files], TemperatureCorrector] | None = None
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,7 @@ class ExportSource:
 
     serial: str
     parameters: FloatArray  #: SI, shape (30,).
-    further: Mapping[str, float]  #: Parameters outside the 30, and terms in the temperature.
+    further: Mapping[str, float]  #: Parameters outside the 30.
     limits: Mapping[str, float]  #: Largest error of a parameter that the product permits, SI, by name.
     imu: ImuSection
     log: Log  #: Recording for the check.
@@ -91,10 +96,6 @@ class ExportSource:
         product = own.meta.product or recording.meta.product
         further = {name: row.value for name, row in result.parameters.items() if name not in NAMES}
         limits = {} if product is None else _largest_errors(result, product.limits)
-        if result.temperature is not None:
-            span, terms = result.temperature.span, result.temperature.terms
-            further |= terms
-            limits |= {t: limits[n] / span**k for t in terms for n, k in [_name_and_power(t)] if n in limits}
         return cls(result.serial, values, further, limits, own.meta.imu, recording, result.temperature)
 
     @property
@@ -119,14 +120,31 @@ class ExportSource:
                 matrix[parameter.row, parameter.column] += value
         return matrix
 
-    def not_expressed(self, groups: frozenset[str]) -> dict[str, float]:
-        """Return the parameters other than 0 outside the groups that a format can express, SI, by name."""
+    def not_expressed(self, export_format: ExportFormat) -> dict[str, float]:
+        """Return what is other than 0 and a format cannot express, SI: parameters by name, and their terms.
+
+        ``NAME(T)`` is the largest change of a parameter over the range of temperatures, ``NAME(dT/dt)`` its coefficient
+        of the rate of change, per K/s.
+        """
         left = {
             p.name: float(value)
             for value, p in zip(self.parameters, PARAMETERS, strict=True)
-            if p.group not in groups and p.group != _NOT_OF_UNIT and value != 0.0
+            if p.group not in export_format.groups and p.group != _NOT_OF_UNIT and value != 0.0
         }
-        return left | {name: value for name, value in self.further.items() if value != 0.0}
+        left |= {name: value for name, value in self.further.items() if value != 0.0}
+        if self.temperature is None:
+            return left
+        changes = {n: size for n, size in self.temperature.largest_changes.items() if not n.startswith(_NOT_OF_UNIT)}
+        if export_format.read_over is not None:
+            changes = {
+                n: size for n, size in changes.items() if PARAMETERS[NAMES.index(n)].group not in export_format.groups
+            }
+        left |= {f"{name}{_OVER_TEMPERATURE}": size for name, size in changes.items()}
+        return left | {f"{name}(dT/dt)": value for name, value in self.temperature.rate_terms.items()}
+
+    def limit(self, name: str) -> float:
+        """Return the largest error that the product permits of what `not_expressed` names, SI; infinite if unknown."""
+        return self.limits.get(name.removesuffix(_OVER_TEMPERATURE), np.inf)
 
     def corrected(
         self, gyro: FloatArray, accel: FloatArray, temperature: FloatArray
@@ -138,20 +156,12 @@ class ExportSource:
         gyro, accel : output, rad/s and m/s², shape (n, 3)
         temperature : temperature of the unit, °C, shape (n,)
         """
-        if self.temperature is None:
-            return *compensate(compensation(self.parameters), gyro, accel), len(gyro)
-        low, high = self.temperature.range_c
-        known = (temperature >= low) & (temperature <= high)
-        reference = self.temperature.parameters_at(np.array([self.temperature.reference_c]))
-        changes = self.temperature.parameters_at(temperature[known]) - reference
+        over = self.temperature
+        known = np.ones(len(gyro), np.bool_) if over is None else over.covers(temperature)
         rate, force = np.full_like(gyro, np.nan), np.full_like(accel, np.nan)
-        rate[known], force[known] = compensate_each(gyro[known], accel[known], self.parameters + changes)
+        samples = gyro[known], accel[known], temperature[known]
+        rate[known], force[known] = compensate_samples(self.parameters, over, *samples)
         return rate, force, int(np.count_nonzero(known))
-
-
-def _name_and_power(term: str) -> tuple[str, int]:
-    name, _, power = term.rstrip("]").partition("[")
-    return name, int(power)
 
 
 def _largest_errors(result: Result, limits: Mapping[str, Limit]) -> dict[str, float]:

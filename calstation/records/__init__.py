@@ -26,7 +26,7 @@ from calstation.records.audit import (
 from calstation.records.chained_lines import Chain, ChainedFile
 from calstation.records.check_id import MODEL_KINDS, CheckId, CheckKind, read_check_ids
 from calstation.records.columns import RecordingMeta
-from calstation.records.convert import export_corrected, export_csv
+from calstation.records.convert import Correction, export_corrected, export_csv
 from calstation.records.csv_log import CSV_SUFFIXES
 from calstation.records.facts import LogFacts
 from calstation.records.files import FILE_MODE, acquire_lock, locked, partial_path, sync_folder, write_atomic

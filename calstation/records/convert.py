@@ -9,12 +9,15 @@ import numpy as np
 
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
-from calstation.physics import FloatArray, compensate, compensation
+from calstation.physics import FloatArray
 from calstation.records.csv_log import meta_path
 from calstation.records.csv_write import write_csv_log
 from calstation.records.facts import LogFacts
 from calstation.records.log_formats import open_log
 from calstation.records.meta import LogMeta, context_from_meta
+
+#: Corrects angular rate, rad/s, and specific force, m/s², shape (n, 3) each, at temperatures, °C, shape (n,).
+Correction = Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def export_csv(
@@ -51,7 +54,7 @@ def export_csv(
 
 
 def export_corrected(
-    source: Path | None, meta: LogMeta, blocks: Iterable[SampleBlock], parameters: FloatArray, target: Path
+    source: Path | None, meta: LogMeta, blocks: Iterable[SampleBlock], correct: Correction, target: Path
 ) -> None:
     """Write compensated samples as CSV and TOML: angular rates, rad/s, and specific forces, m/s².
 
@@ -59,19 +62,19 @@ def export_corrected(
     ----------
     source : log of the samples; None for samples of a connected unit
     meta, blocks : configuration and samples
-    parameters : parameters of the error model, SI, shape (30,)
+    correct : returns rate and force from the output, rad/s and m/s², shape (n, 3) each, and its temperature, °C
     target : file to write, .csv or .csv.gz
 
     Raises
     ------
-    InputError : if the samples cannot be read or the target cannot be written
+    InputError : if the samples cannot be read or corrected, or the target cannot be written
     """
     _check_target(target, () if source is None else (source, meta_path(source)))
-    size, constants = context_from_meta(meta).imu.count_size, compensation(parameters)
+    size = context_from_meta(meta).imu.count_size
 
     def corrected(block: SampleBlock) -> SampleBlock:
         raw = block.counts * size
-        return replace(block, counts=np.hstack(compensate(constants, raw[:, :3], raw[:, 3:])))
+        return replace(block, counts=np.hstack(correct(raw[:, :3], raw[:, 3:], block.temperature)))
 
     unit = {"output": "rate", "gyro_lsb": 1.0, "accel_lsb": 1.0, "gyro_quantisation": 0.0, "accel_quantisation": 0.0}
     imu = meta.imu.model_copy(update=unit)

@@ -7,9 +7,12 @@ import numpy as np
 from pydantic import Field
 
 from calstation.errors import InputError
-from calstation.estimation.temperature import TemperatureFit
-from calstation.physics import NAMES, PARAMETERS, FloatArray
+from calstation.estimation.temperature import TemperatureFit, compensate_each
+from calstation.physics import NAMES, PARAMETERS, BoolArray, FloatArray, compensate, compensation
 from calstation.schema import Number, ResultSection
+
+#: Number of temperatures at which the largest change over the range is searched.
+_TEMPERATURES = 101
 
 
 class RateCoefficient(ResultSection):
@@ -68,13 +71,13 @@ class TemperatureResult(ResultSection):
     def parameters_at(self, temperature: FloatArray) -> FloatArray:
         """Return the parameters at temperatures of shape (n,), °C, that do not change; SI, shape (n, 30).
 
-        Raises InputError for a temperature outside the range; parameters that were not estimated are 0.
+        Raises InputError for temperatures outside the range; parameters that were not estimated are 0.
         """
-        low, high = self.range_c
-        outside = ~((temperature >= low) & (temperature <= high))
+        outside = ~self.covers(temperature)
         if outside.any():
+            count, (low, high) = int(np.count_nonzero(outside)), self.range_c
             value = float(temperature[int(np.argmax(outside))])
-            raise InputError("temperature.beyond", value=value, low=low, high=high)
+            raise InputError("temperature.beyond", value=value, low=low, high=high, count=count, samples=len(outside))
         parameters = np.zeros((len(temperature), len(NAMES)))
         for name, row in self.coefficients.items():
             parameters[:, NAMES.index(name)] = np.polynomial.polynomial.polyval(
@@ -82,20 +85,33 @@ class TemperatureResult(ResultSection):
             )
         return parameters
 
-    @property
-    def span(self) -> float:
-        """Largest distance of a temperature in the range from the reference, K."""
-        return max(abs(end - self.reference_c) for end in self.range_c)
+    def covers(self, temperature: FloatArray) -> BoolArray:
+        """Return whether temperatures, °C, are within the range; an unknown one (NaN) is not."""
+        low, high = self.range_c
+        return np.asarray((temperature >= low) & (temperature <= high))
 
     @property
-    def terms(self) -> dict[str, float]:
-        """Coefficients of the powers of the temperature from 1, by names such as ``gyro_bias_x[1]``, SI."""
-        return {
-            f"{name}[{k}]": float(value)
-            for name, row in self.coefficients.items()
-            for k, value in enumerate(row.values)
-            if k > 0
-        }
+    def temperatures(self) -> FloatArray:
+        """Temperatures over the range, °C."""
+        return np.linspace(*self.range_c, _TEMPERATURES)
+
+    def changes(self, temperature: FloatArray) -> FloatArray:
+        """Return the differences of the parameters from those at the reference, SI, shape (n, 30).
+
+        Raises InputError for temperatures, °C, shape (n,), outside the range.
+        """
+        return self.parameters_at(temperature) - self.parameters_at(np.array([self.reference_c]))
+
+    @property
+    def largest_changes(self) -> dict[str, float]:
+        """Largest difference from the reference over the range by parameter, SI, for those that depend on it."""
+        largest = np.abs(self.changes(self.temperatures)).max(axis=0)
+        return {name: float(size) for name, size in zip(NAMES, largest, strict=True) if size > 0.0}
+
+    @property
+    def rate_terms(self) -> dict[str, float]:
+        """Coefficients of the rate of change of the temperature by parameter, per K/s, SI."""
+        return {name: float(row.rate.value) for name, row in self.coefficients.items() if row.rate is not None}
 
     @classmethod
     def of(cls, fit: TemperatureFit, estimated: Sequence[str]) -> "TemperatureResult":
@@ -128,3 +144,37 @@ class TemperatureResult(ResultSection):
                 for p in fit.points
             ],
         )
+
+
+def known_temperatures(temperature: FloatArray) -> FloatArray:
+    """Return temperatures, °C, shape (n,), with lines between the known ones instead of NaN.
+
+    Raises InputError if none is known.
+    """
+    known = np.flatnonzero(~np.isnan(temperature))
+    if not len(known):
+        raise InputError("temperature.no_column")
+    return np.interp(np.arange(len(temperature)), known, temperature[known])
+
+
+def compensate_samples(
+    parameters: FloatArray,
+    over: TemperatureResult | None,
+    gyro: FloatArray,
+    accel: FloatArray,
+    temperature: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return angular rate, rad/s, and specific force, m/s², at the reference point, shape (n, 3).
+
+    Raises InputError for temperatures outside the range.
+
+    Parameters
+    ----------
+    parameters : parameters, those that depend on the temperature at its reference, SI, shape (30,)
+    over : parameters over temperature; None if they are constant
+    gyro, accel : output, rad/s and m/s², shape (n, 3)
+    temperature : temperature of the unit, °C, shape (n,), which does not count if the parameters are constant
+    """
+    if over is None:
+        return compensate(compensation(parameters), gyro, accel)
+    return compensate_each(gyro, accel, parameters + over.changes(temperature))

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import calstation as cs
 from calstation.physics import RATE, normal_gravity
+from calstation.results import Result
 from tests.cli.conftest import META, Done, six_position_rows, write_log
 
 Run = Callable[..., Done]
@@ -67,12 +69,55 @@ def test_result_of_another_unit_gives_a_warning(calstation: Run, log: Path, resu
     assert "This recording is of SN-8; the result is for SN-7." in done.err
 
 
-def test_result_over_temperature_gives_a_warning(calstation: Run, log: Path, result: Path) -> None:
-    content = json.loads(result.read_text(encoding="utf-8"))
-    content["temperature"] = {"reference_c": 25.0, "range_c": [0.0, 50.0], "coefficients": {}}
+def test_result_over_temperature_is_applied_at_that_of_every_sample(
+    calstation: Run, log: Path, result: Path, tmp_path: Path
+) -> None:
+    content, corrected = json.loads(result.read_text(encoding="utf-8")), tmp_path / "corrected.csv"
+    bias, slope = content["parameters"]["accel_bias_x"]["value"], 1e-3
+    rows = {"accel_bias_x": {"values": [bias, slope], "sigma": [0.0, 0.0], "unit": "m/s²"}}
+    content["temperature"] = {"reference_c": 25.0, "range_c": [0.0, 50.0], "coefficients": rows}
     content["temperature"] |= {"covariance": [], "worst": {}, "points": []}
     result.write_text(json.dumps(content), encoding="utf-8")
-    assert "25 °C" in calstation("apply", result, log).err
+    raw = _output(cs.open(log))
+    with log.open() as stream:
+        lines = list(csv.DictReader(stream))
+    # the unit sends its temperature with every fifth sample
+    heated = np.linspace(10.0, 40.0, len(lines))
+    for k, (line, t) in enumerate(zip(lines, heated, strict=True)):
+        line["temp_c"] = "" if k % 5 and k + 1 < len(lines) else repr(float(t))
+
+    def write() -> None:
+        with log.open("w", newline="") as stream:
+            writer = csv.DictWriter(stream, lines[0])
+            writer.writeheader()
+            writer.writerows(lines)
+
+    write()
+    assert calstation("apply", result, log, "-o", corrected).code == 0
+    found = cs.open(corrected)
+    expected = cs.apply(Result.from_json(content), *raw, heated)
+    np.testing.assert_allclose(found.accel, expected[1], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.gyro, expected[0], rtol=0, atol=1e-12)
+    constant = cs.apply(Result.from_json({k: v for k, v in content.items() if k != "temperature"}), *raw)
+    assert np.abs(constant[1] - found.accel)[:, 0].max() == pytest.approx(15.0 * slope, rel=0.01)
+
+    lines[0]["temp_c"] = "-1.0"
+    write()
+    done = calstation("apply", result, log, "-o", corrected)
+    assert done.code == 0
+    assert f"1 of {len(lines)} samples are outside" in " ".join(done.err.split())
+    assert cs.open(corrected).first_seq == found.first_seq + 1
+    for line in lines:
+        line["temp_c"] = "60.0"
+    write()
+    done = calstation("apply", result, log, "-o", tmp_path / "refused.csv")
+    assert done.code == 2
+    assert f"{len(lines)} of {len(lines)} samples, such as that at 60.00 °C, are outside" in " ".join(done.err.split())
+    assert not (tmp_path / "refused.csv").exists()
+
+
+def _output(log: cs.Log) -> tuple[np.ndarray, np.ndarray]:
+    return log.gyro, log.accel
 
 
 def test_recording_and_station_together_are_refused(calstation: Run, log: Path, result: Path) -> None:

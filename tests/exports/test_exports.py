@@ -97,12 +97,12 @@ def test_loss_beyond_the_limits_is_refused(tmp_path: Path) -> None:
     source = calibrated("mems", gyro_misalign=1e-5)
     with raises_code(ConfigurationError, "export.loss") as caught:
         export_calibration(source, "px4", tmp_path / "imu.params")
-    assert set(caught.value.values["names"]) == {
+    assert {text.values["name"] for text in caught.value.values["names"]} == {
         f"gyro_misalign_{pair}" for pair in ["xy", "xz", "yx", "yz", "zx", "zy"]
     }
     assert not list(tmp_path.iterdir())
     check = export_calibration(source, "px4", tmp_path / "imu.params", allow_loss=True)
-    assert check.exceeding == tuple(caught.value.values["names"])
+    assert list(check.exceeding) == [text.values["name"] for text in caught.value.values["names"]]
     export_calibration(source, "vectornav", tmp_path / "imu.txt")
 
 
@@ -161,32 +161,90 @@ def test_kalibr_receives_a_rotation_and_lower_triangular_matrices() -> None:
         assert not np.triu(imu[sensor]["M"], 1).any()
 
 
-def test_change_with_temperature_is_named_and_compared() -> None:
-    single = calibrated("mems", gyro_bias=1e-5)
+@cache
+def over_temperature() -> ExportSource:
+    """Return a unit with biases, scale factors and a lever arm that depend on the temperature, -35 to 85 °C."""
+    single, random = calibrated("mems", gyro_bias=1e-5), np.random.default_rng(11)
     rows = {
         name: {"value": float(value), "sigma": 1e-6, "unit": p.unit, "stage": "temperature"}
         for name, value, p in zip(NAMES, single.parameters, PARAMETERS, strict=True)
     }
-    slopes = {"gyro_bias_x": 1e-6, "gyro_bias_y": 1e-7}  # 6e-5 and 6e-6 rad/s over the range
-    temperature = {
-        "reference_c": 25.0,
-        "range_c": [-35.0, 85.0],
-        "coefficients": {
-            name: {"values": [rows[name]["value"], slope], "sigma": [0.0, 0.0], "unit": "rad/s"}
-            for name, slope in slopes.items()
-        },
-        **{"covariance": [], "worst": {}, "points": []},
+    coefficients = {
+        p.name: {
+            "values": [
+                rows[p.name]["value"],
+                *(p.prior_sigma * random.normal(size=order) / 60.0 ** np.arange(1, order + 1)),
+            ],
+            "sigma": [0.0] * (order + 1),
+            "unit": p.unit,
+        }
+        for p in PARAMETERS
+        for order in [{"gyro_bias": 3, "accel_bias": 2, "accel_scale": 1, "inner_lever": 1}.get(p.group, 0)]
     }
+    coefficients["gyro_bias_x"]["values"] = [rows["gyro_bias_x"]["value"], 1e-6]  # 6e-5 rad/s over the range
+    coefficients["gyro_bias_y"]["values"] = [rows["gyro_bias_y"]["value"], 1e-7]
+    coefficients["gyro_bias_x"]["rate"] = {"value": 2e-4, "sigma": 1e-6}
+    section = {"reference_c": 25.0, "range_c": [-35.0, 85.0], "coefficients": coefficients}
+    section |= {"covariance": [], "worst": {}, "points": []}
     result = {"schema": "calstation.result/1", "unit": {"serial": "SN-1"}, "stages": ["temperature"]}
-    result |= {"parameters": rows, "outcome": "resolved", "log": {"file": "x.h5"}, "temperature": temperature}
+    result |= {"parameters": rows, "outcome": "resolved", "log": {"file": "x.h5"}, "temperature": section}
     (block,) = single.log.blocks()
     warm = replace(block, temperature=np.where(np.arange(500) < 100, 90.0, 45.0))
-    source = ExportSource.of(Result.from_json(result), Log(Path("turns"), single.log.meta, lambda: iter([warm])))
-    check = check_export("c", FORMATS["c"], FORMATS["c"].write(source), source)
+    return ExportSource.of(Result.from_json(result), Log(Path("turns"), single.log.meta, lambda: iter([warm])))
+
+
+def test_change_with_temperature_is_named_with_its_size() -> None:
+    source = over_temperature()
+    check = check_export("vectornav", FORMATS["vectornav"], FORMATS["vectornav"].write(source), source)
     assert check.samples == 400
-    assert check.gyro == pytest.approx(20.0 * 1e-6, rel=0.02)
-    assert check.not_expressed == {f"{name}[1]": slope for name, slope in slopes.items()}
-    assert check.exceeding == ("gyro_bias_x[1]",)
+    assert check.not_expressed["gyro_bias_x(T)"] == pytest.approx(6e-5)
+    assert check.not_expressed["gyro_bias_x(dT/dt)"] == 2e-4
+    assert {"accel_scale_z(T)", "inner_lever_x", "inner_lever_x(T)"} < check.not_expressed.keys()
+    assert check.of_limit["gyro_bias_x(T)"] == pytest.approx(6.0)
+    assert check.of_limit["gyro_bias_y(T)"] == pytest.approx(0.6)
+    assert "gyro_bias_x(T)" in check.exceeding
+    assert "gyro_bias_y(T)" not in check.exceeding
+
+
+@pytest.mark.parametrize("to", [to for to, form in FORMATS.items() if form.read_over is None])
+def test_reference_value_alone_is_refused(to: str, tmp_path: Path) -> None:
+    with raises_code(ConfigurationError, "export.loss") as refused:
+        export_calibration(over_temperature(), to, tmp_path / "out")
+    assert "gyro_bias_x(T) (6 times the limit)" in str(refused.value)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+def test_c_function_over_temperature_compiles_and_corrects(tmp_path: Path) -> None:
+    source = over_temperature()
+    check = export_calibration(source, "c", tmp_path / "imu.h")
+    assert list(check.not_expressed) == ["gyro_bias_x(dT/dt)"]
+    assert (check.samples, check.gyro, check.accel) == (
+        400,
+        pytest.approx(0.0, abs=1e-13),
+        pytest.approx(0.0, abs=1e-12),
+    )
+    (tmp_path / "main.c").write_text(
+        '#include <stdio.h>\n#include "imu.h"\n'
+        "int main(void) { double g[3], a[3], w[3] = {0}, f[3] = {0}, t;\n"
+        'while (scanf("%lf %lf %lf %lf %lf %lf %lf", g, g + 1, g + 2, a, a + 1, a + 2, &t) == 7) {\n'
+        "int done = calstation_correct(g, a, t, w, f);\n"
+        'printf("%d %.17g %.17g %.17g ", done, w[0], w[1], w[2]);\n'
+        'printf("%.17g %.17g %.17g\\n", f[0], f[1], f[2]); } return 0; }\n',
+        encoding="utf-8",
+    )
+    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "main.c", "-o", "main"]
+    subprocess.run(command, cwd=tmp_path, check=True, timeout=60)
+    random = np.random.default_rng(1)
+    raw, temperature = random.normal(0.0, [1, 1, 1, 9, 9, 9], (52, 6)), np.linspace(-36.0, 86.0, 52)
+    text = "\n".join(" ".join(map(repr, row)) for row in np.column_stack([raw, temperature]).tolist())
+    done = subprocess.run([tmp_path / "main"], input=text, capture_output=True, text=True, check=True, timeout=60)
+    found = np.loadtxt(io.StringIO(done.stdout))
+    covered = (temperature >= -35.0) & (temperature <= 85.0)
+    assert (found[:, 0] == np.where(covered, 0, -1)).all()
+    ours = source.corrected(raw[:, :3], raw[:, 3:], temperature)
+    assert ours[2] == np.count_nonzero(covered) < 52
+    np.testing.assert_allclose(found[covered, 1:], np.hstack(ours[:2])[covered], rtol=0, atol=1e-13)
 
 
 def test_numbers_of_yaml_have_a_decimal_point() -> None:

@@ -57,15 +57,19 @@ def apply(
         if isinstance(unit, OtherUnit):
             raise ConfigurationError("applied.other_unit", connected=unit.serial, serial=result.serial)
         output = unit
-    applied = output.applied(before, values_after)
+    every, over = output, result.temperature
+    if over is not None:
+        output = every.covered(over)
+    applied = output.applied(before, values_after, over)
     cautions = _warnings(applied, result.serial)
-    if result.temperature is not None:
-        cautions.append(say("applied.at_reference", temperature=result.temperature.reference_c))
+    if over is not None and (count := len(every) - len(output)):
+        low, high = over.range_c
+        cautions.append(say("applied.beyond", count=count, samples=len(every), low=low, high=high))
     for caution in cautions:
         show_line(plain_console(stderr=True), caution)
     if out is not None:
-        parameters = np.zeros_like(values_after) if output.corrected else values_after
-        export_corrected(output.path, output.meta, output.blocks, parameters, out)
+        correct = output.correction(values_after, over)
+        export_corrected(output.path, output.meta, output.blocks, correct, out)
         show_line(plain_console(stderr=True), str(out))
     errors = np.stack([applied.rest_length, applied.rest_rate - applied.earth])
     emit_json(_json(applied, errors), json)

@@ -60,4 +60,8 @@ def _export_calibration(source: Path, to: str, out: Path, log: Path | None, allo
     sigmas = {"gyro_sigmas": check.gyro_sigmas, "accel_sigmas": check.accel_sigmas}
     show_line(console, say("cli.calibration_exported", file=out, samples=check.samples, **differences, **sigmas))
     if check.not_expressed:
-        show_line(console, say("cli.not_expressed", format=to, names=list(check.not_expressed)))
+        names = [
+            say("export.of_limit", name=name, share=check.of_limit[name]) if name in check.of_limit else name
+            for name in check.not_expressed
+        ]
+        show_line(console, say("cli.not_expressed", format=to, names=names))

@@ -61,6 +61,10 @@ class SampleBlock:
         """Return samples `start` to `stop` as a block of array views."""
         return SampleBlock(self.stage, *(getattr(self, name)[start:stop] for name in COLUMNS))
 
+    def where(self, chosen: BoolArray) -> "SampleBlock":
+        """Return the chosen samples, a boolean per sample, as a block."""
+        return SampleBlock(self.stage, *(getattr(self, name)[chosen] for name in COLUMNS))
+
 
 _EMPTY = SampleBlock.without_table("", np.empty(0, np.int64), np.empty(0), np.empty((0, 6)))
 #: Names of the columns of a block, the optional ones last.

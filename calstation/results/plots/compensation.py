@@ -1,7 +1,8 @@
 """Plot data of a calibration applied to samples: force and rate before and after calibration over time and at rest."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,9 @@ from calstation.estimation.common import (
 )
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, RATE, FloatArray
-from calstation.records import LogMeta, context_from_meta, open_log
+from calstation.records import Correction, LogMeta, context_from_meta, open_log
 from calstation.results.result import Parameter
+from calstation.results.temperature import TemperatureResult, compensate_samples, known_temperatures
 
 _COLUMNS = 2000
 #: Shortest averaging time of the curves, s; the noise of single samples is too large.
@@ -64,16 +66,45 @@ class ImuOutput:
     path: Path | None = None  #: Recording; None for samples of the connected unit.
     named: bool = True  #: Whether the unit reported its serial number.
 
-    def applied(self, before: FloatArray, after: FloatArray) -> Applied:
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return sum(map(len, self.blocks))
+
+    def covered(self, over: TemperatureResult) -> "ImuOutput":
+        """Return the samples at temperatures that a calibration covers, with those between two that the unit sent.
+
+        Raises InputError if there are none.
+        """
+        found = known_temperatures(np.concatenate([block.temperature for block in self.blocks]))
+        if not over.covers(found).any():
+            over.parameters_at(found)  # raises the error
+        ends = np.cumsum([len(block) for block in self.blocks])[:-1]
+        parts = zip(self.blocks, np.split(found, ends), strict=True)
+        blocks = [replace(block, temperature=part).where(over.covers(part)) for block, part in parts]
+        return replace(self, blocks=[block for block in blocks if len(block)])
+
+    def correction(self, parameters: FloatArray, over: TemperatureResult | None) -> Correction:
+        """Return the correction by parameters, SI, shape (30,), see `compensate_samples`; none for corrected output."""
+        if self.corrected:
+            return partial(compensate_samples, np.zeros(len(NAMES)), None)
+        return partial(compensate_samples, parameters, over)
+
+    def applied(self, before: FloatArray, after: FloatArray, over: TemperatureResult | None = None) -> Applied:
         """Apply parameters before and after a solution, SI, shape (30,) each; corrected output is left unchanged.
 
-        Raises InsufficientDataError if the unit never rests.
+        Raises InsufficientDataError if the unit never rests, and InputError if the parameters `over` temperature do not
+        cover a sample.
         """
         if self.corrected:
             before = after = np.zeros(len(NAMES))
         context = context_from_meta(self.meta)
         data = stage_data(self.blocks, context.imu)
         block = join_blocks(self.blocks)
+        block_after = block
+        if over is not None and not self.corrected:
+            raw = block.counts * context.imu.count_size
+            rate, force = self.correction(after, over)(raw[:, :3], raw[:, 3:], block.temperature)
+            block_after, after = replace(block, counts=np.hstack([rate, force]) / context.imu.count_size), 0.0 * after
         rests = find_stillness(data, context.imu).rests
         if not rests:
             error = InsufficientDataError("solution.never_at_rest", shortest=SHORTEST_REST, seconds=len(data) * data.dt)
@@ -83,13 +114,14 @@ class ImuOutput:
         gravity = context.site.local_gravity
         stride = max(1, round(_AVERAGING_TIME * context.imu.sample_rate), len(block) // _COLUMNS)
         count = len(block) // stride
-        curves = [compensated_means(block, context.imu, p, stride) for p in (before, after)]
+        pairs = (block, before), (block_after, after)
+        curves = [compensated_means(b, context.imu, p, stride) for b, p in pairs]
         start = float(data.time[0])
         lengths, rates = [], []
         for a, b in rests:
             first, last = int(block.seq.searchsorted(data.seq[a])), int(block.seq.searchsorted(data.seq[b - 1]))
-            rest = block.part(first, last + 1)
-            means = [compensated_means(rest, context.imu, p, len(rest)) for p in (before, after)]
+            rests_of = [(b.part(first, last + 1), p) for b, p in pairs]
+            means = [compensated_means(rest, context.imu, p, len(rest)) for rest, p in rests_of]
             lengths.append([float(np.linalg.norm(force, axis=1)[0] - gravity) for _, force in means])
             rates.append([float(np.linalg.norm(rate[0])) for rate, _ in means])
         length_rms, rate_rms = (np.sqrt(np.mean(np.square(v), axis=0)) for v in (lengths, rates))
