@@ -142,7 +142,7 @@ def result_table(console: Console, result: Result) -> None:
         ),
     )
     limits = {(c.kind, c.subject): c for c in result.checks if c.kind in ("within", "sigma_below")}
-    for name, row in result.parameters.items():
+    for name, row in result.compared.items():
         (value, unit), sigma = display(name, row.value), display(name, row.sigma)[0]
         within, below = limits.pop(("within", name), None), limits.pop(("sigma_below", name), None)
         limits_text = "" if within is None else _interval_text(name, within.compared_with)
@@ -153,6 +153,9 @@ def result_table(console: Console, result: Result) -> None:
         column.min_width = max((len(str(cell)) for cell in column.cells), default=0)
     if result.parameters:
         console.print(table)
+    if result.temperature is not None:
+        low, high = result.temperature.range_c
+        console.print(say("cli.worst_over_range", low=low, high=high), soft_wrap=True)
     for check in result.checks:
         if check.kind not in ("within", "sigma_below") or (check.kind, check.subject) in limits:
             console.print(_check_line(check))

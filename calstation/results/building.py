@@ -68,7 +68,12 @@ def build_result(
         "table": {name: asdict(value) for name, value in ending.table.items()} if ending.table else None,
         "latitude_untold": judgement.latitude,
         "temperature": next(
-            (TemperatureResult.of(s.temperature, s.estimated) for s in solutions if s.temperature is not None), None
+            (
+                TemperatureResult.of(s.temperature, s.estimated, solutions[-1].posterior.sigma)
+                for s in solutions
+                if s.temperature is not None
+            ),
+            None,
         ),
         "check_standard": judgement.standard,
     }

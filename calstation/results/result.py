@@ -284,6 +284,42 @@ class Result(ResultSection):
         columns = ["value", "sigma", "unit", "stage"]
         return pandas.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("parameter")
 
+    def curve(self, name: str, temperature: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return a parameter at temperatures, °C, shape (n,), and its sigmas, SI, shape (n,) each.
+
+        A parameter that does not depend on the temperature is constant. The sigmas include what is the same at all
+        temperatures, such as the uncertainty of gravity.
+        """
+        parameter = self.parameters[name]
+        if self.temperature is None or name not in self.temperature.coefficients:
+            return np.full(len(temperature), parameter.value), np.full(len(temperature), parameter.sigma)
+        values, sigmas = self.temperature.curve(name, temperature)
+        at_reference = float(self.temperature.curve(name, np.array([self.temperature.reference_c]))[1][0])
+        common = max(parameter.sigma**2 - at_reference**2, 0.0)
+        return values, np.sqrt(sigmas**2 + common)
+
+    @property
+    def compared(self) -> Mapping[str, Parameter]:
+        """The parameters as they are compared with limits: over temperature, the worst value and the largest sigma."""
+        return {name: self.worst(name)[0] for name in self.parameters}
+
+    def worst(self, name: str) -> tuple[Parameter, float | None]:
+        """Return a parameter as it is compared with its limits, and the temperature of its worst value, °C.
+
+        The worst value is the one farthest from the middle of its limits, or from 0. The temperature is None if the
+        parameter does not depend on it.
+        """
+        parameter = self.parameters[name]
+        if self.temperature is None or name not in self.temperature.coefficients:
+            return parameter, None
+        limits = (check.limit for check in self.checks if check.kind == "within" and check.subject == name)
+        interval = next((limit for limit in limits if isinstance(limit, tuple)), (0.0, 0.0))
+        temperatures = self.temperature.temperatures
+        values, sigmas = self.curve(name, temperatures)
+        k = int(np.abs(values - 0.5 * sum(interval)).argmax())
+        worst = parameter.model_copy(update={"value": float(values[k]), "sigma": float(sigmas.max())})
+        return worst, float(temperatures[k])
+
     @property
     def verdict(self) -> Verdict:
         """Verdict of the result."""

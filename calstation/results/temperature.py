@@ -7,8 +7,8 @@ import numpy as np
 from pydantic import Field
 
 from calstation.errors import InputError
-from calstation.estimation.temperature import TemperatureFit, compensate_each
-from calstation.physics import NAMES, PARAMETERS, BoolArray, FloatArray, compensate, compensation
+from calstation.estimation.temperature import TemperatureFit, TemperaturePoint, compensate_each
+from calstation.physics import NAMES, OBSERVABLE, PARAMETERS, BoolArray, FloatArray, compensate, compensation
 from calstation.schema import Number, ResultSection
 
 #: Number of temperatures at which the largest change over the range is searched.
@@ -49,12 +49,37 @@ class HeldOutDifference(ResultSection):
 
 
 class TemperaturePointResult(ResultSection):
-    """A temperature, °C, and the samples taken at it."""
+    """A temperature, °C, the samples taken at it, and their own solution, SI, by parameter.
+
+    The solution contains the parameters that these samples determine, without the term in the rate of change.
+    """
 
     at_c: float
     way: Literal["up", "down", "soak"]
     first_seq: int
     last_seq: int
+    held_out: bool = False
+    values: dict[str, Number] = Field(default_factory=dict)
+    sigma: dict[str, Number] = Field(default_factory=dict)
+
+    @classmethod
+    def of(cls, fit: TemperatureFit, point: TemperaturePoint, estimated: Sequence[str]) -> "TemperaturePointResult":
+        """Convert a point of the fit."""
+        at = point.temperature
+        moved = fit.at(at, point.rate).mean - fit.at(at).mean
+        values, sigma = point.posterior.mean - moved, point.posterior.sigma
+        known = [
+            i for i, name in enumerate(NAMES) if name in estimated and sigma[i] <= OBSERVABLE * point.prior.sigma[i]
+        ]
+        return cls(
+            at_c=at,
+            way=point.way,
+            first_seq=point.first_seq,
+            last_seq=point.last_seq,
+            held_out=point.is_held_out,
+            values={NAMES[i]: float(values[i]) for i in known},
+            sigma={NAMES[i]: float(sigma[i]) for i in known},
+        )
 
 
 class TemperatureResult(ResultSection):
@@ -113,9 +138,31 @@ class TemperatureResult(ResultSection):
         """Coefficients of the rate of change of the temperature by parameter, per K/s, SI."""
         return {name: float(row.rate.value) for name, row in self.coefficients.items() if row.rate is not None}
 
+    def curve(self, name: str, temperature: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the values of a parameter at temperatures, °C, shape (n,), and their sigmas, SI, shape (n,) each."""
+        first = 0
+        for other, row in self.coefficients.items():
+            if other == name:
+                powers = np.vander(temperature - self.reference_c, len(row.values), increasing=True)
+                part = slice(first, first + len(row.values))
+                covariance = np.array(self.covariance, dtype=np.float64)[part, part]
+                variance = np.einsum("ni,ij,nj->n", powers, covariance, powers)
+                return powers @ np.array(row.values), np.sqrt(np.maximum(variance, 0.0))
+            first += len(row.values) + (row.rate is not None)
+        raise KeyError(name)
+
     @classmethod
-    def of(cls, fit: TemperatureFit, estimated: Sequence[str]) -> "TemperatureResult":
-        """Convert the fit of a solution."""
+    def of(cls, fit: TemperatureFit, estimated: Sequence[str], at_reference: FloatArray) -> "TemperatureResult":
+        """Convert the fit of a solution.
+
+        Parameters
+        ----------
+        fit : parameters over temperature
+        estimated : names of the parameters
+        at_reference : sigmas at the reference, SI, shape (30,), with the uncertainty of gravity, which the fit does not
+            contain
+        """
+        common = np.maximum(at_reference**2 - fit.at(fit.model.reference).sigma ** 2, 0.0)
         sigma, rows = np.sqrt(np.diag(fit.covariance)), dict[str, Coefficients]()
         used = [k for k, column in enumerate(fit.model.columns) if NAMES[column.parameter] in estimated]
         for k in used:
@@ -129,20 +176,20 @@ class TemperatureResult(ResultSection):
                 row.values.append(size)
                 row.sigma.append(uncertainty)
         worst = {name: fit.worst(name) for name in estimated}
+        largest = np.sqrt(fit.largest_sigma**2 + common)
         return cls(
             reference_c=fit.model.reference,
             range_c=fit.model.range,
             coefficients=rows,
             covariance=fit.covariance[np.ix_(used, used)].tolist(),
-            worst={name: WorstValue(at_c=w.at, value=w.value, sigma=w.sigma) for name, w in worst.items()},
+            worst={
+                n: WorstValue(at_c=w.at, value=w.value, sigma=float(largest[NAMES.index(n)])) for n, w in worst.items()
+            },
             held_out=[
                 HeldOutDifference(at_c=h.at, parameter=h.parameter, difference=h.difference, sigma=h.sigma)
                 for h in fit.held_out(estimated)
             ],
-            points=[
-                TemperaturePointResult(at_c=p.temperature, way=p.way, first_seq=p.first_seq, last_seq=p.last_seq)
-                for p in fit.points
-            ],
+            points=[TemperaturePointResult.of(fit, point, estimated) for point in fit.points],
         )
 
 

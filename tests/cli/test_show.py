@@ -1,9 +1,12 @@
 """`show` displays a stored result with bars of the shares of the limits."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
+from calstation.physics import display
 from tests.cli.conftest import META, Done, six_position_rows, write_log
+from tests.thermal_results import thermal_result
 
 Run = Callable[..., Done]
 LIMITS = '[product]\nname = "unit"\n[product.limits.accel_scale]\nwithin = [0.0, 1e-3]\nsigma_below = 1.0\n'
@@ -36,3 +39,19 @@ def test_missing_result_is_one_sentence(calstation: Run, tmp_path: Path) -> None
     done = calstation("show", tmp_path / "absent.json")
     assert done.code == 2
     assert done.err.count("\n") == 1
+
+
+def test_result_over_temperature_has_a_course_of_every_parameter(calstation: Run, tmp_path: Path) -> None:
+    result, path = thermal_result(), tmp_path / "result.json"
+    path.write_text(json.dumps(result.to_json()), encoding="utf-8")
+    done = calstation("show", path)
+    assert done.code == 0
+    assert "worst from -40 to 85 °C" in done.out
+    worst, _ = result.worst("gyro_bias_z")
+    value = f"{display('gyro_bias_z', worst.value)[0]:.0f}"
+    lines = [line.split() for line in done.out.splitlines() if line.strip().startswith("gyro_bias_z ")]
+    first, course = lines[:2]
+    assert first[1].partition(".")[0] == value
+    assert len(course[3]) == 16
+    assert {"▁", "█"} <= set(course[3])
+    assert not any(line.strip().startswith("gyro_misalign_xy") and "▁" in line for line in done.out.splitlines())

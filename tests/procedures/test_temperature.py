@@ -152,7 +152,8 @@ def test_section_of_a_toml_file_and_its_rate_term_are_read() -> None:
     data = {"range_c": [-40.0, 85.0], "order": {"gyro_bias": 1}, "rate_term": ["gyro_bias"]}
     model = TemperatureSection.model_validate(data).model()
     points = [TemperaturePoint(t, 1e-3 * t, 0.0, "soak", 0, 1, PRIOR, PRIOR) for t in TEMPERATURES]
-    result = TemperatureResult.of(fit_temperature(model, points, PRIOR), ["gyro_bias_x", "gyro_scale_x"])
+    fit = fit_temperature(model, points, PRIOR)
+    result = TemperatureResult.of(fit, ["gyro_bias_x", "gyro_scale_x"], fit.at(25.0).sigma)
     row = result.coefficients["gyro_bias_x"]
     assert len(row.values) == 2
     assert row.rate.sigma == pytest.approx(60.0 * PRIOR.sigma[0])

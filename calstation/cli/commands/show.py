@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 
@@ -11,22 +12,52 @@ from calstation.cli.options import command_group
 from calstation.cli.show import new_table, plain_console, result_table, show_line
 from calstation.cli.text import say, term
 from calstation.judgement import Check
-from calstation.results import Result, result_of
+from calstation.physics import FloatArray, display, number
+from calstation.results import Result, TemperatureResult, result_of
 
 #: Length of a bar whose share of the limit is 1, characters.
 _BAR = 16
+#: Bars of a course over temperature, from low to high, and their number.
+_BARS, _COURSE = "▁▂▃▄▅▆▇█", 16
 
 app = command_group()
 
 
 @app.command()
 def show(result_file: Annotated[Path, typer.Argument(metavar="RESULT.json|LOG")]) -> None:
-    """Show parameters, checks and verdict of a result, and how much of its limits every parameter uses."""
+    """Show parameters, checks and verdict of a result, and how much of its limits every parameter uses.
+
+    Of a result over temperature, it also shows the course of every parameter.
+    """
     result = result_of(result_file)
     out = plain_console(file=sys.stdout)
     result_table(out, result)
+    if result.temperature is not None:
+        _show_courses(out, result, result.temperature)
     _show_bars(out, result)
     show_line(out, f"{result.serial}: {term('badge', result.badge)}")
+
+
+def _show_courses(out: Console, result: Result, over: TemperatureResult) -> None:
+    """Show every parameter that depends on the temperature at the ends of the range, with its course between them."""
+    low, high = over.range_c
+    columns = ("cli.column_parameter", "cli.column_unit", "cli.column_low", "cli.column_course", "cli.column_high")
+    table = new_table(say("cli.courses_title", low=low, high=high), *columns, "cli.column_largest_sigma")
+    temperatures = np.linspace(low, high, _COURSE)
+    for name in over.largest_changes:
+        values, sigmas = result.curve(name, temperatures)
+        (first, unit), last = display(name, float(values[0])), display(name, float(values[-1]))[0]
+        sigma = display(name, float(sigmas.max()))[0]
+        texts = number(first, sigma), _course(values), number(last, sigma), f"{sigma:.2g}"
+        table.add_row(name, unit, *texts)
+    if table.row_count:
+        out.print(table)
+
+
+def _course(values: FloatArray) -> str:
+    """Return a line of bars from the lowest to the highest value."""
+    span = float(np.ptp(values)) or 1.0
+    return "".join(_BARS[round((len(_BARS) - 1) * float(v - values.min()) / span)] for v in values)
 
 
 def _show_bars(out: Console, result: Result) -> None:

@@ -119,7 +119,7 @@ def figures(result: Result) -> list[Figure]:
     failing: list[tuple[float, Figure]] = []
     passing: dict[str, tuple[float, Figure]] = {}
     checks = {(check.kind, check.subject): check for check in result.checks}
-    for name, row in result.parameters.items():
+    for name, row in result.compared.items():
         if name not in INDEX:
             continue
         within, below = checks.get(("within", name)), checks.get(("sigma_below", name))
