@@ -40,6 +40,7 @@ def thermal_solution(meta: LogMeta, *, hysteresis: float = 0.0, seed: int = 1) -
     prior = Posterior(np.zeros(len(NAMES)), np.diag(sizes**2))
     scaled = np.array([_SIZE * sizes[c.parameter] * random.normal() * 0.5 ** (c.power or 0) for c in model.columns])
     scaled[[c.power is None for c in model.columns]] *= 0.1
+    covariance = np.outer(sigma, sigma) * (0.8 * np.eye(len(sigma)) + 0.2)
     points = []
     for k, t in enumerate(TEMPERATURES):
         way = "soak" if k == 0 else "up" if t > TEMPERATURES[k - 1] else "down"
@@ -47,7 +48,7 @@ def thermal_solution(meta: LogMeta, *, hysteresis: float = 0.0, seed: int = 1) -
         rate = {"up": 1e-3, "down": -1e-3, "soak": 0.0}[way] * (k % 3)
         truth = model.basis(t, rate) @ scaled
         truth[INDEX["gyro_bias_x"]] += step * sizes[0]
-        posterior = Posterior(truth + sigma * random.normal(size=len(sigma)), np.diag(sigma**2))
+        posterior = Posterior(random.multivariate_normal(truth, covariance), covariance)
         points.append(TemperaturePoint(t, rate, 600.0 * k, way, 1000 * k, 1000 * k + 999, prior, posterior))
     fit = fit_temperature(model, held_out_points(points, model.held_out), prior)
     solution = Solution("temperature", fit.at(model.reference), NAMES, Consistency(1.0, 0.9, 1.1, 1000))

@@ -18,6 +18,8 @@ from calstation.physics import INDEX, group_of, pair_name
 from calstation.records import InstrumentSection, Verdict, context_from_meta
 from calstation.reports.content import Certificate, Quantity, arrangement
 from calstation.reports.dsi import dsi_unit, joint_list, real, real_list
+from calstation.reports.over_temperature import statement
+from calstation.results import TemperatureResult
 
 SCHEMA_VERSION = "3.2.0"
 _NAMESPACES = {
@@ -30,6 +32,8 @@ _DCC = ElementMaker(namespace=_NAMESPACES["dcc"], nsmap=_NAMESPACES)
 _LANGUAGES: Mapping[str, Language] = {"en": "en", "zh": "zh_CN"}
 #: Standard to which the clauses in statements refer.
 _NORM = "ISO/IEC 17025:2017"
+#: Type of the result with the coefficients over temperature.
+COEFFICIENTS = "calstation_temperatureCoefficients"
 #: User-assigned ISO 3166-1 code, used if the station does not specify a country.
 _NO_COUNTRY = "ZZ"
 
@@ -152,6 +156,8 @@ def _statements(certificate: Certificate) -> Iterable[etree._Element]:
         *conformity.get(certificate.verdict, []),
         refType="basic_conformity",
     )
+    if certificate.result.temperature is not None:
+        yield _DCC("statement", _name("over_temperature"), _declaration([statement(certificate.result.temperature)]))
     if certificate.supersedes is not None:
         replaced = ". ".join(filter(None, (certificate.supersedes, certificate.reason)))
         yield _DCC("statement", _name("superseded"), _DCC("declaration", _plain(replaced)))
@@ -255,11 +261,36 @@ def _results(certificate: Certificate) -> Iterable[etree._Element]:
         covariance = certificate.correlation[np.ix_(correlated, correlated)] * np.outer(sigmas, sigmas)
         joint = _DCC("quantity", joint_list(*_columns(rows), [row.value for row in rows], covariance))
         yield _DCC("result", _name("joint"), _rich("description", "joint_text"), _DCC("data", joint))
+    if certificate.result.temperature is not None:
+        yield _coefficients(certificate.result.temperature)
     for key, status in (("as_found", "beforeAdjustment"), ("as_left", "afterAdjustment")):
         known_quantities = [q for q in quantities if getattr(q, key) is not None]
         if known_quantities:
             lists = [_group(group, rows, _adjustment(key, status), key) for group, rows in _by_group(known_quantities)]
             yield _DCC("result", _name(key), _rich("description", f"{key}_text"), _DCC("data", *lists))
+
+
+def _coefficients(over: TemperatureResult) -> etree._Element:
+    """Return all coefficients over temperature with their covariance, the reference and the range."""
+    names, units, values = [], [], []
+    for name, row in over.coefficients.items():
+        for power, value in enumerate(row.values):
+            names.append(f"{name}[{power}]")
+            units.append((row.unit, f"1/K{_power(power)}") if power else (row.unit,))
+            values.append(value)
+        if row.rate is not None:
+            names.append(f"{name}[rate]")
+            units.append((row.unit, "s/K"))
+            values.append(row.rate.value)
+    ends = {"reference": over.reference_c, "minimum": over.range_c[0], "maximum": over.range_c[1]}
+    temperatures = [_DCC("quantity", _name(key), real(value, r"\degreecelsius")) for key, value in ends.items()]
+    joint = joint_list(names, units, values, np.array(over.covariance))
+    data = _DCC("data", *temperatures, _DCC("quantity", joint))
+    return _DCC("result", _name("coefficients"), _rich("description", "coefficients_text"), data, refType=COEFFICIENTS)
+
+
+def _power(power: int) -> str:
+    return "" if power == 1 else str(power).translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def _by_group(quantities: Iterable[Quantity]) -> list[tuple[str, list[Quantity]]]:

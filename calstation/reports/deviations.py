@@ -34,7 +34,10 @@ def deviations(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
 def not_included(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
     """Yield the effects that the stated uncertainties do not include."""
     result, temperature = certificate.result, certificate.result.temperature_c
-    if temperature is None:
+    if result.temperature is not None:
+        low, high = result.temperature.range_c
+        yield Text.of("certificate.n_over_temperature", low=low, high=high)
+    elif temperature is None:
         yield Text("certificate.n_temperature_unknown")
     else:
         yield Text.of("certificate.n_temperature", low=temperature.min, high=temperature.max)

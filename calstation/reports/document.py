@@ -51,6 +51,7 @@ from calstation.reports.numbers import (
     rounded,
     short,
 )
+from calstation.reports.over_temperature import statement, temperature_section
 from calstation.reports.schedule import schedule_words
 from calstation.results import Verification, plain
 from procedures import method
@@ -106,6 +107,7 @@ class _Document:
             "station": None if result.station is None else station_name(result.station, self._language),
             "groups": [self._group(*group) for group in self._groups],
             "checks": [self._check(check) for check in result.checks if check.subject not in result.parameters],
+            "over": temperature_section(self._result, self._language),
             "budget": self._budget(),
             "stages": [self._stage(stage) for stage in result.stages],
             "environment": self._environment(),
@@ -147,6 +149,8 @@ class _Document:
 
     def _notices(self) -> Iterator[Text]:
         """Yield the notices about the scope of the result for the first page."""
+        if self._result.temperature is not None:
+            yield statement(self._result.temperature)
         if self._result.outcome == "resolved":
             yield Text("certificate.solved_again")
         if self._certificate.verdict is Verdict.FAILED and self._result.partial:
@@ -425,11 +429,12 @@ class _Document:
             if q.limit is None or not all(map(math.isfinite, q.limit)):
                 continue
             middle, half = 0.5 * (q.limit[0] + q.limit[1]), 0.5 * (q.limit[1] - q.limit[0])
+            compared = self._result.worst(q.name)[0]
             points.append(
                 {
                     "axis": _axis(group, q.name),
-                    "at": (q.value - middle) / half,
-                    "half": COVERAGE_FACTOR * q.sigma / half,
+                    "at": (compared.value - middle) / half,
+                    "half": COVERAGE_FACTOR * compared.sigma / half,
                     "decision": q.decision,
                 }
             )

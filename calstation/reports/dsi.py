@@ -24,8 +24,8 @@ _PROBABILITY = "0.9545"
 #: Coverage probability of the ellipsoidal region.
 _REGION_PROBABILITY = 0.95
 
-_NAMES = {"m": "metre", "s": "second", "rad": "radian"}
-_POWERS = str.maketrans("⁻²³⁴", "-234")
+_NAMES = {"m": "metre", "s": "second", "rad": "radian", "K": "kelvin"}
+_POWERS = str.maketrans("⁻²³⁴⁵⁶⁷⁸⁹", "-23456789")
 
 
 def dsi_unit(*units: str) -> str:
@@ -34,7 +34,7 @@ def dsi_unit(*units: str) -> str:
     for unit in units:
         numerator, _, denominator = unit.partition("/")
         for part, sign in ((numerator, 1), (denominator, -1)):
-            for symbol, power in re.findall(r"([a-z]+)([⁻²³⁴]*)", part):
+            for symbol, power in re.findall(r"([a-zK]+)([⁻²³⁴⁵⁶⁷⁸⁹]*)", part):
                 powers[_NAMES[symbol]] += sign * int(power.translate(_POWERS) or 1)
     text = "".join(rf"\{name}" + (rf"\tothe{{{n}}}" if n != 1 else "") for name, n in sorted(powers.items()) if n)
     return text or r"\one"
@@ -96,7 +96,7 @@ def real_list(
 
 
 def joint_list(
-    names: Sequence[str], units: Sequence[str], values: Iterable[float], covariance: FloatArray
+    names: Sequence[str], units: Sequence[str | Sequence[str]], values: Iterable[float], covariance: FloatArray
 ) -> etree._Element:
     """Return quantities with their covariance matrix and the coverage factor of the ellipsoidal region.
 
@@ -108,23 +108,23 @@ def joint_list(
 
     Parameters
     ----------
-    names, units, values : one entry per quantity, SI
+    names, units, values : one entry per quantity, SI; several units are multiplied
     covariance : covariance matrix, shape (n, n), SI
 
     Returns
     -------
     etree._Element : an element ``list`` with one ``realList``
     """
-    element = _SI("realList")
-    for name, unit, value in zip(names, units, values, strict=True):
-        quantity = real(value, dsi_unit(unit))
+    element, factors = _SI("realList"), [(unit,) if isinstance(unit, str) else tuple(unit) for unit in units]
+    for name, unit, value in zip(names, factors, values, strict=True):
+        quantity = real(value, dsi_unit(*unit))
         quantity.insert(0, _SI("label", name))
         element.append(quantity)
     matrix = _SI("covarianceMatrix")
-    for column, unit in zip(covariance.T, units, strict=True):
+    for column, unit in zip(covariance.T, factors, strict=True):
         elements = (
-            _SI("covariance", _SI("value", _number(value)), _SI("unit", dsi_unit(row, unit)))
-            for value, row in zip(column, units, strict=True)
+            _SI("covariance", _SI("value", _number(value)), _SI("unit", dsi_unit(*row, *unit)))
+            for value, row in zip(column, factors, strict=True)
         )
         matrix.append(_SI("column", *elements))
     freedom = int(np.count_nonzero(np.diag(covariance)))  # a fixed quantity does not add a dimension

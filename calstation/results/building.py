@@ -69,7 +69,7 @@ def build_result(
         "latitude_untold": judgement.latitude,
         "temperature": next(
             (
-                TemperatureResult.of(s.temperature, s.estimated, solutions[-1].posterior.sigma)
+                TemperatureResult.of(s.temperature, s.estimated, solutions[-1].posterior.covariance)
                 for s in solutions
                 if s.temperature is not None
             ),

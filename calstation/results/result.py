@@ -287,16 +287,12 @@ class Result(ResultSection):
     def curve(self, name: str, temperature: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return a parameter at temperatures, °C, shape (n,), and its sigmas, SI, shape (n,) each.
 
-        A parameter that does not depend on the temperature is constant. The sigmas include what is the same at all
-        temperatures, such as the uncertainty of gravity.
+        A parameter that does not depend on the temperature is constant.
         """
         parameter = self.parameters[name]
         if self.temperature is None or name not in self.temperature.coefficients:
             return np.full(len(temperature), parameter.value), np.full(len(temperature), parameter.sigma)
-        values, sigmas = self.temperature.curve(name, temperature)
-        at_reference = float(self.temperature.curve(name, np.array([self.temperature.reference_c]))[1][0])
-        common = max(parameter.sigma**2 - at_reference**2, 0.0)
-        return values, np.sqrt(sigmas**2 + common)
+        return self.temperature.curve(name, temperature)
 
     @property
     def compared(self) -> Mapping[str, Parameter]:
@@ -318,7 +314,7 @@ class Result(ResultSection):
         values, sigmas = self.curve(name, temperatures)
         k = int(np.abs(values - 0.5 * sum(interval)).argmax())
         worst = parameter.model_copy(update={"value": float(values[k]), "sigma": float(sigmas.max())})
-        return worst, float(temperatures[k])
+        return worst, float(temperatures[k]) if np.ptp(values) > 0.0 else None
 
     @property
     def verdict(self) -> Verdict:

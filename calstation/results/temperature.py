@@ -159,11 +159,15 @@ class TemperatureResult(ResultSection):
         ----------
         fit : parameters over temperature
         estimated : names of the parameters
-        at_reference : sigmas at the reference, SI, shape (30,), with the uncertainty of gravity, which the fit does not
-            contain
+        at_reference : covariance of the parameters at the reference, SI, shape (30, 30), with the uncertainty of
+            gravity, which is the same at all temperatures and is not part of the fit
         """
-        common = np.maximum(at_reference**2 - fit.at(fit.model.reference).sigma ** 2, 0.0)
-        sigma, rows = np.sqrt(np.diag(fit.covariance)), dict[str, Coefficients]()
+        common = at_reference - fit.at(fit.model.reference).covariance
+        first = [k for k, column in enumerate(fit.model.columns) if column.power == 0]
+        index = [fit.model.columns[k].parameter for k in first]
+        covariance = fit.covariance.copy()
+        covariance[np.ix_(first, first)] += common[np.ix_(index, index)]
+        sigma, rows = np.sqrt(np.diag(covariance)), dict[str, Coefficients]()
         used = [k for k, column in enumerate(fit.model.columns) if NAMES[column.parameter] in estimated]
         for k in used:
             column, size, uncertainty = fit.model.columns[k], float(fit.coefficients[k]), float(sigma[k])
@@ -176,12 +180,12 @@ class TemperatureResult(ResultSection):
                 row.values.append(size)
                 row.sigma.append(uncertainty)
         worst = {name: fit.worst(name) for name in estimated}
-        largest = np.sqrt(fit.largest_sigma**2 + common)
+        largest = np.sqrt(fit.largest_sigma**2 + np.maximum(np.diag(common), 0.0))
         return cls(
             reference_c=fit.model.reference,
             range_c=fit.model.range,
             coefficients=rows,
-            covariance=fit.covariance[np.ix_(used, used)].tolist(),
+            covariance=covariance[np.ix_(used, used)].tolist(),
             worst={
                 n: WorstValue(at_c=w.at, value=w.value, sigma=float(largest[NAMES.index(n)])) for n, w in worst.items()
             },

@@ -53,5 +53,5 @@ def test_result_over_temperature_has_a_course_of_every_parameter(calstation: Run
     first, course = lines[:2]
     assert first[1].partition(".")[0] == value
     assert len(course[3]) == 16
-    assert {"▁", "█"} <= set(course[3])
-    assert not any(line.strip().startswith("gyro_misalign_xy") and "▁" in line for line in done.out.splitlines())
+    assert {"\u2581", "\u2588"} <= set(course[3])
+    assert not any(line.strip().startswith("gyro_misalign_xy") and "\u2581" in line for line in done.out.splitlines())

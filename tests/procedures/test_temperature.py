@@ -153,7 +153,7 @@ def test_section_of_a_toml_file_and_its_rate_term_are_read() -> None:
     model = TemperatureSection.model_validate(data).model()
     points = [TemperaturePoint(t, 1e-3 * t, 0.0, "soak", 0, 1, PRIOR, PRIOR) for t in TEMPERATURES]
     fit = fit_temperature(model, points, PRIOR)
-    result = TemperatureResult.of(fit, ["gyro_bias_x", "gyro_scale_x"], fit.at(25.0).sigma)
+    result = TemperatureResult.of(fit, ["gyro_bias_x", "gyro_scale_x"], fit.at(25.0).covariance)
     row = result.coefficients["gyro_bias_x"]
     assert len(row.values) == 2
     assert row.rate.sigma == pytest.approx(60.0 * PRIOR.sigma[0])

@@ -37,7 +37,7 @@ def read_dcc(xml: bytes) -> Reading:
     root = etree.fromstring(xml)
     parameters, *others = find(root, "//dcc:result")
     remaining = {status(result): result for result in others if find(result, ".//dcc:status")}
-    columns = find(root, "//si:column")
+    columns = find(root, "//dcc:result[not(@refType)]//si:column")
     return Reading(
         values=listed(parameters, "si:valueXMLList"),
         units=labelled(parameters, "si:unitXMLList"),
@@ -45,9 +45,47 @@ def read_dcc(xml: bytes) -> Reading:
         as_found=listed(remaining.get("beforeAdjustment"), "si:valueXMLList"),
         as_left=listed(remaining.get("afterAdjustment"), "si:valueXMLList"),
         decisions=labelled(parameters, "../dcc:measurementMetaData//dcc:conformityXMLList"),
-        names=[label.text for label in find(root, "//si:label")],
-        covariance=np.array([[float(v.text) for v in find(c, "si:covariance/si:value")] for c in columns]).T,
+        names=[label.text for label in find(root, "//dcc:result[not(@refType)]//si:label")],
+        covariance=matrix(columns),
     )
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """The coefficients over temperature of a certificate."""
+
+    temperatures: list[float]  #: Reference, lowest and highest temperature, °C.
+    values: dict[str, float]
+    units: dict[str, str]  #: D-SI units.
+    covariance: FloatArray
+
+    def parameter(self, name: str, temperature: float) -> tuple[float, float]:
+        """Return a parameter at a temperature, °C, and its standard uncertainty."""
+        factors = np.zeros(len(self.values))
+        for k, label in enumerate(self.values):
+            parameter, _, power = label.rstrip("]").partition("[")
+            if parameter == name and power != "rate":
+                factors[k] = (temperature - self.temperatures[0]) ** int(power)
+        value = float(factors @ np.array(list(self.values.values())))
+        return value, float(np.sqrt(factors @ self.covariance @ factors))
+
+
+def read_coefficients(xml: bytes) -> Coefficients:
+    """Read the coefficients over temperature."""
+    (result,) = find(etree.fromstring(xml), "//dcc:result[@refType='calstation_temperatureCoefficients']")
+    reals = find(result, ".//si:realList/si:real")
+    labels = [find(each, "si:label")[0].text for each in reals]
+    return Coefficients(
+        [float(each.text) for each in find(result, "dcc:data/dcc:quantity/si:real/si:value")],
+        {label: float(find(each, "si:value")[0].text) for label, each in zip(labels, reals, strict=True)},
+        {label: find(each, "si:unit")[0].text for label, each in zip(labels, reals, strict=True)},
+        matrix(find(result, ".//si:column")),
+    )
+
+
+def matrix(columns: list[Any]) -> FloatArray:
+    """Return the covariance matrix with these columns."""
+    return np.array([[float(v.text) for v in find(column, "si:covariance/si:value")] for column in columns]).T
 
 
 def find(element: etree._Element, path: str) -> list[Any]:

@@ -17,8 +17,8 @@ from calstation.results import Result, TemperatureResult, result_of
 
 #: Length of a bar whose share of the limit is 1, characters.
 _BAR = 16
-#: Bars of a course over temperature, from low to high, and their number.
-_BARS, _COURSE = "▁▂▃▄▅▆▇█", 16
+#: Block characters of a course over temperature, from low to high, and their number.
+_BARS, _COURSE = "".join(map(chr, range(0x2581, 0x2589))), 16
 
 app = command_group()
 

@@ -74,6 +74,7 @@ class EngineerPage(Page):
             analysis.observability: "explanation/estimation.md#observability",
             self.registers: "how-to/connect.md#what-a-transfer-verifies",
             analysis.cycle: "how-to/production-line.md#cycle-time",
+            analysis.over_temperature: "how-to/temperature.md",
             self.design: "how-to/design-a-schedule.md",
             self._slots: "how-to/several-units.md#run-a-batch",
         }
@@ -88,11 +89,12 @@ class EngineerPage(Page):
             "engineer_views",
             *("engineer.preview", "common.parameters", "engineer.innovations", "common.residuals"),
             *("engineer.observability", "engineer.register_view", "common.cycle", "engineer.design", "engineer.units"),
-            "common.live",
+            *("common.live", "common.over_temperature"),
         )
         analysis = self.analysis
-        views = (self.registers, analysis.cycle, self.design, self._slots, self._live)
+        views = (self.registers, analysis.cycle, self.design, self._slots, self._live, analysis.over_temperature)
         self._views = stack(self.preview, *analysis.views, *views)
+        self._tabs.setTabVisible(self._views.indexOf(analysis.over_temperature), False)
         self._tabs.setTabVisible(self._views.indexOf(self._live), False)
         self._source = ElidedLabel("muted")
         self._source.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
@@ -311,6 +313,11 @@ class EngineerPage(Page):
 
     def _loaded(self, run: FinishedRun) -> None:
         self.registers.show_run(run)
+        curves = self._views.indexOf(self.analysis.over_temperature)
+        if run.result.temperature is None and self._tabs.currentIndex() == curves:
+            self._tabs.setCurrentIndex(1)
+        self._tabs.setTabVisible(curves, run.result.temperature is not None)
+        self._tabs.updateGeometry()
         if self._views.currentWidget() in (self.preview, self._live):
             self._tabs.setCurrentIndex(1)
         self.analysis.prepare(self._views.currentWidget())

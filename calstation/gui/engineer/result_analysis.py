@@ -25,6 +25,7 @@ from calstation.gui.widgets import (
     JobWatch,
     MissingEffect,
     StateBadge,
+    TemperatureCurves,
     button,
     column,
     label,
@@ -64,6 +65,7 @@ _COMPENSATED: frozenset[CheckKind] = frozenset(
 _COLUMNS = (
     Cell("common.unit", "unit", number=False),
     Cell("common.numeric_value", "value"),
+    Cell("common.at_temperature", "at"),
     Cell("common.plus_minus_sigma", "sigma"),
     Cell("engineer.previous", "previous"),
     Cell("engineer.change", "change"),
@@ -74,11 +76,14 @@ _COLUMNS = (
     Cell("engineer.stage", "stage", number=False),
     Cell("common.verdict", "verdict", number=False, state="verdict_state", hint="hint"),
 )
-_NUMBERS = ("value", "sigma", "previous", "change", "in_sigma", "limit", "accepted", "sigma_limit")
+_NUMBERS = ("value", "at", "sigma", "previous", "change", "in_sigma", "limit", "accepted", "sigma_limit")
 #: Columns for the comparison with the previous run or with the result without an added state.
-_COMPARED_COLUMNS = (3, 4, 5)
+_COMPARED_COLUMNS = (4, 5, 6)
 #: Column of the acceptance limits, which the decision rule may narrow.
-_ACCEPTED_COLUMN = 7
+_ACCEPTED_COLUMN = 8
+#: Column of the temperature of the worst value, and headings of value and sigma of a result over temperature.
+_AT_COLUMN = 2
+_WORST = {"value": "common.worst_value", "sigma": "common.worst_sigma"}
 #: Badge shape (`widgets.badge.KINDS`) of each parameter verdict.
 _SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad", "sigma": "bad", "both": "bad"}
 
@@ -146,10 +151,12 @@ class ResultView(QWidget):
         result = finished.result
         cells = {name: _cells(finished, name) for name in ordered(result.parameters)}
         compared = "engineer.without_state" if result.states_added else "engineer.previous"
-        columns = [replace(cell, heading=compared) if cell.key == "previous" else cell for cell in _COLUMNS]
+        headings = {"previous": compared, **({} if result.temperature is None else _WORST)}
+        columns = [replace(cell, heading=headings.get(cell.key, cell.heading)) for cell in _COLUMNS]
         self._table.show_cells(cells, _NUMBERS, columns)
         for index in _COMPARED_COLUMNS:
             self._table.setColumnHidden(index, not finished.previous)
+        self._table.setColumnHidden(_AT_COLUMN, result.temperature is None)
         self._table.setColumnHidden(_ACCEPTED_COLUMN, all("accepted" not in row for row in cells.values()))
         self._table.fit_columns()
         kind, verdict = verdict_badge(result)
@@ -177,7 +184,8 @@ class ResultView(QWidget):
 def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
     """Return the texts in the row of a parameter, in display units and rounded according to the sigma."""
     result, previous = finished.result, finished.previous.get(name)
-    parameter = result.parameters[name]
+    parameter, at = result.worst(name)
+    at_reference = result.parameters[name]
     checks: dict[str, Check] = {
         check.kind: check for check in result.checks if is_parameter_check(check) and check.subject == name
     }
@@ -194,13 +202,15 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
         "verdict_state": _SHAPES.get(verdict, ""),
         "hint": _conformity_hint(result, name),
     }
+    if at is not None:
+        cells["at"] = f"{at:.0f}"
     if previous is not None:
-        before, _ = _display(name, previous.value)
+        before, now = _display(name, previous.value)[0], _display(name, at_reference.value)[0]
         cells["previous"] = number(before, sigma)
-        cells["change"] = "0" if before == value else number(value - before, sigma)
+        cells["change"] = "0" if before == now else number(now - before, sigma)
         # a trial with an added state solves the same data again
-        sigmas = in_sigma(parameter, previous, independent=not result.states_added)
-        cells["in_sigma"] = "0" if before == value else f"{sigmas:+.2f}"
+        sigmas = in_sigma(at_reference, previous, independent=not result.states_added)
+        cells["in_sigma"] = "0" if before == now else f"{sigmas:+.2f}"
         if abs(sigmas) > NOTABLE_SIGMAS:
             cells["change_state"] = "caution"
     if "within" in checks:
@@ -287,6 +297,7 @@ class ResultAnalysis(QObject):
         self.innovations = _LazyView(InnovationsView, self._diagnosing)
         self.residuals = _LazyView(ResidualsView, self._diagnosing)
         self.cycle = _LazyView(CycleView)
+        self.over_temperature = _LazyView(lambda: TemperatureCurves("engineer_curves_combo"))
         #: The views whose contents are computed by `diagnose`.
         self._computed = self.innovations, self.residuals
         #: The views in order: parameters, innovations, residuals, observability.
@@ -376,6 +387,9 @@ class ResultAnalysis(QObject):
             self.result.show_empty(lambda: _why_no_result(run))
         self.observability.view.show_stages(run.result.observability, run.step_labels)
         self.observability.show_view()
+        if run.result.temperature is not None:
+            self.over_temperature.view.show_result(run.result)
+            self.over_temperature.show_view()
         for lazy in self._computed:
             lazy.show_empty()
         if run.result.cycle:

@@ -32,7 +32,9 @@ from calstation.gui.widgets import (
     CellTable,
     ElidedLabel,
     StateBadge,
+    TemperatureCurves,
     ThemedPlot,
+    ViewTabs,
     button,
     column,
     combo_box,
@@ -77,6 +79,7 @@ class Trend(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._runs: tuple[IndexedRun, ...] = ()
+        self.has_values = False  #: Whether there is a parameter to plot.
         self._selected = ""
         self._limits: Mapping[str, tuple[float, float]] = {}
         self._combo = combo_box("trend_combo", fit=True, characters=18)
@@ -105,7 +108,8 @@ class Trend(QWidget):
         if failed and chosen not in failed:
             chosen = failed[0]
         fill_combo(self._combo, [(parameter_text(name), name) for name in names], chosen)
-        self.setVisible(bool(names))
+        self.has_values = bool(names)
+        self.setVisible(self.has_values)
         self.draw()
 
     def draw(self) -> None:
@@ -169,6 +173,10 @@ class RunDetails(QFrame):
         self.resolves = OfflineSolutionsTable()
         self.trend = Trend()
         self.trend.setMinimumHeight(20 * theme.GRID)
+        self.curves = TemperatureCurves("history_curves_combo", differences=False)
+        self.curves.setMinimumHeight(22 * theme.GRID)
+        self.plot_tabs = ViewTabs("history_plot_tabs", "history.runs_of_this_unit", "common.over_temperature")
+        self.plot_tabs.currentChanged.connect(lambda _: self._make_room())
         self.result_button = button("history_result_button", "history.open_result")
         self.log_button = button("history_log_button", "history.open_log")
         self.record_button = button("history_record_button", "history.record", tip="history.record_tip")
@@ -179,7 +187,7 @@ class RunDetails(QFrame):
         self._documents, self._release = (label_button, certificate_button), release
         self._people = certificate_button.panel
         for asking in (release.open_changed, self._people.open_changed):
-            asking.connect(lambda open_: self.trend.setVisible(not open_ and self.has_parameters))
+            asking.connect(self._make_room)
         release.open_changed.connect(self._offer_documents)
         self._lay_out()
         on_language_change(self, self._show)
@@ -203,6 +211,8 @@ class RunDetails(QFrame):
         self._release.offer(result, run.result)
         self._offer_documents()
         self.trend.show_runs(unit_runs, run.log.stem, result)
+        self.curves.show_result(result)
+        self._make_room()
         self._show()
 
     def set_actions(self, actions: Actions) -> None:
@@ -210,6 +220,13 @@ class RunDetails(QFrame):
         if actions != self._actions:
             self._actions = actions
             self._show()
+
+    def _make_room(self, open_: bool = False) -> None:
+        """Show the plot that the tabs select, and none while inputs are `open_`."""
+        shown = self.curves.has_curves and self.plot_tabs.currentIndex() == 1
+        self.plot_tabs.setVisible(self.curves.has_curves and not open_)
+        self.curves.setVisible(shown and not open_)
+        self.trend.setVisible(not shown and not open_ and self.trend.has_values)
 
     def _offer_documents(self, releasing: bool = False) -> None:
         """Show the buttons for documents; the inputs of a release take their space."""
@@ -225,7 +242,9 @@ class RunDetails(QFrame):
         column(
             row((self._serial, 1), self.badge),
             (self.content_area, 5),
+            self.plot_tabs,
             (self.trend, 3),
+            (self.curves, 5),
             row((self.resume_button, 1), (self.close_button, 1)),
             row(*((each, 1) for each in runs)),
             row(*((each, 1) for each in (*self._documents, self._release))),

@@ -9,6 +9,8 @@ from calstation.gui.widgets import (
     ComparisonTable,
     ParameterSet,
     StateBadge,
+    TemperatureCurves,
+    ViewTabs,
     column,
     grid,
     label,
@@ -44,7 +46,11 @@ class Comparison(QWidget):
         )
         self._nothing = label("logs.about_comparison", "muted", wrap=True)
         self._nothing.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        column(rows, self.note_label, (self.table, 1), (self._nothing, 1), on=self)
+        self.curves = TemperatureCurves("offline_curves_combo")
+        self.tabs = ViewTabs("comparison_tabs", "common.parameters", "common.over_temperature")
+        self.tabs.currentChanged.connect(lambda _: self._choose_view())
+        column(rows, self.note_label, self.tabs, (self.table, 1), (self._nothing, 1), (self.curves, 1), on=self)
+        self._choose_view()
         on_language_change(self, self._refresh)
 
     def show_log(self, log_index: LogIndex) -> None:
@@ -66,18 +72,26 @@ class Comparison(QWidget):
 
     def _fill(self) -> None:
         result = None if self._solved is None else self._solved.result
-        online = ParameterSet("logs.online_column", {} if self._online is None else self._online.parameters)
+        online = ParameterSet("logs.online_column", {} if self._online is None else self._online.compared)
         offline = ParameterSet(self._offline_heading, {})
         if result is not None:
             sigmas = {check.subject for check in result.failed_checks if check.kind == "sigma_below"}
             values = {check.subject for check in result.failed_checks if check.kind != "sigma_below"}
             sigma_states = dict.fromkeys(result.undetermined, "caution") | dict.fromkeys(sigmas, "bad")
-            offline = ParameterSet(self._offline_heading, result.parameters, dict.fromkeys(values, "bad"), sigma_states)
+            offline = ParameterSet(self._offline_heading, result.compared, dict.fromkeys(values, "bad"), sigma_states)
         self.table.show_sets((online, offline))
         (self._in_sigma,) = self.table.in_sigma
-        self.table.setVisible(bool(self.table.names))
-        self._nothing.setVisible(not self.table.names)
+        self.curves.show_result(self._online if result is None else result)
+        self._choose_view()
         self._refresh()
+
+    def _choose_view(self) -> None:
+        """Show the table or, of a result over temperature, what its tabs select."""
+        names, shown = bool(self.table.names), self.curves.has_curves and self.tabs.currentIndex() == 1
+        self.tabs.setVisible(self.curves.has_curves)
+        self.curves.setVisible(shown)
+        self.table.setVisible(names and not shown)
+        self._nothing.setVisible(not names and not shown)
 
     def _refresh(self) -> None:
         self.table.parameters.refresh()
@@ -133,6 +147,9 @@ class Comparison(QWidget):
         result, facts = solved.result, log_index.facts
         first, last = result.log.first_seq, result.log.last_seq
         notes = []
+        if result.temperature is not None:
+            low, high = result.temperature.range_c
+            notes.append(say("logs.worst_over_range", low=low, high=high))
         if (first, last) != (facts.first_seq, facts.last_seq):
             notes.append(say("logs.part_of_log", first=first, last=last))
         if self._online is not None and self._online.stages not in ([], result.stages):
