@@ -1,4 +1,4 @@
-"""Profiles, links, codecs and drivers of tables and IMUs. No driver decides whether a motion is allowed.
+"""Profiles, links, codecs and drivers of tables, chambers and IMUs. No driver decides whether a motion is allowed.
 
 A new IMU protocol consists of `profiles/imu_protocols/NAME.py` (section) and `imu/drivers/NAME.py` (driver). A Modbus
 map needs no code, only `[registers]` in `data/tables/*.toml` or `[[registers]]` in `data/imus/*.toml`. The safe stop is
@@ -8,6 +8,8 @@ map needs no code, only `[registers]` in `data/tables/*.toml` or `[[registers]]`
 from calstation.devices.interfaces import (
     LOCAL_CONTROL,
     UNKNOWN_FAULT,
+    Chamber,
+    ChamberStatus,
     Gimbal,
     Imu,
     ImuIdentity,

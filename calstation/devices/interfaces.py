@@ -1,4 +1,4 @@
-"""Interfaces of a table and an IMU for the sequencer; all angles are in rad."""
+"""Interfaces of a table, a chamber and an IMU for the sequencer; all angles are in rad, temperatures in °C."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -147,6 +147,45 @@ class Gimbal(Table, Protocol):
         axis : index of the body axis
         angle, rate : angle and rate of the turn, rad and rad/s
         """
+
+
+@dataclass(frozen=True)
+class ChamberStatus:
+    """State of a thermal chamber, as returned by one poll.
+
+    air_c, set_point_c : temperature of the air by the chamber's own sensor, and its set point, °C
+    running : whether the chamber controls its temperature
+    door_open : whether the door is open; None if the chamber does not report it
+    alarm : name of the alarm, or None
+    """
+
+    air_c: float
+    set_point_c: float
+    running: bool
+    door_open: bool | None = None
+    alarm: str | None = None
+
+
+class Chamber(Protocol):
+    """A thermal chamber. Every call has a time limit and raises DeviceFaultError if it fails."""
+
+    def identify(self) -> str:
+        """Return what the chamber says about itself, or the model in the profile if it cannot be asked."""
+
+    def status(self) -> ChamberStatus:
+        """Poll the state of the chamber."""
+
+    def set_point(self, temperature_c: float) -> None:
+        """Set the temperature of the air, °C, without waiting; this does not start the chamber."""
+
+    def start(self) -> None:
+        """Start controlling the temperature at the set point."""
+
+    def stop(self) -> None:
+        """Stop controlling the temperature, after which it drifts."""
+
+    def close(self) -> None:
+        """Close the link; the chamber keeps its state."""
 
 
 @dataclass(frozen=True)

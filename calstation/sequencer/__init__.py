@@ -6,6 +6,7 @@ It has more than 15 modules, one for each part of the control loop and each kind
 
 from calstation.sequencer.acquisition import MAX_POLL_DURATION
 from calstation.sequencer.capture import DURATION, REST, mean_at_rest
+from calstation.sequencer.chamber import ChamberControl, ChamberLimits
 from calstation.sequencer.context import (
     Clock,
     Emit,
@@ -24,6 +25,7 @@ from calstation.sequencer.control import Command, Control, State, StopReason, St
 from calstation.sequencer.driving import RunDriver
 from calstation.sequencer.events import (
     LOSSY,
+    ChamberChanged,
     Event,
     Fault,
     Finalized,

@@ -107,6 +107,21 @@ class JointsMoved(Event):
 
 
 @dataclass(frozen=True)
+class ChamberChanged(Event):
+    """Temperatures of the air, the set point and the target of the chamber, °C, and the `remaining` time, s.
+
+    `units` contains the temperatures of the units by slot, °C. `remaining` is the estimated time to the target.
+    """
+
+    air_c: float
+    set_point_c: float
+    target_c: float
+    remaining: float
+    units: Mapping[str, float] = field(default_factory=dict)
+    door_open: bool | None = None
+
+
+@dataclass(frozen=True)
 class GimbalTurned(Event):
     """Turn number `index` (from 1) about the body axis `axis` by `angle`, rad, is complete.
 
@@ -218,7 +233,7 @@ class Fault(Event):
 _KINDS: dict[str, Callable[..., Event]] = {kind.__name__: kind for kind in Event.__subclasses__()}
 
 #: Events that only refresh a display; a slow listener may miss some of them, and they are not logged.
-LOSSY = (StageProgress, StageRanked, TableMoved, JointsMoved, Trace, PositionGuided)
+LOSSY = (StageProgress, StageRanked, TableMoved, JointsMoved, ChamberChanged, Trace, PositionGuided)
 
 
 def to_json(event: Event) -> dict[str, Any]:

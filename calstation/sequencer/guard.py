@@ -100,12 +100,12 @@ def safe_stop(table: Table, clock: Clock) -> list[Text]:
     a watchdog receives only moves to fixed angles, so that its axes are switched off after `_UNRESPONSIVE_WAIT`.
     """
     failures: list[Text] = []
-    _attempt(table.stop, failures)
+    attempt(table.stop, failures)
     if not failures:
-        _attempt(lambda: _wait_for_rest(table, clock), failures)
+        attempt(lambda: _wait_for_rest(table, clock), failures)
     if failures:  # the axes may still turn, so they must not be switched off immediately
-        _attempt(lambda: clock.sleep(_UNRESPONSIVE_WAIT), failures)
-    _attempt(table.disable, failures)
+        attempt(lambda: clock.sleep(_UNRESPONSIVE_WAIT), failures)
+    attempt(table.disable, failures)
     return failures
 
 
@@ -116,7 +116,8 @@ def _wait_for_rest(table: Table, clock: Clock) -> None:
         clock.sleep(_TICK)
 
 
-def _attempt(action: Callable[[], None], failures: list[Text]) -> None:
+def attempt(action: Callable[[], None], failures: list[Text]) -> None:
+    """Call an action of a safe stop, and append its failure instead of raising it."""
     try:
         action()
     except Exception as exc:  # the next action must be attempted after any failure

@@ -1,0 +1,270 @@
+"""Protection of a chamber and the units in it: checks before every set point and at every poll, and the safe end."""
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NoReturn
+
+from calstation.devices import Chamber, ChamberStatus
+from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.messages import Text
+from calstation.sequencer.context import Clock, Emit
+from calstation.sequencer.events import ChamberChanged, Message
+from calstation.sequencer.guard import attempt
+
+#: Station time between two polls of the chamber, s.
+POLL_INTERVAL = 2.0
+
+#: Largest temperature of metal that may be touched for minutes, °C (ISO 13732-1: 48 °C for 10 min, 43 °C for 8 h).
+TOUCHABLE_C = 43.0
+
+#: Largest excess of the air beyond the range of a device, K.
+_OVERSHOOT = 5.0
+
+#: Change of the air that shows that the chamber follows its set point, K.
+_PROGRESS = 0.5
+
+#: Factor between the largest rate and a measured rate of the air that no chamber reaches, and time of measurement, s.
+_RATE_FACTOR, _RATE_TIME = 3.0, 30.0
+
+#: Station time between two messages while the chamber returns to ambient, s.
+_REPORT_INTERVAL = 60.0
+
+#: Station time at ambient after which a unit whose temperature is unknown may be touched, s.
+_BLIND_SOAK = 1800.0
+
+#: Station time in which the chamber must return to ambient before it is reported as a failure, s.
+_RETURN_TIME = 4.0 * 3600.0
+
+
+@dataclass(frozen=True)
+class ChamberLimits:
+    """Limits of a chamber with a table and units in it; temperatures in °C, differences in K, times in s.
+
+    ranges : lowest and highest temperature of "chamber", "table" and "unit"
+    max_rate : largest rate of change of the set point, K/s
+    ambient, dew_point : temperature and dew point of the room
+    tolerance : largest difference of the air from the target of a chamber that has arrived
+    agreement : largest difference of a unit from the air after a soak
+    follow_time : time within which the air must approach the set point
+    """
+
+    ranges: Mapping[str, tuple[float, float]]
+    max_rate: float
+    ambient: float
+    dew_point: float
+    tolerance: float = 1.0
+    agreement: float = 10.0
+    follow_time: float = 600.0
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Lowest and highest temperature that all devices allow."""
+        return max(low for low, _ in self.ranges.values()), min(high for _, high in self.ranges.values())
+
+    def check(self, temperature: float, rate: float | None = None) -> None:
+        """Check a target, °C, and the rate at which the set point moves to it, K/s. Raises ConfigurationError."""
+        for device, (low, high) in self.ranges.items():
+            if not low <= temperature <= high:
+                values = {"temperature": temperature, "low": low, "high": high}
+                raise ConfigurationError("chamber.target_outside", device=device, **values)
+        if rate is not None and not 0.0 < rate <= self.max_rate * (1.0 + 1e-9):
+            raise ConfigurationError("chamber.rate_outside", rate=60.0 * rate, allowed=60.0 * self.max_rate)
+
+    def may_open(self, status: ChamberStatus, units: Mapping[str, float]) -> bool:
+        """Return whether neither the air nor a unit is below the dew point of the room or too hot to touch."""
+        return all(self.dew_point <= value <= TOUCHABLE_C for value in (status.air_c, *units.values()))
+
+
+class ChamberControl:
+    """Leads the temperature of a chamber, and checks it at every poll.
+
+    `begin` starts the chamber; then `hold` or `ramp` sets a target and `update` is called at every tick. `safe` sends
+    the chamber to ambient, where it stays until `wait_until_safe` has switched it off. `target` is the last target, and
+    `status` the last poll. Methods raise DeviceFaultError for a fault of the chamber and ConfigurationError for a
+    target outside the limits.
+    """
+
+    status: ChamberStatus
+
+    def __init__(self, chamber: Chamber, limits: ChamberLimits, clock: Clock, emit: Emit) -> None:
+        self.limits = limits
+        self.target = math.nan
+        self._chamber, self._clock, self._emit = chamber, clock, emit
+        self._set_point = self._expected = math.nan  #: Set points sent last, and at the last poll, °C.
+        self._rate = limits.max_rate
+        self._led_at = self._polled_at = -math.inf
+        #: Times, s, temperatures of the air, °C, and its distances from the set point, K, since the last target.
+        self._air: deque[tuple[float, float, float]] = deque()
+        self._units: Mapping[str, float] = {}
+        self._has_begun = False
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the set point has reached the target, and the air the set point."""
+        return self._set_point == self.target and self._distance <= self.limits.tolerance
+
+    @property
+    def remaining(self) -> float:
+        """Estimated time until the target is reached, s, without settling."""
+        gap = self._distance if self._set_point == self.target else abs(self.target - self._set_point)
+        return 0.0 if self.arrived else gap / self._rate
+
+    @property
+    def may_open(self) -> bool:
+        """Whether the operator may open the chamber, by the last poll."""
+        return self.limits.may_open(self.status, self._units)
+
+    def begin(self) -> None:
+        """Poll the chamber, then start it at the temperature of its air."""
+        self.status = self._chamber.status()
+        self._check_state()
+        self._aim(self.status.air_c, self.limits.max_rate)
+        self._send(self.status.air_c)
+        self._chamber.start()
+        self._has_begun = True
+
+    def hold(self, temperature: float) -> None:
+        """Go to a temperature, °C, at the largest rate, and stay there."""
+        self.ramp(temperature, self.limits.max_rate)
+
+    def ramp(self, temperature: float, rate: float) -> None:
+        """Move the set point to a temperature, °C, at a rate, K/s, and stay there."""
+        self.limits.check(temperature, rate)
+        self._aim(temperature, rate)
+
+    def update(self, units: Mapping[str, float]) -> None:
+        """Lead the set point and poll the chamber if it is time to; `units` are the units' temperatures by slot, °C."""
+        now = self._clock.now()
+        if now - self._polled_at < POLL_INTERVAL:
+            return
+        self._poll(now, units)
+        self._check_state()
+        if not self.status.running:
+            raise DeviceFaultError("chamber.not_running")
+        self._check_air(now)
+
+    def check_agreement(self) -> None:
+        """Check after a soak that the units' sensors agree with the chamber's. Raises DeviceFaultError."""
+        for temperature in self._units.values():
+            if not abs(temperature - self.status.air_c) <= self.limits.agreement:
+                values = {"unit_c": temperature, "air_c": self.status.air_c, "allowed": self.limits.agreement}
+                raise DeviceFaultError("chamber.sensors_disagree", **values)
+
+    def safe(self) -> list[Text]:
+        """Send the chamber to ambient at once and leave it on; return any failures instead of raising them.
+
+        The set point changes in one step, and nothing is refused: neither an alarm nor an open door.
+        """
+        if not self._has_begun:
+            return []
+        self._aim(self.limits.ambient, self.limits.max_rate)
+        failures: list[Text] = []
+        attempt(lambda: self._send(self.limits.ambient), failures)
+        if not failures:
+            self._emit(Message("chamber_to_ambient", self._temperatures()))
+        return failures
+
+    def wait_until_safe(self, units: Callable[[], Mapping[str, float]], tick: Callable[[], None]) -> list[Text]:
+        """Wait until the chamber may be opened, say so every minute, then switch it off; return any failures.
+
+        Parameters
+        ----------
+        units : function that returns the units' temperatures by slot, °C; without any, the wait is longer
+        tick : function that lets one tick of station time pass
+        """
+        failures: list[Text] = []
+        if self._has_begun:
+            attempt(lambda: self._wait_until_safe(units, tick), failures)
+        return failures
+
+    def _wait_until_safe(self, units: Callable[[], Mapping[str, float]], tick: Callable[[], None]) -> None:
+        begin = reported_at = self._clock.now()
+        arrived_at = math.inf
+        while True:
+            now = self._clock.now()
+            if now - self._polled_at >= POLL_INTERVAL:
+                self._poll(now, units())
+                at_ambient = self._distance <= self.limits.tolerance + _OVERSHOOT
+                arrived_at = min(arrived_at, now) if at_ambient else math.inf
+                if now >= arrived_at + (0.0 if self._units else _BLIND_SOAK) and self.may_open:
+                    break
+            if now - begin > _RETURN_TIME:
+                self._raise_not_following(now - begin)
+            if now - reported_at >= _REPORT_INTERVAL:
+                reported_at = now
+                self._emit(Message("chamber_returning", self._temperatures()))
+            tick()
+        self._chamber.stop()
+        self._has_begun = False
+        self._emit(Message("chamber_may_be_opened", self._temperatures()))
+
+    @property
+    def _distance(self) -> float:
+        return abs(self.status.air_c - self._set_point)
+
+    def _aim(self, temperature: float, rate: float) -> None:
+        self.target, self._rate = temperature, rate
+        self._led_at = self._clock.now()
+        self._air.clear()
+
+    def _send(self, temperature: float) -> None:
+        self._chamber.set_point(temperature)
+        self._set_point = temperature
+
+    def _poll(self, now: float, units: Mapping[str, float]) -> None:
+        """Poll, move the set point along the ramp, and show the state."""
+        self.status, self._expected = self._chamber.status(), self._set_point
+        step = self._rate * (now - self._led_at)
+        gap = self.target - self._set_point
+        if gap:
+            self._send(self.target if abs(gap) <= step else self._set_point + math.copysign(step, gap))
+        self._led_at = self._polled_at = now
+        self._units = {slot: value for slot, value in units.items() if math.isfinite(value)}
+        self._air.append((now, self.status.air_c, self._distance))
+        values = self.status.air_c, self._set_point, self.target, self.remaining
+        self._emit(ChamberChanged(*values, units=dict(self._units), door_open=self.status.door_open))
+
+    def _check_state(self) -> None:
+        if self.status.alarm is not None:
+            raise DeviceFaultError("chamber.alarm", alarm=self.status.alarm)
+        if self.status.door_open:
+            raise DeviceFaultError("chamber.door_open", air_c=self.status.air_c)
+        if not math.isfinite(self.status.air_c):
+            raise DeviceFaultError("chamber.no_temperature")
+
+    def _check_air(self, now: float) -> None:
+        """Check the course of the air. Raises DeviceFaultError."""
+        limits, air = self.limits, self.status.air_c
+        if not abs(self.status.set_point_c - self._expected) <= limits.tolerance:
+            values = {"sent_c": self._expected, "found_c": self.status.set_point_c}
+            raise DeviceFaultError("chamber.set_point_changed", **values)
+        for device, (low, high) in limits.ranges.items():
+            if not low - _OVERSHOOT <= air <= high + _OVERSHOOT:
+                raise DeviceFaultError("chamber.air_outside", device=device, air_c=air, low=low, high=high)
+        begin, before, _ = next(entry for entry in self._air if entry[0] >= now - _RATE_TIME)
+        if abs(air - before) > _RATE_FACTOR * limits.max_rate * (now - begin) + 2.0 * _PROGRESS:
+            rate = 60.0 * abs(air - before) / (now - begin)
+            raise DeviceFaultError("chamber.too_fast", rate=rate, allowed=60.0 * limits.max_rate)
+        if now - self._air[0][0] < limits.follow_time:
+            return
+        while now - self._air[1][0] >= limits.follow_time:
+            self._air.popleft()
+        gap = abs(self._set_point - air)
+        if min(gap for _, _, gap in self._air) <= limits.tolerance:
+            return
+        if all(value == air for time, value, _ in self._air if now - time <= 0.5 * limits.follow_time):
+            raise DeviceFaultError("chamber.sensor_stuck", air_c=air, set_point_c=self._set_point)
+        if abs(self._set_point - self._air[0][1]) - gap < _PROGRESS:
+            self._raise_not_following(limits.follow_time)
+
+    def _raise_not_following(self, seconds: float) -> NoReturn:
+        values = {"air_c": self.status.air_c, "set_point_c": self._set_point}
+        raise DeviceFaultError("chamber.not_following", minutes=round(seconds / 60.0), **values)
+
+    def _temperatures(self) -> dict[str, float]:
+        """Return the temperatures of the air, of the unit that is farthest from ambient, and of the room."""
+        ambient = self.limits.ambient
+        farthest = max(self._units.values(), key=lambda value: abs(value - ambient), default=self.status.air_c)
+        return {"air_c": self.status.air_c, "unit_c": farthest, "ambient_c": ambient}
