@@ -1,30 +1,87 @@
-"""Temperature: moves at several temperatures, or during a ramp; every parameter is a function of the temperature.
+"""Temperature: moves at several temperatures, or during ramps; every parameter is a function of the temperature.
 
-The program solves recordings of this stage. It does not drive a chamber, and refuses a run with this stage.
+At every temperature the table rests until the temperature of each unit, by its own sensor, is steady. A ramp repeats
+the moves from one temperature to the next.
 """
 
 from collections.abc import Iterator
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from calstation.errors import ConfigurationError
 from calstation.estimation import Method
 from calstation.estimation.navigation import TemperatureStage
-from calstation.physics import Step, TableGeometry
+from calstation.physics import Dwell, Move, Ramp, RoundEnd, Soak, Step, TableGeometry, move_time
+from calstation.schema import EntryError
+from procedures.designed import DEFAULT_MOVES, Moves, moves_and_rests
 from procedures.excitation import estimates
+
+#: Assumed settling time after a move of a ramp, s.
+_SETTLE = 1.5
+
+
+class SoakSchedule(BaseModel):
+    """When the temperature of a unit is steady."""
+
+    model_config = ConfigDict(extra="forbid")
+    unit_rate_below_c_per_min: float = Field(default=0.05, gt=0.0, le=5.0)
+    hold_s: float = Field(default=60.0, ge=20.0, le=86_400.0)
+    at_most_s: float = Field(default=5400.0, ge=60.0, le=86_400.0)
 
 
 class Schedule(BaseModel):
-    """How the samples of the temperatures are told apart."""
+    """Temperatures in order (°C), or the rate of ramps between them, the soak, and the moves at every temperature."""
 
     model_config = ConfigDict(extra="forbid")
-    soak_s: float = Field(60.0, ge=20.0, le=86_400.0, description="rest that separates two temperatures")
-    moves_of_cycle: int = Field(10, ge=2, le=1000, description="moves that are one point of a ramp without soaks")
+    points_c: list[Annotated[float, Field(ge=-100.0, le=200.0)]] = Field(
+        default_factory=list, description="temperatures of the chamber, in order; of ramps: by default the range"
+    )
+    ramp_c_per_min: float | None = Field(None, gt=0.0, le=20.0, description="rate of ramps from one to the next")
+    soak: SoakSchedule = Field(SoakSchedule(), description="when a unit is steady")
+    moves: Moves = Field(DEFAULT_MOVES, min_length=2, description="outer angle, inner angle and rest of every move")
+    rate_dps: float = Field(60.0, gt=0.0, le=1000.0, description="rate of every move")
+    acceleration_dps2: float = Field(60.0, gt=0.0, le=1000.0, description="acceleration of every move")
+
+    @model_validator(mode="after")
+    def _possible(self) -> "Schedule":
+        longest = max(rest for _, _, rest in self.moves)
+        if longest >= self.soak.hold_s:
+            raise EntryError("temperature.rest_too_long", "moves", rest=longest, hold=self.soak.hold_s)
+        if self.soak.at_most_s < self.soak.hold_s:
+            values = {"at_most": self.soak.at_most_s, "hold": self.soak.hold_s}
+            raise EntryError("temperature.soak_too_short", "soak", "at_most_s", **values)
+        return self
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Refuse a run. Raises ConfigurationError."""
-    raise ConfigurationError("temperature.no_chamber")
+    """Plan a soak and the moves at every temperature, and ramps with moves between them.
+
+    `RoundEnd` follows every temperature and the ramp after it. Raises ConfigurationError without temperatures.
+    """
+    if not schedule.points_c:
+        raise ConfigurationError("temperature.no_points")
+    soak, count = schedule.soak, len(schedule.points_c)
+    pairs = moves_and_rests(schedule.moves, schedule.rate_dps, schedule.acceleration_dps2)
+    moves: list[Move | Dwell] = [step for pair in pairs for step in pair]
+    for index, temperature in enumerate(schedule.points_c, start=1):
+        yield moves[0]
+        yield Soak(temperature, soak.unit_rate_below_c_per_min, soak.hold_s, soak.at_most_s, index, count)
+        yield from moves
+        if schedule.ramp_c_per_min is not None and index < count:
+            target = schedule.points_c[index]
+            duration = 60.0 * abs(target - temperature) / schedule.ramp_c_per_min
+            yield Ramp(target, schedule.ramp_c_per_min)
+            yield from moves * int(np.ceil(duration / _cycle_time(moves)))
+        yield RoundEnd(index)
+
+
+def _cycle_time(moves: list[Move | Dwell]) -> float:
+    """Return the duration of the moves and rests of a cycle, s."""
+    targets = [(step.outer, step.inner) for step in moves if isinstance(step, Move)]
+    starts = iter([targets[-1], *targets])
+    return sum(step.duration if isinstance(step, Dwell) else move_time(next(starts), step) + _SETTLE for step in moves)
 
 
 METHOD = Method(
@@ -32,7 +89,12 @@ METHOD = Method(
     Schedule,
     plan,
     lambda context, prior, schedule: TemperatureStage(
-        context, prior, estimates(context), schedule.soak_s, schedule.moves_of_cycle
+        context,
+        prior,
+        estimates(context),
+        schedule.soak.hold_s,
+        len(schedule.moves),
+        is_ramp=schedule.ramp_c_per_min is not None,
     ),
     estimates=estimates,
 )

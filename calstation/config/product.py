@@ -13,7 +13,7 @@ from calstation.devices.codecs import ELEMENTS, parameter_of, permitted_range
 from calstation.devices.profiles import ImuProfile, RegisterEntry
 from calstation.errors import ConfigurationError
 from calstation.physics import CHANGING_GROUPS, EFFECTS, INDEX, NAMES, PARAMETERS, further_parameter, parameter_indices
-from calstation.records import ChecksSection, ConformitySection, Day, Limit, check_limit_names
+from calstation.records import ChecksSection, ConformitySection, Day, Limit, TemperatureSection, check_limit_names
 from calstation.schema import EntryError, Pattern, Problem, StrictModel, load_once, near_miss
 from procedures import DEFAULT_STAGES, method
 
@@ -104,6 +104,7 @@ class ProductConfig(StrictModel):
     limits: dict[str, Limit] = Field(default_factory=dict)
     checks: ChecksSection | None = None
     conformity: ConformitySection | None = None  #: Decision rule; None for simple acceptance.
+    temperature: TemperatureSection | None = None  #: Parameters over temperature, for the stage `temperature`.
     confirmation: ConfirmationSection | None = None
     #: Effects outside the model that a designed schedule must detect, by cause: the error that they may cause, or
     #: their size, SI.
@@ -167,6 +168,12 @@ class ProductConfig(StrictModel):
         return self.serial_example if re.fullmatch(self.serial_pattern, self.serial_example) else self.serial_pattern
 
     @model_validator(mode="after")
+    def _over_temperature(self) -> "ProductConfig":
+        if "temperature" in self.stages and self.temperature is None:
+            raise EntryError("temperature.no_section", "temperature")
+        return self
+
+    @model_validator(mode="after")
     def _stages_of_checks(self) -> "ProductConfig":
         for rule in ("improvement_at_rest", "level", "motion_angle"):
             stage = getattr(getattr(self.checks, rule, None), "stage", None)
@@ -216,6 +223,9 @@ def schedule_values(product: ProductConfig, stage: str, overrides: Mapping[str, 
     """
     values: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **overrides}
     fields = method(stage).schedule.model_fields
+    if values.get("ramp_c_per_min") and not values.get("points_c") and product.temperature is not None:
+        low, high = product.temperature.range_c
+        values["points_c"] = [low, high, low]
     if "targets" in fields and "stop_at_limits" not in fields and product.targets and "targets" not in values:
         values["targets"] = dict(product.targets)
     return values

@@ -154,6 +154,7 @@ class RunConfiguration:
                 for name, sigma in sigmas.items()
             },
             product=self._product_section(levers),
+            temperature=self.product.temperature if "temperature" in self.stages else None,
             run=RunSection(
                 stages=list(self.stages),
                 station=self.station.name,
@@ -374,6 +375,7 @@ def check_station(setup: RunConfiguration) -> None:
     """
     check_manual_rig(setup)
     check_gimbal(setup)
+    check_chamber(setup)
     meta, site = setup.log_meta(), setup.station.site
     with in_file(setup.sources["station"].path):
         check_site(meta)
@@ -407,6 +409,15 @@ def check_gimbal(setup: RunConfiguration) -> None:
     misalignments = {NAMES[i] for i in group_indices("gyro_misalign")}
     if setup.after_registers or not misalignments <= set(setup.register_map.parameters):
         raise ConfigurationError("product.gimbal_needs_registers", imu=setup.imu.name)
+
+
+def check_chamber(setup: RunConfiguration) -> None:
+    """Check that a stage over temperature is the only one, and that there is a chamber. Raises ConfigurationError."""
+    if "temperature" not in setup.schedules:
+        return
+    if len(setup.schedules) > 1:
+        raise ConfigurationError("temperature.not_alone")
+    raise ConfigurationError("temperature.no_chamber")
 
 
 def _product_errors(setup: RunConfiguration) -> Iterator[EntryError]:

@@ -18,7 +18,18 @@ from calstation.physics.further_parameters import (
 )
 from calstation.physics.imu_model import Compensation, compensate, compensation, compose, composition, parameter_vector
 from calstation.physics.kernels import kernel
-from calstation.physics.motion import Dwell, GimbalTurn, GimbalZero, ManualMove, Move, RoundEnd, Step
+from calstation.physics.motion import (
+    Dwell,
+    GimbalTurn,
+    GimbalZero,
+    ManualMove,
+    Move,
+    Ramp,
+    RoundEnd,
+    Soak,
+    Step,
+    move_time,
+)
 from calstation.physics.parameters import (
     ACCEL_BIAS,
     ACCEL_MISALIGN,

@@ -64,4 +64,33 @@ class GimbalTurn:
     alternate: bool  #: Whether every second turn is in the opposite direction.
 
 
-Step: TypeAlias = Move | Dwell | RoundEnd | ManualMove | GimbalZero | GimbalTurn
+@dataclass(frozen=True)
+class Soak:
+    """Hold a temperature of the chamber at rest until every unit's own temperature is steady."""
+
+    temperature: float  #: Temperature of the chamber, °C.
+    slope: float  #: Rate of change below which a unit is steady, K/min.
+    hold: float  #: Duration for which it must be steady, s.
+    timeout: float  #: Longest duration, s.
+    index: int  #: Number of this soak, from 1.
+    count: int  #: Total number of soaks.
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """Begin a ramp of the chamber to a temperature, °C, at a rate, K/min, during the steps that follow."""
+
+    temperature: float
+    rate: float
+
+
+Step: TypeAlias = Move | Dwell | RoundEnd | ManualMove | GimbalZero | GimbalTurn | Soak | Ramp
+
+
+def move_time(start: tuple[float, float], move: Move) -> float:
+    """Return the duration, s, of a move with a trapezoidal rate profile from joint angles `start`, rad."""
+    rate, acceleration = move.rate, move.acceleration
+    distance = max(abs(move.outer - start[0]), abs(move.inner - start[1]))
+    if distance * acceleration < rate * rate:
+        return float(2.0 * (distance / acceleration) ** 0.5)
+    return distance / rate + rate / acceleration

@@ -24,13 +24,14 @@ from calstation.physics import (
     Move,
     RoundEnd,
     Step,
+    move_time,
     parameter_indices,
 )
 from calstation.records import LogMeta, context_from_meta
 from calstation.results.calibration import current_calibration
 from calstation.results.history import History
 from calstation.results.solver_chain import StageChain, one_blas_thread
-from calstation.sequencer import StagePlan, check_limits, move_time, planned, step_time, table_task
+from calstation.sequencer import StagePlan, check_limits, planned, step_time, table_task
 from procedures import method
 
 #: Maximum number of rounds of a stage that ends only when its targets are reached.

@@ -186,7 +186,7 @@ class Continuation:
         ConfigurationError or DeviceFaultError if the site, the table, the unit or the product has changed.
         """
         old, path = self.log.meta, self.log.path
-        for name in ("site", "imu", "table", "product", "schedule"):
+        for name in ("site", "imu", "table", "product", "temperature", "schedule"):
             if _without_none(getattr(new, name)) != _without_none(getattr(old, name)):
                 raise ConfigurationError("run.section_changed", path=path, section=name)
         if registers_read and _prior_information(new) != _prior_information(old):

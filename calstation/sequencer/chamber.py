@@ -145,12 +145,11 @@ class ChamberControl:
             raise DeviceFaultError("chamber.not_running")
         self._check_air(now)
 
-    def check_agreement(self) -> None:
-        """Check after a soak that the units' sensors agree with the chamber's. Raises DeviceFaultError."""
-        for temperature in self._units.values():
-            if not abs(temperature - self.status.air_c) <= self.limits.agreement:
-                values = {"unit_c": temperature, "air_c": self.status.air_c, "allowed": self.limits.agreement}
-                raise DeviceFaultError("chamber.sensors_disagree", **values)
+    def check_agreement(self, unit: float) -> None:
+        """Check after a soak that the temperature of a unit, °C, agrees with the chamber's. Raises DeviceFaultError."""
+        if not abs(unit - self.status.air_c) <= self.limits.agreement:
+            values = {"unit_c": unit, "air_c": self.status.air_c, "allowed": self.limits.agreement}
+            raise DeviceFaultError("chamber.sensors_disagree", **values)
 
     def safe(self) -> list[Text]:
         """Send the chamber to ambient at once and leave it on; return any failures instead of raising them.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from calstation.devices import Imu, Table
+from calstation.devices import Chamber, Imu, Table
 from calstation.devices.profiles import ChannelRange, StatusSection
 from calstation.errors import CalstationError
 from calstation.estimation import Ranking, Solution
@@ -21,6 +21,7 @@ from calstation.sequencer.verification_path import VerificationData
 
 if TYPE_CHECKING:  # the window uses tasks but not logs
     from calstation.records import RawLogWriter
+    from calstation.sequencer.chamber import ChamberLimits
 
 #: Function that runs another function in a separate thread to its end, and returns its result or raises its error.
 RunInBackground = Callable[[Callable[[], Any]], Any]
@@ -93,7 +94,7 @@ class Task:
     """The motion of the table in a run and its limits, with times in s and angles in rad.
 
     Units are mounted at `load_angle`, to which the table moves with the travel rate and acceleration. `gimbal_turn`
-    contains the settings of the turns of a gimbal.
+    contains the settings of the turns of a gimbal, and `chamber` the limits of the chamber of a stage over temperature.
     """
 
     stages: tuple[StagePlan, ...]
@@ -105,6 +106,7 @@ class Task:
     travel_rate: float = np.deg2rad(90.0)
     travel_acceleration: float = np.deg2rad(90.0)
     gimbal_turn: GimbalTurn | None = None
+    chamber: "ChamberLimits | None" = None
 
     @property
     def gimbal(self) -> bool:
@@ -259,6 +261,7 @@ class RunContext:
     control: Control = field(default_factory=Control)
     inactive: set[str] = field(default_factory=set)
     log_errors: dict[str, CalstationError] = field(default_factory=dict)
+    chamber: Chamber | None = None  #: The chamber around table and units, if the run changes its temperature.
 
     @property
     def slot(self) -> Slot:

@@ -8,6 +8,7 @@ import numpy as np
 
 from calstation.devices import LOCAL_CONTROL, TableStatus, latched_fault_error
 from calstation.errors import CalstationError, DeviceFaultError
+from calstation.sequencer.chamber import ChamberControl
 from calstation.sequencer.context import RunContext
 from calstation.sequencer.control import PauseRequested
 from calstation.sequencer.events import JointsMoved, TableMoved
@@ -40,6 +41,18 @@ class ControlLoop:
         self.powered = False
         self.pausable = False
         self.watchful = False
+        #: Control of the chamber, which is polled from `begin_chamber` on; None without a chamber.
+        self.chamber: ChamberControl | None = None
+        if context.chamber is not None and context.task.chamber is not None:
+            self.chamber = ChamberControl(context.chamber, context.task.chamber, context.clock, context.emit)
+        self._leads_chamber = False
+
+    def begin_chamber(self) -> None:
+        """Start the chamber at its present temperature. Raises DeviceFaultError."""
+        if self.chamber is not None:
+            with self.units.attributing_errors_to_table():
+                self.chamber.begin()
+            self._leads_chamber = True
 
     def tick(self) -> None:
         """Let one tick of station time pass, then call `update`."""
@@ -54,8 +67,8 @@ class ControlLoop:
     def update(self) -> None:
         """Poll the table once, read the samples of all units, feed the watchdog and process commands.
 
-        Raises DeviceFaultError if the table has a fault or a channel of the last unit is stuck, StopRequested,
-        PauseRequested or StepInvalid.
+        Raises DeviceFaultError if the table or the chamber has a fault or a channel of the last unit is stuck,
+        StopRequested, PauseRequested or StepInvalid.
         """
         clock = self.context.clock
         with self.units.attributing_errors_to_table():
@@ -69,6 +82,8 @@ class ControlLoop:
         self._show()
         with self.units.attributing_errors_to_table():
             self._check_table()
+            if self.chamber is not None and self._leads_chamber:
+                self.chamber.update(self.units.temperatures())
         self.units.each(_check_channels)
         self.check_cancelled()
         if self.watchful and (reasons := {unit: unit.invalid_reason for unit in self.units if unit.invalid_reason}):

@@ -5,12 +5,14 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from calstation.errors import CalstationError, DeviceFaultError
+from calstation.messages import Text
 from calstation.physics import Move
 from calstation.sequencer.capture import UnitRestarted, manual_rig_data, verification_data
 from calstation.sequencer.context import Output, RunContext
@@ -76,6 +78,7 @@ class RunDriver:
                 if control.stop_reason not in (None, StopReason.OPERATOR):
                     self._context.emit(Message("stopped_because", {"reason": str(control.stop_reason)}))
                 self._stop_safely()
+                self._return_chamber()
                 end = State.STOPPED
             self.go(end)
             return None
@@ -84,6 +87,7 @@ class RunDriver:
             self._stop_safely()
             self.go(State.FAULT)
             self._context.emit(Fault.of(error))
+            self._return_chamber()
             return error
         except BaseException:
             self._stop_safely()
@@ -106,6 +110,7 @@ class RunDriver:
         gimbal = GimbalLoop(self.control_loop, self.run_in_background)
         self.runner = StepRunner(self.control_loop, self._streams, gimbal, self.go)
         self._has_begun = True
+        self.control_loop.begin_chamber()
 
     def preflight(self) -> None:
         """Perform all preflight checks, in which the axes are switched on and the table moves home.
@@ -245,7 +250,7 @@ class RunDriver:
             raise StopRequested
 
     def finish(self) -> None:
-        """Move to the load position and switch the axes off."""
+        """Move to the load position, switch the axes off, and wait until the chamber may be opened."""
         self._context.emit(Message("finishing"))
         task = self._context.task
         if task.gimbal:
@@ -255,10 +260,16 @@ class RunDriver:
             self.runner.drive(Move(*task.load_angle, *speeds, ("load",)))
         self.control_loop.powered = False
         self._context.table.disable()
+        if (chamber := self.control_loop.chamber) is not None:
+            self._report_failures(chamber.safe())
+            self._return_chamber()
 
     def _stop_safely(self) -> None:
+        """Bring the table to rest, switch its axes off, and send the chamber to ambient."""
         self.tags.stage, self.tags.valid = "", False
         failures = safe_stop(self._context.table, self._context.clock)
+        if self._has_begun and self.control_loop.chamber is not None:
+            failures += self.control_loop.chamber.safe()
         if self._has_begun:
             try:
                 self.runner.gimbal.restore()
@@ -269,6 +280,25 @@ class RunDriver:
                 unit.acquisition.drain()
             except CalstationError as error:  # the error is one of the unit, or of the log, which is flushed
                 failures.append(reason_of(error))
+        self._report_failures(failures)
+
+    def _return_chamber(self) -> None:
+        """Wait until the chamber is at ambient and may be opened; commands do not end this wait."""
+        chamber = self.control_loop.chamber if self._has_begun else None
+        if chamber is None:
+            return
+        self.tags.unlogged = True
+
+        def tick() -> None:
+            self._context.clock.sleep(self._context.clock.tick)
+            self._context.control.take()
+            for unit in self.units:
+                with suppress(CalstationError):  # a silent unit has no temperature
+                    unit.drain()
+
+        self._report_failures(chamber.wait_until_safe(self.units.temperatures, tick))
+
+    def _report_failures(self, failures: Iterable[Text]) -> None:
         for failure in failures:
             self._context.emit(Message("safe_stop_incomplete", {"text": failure}))
 

@@ -87,6 +87,19 @@ class StageEnded(Event):
 
 
 @dataclass(frozen=True)
+class PointCompleted(Event):
+    """Temperature number `index` (from 1) of a stage, °C, and the moves up to `step` are complete.
+
+    A run that is interrupted later can be resumed after them.
+    """
+
+    stage: str
+    index: int
+    temperature: float
+    step: int
+
+
+@dataclass(frozen=True)
 class TableMoved(Event):
     """Encoder angles, rad, and rates, rad/s, of the table."""
 

@@ -1,7 +1,7 @@
 """Stage plans, their durations, and the rules that end repeated plans."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
@@ -15,8 +15,10 @@ from calstation.physics import (
     ManualMove,
     Move,
     RoundEnd,
+    Soak,
     Step,
     group_indices,
+    move_time,
     targets_reached,
 )
 from calstation.sequencer.events import StageProgress
@@ -28,6 +30,9 @@ _TIME_TOLERANCE = 1e-6
 
 #: Default settling time after a move if the table's profile does not specify one, s.
 SETTLE_TIME = 1.5
+
+#: Time until a unit is usually steady at the next temperature, s; the progress of each soak corrects it.
+_USUAL_SOAK = 2400.0
 
 
 @dataclass(frozen=True)
@@ -70,11 +75,26 @@ class StopRule:
 
 @dataclass(frozen=True)
 class StagePlan:
-    """A stage with its stop rule; `steps` returns a new iterator over its steps."""
+    """A stage with its stop rule; `steps` returns a new iterator over its steps.
+
+    In a run that is resumed, `completed` rounds precede these steps.
+    """
 
     name: str
     steps: Callable[[], Iterator[Step]]
     rule: StopRule = field(default_factory=StopRule)
+    completed: int = 0
+
+    def after(self, rounds: int) -> "StagePlan":
+        """Return the rest of the stage after a number of rounds."""
+
+        def steps() -> Iterator[Step]:
+            remaining = self.steps()
+            if rounds:
+                next(step for step in remaining if isinstance(step, RoundEnd) and step.rounds == rounds)
+            yield from remaining
+
+        return replace(self, steps=steps, completed=rounds)
 
 
 class StageTracker:
@@ -101,6 +121,13 @@ class StageTracker:
             for slot, values in sigma.items()
         }
 
+    def revise(self, now: float, remaining: float) -> None:
+        """Set the time left of the current step, s, at station time `now`."""
+        change = now - self._step_begin + remaining - self._step
+        self._step += change
+        self._duration += change
+        self._longest += change
+
     def next_round(self) -> None:
         """Continue after a round; after the planned duration, the rounds up to the longest duration follow."""
         if self._done > self._duration - _TIME_TOLERANCE:
@@ -111,15 +138,6 @@ class StageTracker:
         done = self._done + min(max(now - self._step_begin, 0.0), self._step)
         fraction = min(done / self._duration, 1.0) if self._duration > 0.0 else 1.0
         return StageProgress(self._stage, fraction, max(self._duration - done, 0.0), self._sigma.get(slot, {}))
-
-
-def move_time(start: tuple[float, float], move: Move) -> float:
-    """Return the duration, s, of a move with a trapezoidal rate profile from joint angles `start`, rad."""
-    rate, acceleration = move.rate, move.acceleration
-    distance = max(abs(move.outer - start[0]), abs(move.inner - start[1]))
-    if distance * acceleration < rate * rate:
-        return float(2.0 * (distance / acceleration) ** 0.5)
-    return distance / rate + rate / acceleration
 
 
 def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE_TIME) -> float:
@@ -139,6 +157,8 @@ def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE_TIM
         return 2.0 * step.rest + step.angle / step.rate + settle
     if isinstance(step, GimbalZero):
         return step.rest + settle
+    if isinstance(step, Soak):
+        return min(step.hold + _USUAL_SOAK, step.timeout)
     return step.duration if isinstance(step, Dwell) else 0.0
 
 

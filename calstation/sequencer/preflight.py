@@ -1,7 +1,6 @@
 """Checks before the first stage, while the unit warms up: identity, power, homing, data flow, gravity and signs."""
 
 import re
-from collections import deque
 from collections.abc import Mapping
 from functools import partial
 
@@ -13,6 +12,7 @@ from calstation.physics import AXES, JOINTS, UP, FloatArray, Move, rotation_vect
 from calstation.sequencer.context import UnitTask
 from calstation.sequencer.events import Message
 from calstation.sequencer.guard import check_power
+from calstation.sequencer.soaking import TemperatureTrack
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.unit_stream import check_unit
 from calstation.sequencer.units import Unit
@@ -173,28 +173,24 @@ class _WarmUp:
     """The warm-up of a unit from station time `begin`, s, to `end`, s, or later."""
 
     def __init__(self, unit: Unit, begin: float, now: float) -> None:
-        self._acquisition, self._limits, self._begin = unit.acquisition, unit.slot.unit.preflight, begin
+        self._limits, self._begin = unit.slot.unit.preflight, begin
         slope_after = 0.0 if self._limits.warm_up_slope is None else _MIN_SLOPE_TIME
         self.end = max(begin + self._limits.warm_up, now + slope_after)
-        self._track: deque[tuple[float, float]] = deque()
+        self._track = TemperatureTrack(unit, _SLOPE_PERIOD)
 
     def done(self, now: float) -> bool:
         """Record the temperature, and return whether the unit is warm; called at every tick until it is."""
         if self._limits.warm_up_slope is None:
             return now >= self.end
-        recent, track = self._acquisition.recent, self._track
-        if recent is not None and recent[1] is not None:
-            track.append((now, recent[1]))
-        while track and now - track[0][0] > _SLOPE_PERIOD:
-            track.popleft()
-        return now >= self.end and abs(_slope(track)) <= self._limits.warm_up_slope
+        self._track.add(now)
+        return now >= self.end and abs(self._track.slope) <= self._limits.warm_up_slope
 
     def timeout_error(self, now: float) -> DeviceFaultError | None:
         """Return the error of a unit whose temperature has not become stable in time, or None."""
         timeout = self._limits.warm_up_timeout
         if self._limits.warm_up_slope is None or now - self._begin <= timeout:
             return None
-        return DeviceFaultError("preflight.temperature_drift", slope=_slope(self._track), seconds=timeout)
+        return DeviceFaultError("preflight.temperature_drift", slope=self._track.slope, seconds=timeout)
 
 
 def _check_output(task: UnitTask, mean: FloatArray, position: tuple[float, float] | None) -> None:
@@ -259,11 +255,3 @@ def _counts(blocks: list[SampleBlock]) -> FloatArray:
     if not all(block.valid.all() for block in blocks):
         raise DeviceFaultError("preflight.saturated")
     return counts
-
-
-def _slope(track: deque[tuple[float, float]]) -> float:
-    """Return the least-squares slope of temperature over time, °C/min; infinite for fewer than 10 values."""
-    if len(track) < 10:
-        return float("inf")
-    times, values = np.array(track).T
-    return float(np.polyfit((times - times[0]) / 60.0, values, 1)[0])

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, TypeVar, cast
 
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
-from calstation.physics import Dwell, FloatArray, ManualMove, Move, RoundEnd
+from calstation.physics import Dwell, FloatArray, ManualMove, Move, Ramp, RoundEnd, Soak
 from calstation.records import END_FAILING
 from calstation.sequencer.context import Evaluation, Output, RunContext, Solving
 from calstation.sequencer.control import State, StopRequested
 from calstation.sequencer.driving import POLL, RunDriver
-from calstation.sequencer.events import Message, StageEnded, StageRanked, StageStarted, solution_events
+from calstation.sequencer.events import Message, PointCompleted, StageEnded, StageRanked, StageStarted, solution_events
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.plan import StagePlan, StageTracker, plan_time, planned, step_time
 from calstation.sequencer.units import Unit
@@ -128,12 +128,14 @@ class Sequencer:
 
     def _check_plans(self) -> None:
         """Check every move of every plan against the limits before anything moves."""
-        position = self._drive.runner.position()
+        position, chamber = self._drive.runner.position(), self._context.task.chamber
         for stage in self._context.task.stages:
             for step, _ in planned(stage.steps(), stage.rule, position):
                 if isinstance(step, Move):
                     check_limits(self._context.task.geometry.limits, step)
                     check_travel(self._drive.control_loop.status.limits, step)
+                elif isinstance(step, Soak | Ramp) and chamber is not None:
+                    chamber.check(step.temperature, step.rate / 60.0 if isinstance(step, Ramp) else None)
 
     def _run_stage(self, stage: StagePlan, index: int) -> bool:
         """Execute and solve a stage, and return whether the run should continue."""
@@ -144,7 +146,8 @@ class Sequencer:
         self._context.control.ending_stage = False
         emit(StageStarted(stage.name, index, count, duration, stage.rule.repeated))
         logger.info("stage %s begins", stage.name)
-        self._compute_for_each(lambda unit: _solving(unit).start(stage.name))
+        if not stage.completed:
+            self._compute_for_each(lambda unit: _solving(unit).start(stage.name))
         drive.tags.stage = stage.name
         drive.runner.begin_stage()
         try:
@@ -189,7 +192,7 @@ class Sequencer:
         """Execute the steps of a stage, and return the reason for its end and the number of rounds."""
         drive, clock, units = self._drive, self._context.clock, self._units
         begin = {unit: unit.acquisition.newest_time or 0.0 for unit in units}
-        rounds = 0
+        rounds, soak = stage.completed, None
         steps = planned(stage.steps(), stage.rule, drive.runner.position(), self._context.task.settle)
         longest = sum(seconds for _, seconds in steps)
         track = self._track = StageTracker(stage.name, duration, longest)
@@ -197,6 +200,8 @@ class Sequencer:
         for step in stage.steps():
             if isinstance(step, RoundEnd):
                 rounds = step.rounds
+                if soak is not None:
+                    self._context.emit(PointCompleted(stage.name, rounds, soak.temperature, drive.tags.step))
                 elapsed = min((unit.acquisition.newest_time or 0.0) - begin[unit] for unit in units)
                 sigmas = self._sigmas() if stage.rule.targets else {}
                 reasons = [stage.rule.reason(rounds, elapsed, sigmas.get(unit.slot.name)) for unit in units]
@@ -209,6 +214,7 @@ class Sequencer:
             else:
                 track.begin(clock.now(), step_time(step, drive.runner.position(), self._context.task.settle))
                 drive.runner.run(step)
+                soak = step if isinstance(step, Soak) else soak
                 if self._context.control.ending_failing and all(_evaluation(unit).will_fail for unit in units):
                     return END_FAILING, rounds
                 track.end(self._sigmas())
@@ -216,7 +222,7 @@ class Sequencer:
                 for unit in units:
                     if (ranking := _solving(unit).ranking()) is not None:
                         unit.emit(StageRanked(stage.name, ranking.step, ranking.rank, ranking.strength))
-                ending = stage.rule.repeated and isinstance(step, Dwell) and self._context.control.ending_stage
+                ending = stage.rule.repeated and isinstance(step, Dwell | Soak) and self._context.control.ending_stage
                 if ending or (isinstance(step, ManualMove) and drive.runner.guiding.done):
                     return "operator", rounds
         return "plan", rounds
@@ -246,7 +252,9 @@ class Sequencer:
 
     def _show_progress(self) -> None:
         if self._track is not None:
-            now = self._context.clock.now()
+            now, remaining = self._context.clock.now(), self._drive.runner.soaking.remaining
+            if remaining is not None:
+                self._track.revise(now, remaining)
             for unit in self._units:
                 unit.emit(self._track.event(now, unit.slot.name))
 

@@ -15,13 +15,13 @@ import numpy as np
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common import SampleBlock
 from calstation.estimation.positions import Guidance, PositionGuide
-from calstation.physics import Dwell, GimbalTurn, GimbalZero, ManualMove, Move
+from calstation.physics import Dwell, GimbalTurn, GimbalZero, ManualMove, Move, Ramp, Soak, move_time
 from calstation.sequencer.control import PauseRequested, State
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import Message, PositionGuided, StepStarted
 from calstation.sequencer.gimbal import GimbalLoop
 from calstation.sequencer.guard import check_motion, check_move
-from calstation.sequencer.plan import move_time
+from calstation.sequencer.soaking import SoakLoop
 from calstation.sequencer.unit_stream import UnitStream
 from calstation.sequencer.units import StepInvalid, Unit
 
@@ -41,7 +41,7 @@ _DISPLAY_INTERVAL = 0.2
 
 logger = logging.getLogger(__name__)
 
-DrivenStep: TypeAlias = Move | Dwell | ManualMove | GimbalZero | GimbalTurn
+DrivenStep: TypeAlias = Move | Dwell | ManualMove | GimbalZero | GimbalTurn | Soak | Ramp
 
 
 class OperatorGuide:
@@ -139,6 +139,7 @@ class StepRunner:
         self.tags = control_loop.tags
         self.guiding = OperatorGuide(control_loop)
         self.gimbal = gimbal
+        self.soaking = SoakLoop(control_loop)
         self._context = control_loop.context
         self._limits = self._context.task.geometry.limits
         self._on_state = on_state
@@ -250,6 +251,10 @@ class StepRunner:
             self.gimbal.zero(step)
         elif isinstance(step, GimbalTurn):
             self.gimbal.turn(step)
+        elif isinstance(step, Soak):
+            self.soaking.soak(step)
+        elif isinstance(step, Ramp):
+            self.soaking.ramp(step)
         else:
             self.tags.step += 1
             self._emit_step("carry", manual_move_label(step))

@@ -72,7 +72,8 @@ def corrected_output(setup: RunConfiguration) -> Output:
 def _stop_rule(schedule: BaseModel) -> StopRule:
     """Return the stop rule of a schedule, without conditions if the plan is not repeated."""
     if not isinstance(schedule, RepeatedSchedule):
-        return StopRule()
+        temperatures = getattr(schedule, "points_c", [])
+        return StopRule(rounds=len(temperatures) or None, repeated=bool(temperatures))
     return StopRule(
         rounds=schedule.rounds or None,
         duration=schedule.duration_s,

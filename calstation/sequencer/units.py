@@ -102,6 +102,12 @@ class Unit:
         return self._context.clock.now() - self.acquisition.last_arrival > NO_DATA
 
     @property
+    def temperature(self) -> float | None:
+        """Latest temperature of the unit by its own sensor, °C; None if it is unknown."""
+        recent = self.acquisition.recent
+        return None if recent is None or self.silent else recent[1]
+
+    @property
     def invalid_reason(self) -> str:
         """Why the last samples are unusable, as a term of the family ``reason``; "" if they are usable."""
         if self.silent:
@@ -161,6 +167,10 @@ class Units:
     def first(self) -> Unit:
         """The first unit, which is the only unit on a manual rig, on a gimbal and in a register operation."""
         return self._active[0]
+
+    def temperatures(self) -> dict[str, float]:
+        """Return the known temperatures of the units by slot, °C."""
+        return {unit.slot.name: value for unit in self if (value := unit.temperature) is not None}
 
     def of(self, units: Iterable[Unit]) -> list[Unit]:
         """Return the given units that are still in the run."""

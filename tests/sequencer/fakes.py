@@ -197,6 +197,7 @@ class FakeImu:
     babble: bool = False
     deaf: bool = False
     off: bool = False
+    chamber: Any = None
     corrected: bool = False
     started: list[bool] = field(default_factory=list)
     stats: LinkStats = field(default_factory=LinkStats)
@@ -234,7 +235,8 @@ class FakeImu:
         if self.nan and len(counts):
             counts[0, 4], self.nan = math.nan, False
         self.saturated = False
-        return SampleBatch(seq, seq / RATE, counts, np.full(len(seq), 25.0), status, np.zeros(len(seq)))
+        temperature = 25.0 if self.chamber is None else self.chamber.unit
+        return SampleBatch(seq, seq / RATE, counts, np.full(len(seq), temperature), status, np.zeros(len(seq)))
 
     def _all_counts(self, times: np.ndarray) -> np.ndarray:
         """Return the counts at these times, shape (n, 6); they are constant at rest."""
@@ -359,6 +361,7 @@ class Scene:
         self.ends: list[RunEnd] = []
         self.proved: list[Any] = []
         self.earlier: Any = None
+        self.chamber: Any = None
         self.task = Task(stages or (StagePlan("rate", quarter_turns),), GEOMETRY, by_hand=by_hand)
         self.unit = UnitTask(
             serial,
@@ -372,7 +375,13 @@ class Scene:
         """Run to the end and return how the run ended for the unit."""
         slot = Slot(self.imu, self.unit, self.journal, self.solving, after, evaluation=self, solved=solved)
         context = RunContext(
-            self.task, self.table, (slot,), self.clock, lambda event: self.events.append(event), self.control
+            self.task,
+            self.table,
+            (slot,),
+            self.clock,
+            lambda event: self.events.append(event),
+            self.control,
+            chamber=self.chamber,
         )
         Sequencer(context).run()
         (ended,) = self.ends

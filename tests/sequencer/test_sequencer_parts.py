@@ -8,8 +8,8 @@ import pytest
 
 from calstation.devices.profiles import ChannelRange, StatusSection
 from calstation.estimation.common import SampleBlock
-from calstation.physics import COUNT, INDEX, Dwell, Move, RoundEnd, parameter_indices, targets_reached
-from calstation.sequencer import LastSample, StopRule, move_time, plan_time, planned
+from calstation.physics import COUNT, INDEX, Dwell, Move, RoundEnd, move_time, parameter_indices, targets_reached
+from calstation.sequencer import LastSample, StopRule, plan_time, planned
 from calstation.sequencer.acquisition import RESUME_GAP, Acquisition, SampleTags
 from calstation.sequencer.plan import StageTracker
 from tests.sequencer.fakes import MODEL, RATE, UNIT, FakeClock, FakeImu, FakeTable, endless

@@ -58,6 +58,8 @@ class TemperatureStage(StageSolver):
         estimated: tuple[str, ...],
         soak: float,
         moves: int,
+        *,
+        is_ramp: bool = False,
     ) -> None:
         """Create the solver.
 
@@ -68,12 +70,13 @@ class TemperatureStage(StageSolver):
         estimated : names of the parameters
         soak : duration of a rest from which it separates two temperatures, s
         moves : number of moves of a cycle, which is a point of a ramp
+        is_ramp : whether the temperature changes between the soaks
         """
         super().__init__(context, prior)
         if context.temperature is None:
             raise InputError("temperature.no_section")
         self._model: TemperatureModel = context.temperature
-        self._estimated, self._soak, self._moves = estimated, soak, moves
+        self._estimated, self._soak, self._moves, self._is_ramp = estimated, soak, moves, is_ramp
         self._reduced: StageData | None = None
 
     def data(self) -> StageData:
@@ -85,7 +88,7 @@ class TemperatureStage(StageSolver):
         block = self.buffer.block()
         if np.isnan(block.temperature).all():
             raise InputError("temperature.no_column")
-        bounds = temperature_parts(block, self._soak, self._moves)
+        bounds = temperature_parts(block, self._soak, self._moves, is_ramp=self._is_ramp)
         parts = [_Part(block.part(*at), self.context, block.time[0]) for at in bounds]
         if len(parts) < 2:
             raise InsufficientDataError("temperature.one_temperature")
@@ -194,7 +197,7 @@ class _Part:
         return replace(point, extent=(float(extent[0]), float(extent[1])))
 
 
-def temperature_parts(block: SampleBlock, soak: float, moves: int) -> list[tuple[int, int]]:
+def temperature_parts(block: SampleBlock, soak: float, moves: int, *, is_ramp: bool = False) -> list[tuple[int, int]]:
     """Return the samples (start, stop) of each temperature: the moves between two soaks, or a cycle of a ramp.
 
     Parameters
@@ -202,27 +205,29 @@ def temperature_parts(block: SampleBlock, soak: float, moves: int) -> list[tuple
     block : samples of the stage
     soak : duration of a rest from which it separates two temperatures, s
     moves : number of moves of a cycle
+    is_ramp : whether the moves between two soaks are divided into cycles; without soaks, they always are
     """
     edges = np.concatenate([[0], np.flatnonzero(np.diff(block.step)) + 1, [len(block)]])
     first, last = edges[:-1], edges[1:]
     if len(first) < 3:
         raise InputError("temperature.no_steps")
     period = float(np.median(np.diff(block.time)))
-    long = np.flatnonzero((last - first) * period >= soak)
-    before = round(_BEFORE / period)
-    if len(long) >= 2:
-        ends = [*long.tolist(), len(first) - 1]
-        parts = [
-            (int(last[a] - before), int(first[b] if b in long else last[b]))
-            for a, b in itertools.pairwise(ends)
-            if b - a > 2
-        ]
-        return [(max(a, 0), b) for a, b in parts]
-    return [
-        (int(first[k]), int(last[min(k + moves, len(first)) - 1]))
-        for k in range(0, len(first), moves)
-        if min(k + moves, len(first)) - k > 2
-    ]
+    valid = np.concatenate([[0], np.cumsum(block.valid)])
+    long = np.flatnonzero((valid[last] - valid[first]) * period >= soak)
+    if len(long) < 2:
+        return _cycles([*first, last[-1]], moves)
+    before, parts = round(_BEFORE / period), list[tuple[int, int]]()
+    for a, b in itertools.pairwise([*long.tolist(), len(first)]):
+        bounds = [max(int(last[a]) - before, 0), *first[a + 2 : b], first[b] if b < len(first) else last[-1]]
+        parts += _cycles(bounds, moves if is_ramp else len(bounds))
+    return parts
+
+
+def _cycles(bounds: Sequence[int], moves: int) -> list[tuple[int, int]]:
+    """Divide moves between their bounds into cycles; a last cycle of one or two moves is left out."""
+    ends = range(0, len(bounds) - 1, moves)
+    cycles = [bounds[k : k + moves + 1] for k in ends]
+    return [(int(cycle[0]), int(cycle[-1])) for cycle in cycles if len(cycle) > 3]
 
 
 def _smooth(temperature: FloatArray, dt: float) -> FloatArray:
