@@ -88,6 +88,8 @@ from calstation.records.raw_log import RESERVED_SPACE, SUFFIX, RawLogWriter, fre
 from calstation.records.raw_read import (
     END_FAILING,
     being_written,
+    can_be_resumed,
+    completed_point,
     last_result,
     raw_rows,
     solved_stages,

@@ -50,6 +50,7 @@ class RunRecord:
     altered: bool = False  #: Whether the result file differs from the log; the entries are then those of the log.
     #: Whether it states a PASS that its log, which was not closed, neither confirms nor contradicts.
     unconfirmed: bool = False
+    resumable: bool = False  #: Whether the run ended early after a stage or a temperature that need not be repeated.
     result_sha256: str = ""  #: Digest of the result file, with which it is compared if its log is missing.
 
     @property

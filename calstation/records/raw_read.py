@@ -99,6 +99,17 @@ def solved_stages(events: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
     return tuple(event["stage"] for event in events if event.get("event") == "StageSolved")
 
 
+def completed_point(events: Iterable[Mapping[str, Any]], stage: str) -> Mapping[str, Any] | None:
+    """Return the event of the last temperature of a stage that was completed; None if there is none."""
+    points = [event for event in events if event.get("event") == "PointCompleted" and event["stage"] == stage]
+    return points[-1] if points else None
+
+
+def can_be_resumed(events: Iterable[Mapping[str, Any]]) -> bool:
+    """Return whether a stage or a temperature of a log need not be repeated."""
+    return any(event.get("event") in ("StageSolved", "PointCompleted") for event in events)
+
+
 def unsolved_stages(events: Iterable[Mapping[str, Any]]) -> frozenset[str]:
     """Return the stages that the run ended without solving them, because the unit failed without them."""
     ends = (event for event in events if event.get("event") == "StageEnded" and event.get("reason") == END_FAILING)

@@ -27,6 +27,7 @@ from calstation.records import (
     RunRecord,
     Verdict,
     being_written,
+    can_be_resumed,
     last_result,
     open_log,
     read_resolves,
@@ -362,6 +363,7 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
         check_standard=result.check_standard is not None,
         batch=result.batch,
         slot=result.slot,
+        resumable=result.advice == "resume",
     )
     finite = {name: row for name, row in result.parameters.items() if math.isfinite(row.value)}
     values = {name: row.value for name, row in finite.items()}
@@ -389,6 +391,7 @@ def _from_log(folder: Path, name: str, stamp: str, contents: Log) -> IndexedRun:
         resumed_from=run.resumed_from if run else None,
         batch=run.batch if run else None,
         slot=run.slot if run else None,
+        resumable=can_be_resumed(contents.events),
     )
     return IndexedRun(name, stamp, record, {}, {})
 

@@ -49,7 +49,9 @@ def close_run(run: OpenRun, ended: RunEnd) -> None:
     judgement = ended.judgement or judge(run.meta, run.chain.prior, ended.solutions)
     verdict = verdict_of(_ENDS[ended.state], judgement.passed, partial=judgement.partial)
     failures = history.failures(run.serial) + (verdict is Verdict.FAILED)
-    resumable = bool(ended.solutions) and not run.registers.get("new") and latitude_agrees(judgement.checks)
+    resumable = (
+        bool(ended.solutions or ended.points) and not run.registers.get("new") and latitude_agrees(judgement.checks)
+    )
     ending = Ending(
         verdict,
         str(log.path),

@@ -11,7 +11,7 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.judgement import End, judge, verdict_of
 from calstation.parsing import read_json
-from calstation.records import SUFFIX, Log, being_written, open_log, prior_from_meta, solved_stages
+from calstation.records import SUFFIX, Log, being_written, can_be_resumed, open_log, prior_from_meta, solved_stages
 from calstation.results import (
     Delivery,
     Ending,
@@ -98,7 +98,7 @@ def _write_result(log: Log) -> None:
     finished = solved_stages(log.events)
     judgement = judge(log.meta, prior, ())
     verdict = verdict_of(End.INCOMPLETE, judgement.passed, partial=judgement.partial)
-    action = "resume" if finished else "repeat"
+    action = "resume" if can_be_resumed(log.events) else "repeat"
     ending = Ending(verdict, str(log.path), facts, advice=action, finished_stages=finished)
     result = build_result(log.meta, prior, (), judgement, ending)
     _store(log, result.to_json())

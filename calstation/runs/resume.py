@@ -5,6 +5,7 @@ The same chain solves these stages again with bit-identical results, so that pos
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,13 @@ from calstation.records import (
     RunRecord,
     Verdict,
     being_written,
+    can_be_resumed,
+    completed_point,
     open_log,
     solved_stages,
 )
 from calstation.results import History, StageChain, stored_result
-from calstation.sequencer import LastSample, solution_events, to_json
+from calstation.sequencer import LastSample, PointCompleted, solution_events, to_json
 from procedures import method
 
 #: Maximum number of runs offered, the latest ones.
@@ -68,7 +71,7 @@ def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
     runs: list[Resumable] = []
     serials: set[str] = set()
     filters = [RunFilter(verdict=verdict) for verdict in Verdict if not verdict.judged]
-    records = [run for run_filter in filters for run in history.runs(run_filter) if run.stages]
+    records = [run for run_filter in filters for run in history.runs(run_filter) if run.stages or run.resumable]
     for record in sorted(records, key=lambda r: r.started_utc, reverse=True):
         if record.serial in serials:
             continue
@@ -92,7 +95,7 @@ def _best_run(runs: list[RunRecord]) -> Resumable | None:
     for run in runs:
         if run.verdict.judged or run.closed:
             break
-        if run.stages and not run.origin and (best is None or len(run.stages) > len(best.stages)):
+        if (run.stages or run.resumable) and not run.origin and (best is None or len(run.stages) > len(best.stages)):
             best = run
     return None if best is None else _as_resumable(best)
 
@@ -133,7 +136,7 @@ def _finished_stages(log: Log) -> tuple[str, ...]:
     finished, planned = solved_stages(log.events), _run_stages(log)
     if log.outcome in _ENDED:
         raise ConfigurationError("run.ended", path=log.path)
-    if not finished:
+    if not can_be_resumed(log.events):
         raise ConfigurationError("run.no_stage_finished", path=log.path)
     if finished != planned[: len(finished)]:
         raise ConfigurationError("run.stages_out_of_order", path=log.path)
@@ -175,6 +178,19 @@ class Continuation:
         return cls(filled, log, finished)
 
     @property
+    def points(self) -> int:
+        """Number of complete temperatures of the stage after the finished ones."""
+        return 0 if self.point is None else self.point.index
+
+    @cached_property
+    def point(self) -> PointCompleted | None:
+        """The last complete temperature of the stage after the finished ones; None if there is none."""
+        event = completed_point(self.log.events, self._stage)
+        if event is None:
+            return None
+        return PointCompleted(event["stage"], event["index"], event["temperature"], event["step"])
+
+    @property
     def attempt(self) -> int:
         """Sequence number of this run among the unit's runs, from 1."""
         return self.log.meta.run.attempt if self.log.meta.run is not None else 1
@@ -204,6 +220,8 @@ class Continuation:
     ) -> LastSample:
         """Copy the finished stages into the new log and solve them again; return the last sample copied.
 
+        The completed temperatures of the next stage are copied too, and the chain has started this stage.
+
         Raises InputError if the solution of a stage differs from that of the original run.
 
         Parameters
@@ -214,41 +232,56 @@ class Continuation:
         on_solved : called with the solution of each stage
         """
         last: SampleBlock | None = None
-        for stage, block in self._blocks():
+        started = ""
+        for block, is_end in self._blocks():
             on_block()
-            if block is not None:
-                last = block
-                log.append(block)
-                if block.stage and block.stage != stage:
-                    chain.start(block.stage)
-                if block.stage:
-                    chain.feed(block)
-            else:
+            last = block
+            log.append(block)
+            if block.stage and block.stage != started:
+                started = block.stage
+                chain.start(started)
+            if block.stage:
+                chain.feed(block)
+            if is_end:
                 solution = chain.finish()
                 self._compare(solution)
                 on_solved(solution)
         if last is None:
-            raise InputError("run.samples_missing", path=self.log.path, stage=self.finished[0])
+            raise InputError("run.samples_missing", path=self.log.path, stage=_run_stages(self.log)[0])
         return LastSample(int(last.seq[-1]), float(last.time[-1]), int(last.step[-1]))
 
-    def _blocks(self) -> Iterator[tuple[str, SampleBlock | None]]:
-        """Yield the blocks of the finished stages with the stage before, and None at the end of each stage."""
-        stage = ""
-        remaining = list(self.finished)
+    def _blocks(self) -> Iterator[tuple[SampleBlock, bool]]:
+        """Yield the blocks of the finished stages and temperatures, and whether each is the last of a finished stage.
+
+        There may be samples between stages within a stage that was resumed.
+        """
+        last_seq = {block.stage: int(block.seq[-1]) for block in self.log.blocks() if block.stage}
+        remaining, copied = list(self.finished), 0
+        last_step = 0 if self.point is None else self.point.step
         for block in self.log.blocks():
-            if stage and block.stage != stage:
-                yield stage, None
-                remaining.remove(stage)
-                stage = ""
-                if not remaining:
+            if block.stage and block.stage not in self.finished:
+                stop = int(block.step.searchsorted(last_step, side="right"))
+                if stop:
+                    copied = int(block.step[stop - 1])
+                    yield block.part(0, stop), False
+                if stop < len(block):
+                    break
+                continue
+            is_end = block.stage in remaining and int(block.seq[-1]) == last_seq[block.stage]
+            yield block, is_end
+            if is_end:
+                remaining.remove(block.stage)
+                if not remaining and not self.points:
                     return
-            yield stage, block
-            stage = block.stage
-        if stage in remaining:
-            yield stage, None
-            remaining.remove(stage)
+        if copied < last_step:
+            remaining.append(self._stage)
         if remaining:
             raise InputError("run.samples_missing", path=self.log.path, stage=remaining[0])
+
+    @property
+    def _stage(self) -> str:
+        """The stage after the finished ones, or ""."""
+        return (*_run_stages(self.log)[len(self.finished) :], "")[0]
 
     def _compare(self, solution: Solution) -> None:
         solved = to_json(solution_events(solution)[0])

@@ -181,6 +181,9 @@ def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:
     prepared = evaluations[0].run.prepared
     task = table_task(prepared.setup)
     stages = task.stages[len(slots[0].solved) :]
+    continuation = prepared.continuation
+    if continuation is not None and stages:
+        stages = (stages[0].after(continuation.points), *stages[1:])
     task = replace(task, stages=stages)
     Sequencer(RunContext(task, devices.table, tuple(slots), devices.clock, prepared.listener, prepared.control)).run()
 
@@ -193,7 +196,11 @@ def _resume(run: OpenRun) -> LastSample | None:
     continuation = run.prepared.continuation
     if continuation is None:
         return None
-    run.emit(Message("resumed", {"log": continuation.log.path.name, "stages": list(continuation.finished)}))
+    name = continuation.log.path.name
+    if continuation.finished:
+        run.emit(Message("resumed", {"log": name, "stages": list(continuation.finished)}))
+    if continuation.points:
+        run.emit(Message("resumed_point", {"log": name, "count": continuation.points}))
 
     def on_solved(solution: Solution) -> None:
         for event in solution_events(solution):
@@ -202,6 +209,8 @@ def _resume(run: OpenRun) -> LastSample | None:
 
     last_sample = continuation.copy(run.log, run.chain, run.prepared.control.check_cancelled, on_solved)
     require_latitude(run.meta, tuple(run.chain.solutions))
+    if continuation.point is not None:
+        run.emit(continuation.point)
     return last_sample
 
 

@@ -126,13 +126,15 @@ class UnitDecision:
 class RunEnd:
     """The end of a run for one unit: its final state, the solutions of its stages, and the error after a fault.
 
-    `judgement` is None if the unit was not judged.
+    `judgement` is None if the unit was not judged. `points` is the number of temperatures completed in a stage that was
+    not solved.
     """
 
     state: State
     solutions: tuple[Solution, ...]
     error: CalstationError | None = None
     judgement: Judgement | None = None
+    points: int = 0
 
 
 Emit = Callable[[Event], None]

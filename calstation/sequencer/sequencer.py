@@ -148,6 +148,8 @@ class Sequencer:
         logger.info("stage %s begins", stage.name)
         if not stage.completed:
             self._compute_for_each(lambda unit: _solving(unit).start(stage.name))
+        for unit in self._units:
+            unit.points = stage.completed
         drive.tags.stage = stage.name
         drive.runner.begin_stage()
         try:
@@ -181,6 +183,7 @@ class Sequencer:
         solution = self._wait_for(job)
         logger.info("stage %s of %s solved", solution.stage, unit.slot.unit.serial)
         unit.solutions.append(solution)
+        unit.points = 0
         for event in solution_events(solution):
             unit.emit(event)
         # A solved stage need not be repeated once the log is on disk.
@@ -202,6 +205,8 @@ class Sequencer:
                 rounds = step.rounds
                 if soak is not None:
                     self._context.emit(PointCompleted(stage.name, rounds, soak.temperature, drive.tags.step))
+                    for unit in units:
+                        unit.points = rounds
                 elapsed = min((unit.acquisition.newest_time or 0.0) - begin[unit] for unit in units)
                 sigmas = self._sigmas() if stage.rule.targets else {}
                 reasons = [stage.rule.reason(rounds, elapsed, sigmas.get(unit.slot.name)) for unit in units]

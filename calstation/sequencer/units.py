@@ -54,6 +54,7 @@ class Unit:
         self.solutions: list[Solution] = list(slot.solved)
         self.judgement: Judgement | None = None  #: None until the unit is judged.
         self.unverified = False
+        self.points = 0  #: Number of temperatures completed in the current stage.
         #: Current or last job of the unit's solver in another thread.
         self.job: Future[Any] | None = None
         self._traced: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=_MAX_TRACED)
@@ -64,7 +65,7 @@ class Unit:
 
     def ended(self, state: State, error: CalstationError | None) -> RunEnd:
         """Return the end of the run for this unit."""
-        return RunEnd(state, tuple(self.solutions), error, self.judgement)
+        return RunEnd(state, tuple(self.solutions), error, self.judgement, self.points)
 
     def drain(self) -> None:
         """Read the samples received so far.
