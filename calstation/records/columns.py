@@ -22,7 +22,9 @@ REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
 JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
 #: Time at which the station received a sample, s.
 STATION = "station_s"
-COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS, STATION)
+#: Temperature of the air in a thermal chamber, °C.
+CHAMBER = "chamber_c"
+COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS, STATION, CHAMBER)
 #: Columns that may be missing without a table; all but the angles may also be missing in a file of another program,
 #: and so may `time_s`: then the samples are counted.
 _OPTIONAL = (*ANGLES, "seq", "stage", "step")
@@ -167,7 +169,7 @@ def _units(name: str) -> Mapping[str, float]:
         return {**_FORCES, **_VELOCITY_INCREMENTS}
     if name in (*ANGLES, *JOINTS):
         return _ANGLES
-    return {"time_s": _TIMES, STATION: _TIMES, "temp_c": _TEMPERATURES}.get(name, {})
+    return {"time_s": _TIMES, STATION: _TIMES, "temp_c": _TEMPERATURES, CHAMBER: _TEMPERATURES}.get(name, {})
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, has_gyros, snap_angles
 from calstation.messages import os_reason
 from calstation.physics import CHANNELS, FloatArray
-from calstation.records.columns import ANGLES, JOINTS, STATION, further_channels
+from calstation.records.columns import ANGLES, CHAMBER, JOINTS, STATION, further_channels
 from calstation.records.csv_log import meta_path
 from calstation.records.files import partial_path, write_atomic
 from calstation.records.meta import FURTHER_IMUS, LogMeta
@@ -43,6 +43,7 @@ def _write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
     names += [name for number in FURTHER_IMUS[:secondaries] for name in further_channels(number)]
     names += JOINTS if first is not None and first.joints.shape[1] else ()
     names += [STATION] if first is not None and first.station.shape[1] else []
+    names += [CHAMBER] if first is not None and first.chamber.shape[1] else []
     stream.write(",".join(names) + "\n")
     for block in itertools.chain([] if first is None else [first], blocks):
         degrees = _shortest_degrees(block.angles)
@@ -57,7 +58,8 @@ def _write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
             ["1" if v else "0" for v in block.valid.tolist()],
         ]
         columns += [_numbers(column) for column in block.others.reshape(len(block), -1).T]
-        columns += [_blank_nan(column) for column in (*_shortest_degrees(block.joints).T, *block.station.T)]
+        optional = (*_shortest_degrees(block.joints).T, *block.station.T, *block.chamber.T)
+        columns += [_blank_nan(column) for column in optional]
         stream.write("".join(map("{}\n".format, map(",".join, zip(*columns, strict=True)))))
 
 

@@ -68,7 +68,9 @@ class FactsBuilder:
         rows["step"], rows["valid"] = block.step, block.valid
         rows["temperature"] = np.where(np.isnan(block.temperature), np.nan, block.temperature)
         self._rows.update(rows.data)
-        more_columns = [v.reshape(count, -1) for v in (block.others, block.joints, block.station) if v.shape[1]]
+        more_columns = [
+            v.reshape(count, -1) for v in (block.others, block.joints, block.station, block.chamber) if v.shape[1]
+        ]
         if more_columns:
             self._has_more_columns = True
             columns = np.hstack(more_columns)

@@ -73,19 +73,19 @@ TEXTS = ("events", "results", "closing")
 _SEED = np.uint64(0x9E3779B97F4A7C15)
 
 
-def row_dtype(further_imus: int, joints: bool, station: bool = False) -> np.dtype:
+def row_dtype(further_imus: int, joints: bool = False, station: bool = False, chamber: bool = False) -> np.dtype:
     """Return the dtype of a row.
 
     Parameters
     ----------
     further_imus : number of secondary IMUs
-    joints : whether the rows contain the joint angles of a gimbal
-    station : whether the rows contain the station's time
+    joints, station, chamber : whether the rows contain joint angles of a gimbal, the station's time, its chamber
     """
     others = [("others", "<f8", (further_imus, 6))] if further_imus else []
     gimbal = [("joints", "<f8", (3,))] if joints else []
     clock = [("station", "<f8", (1,))] if station else []
-    return np.dtype([*ROW.descr, *others, *gimbal, *clock, (CHECKSUM_COLUMN, "<u4")])
+    air = [("chamber", "<f8", (1,))] if chamber else []
+    return np.dtype([*ROW.descr, *others, *gimbal, *clock, *air, (CHECKSUM_COLUMN, "<u4")])
 
 
 def row_checks(rows: np.ndarray | Mapping[str, np.ndarray]) -> NDArray[np.uint32]:
@@ -142,11 +142,10 @@ class RawLogWriter:
     ----------
     path : file to create
     meta : configuration of the log
-    joints : whether the blocks contain the joint angles of a gimbal
-    station : whether the blocks may contain the station's time
+    columns : whether the blocks may contain the optional columns of `row_dtype`, by name
     """
 
-    def __init__(self, path: Path, meta: LogMeta, joints: bool = False, station: bool = False) -> None:
+    def __init__(self, path: Path, meta: LogMeta, **columns: bool) -> None:
         self.path = path
         self.meta = meta
         self.free_space = free_space
@@ -176,7 +175,7 @@ class RawLogWriter:
         self._file.attrs["format"] = np.bytes_(FORMAT)  # fixed length: see `raw_read`
         self._file.attrs["meta_crc32"] = zlib.crc32(configuration.tobytes())
         self._file.create_dataset("meta", data=configuration)
-        self._row = row_dtype(len(meta.secondaries), joints, station)
+        self._row = row_dtype(len(meta.secondaries), **columns)
         self._samples = self._create_growing("samples", self._row, CHUNK_ROWS)
         self._stage_names = self._create_growing("stages", "S64", 16)
         for name in TEXTS:
@@ -212,11 +211,12 @@ class RawLogWriter:
         with self._writing():
             rows["stage"] = self._stage_index(block.stage)
         columns = self._row.names or ()
-        if "station" in columns and not block.station.shape[1]:  # a block from an older log that this log continues
-            block = replace(block, station=np.full((len(block), 1), np.nan))
-        for name, values in (("others", block.others), ("joints", block.joints), ("station", block.station)):
-            if name in columns:
-                rows[name] = values if values.shape[1] else np.nan
+        missing = [name for name in ("station", "chamber") if name in columns and not getattr(block, name).shape[1]]
+        unknown: dict[str, Any] = dict.fromkeys(missing, np.full((len(block), 1), np.nan))
+        block = replace(block, **unknown)
+        for name in {"others", "joints", "station", "chamber"}.intersection(columns):
+            values = getattr(block, name)
+            rows[name] = values if values.shape[1] else np.nan
         rows[CHECKSUM_COLUMN] = row_checks(rows)
         self._facts.add(block)
         self._rows.append(rows)
@@ -488,7 +488,7 @@ def write_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> Log
     if target.suffix != SUFFIX:
         raise InputError("csv.import_name", file=target, suffix=SUFFIX)
     first = next(blocks)  # raises for a log without samples
-    writer = RawLogWriter(target, meta, joints=first.joints.shape[1] > 0, station=first.station.shape[1] > 0)
+    writer = RawLogWriter(target, meta, **{n: getattr(first, n).shape[1] > 0 for n in ("joints", "station", "chamber")})
     try:
         for block in itertools.chain([first], blocks):
             writer.append(block)

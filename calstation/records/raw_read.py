@@ -231,7 +231,7 @@ def _blocks(columns: Mapping[str, np.ndarray], start: int, stop: int, names: lis
             part["step"].astype(np.int64),
             part["valid"] != 0,
             part["temperature"],
-            **{name: part[name] for name in ("others", "joints", "station") if name in part},
+            **{name: part[name] for name in ("others", "joints", "station", "chamber") if name in part},
         )
 
 

@@ -94,5 +94,5 @@ def _is_expected(name: str, dtype: np.dtype) -> bool:
     others = fields["others"][0].shape if "others" in fields else ()
     further_imus = others[0] if others else 0
     return further_imus <= _MAX_FURTHER_IMUS and dtype == row_dtype(
-        further_imus, "joints" in fields, "station" in fields
+        further_imus, *(name in fields for name in ("joints", "station", "chamber"))
     )

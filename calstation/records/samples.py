@@ -8,7 +8,7 @@ import numpy as np
 
 from calstation.estimation.common import LARGEST_VALUE, AngleUnwrapper, SampleBlock, snap_angles
 from calstation.physics import CHANNELS, BoolArray, FloatArray, IntArray
-from calstation.records.columns import ANGLES, JOINTS, STATION, further_channels
+from calstation.records.columns import ANGLES, CHAMBER, JOINTS, STATION, further_channels
 from calstation.records.meta import FURTHER_IMUS
 
 _FloatOrInt = FloatArray | IntArray
@@ -104,7 +104,9 @@ class SampleTable:
         joints = np.empty((n, 0))
         if JOINTS[0] in self:
             joints = snap_angles(np.deg2rad(np.column_stack([self.floats(name) for name in JOINTS])))
-        station = self.floats(STATION)[:, None] if STATION in self else np.empty((n, 0))
+        station, chamber = (
+            self.floats(name)[:, None] if name in self else np.empty((n, 0)) for name in (STATION, CHAMBER)
+        )
         block = SampleBlock(
             "",
             seq,
@@ -117,6 +119,7 @@ class SampleTable:
             others.reshape(n, secondaries, 6),
             joints,
             station,
+            chamber,
         )
         changes = [k for k in range(1, n) if self.stages[k] != self.stages[k - 1]] if len(set(self.stages)) > 1 else []
         for a, b in itertools.pairwise([0, *changes, n]):

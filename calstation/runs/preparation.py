@@ -125,6 +125,7 @@ class PreparedRun:
             meta,
             joints=self.setup.table.gimbal is not None,
             station=True,
+            chamber=meta.temperature is not None,
         )
         with suppress(OSError):  # a full disk is reported when the result is written
             register_pending(self.folder, log.path.stem)

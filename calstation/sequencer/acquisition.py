@@ -53,13 +53,14 @@ class DrainResult:
 class SampleTags:
     """The stage, step and validity with which the samples of all units are tagged when they are read.
 
-    While `unlogged` is set, samples are passed only to the taps.
+    While `unlogged` is set, samples are passed only to the taps. `chamber` is the temperature of the chamber's air, °C.
     """
 
     step: int = 0
     stage: str = ""
     valid: bool = True
     unlogged: bool = False
+    chamber: float | None = None
 
     @contextmanager
     def without_logging(self) -> Iterator[None]:
@@ -183,6 +184,8 @@ class Acquisition:
         polled = self._angles(batch)
         station = np.full((count, 1), np.nan)
         station[-1] = now
+        chamber = np.full((count, 0 if self._tags.chamber is None else 1), np.nan)
+        chamber[-1] = np.nan if self._tags.chamber is None else self._tags.chamber
         block = SampleBlock(
             stage=self._tags.stage,
             seq=batch.seq,
@@ -194,6 +197,7 @@ class Acquisition:
             temperature=batch.temperature,
             joints=polled if self._gimbal else np.empty((count, 0)),
             station=station,
+            chamber=chamber,
         )
         for tap in self._taps:
             tap.append(block)

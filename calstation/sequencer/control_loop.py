@@ -52,6 +52,7 @@ class ControlLoop:
         if self.chamber is not None:
             with self.units.attributing_errors_to_table():
                 self.chamber.begin()
+            self.tags.chamber = self.chamber.status.air_c
             self._leads_chamber = True
 
     def tick(self) -> None:
@@ -84,6 +85,7 @@ class ControlLoop:
             self._check_table()
             if self.chamber is not None and self._leads_chamber:
                 self.chamber.update(self.units.temperatures())
+                self.tags.chamber = self.chamber.status.air_c
         self.units.each(_check_channels)
         self.check_cancelled()
         if self.watchful and (reasons := {unit: unit.invalid_reason for unit in self.units if unit.invalid_reason}):

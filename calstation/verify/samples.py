@@ -171,7 +171,8 @@ def _digest(rows, stages, configuration):
     for part in (plain.tobytes(), changes.encode()):
         digest.update(hashlib.sha256(part).digest())
     digest.update(configuration)
-    more = [rows[name].reshape(len(rows), -1) for name in ("others", "joints", "station") if name in rows.dtype.names]
+    optional = [name for name in ("others", "joints", "station", "chamber") if name in rows.dtype.names]
+    more = [rows[name].reshape(len(rows), -1) for name in optional]
     if more:
         columns = np.hstack(more)
         digest.update(hashlib.sha256(np.where(np.isnan(columns), np.nan, columns).astype("<f8").tobytes()).digest())

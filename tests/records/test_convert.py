@@ -65,8 +65,9 @@ def test_additional_imus_joint_angles_and_station_times_are_preserved(tmp_path: 
         joints[k::2] = np.nan
         station = 1e5 + plain.seq[:, None] / 100.0 + 0.1 * random.random((len(plain), 1))
         station[: len(plain) - 1 : 1 + k] = np.nan
-        blocks.append(replace(plain, others=others, joints=joints, station=station))
-    writer = RawLogWriter(tmp_path / "run.h5", meta, joints=True, station=True)
+        chamber = np.where(random.random((len(plain), 1)) < 0.1, -40.0 + random.random((len(plain), 1)), np.nan)
+        blocks.append(replace(plain, others=others, joints=joints, station=station, chamber=chamber))
+    writer = RawLogWriter(tmp_path / "run.h5", meta, joints=True, station=True, chamber=True)
     for block in blocks:
         writer.append(block)
     digest = writer.close("passed").sha256
@@ -78,14 +79,14 @@ def test_additional_imus_joint_angles_and_station_times_are_preserved(tmp_path: 
         assert log.meta == meta
         back = list(log.blocks())
         assert_same(back, blocks)
-        for column in ("others", "joints", "station"):
+        for column in ("others", "joints", "station", "chamber"):
             assert np.array_equal(
                 np.concatenate([getattr(b, column) for b in back]),
                 np.concatenate([getattr(b, column) for b in blocks]),
                 equal_nan=True,
             )
     blocks[1].others[17, 0, 3] += 1
-    other = RawLogWriter(tmp_path / "other.h5", meta, joints=True, station=True)
+    other = RawLogWriter(tmp_path / "other.h5", meta, joints=True, station=True, chamber=True)
     for block in blocks:
         other.append(block.part(0, 11))
         other.append(block.part(11, len(block)))

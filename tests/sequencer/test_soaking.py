@@ -231,3 +231,12 @@ def test_verdict_follows_the_return_of_the_chamber() -> None:
     scene.passes, scene.writes = True, False
     assert verdict(scene.run()) == "passed"
     assert not scene.chamber.running
+
+
+def test_the_temperature_of_the_chamber_is_recorded() -> None:
+    scene = Thermal([40.0])
+    scene.run()
+    block = join_blocks(scene.solving.blocks["temperature"])
+    air = block.chamber[~np.isnan(block.chamber)]
+    assert air[-1] == pytest.approx(40.0, abs=1.0)
+    assert len(air) > 100

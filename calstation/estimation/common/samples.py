@@ -33,10 +33,12 @@ class SampleBlock:
     #: Station time at which each sample was read, s, NaN except for the last sample of each read, shape (n, 1); (n, 0)
     #: if unknown.
     station: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    #: Temperature of the chamber's air, °C, NaN except for some samples, shape (n, 1); (n, 0) without a chamber.
+    chamber: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     def __post_init__(self) -> None:
         """Give missing optional columns the number of rows of the block."""
-        for name, shape in (("others", (0, 6)), ("joints", (0,)), ("station", (0,))):
+        for name, shape in (("others", (0, 6)), ("joints", (0,)), ("station", (0,)), ("chamber", (0,))):
             if getattr(self, name).shape[1] == 0:
                 object.__setattr__(self, name, np.empty((len(self.seq), *shape)))
 
