@@ -121,9 +121,10 @@ class ChamberControl:
         self.status = self._chamber.status()
         self._check_state()
         self._aim(self.status.air_c, self.limits.max_rate)
+        self._has_begun = True
         self._send(self.status.air_c)
         self._chamber.start()
-        self._has_begun = True
+        self._send(self.status.air_c)  # some controllers accept a set point only after their start
 
     def hold(self, temperature: float) -> None:
         """Go to a temperature, °C, at the largest rate, and stay there."""

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from calstation.devices.profiles import ModbusRegister, TableProfile, load_table_profile
 from calstation.devices.table import ModbusTable
-from calstation.devices.table.register_table import decode, encode
 from calstation.errors import ConfigurationError, DeviceFaultError
 from tests.connection.fake_links import server
 from tests.devices.scripted import ScriptedDevice
@@ -223,10 +222,10 @@ def test_register_values_survive_encoding_and_decoding(kind: str, part: float) -
     register = ModbusRegister(address=0, type=kind, scale=1e-5)  # type: ignore[arg-type]
     low, high = register.bounds
     raw = round(low + part * (high - low))
-    words = encode(register, raw * register.scale, "x")
+    words = register.encode(raw * register.scale, "x")
     assert len(words) == register.count
     assert all(0 <= word <= 0xFFFF for word in words)
-    assert decode(register, words) == raw * register.scale
+    assert register.decode(words) == raw * register.scale
 
 
 def test_optional_registers_and_status_bits_may_be_absent() -> None:

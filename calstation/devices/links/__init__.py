@@ -21,4 +21,4 @@ from calstation.devices.links.serial_link import (
     port_device,
     with_connection_reason,
 )
-from calstation.devices.links.text_link import TextLink, TextRefusalError, UnexpectedReplyError
+from calstation.devices.links.text_link import TextLink, TextRefusalError, UnexpectedReplyError, text_number

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from calstation.devices.links.modbus_rtu import MAX_FRAME_SIZE, READ, RefusedError, RtuLine, UnansweredError
-from calstation.devices.links.serial_link import LINK_ERRORS, PortLostError, host_and_port, link_reason
+from calstation.devices.links.serial_link import LINK_ERRORS, Device, PortLostError, host_and_port, link_reason
 from calstation.devices.profiles import SerialSettings
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.messages import Text, known
@@ -74,15 +74,18 @@ class ModbusLink:
     unit : Modbus unit number
     timeout : host time for a reply in each of at most 3 attempts, s
     serial : settings of a serial port
+    device : the device on the port, for errors
     """
 
-    def __init__(self, port: str, unit: int, timeout: float, serial: SerialSettings) -> None:
+    def __init__(self, port: str, unit: int, timeout: float, serial: SerialSettings, device: Device = "table") -> None:
         self._port = port
         self._unit = unit
         self.on_reopen: Callable[[], None] = lambda: None
         self._is_identifying = False
         self._transport: TcpConnection | RtuLine = (
-            TcpConnection(port, timeout) if port.startswith("tcp://") else RtuLine(port, timeout, serial)
+            TcpConnection(port, timeout, device)
+            if port.startswith("tcp://")
+            else RtuLine(port, timeout, serial, device)
         )
         self._transport.connect()
 
@@ -191,12 +194,13 @@ class TcpConnection:
     `timeout` is the host time for a reply, s; pymodbus matches replies to requests by transaction number.
     """
 
-    def __init__(self, port: str, timeout: float) -> None:
+    def __init__(self, port: str, timeout: float, device: Device = "table") -> None:
         from pymodbus.client import ModbusTcpClient  # slow to import, because it loads asyncio
 
+        self._device: Device = device
         address = host_and_port(port)
         if address is None:
-            raise ConfigurationError("link.not_an_address", device="table", port=port)
+            raise ConfigurationError("link.not_an_address", device=device, port=port)
         self.received = self._reply = b""
         self.open = False
         self._sent = b""
@@ -213,7 +217,7 @@ class TcpConnection:
         except LINK_ERRORS:
             self.open = False
         if not self.open:
-            raise DeviceFaultError("link.not_connected", device="table", port=self._port)
+            raise DeviceFaultError("link.not_connected", device=self._device, port=self._port)
 
     def close(self) -> None:
         """Close the connection; this never raises an exception."""

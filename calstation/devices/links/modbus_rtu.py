@@ -12,7 +12,7 @@ from typing import cast
 
 from calstation.devices.codecs import Reply, check_bytes
 from calstation.devices.links.dialogue import Dialogue, Refusal, Transaction
-from calstation.devices.links.serial_link import PortLostError, SerialLink
+from calstation.devices.links.serial_link import Device, PortLostError, SerialLink
 from calstation.devices.profiles import SerialSettings
 from calstation.messages import Text
 
@@ -121,9 +121,9 @@ class RtuLine:
 
     deviation: str | None = None  #: For TCP only.
 
-    def __init__(self, port: str, timeout: float, settings: SerialSettings) -> None:
+    def __init__(self, port: str, timeout: float, settings: SerialSettings, device: Device = "table") -> None:
         self.received = b""
-        self._port, self._timeout, self._settings = port, timeout, settings
+        self._port, self._timeout, self._settings, self._device = port, timeout, settings, device
         self._gap = _FRAME_GAP * (2 + settings.data_bits + settings.stop_bits) / settings.baud
         self._link: SerialLink | None = None
         self._units: dict[int, RtuUnit] = {}
@@ -136,7 +136,7 @@ class RtuLine:
 
     def connect(self) -> None:
         """Open the port. Raises ConfigurationError or DeviceFaultError."""
-        self._link = SerialLink(self._port, self._settings, "table")
+        self._link = SerialLink(self._port, self._settings, self._device)
 
     def close(self) -> None:
         """Close the port; this never raises an exception."""

@@ -27,7 +27,7 @@ except ImportError:  # Windows has no termios
 LINK_ERRORS = (serial.SerialException, OSError, termios_error)
 
 #: Device on a port, as a code of the message family `source`.
-Device = Literal["table", "imu"]
+Device = Literal["table", "chamber", "imu"]
 
 _READ_SIZE = 65536
 

@@ -1,12 +1,13 @@
-"""Exchange of lines of text with a table, which are plain, end with a prompt or have a checksum."""
+"""Exchange of lines of text with a table or chamber, which are plain, end with a prompt or have a checksum."""
 
+import math
 import re
 import time
 
 from calstation.devices.codecs import check_function, quote_text
 from calstation.devices.links.dialogue import QUIET_TIME
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles import CheckedLines, SerialSettings, TextSection
+from calstation.devices.links.serial_link import Device, SerialLink
+from calstation.devices.profiles import CheckedLines, LineSection, SerialSettings
 from calstation.errors import DeviceFaultError
 
 _ATTEMPTS = 3
@@ -22,10 +23,21 @@ class UnexpectedReplyError(DeviceFaultError):
     """The reply of the table does not match the profile."""
 
 
+def text_number(text: str) -> float:
+    """Return the number in a reply. Raises DeviceFaultError if it is none or not finite."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise DeviceFaultError("table.not_a_number", answer=text)
+    return value
+
+
 class PlainFraming:
     """Framing in which each reply is one line (ACL)."""
 
-    def __init__(self, section: TextSection) -> None:
+    def __init__(self, section: LineSection) -> None:
         self._end = section.line_end
 
     def request(self, line: str) -> bytes:
@@ -49,7 +61,7 @@ class PlainFraming:
 class PromptedFraming(PlainFraming):
     """Framing in which replies end with a prompt (ATL)."""
 
-    def __init__(self, section: TextSection) -> None:
+    def __init__(self, section: LineSection) -> None:
         super().__init__(section)
         self._prompt = section.prompt.encode("latin-1")
 
@@ -65,7 +77,7 @@ class PromptedFraming(PlainFraming):
 class ChecksummedFraming(PlainFraming):
     """Framing with a header and a checksum, in which the reply repeats the letters of the command ($MN...*SS)."""
 
-    def __init__(self, section: TextSection, lines: CheckedLines) -> None:
+    def __init__(self, section: LineSection, lines: CheckedLines) -> None:
         super().__init__(section)
         self._lines, self._sum = lines, check_function("sum8")
 
@@ -88,15 +100,16 @@ class ChecksummedFraming(PlainFraming):
 
 
 class TextLink:
-    """The link to a table with text commands. The class is not thread-safe.
+    """The link to a table or chamber with text commands. The class is not thread-safe.
 
     Because a reply rarely identifies its line, a late reply could be mistaken for the reply to the next line. After an
     unanswered line, a query with a distinct reply is therefore sent, and any other reply is discarded. After the link
     was opened again, the table is identified before any command is sent. `received` contains the bytes received last.
     """
 
-    def __init__(self, port: str, section: TextSection, serial: SerialSettings) -> None:
+    def __init__(self, port: str, section: LineSection, serial: SerialSettings, device: Device = "table") -> None:
         self.received = b""
+        self._device: Device = device
         self._port, self._section, self._serial = port, section, serial
         if section.checked is not None:
             self._framing: PlainFraming = ChecksummedFraming(section, section.checked)
@@ -105,7 +118,7 @@ class TextLink:
         self._silent = re.compile(section.silent) if section.silent else None
         self._refused = re.compile(section.refused) if section.refused else None
         self._questions = {
-            query.send.format(axis=section.axes[0]): re.compile(query.answer)
+            query.send.format(axis=section.first_axis): re.compile(query.answer)
             for query in (section.queries["identity"], *section.queries.values())
         }
         self._identity = next(iter(self._questions))
@@ -135,7 +148,7 @@ class TextLink:
                 self._send(line)
                 if self._section.flush:
                     query = self._section.queries[self._section.flush]
-                    self.ask(query.send.format(axis=self._section.axes[0]), re.compile(query.answer))
+                    self.ask(query.send.format(axis=self._section.first_axis), re.compile(query.answer))
                 return
             raise self._not_answered(line)
         if repeat and self._unanswered and self._is_identified():
@@ -156,7 +169,7 @@ class TextLink:
         # pyserial and the station files use different URL schemes for sockets.
         url = self._port.replace("tcp://", "socket://", 1) if self._port.startswith("tcp://") else self._port
         self._needs_identification = True
-        return SerialLink(url, self._serial, "table")
+        return SerialLink(url, self._serial, self._device)
 
     def _is_identified(self) -> bool:
         """Return whether the table has been identified since the link was opened."""

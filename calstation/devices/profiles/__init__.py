@@ -4,6 +4,12 @@ The models of Modbus maps are in `table_registers` for `[registers]` of a table 
 `[[registers]]` of an IMU (`data/imus`). A new IMU protocol needs a module in `imu_protocols`.
 """
 
+from calstation.devices.profiles.chamber import (
+    ChamberModbusSection,
+    ChamberProfile,
+    ChamberTextSection,
+    load_chamber_profile,
+)
 from calstation.devices.profiles.entries import SerialSettings, hex_bytes
 from calstation.devices.profiles.frame import (
     CHANNELS,
@@ -28,4 +34,4 @@ from calstation.devices.profiles.imu_protocols import (
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.devices.profiles.table import ImuLinkSection, ModbusSection, TableProfile, load_table_profile
 from calstation.devices.profiles.table_registers import JOINTS, ModbusRegister, StatusBit
-from calstation.devices.profiles.text import CheckedLines, Flag, GimbalSection, TextSection
+from calstation.devices.profiles.text import CheckedLines, Flag, GimbalSection, LineSection, TextSection

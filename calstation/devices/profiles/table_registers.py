@@ -24,6 +24,7 @@ from calstation.devices.profiles.entries import (
     only_if,
     only_with,
 )
+from calstation.errors import ConfigurationError
 from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, near_miss
 
@@ -98,6 +99,28 @@ class ModbusRegister(ProfileSection):
     def step(self) -> float:
         """Smallest difference between two values; 0 for floats."""
         return self.number.step(self.scale)
+
+    def words_of(self, raw: float) -> list[int]:
+        """Return the words of a raw number. Raises ValueError if it is out of range."""
+        wire = self.number.pack(raw, "big", self.word_order)
+        return [int.from_bytes(wire[i : i + 2], "big") for i in range(0, len(wire), 2)]
+
+    def encode(self, value: float, name: str) -> list[int]:
+        """Return the words of a value in the profile's unit. Raises ConfigurationError if it is out of range.
+
+        `name` is the name of the register, for the error.
+        """
+        try:
+            return self.words_of(value / self.scale)
+        except ValueError:
+            low, high = self.bounds
+            values = {"name": name, "value": value, "low": low, "high": high}
+            raise ConfigurationError("table.value_beyond_register", **values) from None
+
+    def decode(self, words: list[int]) -> float:
+        """Return the value of words in the profile's unit, which may be NaN or infinite for floats."""
+        wire = b"".join(word.to_bytes(2, "big") for word in words)
+        return self.number.unpack(wire, "big", self.word_order) * self.scale
 
     def __str__(self) -> str:
         return f"{self.address}" if self.count == 1 else f"{self.address}-{self.end - 1}"

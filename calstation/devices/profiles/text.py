@@ -1,7 +1,7 @@
 """The section `[text]` of a table with text commands, which defines the lines and the meaning of the replies."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import combinations, product
 from string import Formatter
 from typing import Annotated, Any, ClassVar, Literal
@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, Field
 
 from calstation.devices.profiles.entries import ProfileSection, Rules, SerialSettings, require
+from calstation.errors import DeviceFaultError
 from calstation.messages import Text
 from calstation.schema import EntryError, Pattern, StrictModel, entry, near_miss
 
@@ -17,7 +18,9 @@ from calstation.schema import EntryError, Pattern, StrictModel, entry, near_miss
 _VALUES = {"move": ("angle", "rate", "acceleration"), "rate": ("rate", "acceleration"), "turn": ("angle", "rate")}
 #: Pairs of commands whose lines may be equal.
 _MAY_BE_EQUAL = ({"disable", "stop"}, {"disable", "reset"}, {"stop", "reset"})
-_VARIABLE_FLAGS = ("fault", "moving", "settled")
+#: Largest code of a character that a line may contain (Latin-1).
+_LAST_LETTER = 0xFF
+_VARIABLE_FLAGS = ("fault", "moving", "settled", "alarm", "door")
 
 
 class CommandLines(ProfileSection):
@@ -52,18 +55,26 @@ def _line_errors(lines: Sequence[str], command: str) -> Iterator[EntryError]:
     values, named = _VALUES.get(command, ()), set[str]()
     for i, line in enumerate(lines):
         with entry(command, i):
-            named |= _check_line(line, values)
+            named |= check_line(line, values)
     for value, joint in product(values[:1], ("outer", "inner")):
         if value not in named and f"{joint}_{value}" not in named:
             missing = f"{joint}_{value}" if any(name.endswith(f"_{value}") for name in named) else value
             yield EntryError("profile.value_not_sent", command, name=missing)
 
 
-def _check_line(line: str, values: Sequence[str]) -> set[str]:
-    """Return the names in braces in a command line, which must be among `values`. Raises EntryError."""
-    if not line.isascii() or not line.isprintable():
-        raise EntryError("profile.line_not_ascii", value=line)
-    known = ("axis", *values, *(f"{joint}_{name}" for joint in ("outer", "inner") for name in values))
+def check_line(line: str, values: Sequence[str], *, axes: bool = True) -> set[str]:
+    """Return the names in braces in a command line, which must be among `values`. Raises EntryError.
+
+    Parameters
+    ----------
+    line : command line
+    values : names of the values that the line may contain
+    axes : whether values belong to an axis, so that `axis` and the values of each joint are also allowed
+    """
+    if not line.isprintable() or any(ord(letter) > _LAST_LETTER for letter in line):
+        raise EntryError("profile.line_not_latin", value=line)
+    joints = (f"{joint}_{name}" for joint in ("outer", "inner") for name in values)
+    known = ("axis", *values, *joints) if axes else tuple(values)
     try:
         parts = list(Formatter().parse(line))
     except ValueError:
@@ -79,13 +90,13 @@ def _check_line(line: str, values: Sequence[str]) -> set[str]:
             raise EntryError("profile.unknown_brace", value=line, name=f"{{{written}}}", remedy=remedy)
         braces.add(name)
     for name in sorted(braces & set(values)):
-        if "axis" not in braces:
+        if axes and "axis" not in braces:
             raise EntryError("profile.value_without_axis", value=line, name=name)
     return braces
 
 
 def _check_query_line(line: str) -> str:
-    _check_line(line, ())
+    check_line(line, ())
     return line
 
 
@@ -118,6 +129,18 @@ class Flag(ProfileSection):
         lambda s: (s.query is None) != (s.always is not None) and EntryError("profile.flag_needs_query"),
     )
 
+    def is_set(self, groups: Mapping[str, str]) -> bool:
+        """Return whether the flag is set in the groups of a reply. Raises DeviceFaultError."""
+        if self.always is not None:
+            return self.always
+        text = groups.get(self.group, "")
+        if self.matches is not None:
+            return re.search(self.matches, text) is not None
+        try:
+            return bool(int(text, self.base) >> (self.bit or 0) & 1)
+        except ValueError:
+            raise DeviceFaultError("table.not_a_number_of_base", answer=text, base=self.base) from None
+
 
 class Flags(StrictModel):
     """`[text.flags]`: sources of the status flags."""
@@ -140,11 +163,9 @@ class CheckedLines(StrictModel):
     counts_head: bool = False
 
 
-class TextSection(ProfileSection):
-    """`[text]`: the framing of lines, and the lines of commands and queries."""
+class LineSection(ProfileSection):
+    """The framing of the lines of a device with text commands, and its queries; `identity` is one of them."""
 
-    joint_names: ClassVar[tuple[str, ...]] = ("outer", "inner")
-    axes: list[str]
     timeout_s: float = Field(default=0.5, gt=0, le=60)
     gap_s: float = Field(default=0.0, ge=0, le=5)
     line_end: str = Field(default="\r\n", min_length=1)
@@ -154,20 +175,10 @@ class TextSection(ProfileSection):
     flush: str | None = None
     refused: Pattern | None = None
     decimals: int = Field(default=4, ge=0, le=9)
-    rest_rate_dps: float = Field(default=0.002, gt=0)
-    settled_deg: float = Field(default=0.0005, gt=0)
-    settled_polls: int = Field(default=5, ge=2, le=100)
     serial: SerialSettings = SerialSettings(baud=9600)
-    commands: CommandLines
     queries: dict[str, Query]
-    flags: Flags
 
     rules: ClassVar[Rules[Any]] = (
-        lambda s: (
-            not len(s.axes) == len(set(s.axes) - {""}) == len(s.joint_names)
-            and EntryError(f"profile.{'two_axis' if len(s.joint_names) == 2 else 'joint'}_names", "axes", value=s.axes)
-        ),
-        lambda s: s._query_errors(),
         lambda s: (
             EntryError("profile.silent_matches_query", "silent", query=name, line=query.send)
             for name, query in s.queries.items()
@@ -176,7 +187,6 @@ class TextSection(ProfileSection):
         lambda s: (
             s.refused is not None and re.search(s.refused, "") and EntryError("profile.refused_matches_all", "refused")
         ),
-        lambda s: s._flag_errors(),
         lambda s: (
             s.flush is not None
             and s.flush not in s.queries
@@ -184,25 +194,25 @@ class TextSection(ProfileSection):
         ),
     )
 
-    def _query_errors(self) -> Iterator[EntryError]:
-        for name in ("identity", "position", "rate"):
+    @property
+    def first_axis(self) -> str:
+        """Name of the first axis in the lines; "" for a device without axes."""
+        return ""
+
+    def needed_groups(self, needed: Mapping[str, Sequence[str]], required: Collection[str]) -> Iterator[EntryError]:
+        """Yield errors for required queries that are missing, and for answers without the needed groups."""
+        for name in required:
             if name not in self.queries:
                 yield EntryError("entry.missing", "queries", name)
-        needed: dict[str, tuple[str, ...]] = {"identity": ("model",)}
-        for name in ("position", "rate"):
-            needed[name] = ("value",) if "{axis}" in self.queries[name].send else self.joint_names
-        needed |= {"limits": ("low", "high"), "watchdog": ("value",)}
         for name, groups in needed.items():
             for group in groups if name in self.queries else ():
                 if group not in self.queries[name].groups:
                     yield EntryError("profile.group_missing", "queries", name, "answer", group=group)
-        if self.commands.heartbeat and "watchdog" not in self.queries:
-            yield EntryError("profile.heartbeat_without_watchdog", "commands", "heartbeat")
 
-    def _flag_errors(self) -> Iterator[EntryError]:
+    def flag_errors(self, flags: "Mapping[str, Flag | None]") -> Iterator[EntryError]:
+        """Yield the errors in the sources of flags."""
         seen: dict[tuple[str | None, str, int | str | None], str] = {}
-        for name in Flags.model_fields:
-            flag: Flag | None = getattr(self.flags, name)
+        for name, flag in flags.items():
             key_path = ("flags", name)
             if flag is None:
                 continue
@@ -220,6 +230,43 @@ class TextSection(ProfileSection):
             if other := seen.get(source):
                 yield EntryError("profile.same_flag", *key_path, other=other)
             seen[source] = name
+
+
+class TextSection(LineSection):
+    """`[text]`: the framing of lines, and the lines of commands and queries."""
+
+    joint_names: ClassVar[tuple[str, ...]] = ("outer", "inner")
+    axes: list[str]
+    rest_rate_dps: float = Field(default=0.002, gt=0)
+    settled_deg: float = Field(default=0.0005, gt=0)
+    settled_polls: int = Field(default=5, ge=2, le=100)
+    commands: CommandLines
+    flags: Flags
+
+    rules: ClassVar[Rules[Any]] = (
+        lambda s: (
+            not len(s.axes) == len(set(s.axes) - {""}) == len(s.joint_names)
+            and EntryError(f"profile.{'two_axis' if len(s.joint_names) == 2 else 'joint'}_names", "axes", value=s.axes)
+        ),
+        lambda s: s._query_errors(),
+        *LineSection.rules[:2],
+        lambda s: s.flag_errors(dict(s.flags)),
+        LineSection.rules[2],
+    )
+
+    @property
+    def first_axis(self) -> str:
+        """Name of the first axis in the lines."""
+        return self.axes[0]
+
+    def _query_errors(self) -> Iterator[EntryError]:
+        needed: dict[str, Sequence[str]] = {"identity": ("model",), "limits": ("low", "high"), "watchdog": ("value",)}
+        for name in ("position", "rate"):
+            if name in self.queries:
+                needed[name] = ("value",) if "{axis}" in self.queries[name].send else self.joint_names
+        yield from self.needed_groups(needed, ("identity", "position", "rate"))
+        if self.commands.heartbeat and "watchdog" not in self.queries:
+            yield EntryError("profile.heartbeat_without_watchdog", "commands", "heartbeat")
 
 
 class GimbalCommands(CommandLines):

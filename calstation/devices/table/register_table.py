@@ -71,33 +71,6 @@ class ImuWords:
             self._imu.close()
 
 
-def encode(register: ModbusRegister, value: float, name: str) -> list[int]:
-    """Encode a value in the profile's unit as register words. Raises ConfigurationError if it is out of range.
-
-    Parameters
-    ----------
-    register : register of the profile
-    value : value in the profile's unit
-    name : name of the register, for the error
-    """
-    try:
-        return _words(register, value / register.scale)
-    except ValueError:
-        low, high = register.bounds
-        raise ConfigurationError("table.value_beyond_register", name=name, value=value, low=low, high=high) from None
-
-
-def decode(register: ModbusRegister, words: list[int]) -> float:
-    """Decode register words to a value in the profile's unit, which may be NaN or infinite for floats."""
-    wire = b"".join(word.to_bytes(2, "big") for word in words)
-    return register.number.unpack(wire, "big", register.word_order) * register.scale
-
-
-def _words(register: ModbusRegister, raw: float) -> list[int]:
-    wire = register.number.pack(raw, "big", register.word_order)
-    return [int.from_bytes(wire[i : i + 2], "big") for i in range(0, len(wire), 2)]
-
-
 class RegisterTable(Table):
     """Driver of a table with registers. Moves are absolute, so that a repeated transfer does not add motion."""
 
@@ -266,7 +239,7 @@ class RegisterTable(Table):
 
     def _write_register(self, register_name: str, raw: int, repeat: bool = True) -> None:
         register = self._map.registers[register_name]
-        self._link.write(register.address, _words(register, raw), repeat, self._unit(register_name))
+        self._link.write(register.address, register.words_of(raw), repeat, self._unit(register_name))
 
     def _command(self, command: str, values: Sequence[Mapping[str, float]] = (), repeat: bool = True) -> None:
         with self._fault_as_cause():
@@ -301,7 +274,7 @@ class RegisterTable(Table):
         """Encode values in rad, rad/s and rad/s² for the registers of one axis, in order of address."""
         registers = self._map.registers
         ordered = sorted(values, key=lambda name: registers[name].address)
-        return {name: encode(registers[name], float(np.rad2deg(values[name])), name) for name in ordered}
+        return {name: registers[name].encode(float(np.rad2deg(values[name])), name) for name in ordered}
 
     def _write_together(self, encoded: Mapping[str, list[int]]) -> None:
         """Write adjacent registers of one axis in one transfer, and all others separately."""
@@ -320,7 +293,7 @@ class RegisterTable(Table):
         for unit, start, values in words:
             if unit == self._unit(name) and start <= register.address < start + len(values):
                 first = register.address - start
-                value = decode(register, values[first : first + register.count])
+                value = register.decode(values[first : first + register.count])
                 if not math.isfinite(value):
                     raise DeviceFaultError("table.register_not_a_number", name=name, addresses=str(register))
                 return value

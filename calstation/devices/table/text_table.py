@@ -1,7 +1,6 @@
 """Drivers of two-axis tables (ATL, ACL, $MN...*SS) and gimbals whose text commands are defined in their profiles."""
 
 import re
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +15,9 @@ from calstation.devices.interfaces import (
     TableIdentity,
     TableStatus,
 )
-from calstation.devices.links import TextLink, UnexpectedReplyError
+from calstation.devices.links import TextLink, UnexpectedReplyError, text_number
 from calstation.devices.profiles import JOINTS, Flag, GimbalSection, SerialSettings, TableProfile, TextSection
-from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.errors import ConfigurationError
 from calstation.estimation.common import snap_angles
 from calstation.physics import FloatArray, JointLimits
 
@@ -178,13 +177,13 @@ class TextTable(Table):
     def _watchdog(self, answers: Answers) -> float:
         if "watchdog" not in self._text.queries:
             return float("inf")
-        return min(_number(groups["value"]) for groups in answers["watchdog"])
+        return min(text_number(groups["value"]) for groups in answers["watchdog"])
 
     def _travel(self, answers: Answers) -> JointLimits:
         if "limits" not in answers:
             return self._limits
         low, high = (
-            [float(np.deg2rad(_number(groups[end]))) for groups in answers["limits"]] for end in ("low", "high")
+            [float(np.deg2rad(text_number(groups[end]))) for groups in answers["limits"]] for end in ("low", "high")
         )
         return JointLimits((low[0], low[-1]), (high[0], high[-1]), self._limits.rate, self._limits.acceleration)
 
@@ -205,9 +204,7 @@ class TextTable(Table):
         flag: Flag | None = getattr(self._text.flags, name)
         if flag is None:
             return []
-        if flag.query is None:
-            return [bool(flag.always)]
-        return [_is_set(flag, groups) for groups in answers[flag.query]]
+        return [flag.is_set(groups) for groups in answers[flag.query]] if flag.query else [flag.is_set({})]
 
 
 class GimbalTable(TextTable, Gimbal):
@@ -251,28 +248,8 @@ class GimbalTable(TextTable, Gimbal):
         self.move(outer, inner, 0.0, acceleration)
 
 
-def _is_set(flag: Flag, groups: Mapping[str, str]) -> bool:
-    text = groups.get(flag.group, "")
-    if flag.matches is not None:
-        return re.search(flag.matches, text) is not None
-    try:
-        return bool(int(text, flag.base) >> (flag.bit or 0) & 1)
-    except ValueError:
-        raise DeviceFaultError("table.not_a_number_of_base", answer=text, base=flag.base) from None
-
-
 def _joints_of(answers: list[dict[str, str]], joints: tuple[str, ...]) -> FloatArray:
     """Return the value of each joint, degrees, from one reply for all joints or from one reply for each joint."""
     if len(answers) == 1:
-        return np.array([_number(answers[0][joint]) for joint in joints])
-    return np.array([_number(groups["value"]) for groups in answers])
-
-
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not np.isfinite(value):
-        raise DeviceFaultError("table.not_a_number", answer=text)
-    return value
+        return np.array([text_number(answers[0][joint]) for joint in joints])
+    return np.array([text_number(groups["value"]) for groups in answers])
