@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Literal, get_args
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from calstation.bench.chamber import ChamberSettings
 from calstation.bench.table import TableLimits
 from calstation.bench.truth import (
+    GRADES,
     BenchTruth,
     Effects,
     EncoderTruth,
@@ -20,6 +22,8 @@ from calstation.bench.truth import (
     ManualRig,
     TableMotion,
     TableTruth,
+    ThermalSettings,
+    UnitThermal,
     draw_imu,
     draw_power_ups,
     earth_rate_n,
@@ -65,8 +69,26 @@ _Frames = Literal["corrupt_frames", "drop_frames", "duplicate_frames", "reorder_
 _Samples = Literal["silence_imu", "garble_imu", "saturate_imu", "invalid_imu", "freeze_channel"]
 _Unit = Literal["jump_counter", "reset_imu", "hang_up_imu", "slow_imu"]
 _TableLink = Literal["mute_table", "slow_table", "garble_table", "refuse_table"]
-_TABLE_FAULTS = frozenset(name for kind in (_Trip, _Motion, _TableLink) for name in get_args(kind))
-FaultName = Literal[_Trip, _Motion, _Frames, _Samples, _Unit, _TableLink, "brown_out_write", "brown_out_commit"]
+_Chamber = Literal["chamber_alarm", "chamber_door", "chamber_off", "chamber_no_power", "chamber_set_point"]
+_ChamberSensor = Literal["chamber_sensor_stuck", "chamber_sensor_offset"]
+_ChamberLink = Literal["mute_chamber", "slow_chamber", "hang_up_chamber"]
+_Temperature = Literal["temperature_stuck", "temperature_offset", "temperature_jump"]
+_COMMON = (_Trip, _Motion, _TableLink, _Chamber, _ChamberSensor, _ChamberLink)
+_COMMON_FAULTS = frozenset(name for kind in _COMMON for name in get_args(kind))
+FaultName = Literal[
+    _Trip,
+    _Motion,
+    _Frames,
+    _Samples,
+    _Unit,
+    _TableLink,
+    _Chamber,
+    _ChamberSensor,
+    _ChamberLink,
+    _Temperature,
+    "brown_out_write",
+    "brown_out_commit",
+]
 
 
 class Settings(BaseModel):
@@ -78,7 +100,7 @@ class Settings(BaseModel):
 class FaultCommand(Settings):
     """A command to inject a fault at device time `at`, s, or `after` a delay, s; see `docs/reference/bench.md`.
 
-    `unit` is the number of the affected unit, which is ignored for the table.
+    `unit` is the number of the affected unit, which is ignored for the table and the chamber.
     """
 
     order: FaultName
@@ -89,8 +111,8 @@ class FaultCommand(Settings):
 
     @property
     def affects_table(self) -> bool:
-        """Whether the fault affects the table."""
-        return self.order in _TABLE_FAULTS
+        """Whether the fault affects the table or the chamber instead of a unit."""
+        return self.order in _COMMON_FAULTS
 
 
 class BodySettings(Settings):
@@ -161,6 +183,8 @@ class BenchConfig(Settings):
     calibrated: bool = False
     gyro_steps: tuple[Pair, ...] = ()
     body: BodySettings | None = None
+    chamber: ChamberSettings | None = None
+    thermal: ThermalSettings = ThermalSettings()
     secondaries: tuple["BenchConfig", ...] = ()
     ready_time_s: NonNegative = 1.0
     ambient_c: float = 23.0
@@ -170,6 +194,12 @@ class BenchConfig(Settings):
     flash_banks: Literal[1, 2] = 2
     orders: tuple[FaultCommand, ...] = ()
     report_file: Path | None = None
+
+    @model_validator(mode="after")
+    def _chamber_around_a_table(self) -> "BenchConfig":
+        if self.chamber is not None and (self.body is not None or self.table_protocol in ("hand", "gimbal")):
+            raise EntryError("bench.chamber_without_table", "chamber")
+        return self
 
     @model_validator(mode="after")
     def _effects_on_a_table(self) -> "BenchConfig":
@@ -247,6 +277,14 @@ class BenchConfig(Settings):
             white_sigma=radians(self.encoder_noise_deg),
         )
         return BenchTruth(imu, table, encoder, self.grade, azimuth, self.outer_lever)
+
+    def unit_thermal(self) -> UnitThermal | None:
+        """Return the temperatures of the unit in the chamber; None without a chamber."""
+        if self.chamber is None:
+            return None
+        return UnitThermal(
+            self.thermal, GRADES[self.grade].sigma, self.chamber.room_c, np.random.default_rng([self.seed, 4])
+        )
 
     def rig(self) -> ManualRig:
         """Return the manual rig at this site."""

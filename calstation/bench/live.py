@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from calstation.bench.chamber import ChamberMachine
 from calstation.bench.config import BenchConfig, FaultCommand
 from calstation.bench.imu import UNITS, StreamFaults, count_flash_cycles
 from calstation.bench.table import Clocks, Fault, GimbalDrive, TableMachine, TableRegisters
@@ -63,6 +64,10 @@ class LiveBench:
         start = (float(outer), float(inner))
         self._gain = 1.0 + 1e-6 * config.clock_drift_ppm
         self._power_on = config.power_on_s
+        self.thermal = config.unit_thermal()
+        self.chamber = None if config.chamber is None else ChamberMachine(config.chamber)
+        if first is not None:
+            self.chamber = first.chamber
         self._stream: SensorStream | ManualRigStream | BodyStream | GimbalStream
         if config.body is not None:
             body, table = config.body, self.truth.table
@@ -81,10 +86,20 @@ class LiveBench:
         elif config.table_protocol == "gimbal":
             self._stream = config.gimbal(self.truth.imu, stream_seed)
         elif first is None:
-            self._stream = SensorStream(self.truth.imu, self.truth.table, stream_seed)
+            self._stream = SensorStream(
+                self.truth.imu, self.truth.table, stream_seed, thermal=self.thermal, air=self._air
+            )
         else:
             rate, begin = first._gain / self._gain, (config.power_on_s - first._power_on) * first._gain
-            self._stream = SensorStream(self.truth.imu, self.truth.table, stream_seed, rate=rate, begin=begin)
+            self._stream = SensorStream(
+                self.truth.imu,
+                self.truth.table,
+                stream_seed,
+                rate=rate,
+                begin=begin,
+                thermal=self.thermal,
+                air=self._air,
+            )
         self._latency, self._jitter = config.latency_s, config.jitter_s
         self._commands = sorted(config.orders, key=lambda command: command.at)
         self.now = 0.0
@@ -105,6 +120,8 @@ class LiveBench:
         imu = self.truth.imu
         per_count = imu.sample_rate if imu.output == "increment" else 1.0
         self.unit = UNITS[config.imu_protocol](config, np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count)
+        if self.thermal is not None:
+            self.unit.sensed = self.thermal.sensed
         if config.calibrated:
             self.unit.calibrate(imu.error_model())
         if config.table_protocol == "imu_link":
@@ -162,6 +179,10 @@ class LiveBench:
             faults.counts[command.order] = int(value)
         elif command.order in faults.until:
             faults.until[command.order] = time + value
+        elif command.order.startswith("chamber_"):
+            self._execute_for_chamber(command.order, value)
+        elif command.order.startswith("temperature_"):
+            self._execute_for_sensor(command.order, value)
         elif command.order == "interlock":
             machine.set_interlock(value != 0.0, time)
         elif command.order == "jam":
@@ -183,6 +204,41 @@ class LiveBench:
         else:
             self.on_link(command)
 
+    def _execute_for_chamber(self, order: str, value: float) -> None:
+        """Execute a fault command for the chamber if there is one."""
+        chamber = self.chamber
+        if chamber is None:
+            return
+        if order == "chamber_alarm":
+            chamber.trip(int(value))
+        elif order == "chamber_door":
+            chamber.open_door(value)
+        elif order == "chamber_off":
+            chamber.stop()
+        elif order == "chamber_no_power":
+            chamber.powerless = value != 0.0
+        elif order == "chamber_set_point":
+            chamber.set_point = value
+        elif order == "chamber_sensor_stuck":
+            chamber.stuck = value != 0.0
+        elif order == "chamber_sensor_offset":
+            chamber.offset = value
+
+    def _execute_for_sensor(self, order: str, value: float) -> None:
+        """Execute a fault command for the temperature sensor of the unit if it is in a chamber."""
+        thermal = self.thermal
+        if thermal is None:
+            return
+        if order == "temperature_stuck":
+            thermal.stuck = thermal.sensed(self.device_time)
+        elif order == "temperature_offset":
+            thermal.offset = value
+        elif order == "temperature_jump":
+            thermal.jumps_until = self.device_time + value
+
+    def _air(self) -> float:
+        return 0.0 if self.chamber is None else self.chamber.truth.air
+
     def carry(self, outer: float, inner: float, rest: float) -> None:
         """Request rail angles and a rest from the simulated operator of a manual rig; do nothing on a driven table.
 
@@ -195,6 +251,8 @@ class LiveBench:
             self._stream.carry((outer, inner), rest, self.device_time)
 
     def _produce(self, now: float) -> bytes:
+        if self._is_first and self.chamber is not None:
+            self.chamber.advance(now)
         for follower in self._followers:
             follower.outbox.append(follower.advance(now))
         begin, self.now = self.device_time, now

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from calstation.bench.chamber import ChamberRegisters, Simserv
 from calstation.bench.config import BenchConfig, BenchReport, FaultCommand
 from calstation.bench.links import Line, ModbusServer, SocketLine, TerminalLine
 from calstation.bench.live import LiveBench
@@ -35,6 +36,8 @@ MAX_BACKLOG = 1.0
 _LOOP_ITERATIONS = 3
 #: Device time allowed for the table to come to rest after the last client has disconnected, s.
 COASTING_TIME = 2.0
+#: Faults of the links of the chamber.
+_CHAMBER_LINKS = ("mute_chamber", "slow_chamber", "hang_up_chamber")
 
 
 class ClockService:
@@ -141,6 +144,12 @@ class BenchProcess:
         if self._controller is not None:
             line_kind = TerminalLine if config.table_transport == "rtu" else SocketLine
             self._table_line = line_kind(self._controller.new_parser)
+        self._simserv: Simserv | None = None
+        self._chamber_lines: list[SocketLine] = []
+        if bench.chamber is not None:
+            self._simserv = Simserv(bench.chamber)
+            registers = ModbusServer({1: ChamberRegisters(bench.chamber)}, tcp=True)
+            self._chamber_lines = [SocketLine(server.new_parser) for server in (self._simserv, registers)]
         self._clock = ClockService(self._units, self._advance, self._report, self.stop)
         self._advance_lock = asyncio.Lock()
         self._advanced = asyncio.Condition()
@@ -152,7 +161,7 @@ class BenchProcess:
 
     async def run(self) -> None:
         """Open all links, print them on standard output, and serve until stopped."""
-        lines = [line for line in (self._table_line, *self._lines) if line is not None]
+        lines = [line for line in (self._table_line, *self._lines, *self._chamber_lines) if line is not None]
         for line in lines:
             await line.open()
         await self._clock.open()
@@ -169,7 +178,10 @@ class BenchProcess:
             self._write_report()
 
     def _announce(self) -> None:
-        """Print the links as JSON: `table` and `clock` ("host:port", or a path), `imu`, `imu2`, ... (as URLs)."""
+        """Print the links as JSON: `table` and `clock` ("host:port", or a path), `imu`, `imu2`, ... (as URLs).
+
+        `chamber` and `chamber_modbus` ("host:port") are the links of a chamber.
+        """
         first, *other_units = self._lines
         table = self._table_line or first
         endpoints = {
@@ -178,6 +190,10 @@ class BenchProcess:
             "imu": first.endpoint,
             "clock": self._clock.endpoint,
             "serial": self._config.serial,
+            **{
+                name: line.endpoint.removeprefix("socket://")
+                for name, line in zip(("chamber", "chamber_modbus"), self._chamber_lines, strict=False)
+            },
             **{f"imu{number}": line.endpoint for number, line in enumerate(other_units, 2)},
         }
         print(json.dumps(endpoints), flush=True)
@@ -230,6 +246,8 @@ class BenchProcess:
                 self._announce()
         elif command.order == "slow_imu":
             line.reply_delays.append(command.value)
+        elif command.order in _CHAMBER_LINKS:
+            self._execute_for_chamber_link(command)
         elif command.order == "mute_table" and controller is not None:
             controller.ignored_requests += number
         elif self._table_line is None or not isinstance(controller, ModbusServer):
@@ -240,6 +258,16 @@ class BenchProcess:
             controller.corrupted_replies += number
         elif command.order == "refuse_table":
             controller.exception = number
+
+    def _execute_for_chamber_link(self, command: FaultCommand) -> None:
+        """Execute a fault command for the links of the chamber if there is one."""
+        if self._simserv is not None and command.order == "mute_chamber":
+            self._simserv.ignored_requests += int(command.value)
+        for line in self._chamber_lines:
+            if command.order == "slow_chamber":
+                line.reply_delays.append(command.value)
+            elif command.order == "hang_up_chamber":
+                line.hang_up()
 
     async def _wait_for_watchdog(self) -> None:
         """Wait until the watchdog has tripped after the table's client has disconnected."""

@@ -20,7 +20,7 @@ from calstation.config.blocks import add_table, add_value, has_table, nested, re
 from calstation.config.product import ProductConfig, missing_files, register_conflicts, schedule_values, unknown_targets
 from calstation.config.slots import STATION_ENTRIES
 from calstation.config.station import BenchSettings, StationConfig, load_bench
-from calstation.devices.profiles import FrameSection, ImuProfile, TableProfile, load_imu_profile
+from calstation.devices.profiles import ChamberProfile, FrameSection, ImuProfile, TableProfile, load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
 from calstation.parsing import MAX_TOML, parse_toml, read_limited
@@ -31,6 +31,7 @@ from procedures import method
 MODELS: dict[str, type[BaseModel]] = {
     "stations": StationConfig,
     "tables": TableProfile,
+    "chambers": ChamberProfile,
     "imus": ImuProfile,
     "products": ProductConfig,
 }
@@ -40,6 +41,7 @@ _SIGNATURES = {
     "stations": (r"\[site\]",),
     "imus": (r"\[frame\]", r"\[stream\]", r"\[noise\]"),
     "products": (r"serial_pattern\s*=", r"\[limits"),
+    "chambers": (r"max_rate_c_per_min\s*=",),
     "tables": (r"\[outer\]", r"\[inner\]", r"\[modbus\]", r"\[text\]", r"outer_axis\s*="),
 }
 
@@ -107,6 +109,8 @@ def check_data(kind: str, data: Mapping[str, Any], path: Path | None = None) -> 
 
 def _check_station(station: StationConfig) -> list[Problem]:
     problems = list(_unknown_profile("tables", station.table.profile, "table", "profile"))
+    if station.chamber is not None:
+        problems += _unknown_profile("chambers", station.chamber.profile, "chamber", "profile")
     if station.bench is not None:
         bench: BenchSettings = load_bench()
         settings = {name: value for name, value in station.bench.items() if name not in STATION_ENTRIES}

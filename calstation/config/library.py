@@ -1,4 +1,4 @@
-"""The library of station, table, IMU and product files, which are the site's own files and the shipped defaults."""
+"""The library of station, table, chamber, IMU and product files: the site's own files and the shipped defaults."""
 
 import os
 import sys
@@ -7,7 +7,7 @@ from pathlib import Path
 from calstation.errors import ConfigurationError
 
 #: Kinds of files, each with its folder.
-KINDS = ("stations", "tables", "imus", "products")
+KINDS = ("stations", "tables", "chambers", "imus", "products")
 
 
 def site_folder() -> Path:

@@ -28,7 +28,15 @@ from calstation.config.slots import PLATFORM_AXES, SlotSection
 from calstation.config.station import BenchSettings, StationConfig, at_slot, load_bench, load_station
 from calstation.devices.imu import RegisterMap
 from calstation.devices.links import CAN, SOCKETS, UDP
-from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile
+from calstation.devices.profiles import (
+    ChamberProfile,
+    ImuProfile,
+    TableProfile,
+    check_baud,
+    load_chamber_profile,
+    load_imu_profile,
+    load_table_profile,
+)
 from calstation.errors import ConfigurationError
 from calstation.escaping import surrogates
 from calstation.estimation.common import SolveContext, without_gravity
@@ -66,7 +74,7 @@ class SourceFile:
 
     @classmethod
     def read(cls, kind: str, path: Path) -> "SourceFile":
-        """Read a file of the given kind (``station``, ``product``, ``table`` or ``imu``)."""
+        """Read a file of the given kind (``station``, ``product``, ``table``, ``chamber`` or ``imu``)."""
         text = read_limited(path, MAX_TOML).decode()
         version = versions.version_number(f"{kind}s", path.stem, text)
         return cls(path, text, FileSection(name=path.stem, version=version, sha256=versions.sha256(text)))
@@ -86,6 +94,7 @@ class RunConfiguration:
     sources: Mapping[str, SourceFile] = field(default_factory=dict)
     #: Settings of the virtual bench that override all others.
     bench_overrides: Mapping[str, JsonValue] = field(default_factory=dict)
+    chamber: ChamberProfile | None = None  #: Profile of the station's chamber; None without one.
 
     @property
     def stages(self) -> tuple[str, ...]:
@@ -267,6 +276,9 @@ def load_configuration(request: RunRequest, adjust: Adjustment = lambda setup: s
             raise EntryError("product.no_limits", "limits")
     table_path = library.find("tables", station.table.profile)
     paths = {"station": station_path, "product": product_path, "table": table_path, "imu": imu_path}
+    chamber_path = None if station.chamber is None else library.find("chambers", station.chamber.profile)
+    if chamber_path is not None:
+        paths["chamber"] = chamber_path
     schedules: dict[str, BaseModel] = {}
     for stage in request.stages or product.stages:
         values = schedule_values(product, stage, (request.schedule or {}).get(stage, {}))
@@ -277,6 +289,7 @@ def load_configuration(request: RunRequest, adjust: Adjustment = lambda setup: s
         product=product,
         table=load_table_profile(table_path),
         imu=load_imu_profile(imu_path),
+        chamber=None if chamber_path is None else load_chamber_profile(chamber_path),
         schedules=schedules,
         sources={kind: SourceFile.read(kind, path) for kind, path in paths.items()},
     )

@@ -14,6 +14,7 @@ from calstation import BENCH_MODULE
 from calstation.config import library
 from calstation.config.slots import MAX_UNITS, DeviceSection, SlotSection, is_manual_table, takes_single_unit
 from calstation.config.station_sections import (
+    ChamberLinkSection,
     HandoverSection,
     InstrumentSection,
     LabelSection,
@@ -70,6 +71,7 @@ class StationConfig(StrictModel):
     name: str
     site: StationSite
     table: TableLinkSection
+    chamber: ChamberLinkSection | None = None  #: The chamber around table and units; None without one.
     imu: DeviceSection = DeviceSection()
     imu2: SecondaryLinkSection | None = None
     imu3: SecondaryLinkSection | None = None
@@ -142,8 +144,10 @@ class StationConfig(StrictModel):
         slots = [(("slots", number), slot) for number, slot in enumerate(self.slots)]
         imus: list[tuple[tuple[str | int, ...], DeviceSection]] = [*slots] or [(("imu",), self.imu)]
         imus += [((f"imu{number}",), section) for number, section in self.secondaries.items()]
-        table: tuple[tuple[str | int, ...], DeviceSection] = (("table",), self.table)
-        for keys, section in (table, *imus):
+        others: list[tuple[tuple[str | int, ...], DeviceSection]] = [(("table",), self.table)]
+        if self.chamber is not None:
+            others.append((("chamber",), self.chamber))
+        for keys, section in (*others, *imus):
             needs_port = section is not self.table or not is_manual_table(self.table.profile)
             port = section.port or ""
             if self.bench is None and needs_port and not port:
@@ -151,9 +155,10 @@ class StationConfig(StrictModel):
             if self.bench is not None and port:
                 raise EntryError("station.port_on_bench", *keys, "port")
             if _WITHOUT_SCHEME.fullmatch(port):
-                code = "station.table_scheme_missing" if section is self.table else "station.imu_scheme_missing"
+                by_tcp = section is self.table or section is self.chamber
+                code = "station.table_scheme_missing" if by_tcp else "station.imu_scheme_missing"
                 raise EntryError(code, *keys, "port", port=port)
-            if section is not self.table and port.startswith("tcp://"):
+            if section is not self.table and section is not self.chamber and port.startswith("tcp://"):
                 address = port.removeprefix("tcp://")
                 raise EntryError("station.imu_over_modbus", *keys, "port", port=port, address=address)
         return self

@@ -16,6 +16,9 @@ from calstation.records import LaboratorySection as LaboratorySection
 from calstation.records import SiteSection
 from calstation.schema import EntryError, Pattern, StrictModel
 
+#: Difference of ambient temperature and dew point at 75 % of relative humidity, K (Magnus).
+_DEW_POINT_SPREAD = 5.0
+
 #: URL schemes of the supported databases.
 _SCHEMES = ("postgresql+psycopg", "sqlite")
 
@@ -30,6 +33,31 @@ class TableLinkSection(DeviceSection):
 
     profile: str
     unit: int | None = Field(default=None, ge=0, le=255)  #: Modbus unit number; default from the profile.
+
+
+class ChamberLinkSection(DeviceSection):
+    """`[chamber]` of a station: chamber profile and link, and the room outside the chamber.
+
+    ambient_c : temperature to which the chamber returns, °C
+    dew_point_c : dew point of the room, °C; the default belongs to 75 % of humidity
+    agreement_c : largest difference of a unit's sensor from the chamber's after a soak, K
+    """
+
+    profile: str
+    ambient_c: float = Field(default=23.0, ge=5, le=40)
+    dew_point_c: float | None = Field(default=None, ge=-40, le=40)
+    agreement_c: float = Field(default=10.0, gt=0, le=40)
+
+    @model_validator(mode="after")
+    def _dry(self) -> "ChamberLinkSection":
+        if self.dew_point >= self.ambient_c:
+            raise EntryError("station.dew_point", "dew_point_c", value=self.dew_point, ambient=self.ambient_c)
+        return self
+
+    @property
+    def dew_point(self) -> float:
+        """Dew point of the room, °C."""
+        return self.ambient_c - _DEW_POINT_SPREAD if self.dew_point_c is None else self.dew_point_c
 
 
 class SecondaryLinkSection(DeviceSection):

@@ -19,6 +19,7 @@ from calstation.connection.line_server import LineServer
 from calstation.connection.link_test import (
     LinkTestRequest,
     SerialPortInfo,
+    check_chamber_link,
     check_imu_link,
     check_table_link,
     discover_ports,

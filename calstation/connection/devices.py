@@ -11,9 +11,12 @@ from typing import Protocol
 from calstation.config import BenchSettings, PairConfiguration, RunConfiguration, load_bench
 from calstation.connection.identify import LinkSettings, identify
 from calstation.connection.port_lock import lock_ports
+from calstation.devices import Chamber
+from calstation.devices.chamber import ModbusChamber, TextChamber
+from calstation.devices.chamber import open_chamber as chamber_on
 from calstation.devices.imu import StreamedImu
 from calstation.devices.imu import open_imu as imu_on
-from calstation.devices.links import open_link, port_device, with_connection_reason
+from calstation.devices.links import Device, open_link, port_device, with_connection_reason
 from calstation.devices.profiles import ImuProfile, SerialSettings, TableProfile
 from calstation.devices.table import ManualTable, RegisterTable, SharedTable, TextTable
 from calstation.devices.table import open_table as table_on
@@ -55,6 +58,7 @@ class Devices:
     imus: tuple[StreamedImu | None, ...]
     clock: Clock
     failed: Mapping[int, DeviceFaultError] = field(default_factory=dict)
+    chamber: Chamber | None = None  #: The identified chamber; None at a station without one.
 
     @property
     def imu(self) -> StreamedImu:
@@ -64,11 +68,12 @@ class Devices:
 
 @dataclass(frozen=True)
 class Endpoints:
-    """The port of the table, which is "" for a manual rig, the ports of the IMUs, and the clock of the devices."""
+    """The port of the table, which is "" for a manual rig, the ports of the IMUs and the chamber, and the clock."""
 
     table: str
     imus: tuple[str, ...]
     clock: Clock
+    chamber: str = ""
 
     @property
     def imu(self) -> str:
@@ -101,6 +106,7 @@ def open_devices(
     with ExitStack() as stack:
         ports = stack.enter_context(endpoints(setups, check_cancelled))
         check_cancelled()
+        chamber = _open_chamber(setup, ports, stack)
         table: RegisterTable | TextTable | ManualTable | None = None
         if not _is_shared(setup) and not setup.table.by_hand:
             table = open_table(setup, ports.table)
@@ -120,7 +126,17 @@ def open_devices(
                 identify(table, imu, link_settings(setup, ports), check_cancelled)
             imu.start()
         ports.clock.attach(lambda: {index: imu.received for index, imu in imus.items()})
-        yield Devices(table, tuple(imus.get(index) for index in range(len(setups))), ports.clock, failed)
+        yield Devices(table, tuple(imus.get(index) for index in range(len(setups))), ports.clock, failed, chamber)
+
+
+def _open_chamber(setup: RunConfiguration, ports: Endpoints, stack: ExitStack) -> Chamber | None:
+    """Open and identify the chamber of the station; None without one. Raises DeviceFaultError."""
+    if setup.chamber is None or setup.station.chamber is None:
+        return None
+    chamber = open_chamber(setup, ports.chamber)
+    stack.callback(chamber.close)
+    chamber.identify()
+    return chamber
 
 
 def _open_units(
@@ -176,8 +192,11 @@ def _locked_ports(setups: tuple[RunConfiguration, ...], table: str | None) -> It
             raise ConfigurationError(conflict.code, **conflict.values)
     if len({_device_of(port, "imu") for port in imus}) < len(imus):
         raise ConfigurationError("connection.same_imu_port", ports=list(imus))
-    with lock_ports(port for port in (table, *imus) if port):
-        yield Endpoints(table or "", imus, RealClock())
+    chamber = "" if setups[0].station.chamber is None else setups[0].station.chamber.port or ""
+    if chamber and _device_of(chamber, "chamber") in {_device_of(port, "imu") for port in (table or "", *imus)}:
+        raise ConfigurationError("connection.same_chamber_port", port=chamber)
+    with lock_ports(port for port in (table, chamber, *imus) if port):
+        yield Endpoints(table or "", imus, RealClock(), chamber)
 
 
 def _is_shared(setup: RunConfiguration) -> bool:
@@ -201,7 +220,7 @@ def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
     return None
 
 
-def _device_of(port: str, name: str) -> str:
+def _device_of(port: str, name: Device) -> str:
     """Return an identifier of the device at a port, which is the same for all names of the device."""
     if "://" in port:
         return port.split("://", 1)[1].rstrip("/")
@@ -218,6 +237,16 @@ def open_table(setup: RunConfiguration, port: str) -> RegisterTable | TextTable:
     profile, serial = table_profile(setup), setup.station.table.serial
     with with_connection_reason("table", port, profile.timeout_s):
         return table_on(port, profile, serial)
+
+
+def open_chamber(setup: RunConfiguration, port: str) -> TextChamber | ModbusChamber:
+    """Open the chamber of the station on its port. Raises DeviceFaultError or ConfigurationError."""
+    section = setup.station.chamber
+    if section is None or setup.chamber is None:
+        raise ConfigurationError("connection.no_chamber", station=setup.station.name)
+    profile = setup.chamber.at_station(section.timeout_s)
+    with with_connection_reason("chamber", port, profile.section.timeout_s):
+        return chamber_on(port, profile, section.serial)
 
 
 def open_imu(setup: RunConfiguration, port: str) -> StreamedImu:

@@ -13,6 +13,7 @@ from calstation.connection.devices import (
     imu_profile,
     imu_settings,
     link_settings,
+    open_chamber,
     open_imu,
     open_table,
     table_profile,
@@ -29,9 +30,15 @@ from calstation.connection.identify import (
 )
 from calstation.connection.imu_test import ImuTest, diagnose_text, find_baud_rate
 from calstation.connection.table_test import query_table
+from calstation.devices import Chamber, OtherModelError
 from calstation.devices.links import SerialPortInfo as SerialPortInfo
 from calstation.devices.links import diagnose_port, host_and_port, list_serial_ports, open_link, port_device
-from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
+from calstation.devices.profiles import (
+    SerialSettings,
+    load_chamber_profile,
+    load_imu_profile,
+    load_table_profile,
+)
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Finding, Report, Value
@@ -89,6 +96,40 @@ def check_imu_link(progress: ProgressCallback, request: LinkTestRequest) -> Repo
     return Report("imu", tuple(findings))
 
 
+def check_chamber_link(progress: ProgressCallback, request: LinkTestRequest) -> Report:
+    """Test the link to the chamber, which is only asked. Raises CalstationError, also without a chamber."""
+    setup = link_test_configuration(request)
+    with open_endpoints(progress, setup) as at:
+        progress(0.3, note="opening")
+        try:
+            chamber = open_chamber(setup, at.chamber)
+        except DeviceFaultError as exc:
+            return Report("chamber", (Finding("chamber_silent", "error", {"words": exc.as_text}),))
+        with closing(chamber):
+            progress(0.6, note="asking")
+            return Report("chamber", (_opened_finding(at.chamber), *_chamber_findings(chamber)))
+
+
+def _chamber_findings(chamber: Chamber) -> Iterator[Finding]:
+    try:
+        model, status = chamber.identify(), chamber.status()
+    except OtherModelError as exc:
+        yield Finding("wrong_model", "error", {"found": exc.found, "expected": exc.expected})
+        return
+    except DeviceFaultError as exc:
+        yield Finding("chamber_silent", "error", {"words": exc.as_text})
+        return
+    yield Finding("chamber_identified", "ok", {"model": model})
+    values: dict[str, Value] = {"air": status.air_c, "set_point": status.set_point_c}
+    yield Finding("chamber_temperature", "info", values, "" if status.running else "chamber_temperature_off")
+    if status.alarm is not None:
+        yield Finding("chamber_alarm", "error", {"alarm": status.alarm})
+    if status.door_open is None:
+        yield Finding("chamber_without_door", "info")
+    elif status.door_open:
+        yield Finding("chamber_door_open", "warning")
+
+
 def discover_ports(progress: ProgressCallback) -> tuple[SerialPortInfo, ...]:
     """Return the serial ports of this computer, USB adapters first."""
     ports = list_serial_ports()
@@ -100,12 +141,14 @@ def link_test_configuration(request: LinkTestRequest) -> RunConfiguration:
     """Return a run configuration with the data needed to open the devices. Raises CalstationError."""
     station = at_slot(request.station, request.slot)
     _, product, imu = unit_files(station, request.product)
+    chamber = station.chamber
     return RunConfiguration(
         request=RunRequest(VIRTUAL_UNIT, slot=request.slot),
         station=station,
         product=product,
         table=load_table_profile(library.find("tables", station.table.profile)),
         imu=load_imu_profile(imu),
+        chamber=None if chamber is None else load_chamber_profile(library.find("chambers", chamber.profile)),
         schedules={},
     )
 

@@ -51,6 +51,6 @@ from calstation.sequencer.events import (
 from calstation.sequencer.guard import check_limits, check_power
 from calstation.sequencer.plan import StagePlan, StopRule, plan_time, planned, step_time
 from calstation.sequencer.sequencer import Sequencer
-from calstation.sequencer.tasks import corrected_output, table_task, unit_task
+from calstation.sequencer.tasks import chamber_limits, corrected_output, table_task, unit_task
 from calstation.sequencer.units import NO_DATA
 from calstation.sequencer.verification_path import JointDrift, TurnData, VerificationData

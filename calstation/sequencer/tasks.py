@@ -7,11 +7,13 @@ import numpy as np
 from pydantic import BaseModel
 
 from calstation.config import RunConfiguration
-from calstation.devices.profiles import channel_range
+from calstation.devices.profiles import ImuProfile, TableProfile, channel_range
+from calstation.errors import ConfigurationError
 from calstation.estimation import RepeatedSchedule
 from calstation.estimation.common import BIAS_SIGMAS, REST_RATE
 from calstation.physics import GimbalTurn, group_indices
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
+from calstation.sequencer.chamber import ChamberLimits
 from calstation.sequencer.context import Output, PreflightLimits, Task, UnitTask
 from calstation.sequencer.plan import StagePlan, StopRule
 
@@ -33,6 +35,36 @@ def table_task(setup: RunConfiguration) -> Task:
         load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),
         gimbal_turn=next((step for step in gimbal_steps if isinstance(step, GimbalTurn)), None),
     )
+
+
+def chamber_limits(*setups: RunConfiguration) -> ChamberLimits | None:
+    """Return the limits of the station's chamber with the table and these units in it; None without a chamber.
+
+    Raises ConfigurationError if the profile of the table or a unit names no range.
+    """
+    first = setups[0]
+    section, profile = first.station.chamber, first.chamber
+    if section is None or profile is None:
+        return None
+    units = [_range_of("unit", setup.imu) for setup in setups]
+    return ChamberLimits(
+        ranges={
+            "chamber": profile.range_c,
+            "table": _range_of("table", first.table),
+            "unit": (max(low for low, _ in units), min(high for _, high in units)),
+        },
+        max_rate=profile.max_rate,
+        ambient=section.ambient_c,
+        dew_point=section.dew_point,
+        agreement=section.agreement_c,
+        follow_time=profile.follow_s,
+    )
+
+
+def _range_of(device: str, profile: TableProfile | ImuProfile) -> tuple[float, float]:
+    if profile.range_c is None:
+        raise ConfigurationError("chamber.no_range", device=device, profile=profile.name)
+    return profile.range_c
 
 
 def unit_task(setup: RunConfiguration, meta: LogMeta | None = None) -> UnitTask:

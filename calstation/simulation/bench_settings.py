@@ -94,8 +94,9 @@ def _settings(setup: RunConfiguration, bench: Mapping[str, Any]) -> Settings:
         "low_deg": [table.outer.low_deg, table.inner.low_deg],
         "high_deg": [table.outer.high_deg, table.inner.high_deg],
         **_gimbal(table),
+        **({} if setup.chamber is None else {"chamber": _chamber(setup)}),
         **({} if setup.slot is None else {"orientation": setup.slot.orientation, "lever_m": setup.slot.lever_m}),
-        **{name: value for name, value in bench.items() if name not in STATION_ENTRIES},
+        **{name: value for name, value in bench.items() if name not in (*STATION_ENTRIES, "chamber")},
     }
     if setup.request.seed is not None:
         settings["seed"] = setup.request.seed
@@ -103,6 +104,15 @@ def _settings(setup: RunConfiguration, bench: Mapping[str, Any]) -> Settings:
         settings["speed"] = setup.request.speed
     flash = f"{quote(str(settings['serial']), safe='')}_{settings.get('seed', DEFAULT_SEED)}.flash"
     return {"flash_file": str(setup.request.out / _FLASH_FOLDER / flash), **settings}
+
+
+def _chamber(setup: RunConfiguration) -> Settings:
+    """Return the settings of the chamber, whose room has the station's ambient temperature."""
+    section, profile = setup.station.chamber, setup.chamber
+    given: Any = (setup.station.bench or {}).get("chamber", {})
+    room = {} if section is None else {"room_c": section.ambient_c}
+    rate = {} if profile is None else {"rate_c_per_min": profile.max_rate_c_per_min}
+    return {**room, **rate, **given}
 
 
 def _gimbal(table: TableProfile) -> Settings:

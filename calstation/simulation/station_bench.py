@@ -58,7 +58,8 @@ class VirtualBench(StationBench):
             table = f"tcp://{ports['table']}" if over_tcp else ports["table"]
             imus = (ports["imu"], *(ports[f"imu{number}"] for number in range(2, len(setups) + 1)))
             with closing(BenchClock((host, int(port)), float(config.get("speed", 0.0)))) as clock:
-                yield Endpoints(table, imus, clock)
+                chamber = f"tcp://{ports['chamber']}" if "chamber" in ports else ""
+                yield Endpoints(table, imus, clock, chamber)
 
     def with_recorded_unit(self, recording: Path, setup: RunConfiguration) -> RunConfiguration:
         """Return the configuration with the unit of a recording in the fixture. Raises InputError.

@@ -40,6 +40,8 @@ def order(product: Path | None = None, **sections: dict[str, Any]) -> LinkTestRe
         data |= {"table": {"profile": "bench"}, "bench": sections["bench"]}
     else:
         data |= {"table": table | sections.get("table", {}), "imu": imu | sections.get("imu", {})}
+    if "chamber" in sections:
+        data["chamber"] = sections["chamber"]
     return LinkTestRequest(validate(StationConfig, data, "test"), product)
 
 

@@ -229,6 +229,8 @@ class ImuUnit(ABC):
         self.axes: TableRegisters | None = None
         self.scale: FloatArray = np.ones(6) if scale is None else scale
         self.increments = config.output == "increment"
+        #: Output of the temperature sensor at a time, °C, if the unit is in a chamber.
+        self.sensed: Callable[[float], float] | None = None
         self.write_power_cut: int | None = None
         self.commit_power_cut: int | None = None
         self.streaming = True
@@ -278,6 +280,8 @@ class ImuUnit(ABC):
     def temperature(self, time: float) -> float:
         """Return the sensor temperature at `time`, °C."""
         config = self._config
+        if self.sensed is not None:
+            return self.sensed(time)
         return float(config.ambient_c + config.warm_up_c * -np.expm1(-time / config.warm_up_time_s))
 
     def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:

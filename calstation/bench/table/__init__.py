@@ -16,5 +16,5 @@ from calstation.bench.table.machine import (
     TableLimits,
     TableMachine,
 )
-from calstation.bench.table.registers import TableRegisters
+from calstation.bench.table.registers import RegisterBank, TableRegisters
 from calstation.bench.table.text import LANGUAGES, TextController

@@ -15,3 +15,4 @@ from calstation.bench.truth.manual_rig import ManualRig, ManualRigStream, around
 from calstation.bench.truth.noise import INSTABILITY_TIMES, instability_variance
 from calstation.bench.truth.simulate import BenchTruth, Simulated, Simulator
 from calstation.bench.truth.table import TableTruth, earth_rate_n, normal_gravity, rotation, unit_axes
+from calstation.bench.truth.thermal import GRID, ChamberAir, ThermalSettings, UnitThermal

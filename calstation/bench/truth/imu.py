@@ -1,6 +1,7 @@
 """Measurements of the unit, from the true motion with the contract's error model, noise and quantisation."""
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from calstation.bench.truth.effects import Changes, EffectTruth
 from calstation.bench.truth.kinematics import JointProfile, joint_state
 from calstation.bench.truth.noise import Vibration, draw_instability, instability_steps
 from calstation.bench.truth.table import TableTruth, body_motion, to_body
+from calstation.bench.truth.thermal import GRID, REFERENCE, UnitThermal
 from calstation.physics import BoolArray, FloatArray, group_matrix, group_vector, kernel
 
 
@@ -314,7 +316,8 @@ class SensorStream:
 
     `interval` is the true duration of a sample, s, which differs from the nominal one if the unit's clock is wrong. The
     motion of the table is in the time of another unit, which is `rate` times as fast as the time of this unit and
-    equals `begin`, s, when this unit's time is 0. Gravity and earth rate are per second of this unit.
+    equals `begin`, s, when this unit's time is 0. Gravity and earth rate are per second of this unit. In a chamber, the
+    parameters follow the temperatures of `thermal` in the `air`, °C.
     """
 
     def __init__(
@@ -325,9 +328,12 @@ class SensorStream:
         *,
         rate: float = 1.0,
         begin: float = 0.0,
+        thermal: UnitThermal | None = None,
+        air: Callable[[], float] = lambda: REFERENCE,
     ) -> None:
         self.interval = imu.interval
         self.produced = 0
+        self._thermal, self._air, self._cell = thermal, air, -1
         root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
         self._random = np.random.Generator(np.random.PCG64(root))
         self._imu = imu
@@ -354,6 +360,29 @@ class SensorStream:
 
     def produce(self, count: int, outer: JointProfile, inner: JointProfile) -> StreamOutput:
         """Return the next `count` samples while the joints follow these profiles."""
+        if self._thermal is None:
+            return self._produce(count, outer, inner)
+        cell_size = max(1, round(GRID / self.interval))
+        parts = []
+        while count > 0:
+            cell, used = divmod(self.produced, cell_size)
+            if cell != self._cell:
+                self._cell = cell
+                self._enter_cell(self._thermal, outer, inner)
+            taken = min(count, cell_size - used)
+            parts.append(self._produce(taken, outer, inner))
+            count -= taken
+        return StreamOutput(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("counts", "saturated")))
+
+    def _enter_cell(self, thermal: UnitThermal, outer: JointProfile, inner: JointProfile) -> None:
+        """Advance the temperatures to the next part of the time, in which the parameters are constant."""
+        now = np.array([self.produced * self._table_interval - self._begin])
+        angles = [float(joint.states(now)[0, 0]) for joint in (outer, inner)]
+        force = self._field[0]
+        thermal.step(self._air(), to_body(self._chain, *angles, force / np.linalg.norm(force)))
+        self._model = replace(self._imu, parameters=thermal.parameters(self._imu.parameters)).error_model()
+
+    def _produce(self, count: int, outer: JointProfile, inner: JointProfile) -> StreamOutput:
         normals = self._random.standard_normal((count, self._columns))
         vibration = self._vibration
         velocity = vibration.velocities(normals[:, -6:]) if vibration.active else np.zeros((count + 1, 3))
@@ -384,7 +413,8 @@ class SensorStream:
     @property
     def parameters(self) -> FloatArray:
         """The unit's 30 parameters at the end of the last sample produced, SI, shape (30,)."""
-        return self._changes.parameters(self._imu.parameters, self.time)
+        base = self._imu.parameters
+        return self._changes.parameters(base if self._thermal is None else self._thermal.parameters(base), self.time)
 
     def _increments(self, velocity: FloatArray, outer: JointProfile, inner: JointProfile) -> FloatArray:
         joints = (outer.segments, outer.rest_time, inner.segments, inner.rest_time)

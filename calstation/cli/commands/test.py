@@ -1,4 +1,4 @@
-"""`test`: tests the link to the table or to the IMUs; nothing moves."""
+"""`test`: tests the link to the table, to the chamber or to the IMUs; nothing moves."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,6 +13,7 @@ from calstation.cli.text import LANGUAGE, say
 from calstation.config import load_station
 from calstation.connection import (
     LinkTestRequest,
+    check_chamber_link,
     check_imu_link,
     check_table_link,
     incompatibilities,
@@ -21,7 +22,7 @@ from calstation.connection import (
 from calstation.errors import DeviceFaultError
 from calstation.messages import Report, render
 
-_TESTS = {"table": check_table_link, "imu": check_imu_link}
+_TESTS = {"table": check_table_link, "imu": check_imu_link, "chamber": check_chamber_link}
 
 app = command_group()
 
@@ -33,7 +34,7 @@ def link(
     product: ProductOption = None,
     json: JsonOption = None,
 ) -> int:
-    """Test the link to the table or the links to the IMUs in all slots, and show every finding.
+    """Test the link to the table or chamber, or the links to the IMUs in all slots, and show every finding.
 
     Returns the exit code of a device fault if a run would not start.
     """

@@ -2,16 +2,20 @@
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
+from typing import TypeVar
 
 from calstation.devices.codecs import quote_text
 from calstation.devices.interfaces import Chamber, ChamberStatus, OtherModelError
-from calstation.devices.links import ModbusLink, TextLink, UnexpectedReplyError, text_number
+from calstation.devices.links import ModbusLink, PortLostError, TextLink, UnexpectedReplyError, text_number
 from calstation.devices.profiles import ChamberModbusSection, ChamberProfile, ChamberTextSection, Flag, SerialSettings
 from calstation.errors import DeviceFaultError
 
 _OWN = "chamber."
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -25,7 +29,17 @@ def _as_chamber() -> Iterator[None]:
         raise DeviceFaultError("chamber.link", reason=error.as_text) from error
 
 
-def open_chamber(port: str, profile: ChamberProfile, serial: SerialSettings | None = None) -> Chamber:
+def _reopened(exchange: Callable[[], T]) -> T:
+    """Repeat an exchange on a new connection if it was lost, because a chamber may close it during a long soak."""
+    try:
+        return exchange()
+    except PortLostError:
+        return exchange()
+
+
+def open_chamber(
+    port: str, profile: ChamberProfile, serial: SerialSettings | None = None
+) -> "TextChamber | ModbusChamber":
     """Open a chamber on its port and return its driver.
 
     Raises DeviceFaultError or ConfigurationError if the port cannot be opened.
@@ -36,8 +50,7 @@ def open_chamber(port: str, profile: ChamberProfile, serial: SerialSettings | No
     profile : profile of the chamber
     serial : settings of the serial port; None for the profile's
     """
-    driver = TextChamber if profile.protocol == "text" else ModbusChamber
-    return driver(port, profile, serial)
+    return (TextChamber if profile.protocol == "text" else ModbusChamber)(port, profile, serial)
 
 
 class TextChamber(Chamber):
@@ -100,11 +113,11 @@ class TextChamber(Chamber):
     def _send(self, command: str, **values: str) -> None:
         with _as_chamber():
             for line in getattr(self._text.commands, command):
-                self._link.command(line.format(**values))
+                _reopened(partial(self._link.command, line.format(**values)))
 
     def _ask(self, name: str) -> dict[str, str]:
         query = self._text.queries[name]
-        reply = self._link.ask(query.send, self._patterns[name])
+        reply = _reopened(partial(self._link.ask, query.send, self._patterns[name]))
         match = self._patterns[name].search(reply)
         if match is None:
             values = {"line": query.send, "answer": quote_text(reply), "query": name}

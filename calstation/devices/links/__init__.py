@@ -12,6 +12,7 @@ from calstation.devices.links.modbus_link import (
 from calstation.devices.links.modbus_rtu import RtuReply, RtuRequest
 from calstation.devices.links.serial_link import (
     SOCKETS,
+    Device,
     PortLostError,
     SerialLink,
     SerialPortInfo,

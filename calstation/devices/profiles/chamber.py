@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from calstation.devices.profiles.entries import ProfileSection, Rules, SerialSettings, needs
+from calstation.devices.profiles.entries import ProfileSection, Rules, SerialSettings, TemperatureRange, needs
 from calstation.devices.profiles.table_registers import ModbusRegister, Writes
 from calstation.devices.profiles.text import Flag, LineSection, check_line
 from calstation.schema import EntryError, StrictModel, entry, load_once
@@ -16,10 +16,6 @@ from calstation.schema import EntryError, StrictModel, entry, load_once
 _REGISTERS = ("air", "set_point", "running", "alarm", "door")
 
 Lines = Annotated[list[str], Field(min_length=1)]
-
-
-def _both(low: float, high: float) -> EntryError | None:
-    return None if low < high else EntryError("profile.range_order", "range_c", low=low, high=high)
 
 
 class ChamberLines(ProfileSection):
@@ -118,7 +114,7 @@ class ChamberProfile(ProfileSection):
     name: str
     model: str = ""
     protocol: Literal["text", "modbus"]
-    range_c: tuple[float, float] = Field(strict=False)
+    range_c: TemperatureRange
     max_rate_c_per_min: float = Field(gt=0, le=100)
     follow_s: float = Field(default=600.0, ge=60, le=7200)
     alarms: dict[str, str] = Field(default_factory=dict)
@@ -126,7 +122,6 @@ class ChamberProfile(ProfileSection):
     modbus: ChamberModbusSection | None = None
 
     rules: ClassVar[Rules["ChamberProfile"]] = (
-        lambda p: _both(*p.range_c),
         lambda p: needs('protocol = "{0.protocol}"', p.protocol)(p),
         lambda p: (
             p.text is not None

@@ -121,6 +121,10 @@ def hex_bytes(text: str) -> bytes:
         raise EntryError("profile.not_hexadecimal", value=text) from None
 
 
+def _check_range(ends: tuple[float, float]) -> tuple[float, float]:
+    return require(ends, ends[0] < ends[1], "profile.range_order", low=ends[0], high=ends[1])
+
+
 def _check_hexadecimal(text: str) -> str:
     hex_bytes(text)
     return text
@@ -137,6 +141,9 @@ HexText = Annotated[str, AfterValidator(_check_hexadecimal)]
 
 #: One or more bytes in hexadecimal.
 SyncText = Annotated[str, AfterValidator(lambda text: require(text, hex_bytes(text), "profile.no_sync_bytes"))]
+
+#: Lowest and highest temperature, °C.
+TemperatureRange = Annotated[tuple[float, float], Field(strict=False), AfterValidator(_check_range)]
 
 #: A factor other than 0.
 Scale = Annotated[float, AfterValidator(lambda scale: require(scale, scale != 0.0, "profile.scale_zero"))]

@@ -15,6 +15,7 @@ from calstation.devices.profiles.entries import (
     ProfileSection,
     Rules,
     SerialSettings,
+    TemperatureRange,
     Word,
     excludes,
     needs,
@@ -119,10 +120,14 @@ else:  # the sections are fields, so that errors name them as in the file
 
 
 class ImuProfile(_ProtocolSections):
-    """A type of IMU, with all data for its driver, the register transfer and the solvers."""
+    """A type of IMU, with all data for its driver, the register transfer and the solvers.
+
+    `range_c` is the range of the surroundings in which the unit may be operated, °C, which is required in a chamber.
+    """
 
     name: str
     model: ModelName
+    range_c: TemperatureRange | None = None
     link: SerialSettings
     stream: StreamSection
     frame: SampleFrame

@@ -13,6 +13,7 @@ from calstation.devices.profiles.entries import (
     ProfileSection,
     Rules,
     SerialSettings,
+    TemperatureRange,
     excludes,
     needs,
     only_if,
@@ -114,6 +115,7 @@ class AccuracySection(StrictModel):
 class TableProfile(ProfileSection):
     """A type of table, with all data for its driver, the plans and the solvers.
 
+    range_c : range of the temperature in which the table may be operated, °C; required in a chamber
     link_loss_stop_s : time after the last received line within which a table without a watchdog stops its axes, s; if
         it is None, continuous rotation is not allowed
     """
@@ -125,6 +127,7 @@ class TableProfile(ProfileSection):
     inner_axis: UnitVector
     outer_lever: Literal["estimated", "fixed"]
     settle_s: float = Field(default=1.5, ge=0, le=60)
+    range_c: TemperatureRange | None = None
     outer: JointSection
     inner: JointSection
     middle_axis: list[float] | None = Field(default=None, min_length=3, max_length=3)
