@@ -430,7 +430,10 @@ def check_chamber(setup: RunConfiguration) -> None:
         return
     if len(setup.schedules) > 1:
         raise ConfigurationError("temperature.not_alone")
-    raise ConfigurationError("temperature.no_chamber")
+    if setup.product.temperature is None:
+        raise ConfigurationError("temperature.no_section")
+    if setup.chamber is None:
+        raise ConfigurationError("temperature.no_chamber")
 
 
 def _product_errors(setup: RunConfiguration) -> Iterator[EntryError]:

@@ -31,6 +31,7 @@ from calstation.sequencer import (
     Slot,
     State,
     StopRequested,
+    chamber_limits,
     solution_events,
     table_task,
     unit_task,
@@ -184,8 +185,11 @@ def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:
     continuation = prepared.continuation
     if continuation is not None and stages:
         stages = (stages[0].after(continuation.points), *stages[1:])
-    task = replace(task, stages=stages)
-    Sequencer(RunContext(task, devices.table, tuple(slots), devices.clock, prepared.listener, prepared.control)).run()
+    is_over_temperature = "temperature" in prepared.setup.stages
+    limits = chamber_limits(*(evaluation.run.setup for evaluation in evaluations)) if is_over_temperature else None
+    task = replace(task, stages=stages, chamber=limits)
+    context = RunContext(task, devices.table, tuple(slots), devices.clock, prepared.listener, prepared.control)
+    Sequencer(replace(context, chamber=devices.chamber)).run()
 
 
 def _resume(run: OpenRun) -> LastSample | None:

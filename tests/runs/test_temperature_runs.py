@@ -1,0 +1,112 @@
+"""Runs over temperature on the virtual bench with its chamber: result, second solution, stop and resumption."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.config import RunRequest
+from calstation.errors import ConfigurationError
+from calstation.records import open_log
+from calstation.results import resolve
+from calstation.runs import execute, find_resumable
+from calstation.sequencer import Command, Control, Event, Finalized, Message, PointCompleted, StepStarted
+from tests.helpers import ignore_progress, raises_code
+from tests.site_folder import SiteFolder
+
+MOVES = [
+    [0.0, 0.0, 4.0],
+    [-225.0, 135.0, 0.5],
+    [-90.0, 360.0, 0.5],
+    [-315.0, 225.0, 0.5],
+    [-225.0, 270.0, 0.5],
+    [-135.0, 180.0, 0.5],
+    [-45.0, 225.0, 0.5],
+    [-90.0, 270.0, 3.0],
+]
+SOAK = {"unit_rate_below_c_per_min": 0.3, "hold_s": 20.0, "at_most_s": 3600.0}
+PRODUCT: dict[str, Any] = {
+    "name": "short thermal",
+    "imu": "bench_mems",
+    "bench_grade": "mems",
+    "stages": ["temperature"],
+    "temperature": {"range_c": [22.0, 34.0], "order": {"gyro_bias": 1, "accel_bias": 1}},
+    "schedule": {
+        "temperature": {
+            "points_c": [30.0, 18.0, 24.0],
+            "soak": SOAK,
+            "moves": MOVES,
+            "rate_dps": 100.0,
+            "acceleration_dps2": 150.0,
+        }
+    },
+    "limits": {"gyro_bias": {"within": 0.02, "sigma_below": 1e-3}, "accel_bias": {"within": 0.2}},
+    "checks": {"offline_online": {"within_sigmas": 0.0}},
+}
+THERMAL = {"case_time_s": 30.0, "dependence": 0.1, "hysteresis": 0.0, "rate_term": 0.0}
+
+
+@pytest.fixture
+def thermal(site_folder: SiteFolder) -> SiteFolder:
+    """A station with a chamber, and a product with three temperatures."""
+    write(site_folder)
+    return site_folder
+
+
+def write(site_folder: SiteFolder, **schedule: Any) -> None:
+    values = {**PRODUCT["schedule"]["temperature"], **schedule}
+    product = {**PRODUCT, "schedule": {"temperature": values}}
+    site_folder.write(product, {"chamber": {"profile": "virtual_chamber"}}, thermal=THERMAL)
+
+
+def test_stage_without_a_chamber_or_with_other_stages_is_refused(site_folder: SiteFolder) -> None:
+    site_folder.write(PRODUCT)
+    with raises_code(ConfigurationError, "temperature.no_chamber"):
+        site_folder.run()
+    write(site_folder)
+    with raises_code(ConfigurationError, "temperature.not_alone"):
+        site_folder.run("designed", "temperature")
+
+
+@pytest.mark.long
+def test_run_over_temperature_passes_and_is_solved_again_bit_for_bit(thermal: SiteFolder) -> None:
+    ended = thermal.run()
+    result = ended.result
+    assert ended.verdict.passed, [c for c in result["checks"] if not c["passed"]] or thermal.events[-5:]
+    section = result["temperature"]
+    assert len(section["coefficients"]["gyro_bias_x"]["values"]) == 2
+    assert [p["way"] for p in section["points"]] == ["soak", "down", "up"]
+    assert [p["at_c"] for p in section["points"]] == pytest.approx([34.0, 22.0, 28.0], abs=0.5)
+    again = resolve(Path(ended.log)).result.to_json()
+    assert again["temperature"] == result["temperature"]
+    assert again["parameters"] == result["parameters"]
+    log = open_log(Path(ended.log))
+    air = np.concatenate([block.chamber[:, 0] for block in log.blocks() if block.stage])
+    assert np.nanmin(air) == pytest.approx(18.0, abs=1.0)
+    assert [m.id for m in thermal.events_of(Message)][-1] == "chamber_may_be_opened"
+
+
+@pytest.mark.long
+def test_run_stopped_in_a_soak_resumes_after_its_last_temperature(thermal: SiteFolder) -> None:
+    def stop(event: Event) -> None:
+        if isinstance(event, StepStarted) and event.kind == "soak" and event.label[2] == 3.0:
+            thermal.control.send(Command.STOP)
+
+    stopped = thermal.run(on_event=stop)
+    assert (stopped.verdict, stopped.result["advice"], stopped.result["stages"]) == ("stopped", "resume", [])
+    messages = [m.id for m in thermal.events_of(Message)]
+    assert messages[-2:] == ["chamber_to_ambient", "chamber_may_be_opened"]
+    (offer,) = find_resumable(ignore_progress, thermal.runs)
+    assert (offer.log, offer.finished) == (Path(stopped.log), ())
+
+    thermal.events, thermal.control = [], Control()
+    request = RunRequest("SN-000042", thermal.station, thermal.product, resume=offer.log)
+    execute(request, thermal.events.append, thermal.control)
+    (ended,) = thermal.events_of(Finalized)
+    assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]
+    assert [point.index for point in thermal.events_of(PointCompleted)] == [2, 3]
+    assert len(ended.result["temperature"]["points"]) == 3
+    again = resolve(Path(ended.log)).result.to_json()
+    assert again["temperature"] == ended.result["temperature"]
+    assert find_resumable(ignore_progress, thermal.runs) == []
