@@ -186,7 +186,17 @@ class Sequencer:
         unit.points = 0
         for event in solution_events(solution):
             unit.emit(event)
-        # A solved stage need not be repeated once the log is on disk.
+        self._sync(unit)
+
+    def _complete_point(self, event: PointCompleted) -> None:
+        """Log that a temperature need not be repeated."""
+        self._context.emit(event)
+        for unit in self._units:
+            unit.points = event.index
+        self._units.each(self._sync)
+
+    def _sync(self, unit: Unit) -> None:
+        """Write the log of a unit to disk, after which what it contains need not be repeated."""
         log = cast("RawLogWriter", unit.slot.log)
         self._wait_for(log.begin_sync())
         log.service()
@@ -204,9 +214,7 @@ class Sequencer:
             if isinstance(step, RoundEnd):
                 rounds = step.rounds
                 if soak is not None:
-                    self._context.emit(PointCompleted(stage.name, rounds, soak.temperature, drive.tags.step))
-                    for unit in units:
-                        unit.points = rounds
+                    self._complete_point(PointCompleted(stage.name, rounds, soak.temperature, drive.tags.step))
                 elapsed = min((unit.acquisition.newest_time or 0.0) - begin[unit] for unit in units)
                 sigmas = self._sigmas() if stage.rule.targets else {}
                 reasons = [stage.rule.reason(rounds, elapsed, sigmas.get(unit.slot.name)) for unit in units]

@@ -1,5 +1,8 @@
 """Runs over temperature on the virtual bench with its chamber: result, second solution, stop and resumption."""
 
+import os
+import signal
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +13,7 @@ from calstation.config import RunRequest
 from calstation.errors import ConfigurationError
 from calstation.records import open_log
 from calstation.results import resolve
-from calstation.runs import execute, find_resumable
+from calstation.runs import Engine, execute, find_resumable
 from calstation.sequencer import Command, Control, Event, Finalized, Message, PointCompleted, StepStarted
 from tests.helpers import ignore_progress, raises_code
 from tests.site_folder import SiteFolder
@@ -87,18 +90,39 @@ def test_run_over_temperature_passes_and_is_solved_again_bit_for_bit(thermal: Si
     assert [m.id for m in thermal.events_of(Message)][-1] == "chamber_may_be_opened"
 
 
-@pytest.mark.long
+def begins_last_soak(event: Event) -> bool:
+    """Return whether the event is the start of the third soak."""
+    return isinstance(event, StepStarted) and event.kind == "soak" and event.label[2] == 3.0
+
+
+@pytest.mark.exhaustive
 def test_run_stopped_in_a_soak_resumes_after_its_last_temperature(thermal: SiteFolder) -> None:
     def stop(event: Event) -> None:
-        if isinstance(event, StepStarted) and event.kind == "soak" and event.label[2] == 3.0:
+        if begins_last_soak(event):
             thermal.control.send(Command.STOP)
 
     stopped = thermal.run(on_event=stop)
     assert (stopped.verdict, stopped.result["advice"], stopped.result["stages"]) == ("stopped", "resume", [])
     messages = [m.id for m in thermal.events_of(Message)]
     assert messages[-2:] == ["chamber_to_ambient", "chamber_may_be_opened"]
+    _resume(thermal, stopped.log)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+def test_run_killed_in_a_soak_resumes_after_its_last_temperature(thermal: SiteFolder) -> None:
+    with Engine.start(thermal.request()) as engine:
+        for event in engine.events():
+            if begins_last_soak(event) and engine.process.pid is not None:
+                os.kill(engine.process.pid, signal.SIGKILL)
+                break
+    (log,) = thermal.runs.glob("*.h5")
+    _resume(thermal, str(log))
+
+
+def _resume(thermal: SiteFolder, log: str) -> None:
     (offer,) = find_resumable(ignore_progress, thermal.runs)
-    assert (offer.log, offer.finished) == (Path(stopped.log), ())
+    assert (offer.log, offer.finished) == (Path(log), ())
 
     thermal.events, thermal.control = [], Control()
     request = RunRequest("SN-000042", thermal.station, thermal.product, resume=offer.log)

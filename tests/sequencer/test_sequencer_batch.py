@@ -143,6 +143,7 @@ class Batch:
         self.table = FakeTable(self.clock)
         self.control = Control()
         self.task = Task(stages or (StagePlan("rate", quarter_turns),), GEOMETRY)
+        self.chamber: Any = None
         self.order: list[str] = []
         self.events: list[Event] = []
         self._scripts: list[tuple[Callable[[Event], bool], float, Callable[[], Any]]] = []
@@ -155,7 +156,8 @@ class Batch:
     def run(self) -> State:
         """Run to the end; assert that every unit ends exactly once."""
         slots = tuple(unit.slot() for unit in self.units)
-        Sequencer(RunContext(self.task, self.table, slots, self.clock, self._take, self.control)).run()
+        context = RunContext(self.task, self.table, slots, self.clock, self._take, self.control, chamber=self.chamber)
+        Sequencer(context).run()
         assert [len(unit.ends) for unit in self.units] == [1] * len(self.units)
         return State(self.of(StateChanged)[-1].state)
 

@@ -25,26 +25,31 @@ from procedures.temperature import Schedule, plan
 from tests.helpers import raises_code
 from tests.sequencer.fake_chamber import FakeChamber
 from tests.sequencer.fakes import GEOMETRY, FakeClock, Scene, verdict
+from tests.sequencer.test_sequencer_batch import Batch
 
 MOVES = [(0.0, 0.0, 3.0), (90.0, 0.0, 3.0), (0.0, 0.0, 3.0)]
 SOAK = {"unit_rate_below_c_per_min": 0.2, "hold_s": 20.0, "at_most_s": 3600.0}
 LIMITS = ChamberLimits({"chamber": (-70.0, 180.0)}, max_rate=0.5, ambient=23.0, dew_point=15.0)
 
 
+def stage(points: list[float], soak: Any = None, ramp: float | None = None) -> StagePlan:
+    """The stage temperature with short moves."""
+    schedule = Schedule(
+        points_c=points,
+        ramp_c_per_min=ramp,
+        soak={**SOAK, **(soak or {})},
+        moves=MOVES,
+        rate_dps=50.0,
+        acceleration_dps2=50.0,
+    )
+    return StagePlan("temperature", lambda: plan(GEOMETRY, schedule), StopRule(rounds=len(points), repeated=True))
+
+
 class Thermal(Scene):
     """A scene with a chamber and the stage temperature."""
 
     def __init__(self, points: list[float], soak: Any = None, *, ramp: float | None = None, **chamber: Any) -> None:
-        schedule = Schedule(
-            points_c=points,
-            ramp_c_per_min=ramp,
-            soak={**SOAK, **(soak or {})},
-            moves=MOVES,
-            rate_dps=50.0,
-            acceleration_dps2=50.0,
-        )
-        stage = StagePlan("temperature", lambda: plan(GEOMETRY, schedule), StopRule(rounds=len(points), repeated=True))
-        super().__init__(stage)
+        super().__init__(stage(points, soak, ramp))
         self.task = replace(self.task, chamber=LIMITS)
         self.passes = False
         self.chamber = self.imu.chamber = FakeChamber(self.clock.now, **{"rate": 0.5, "lag": 60.0, **chamber})
@@ -240,3 +245,31 @@ def test_the_temperature_of_the_chamber_is_recorded() -> None:
     air = block.chamber[~np.isnan(block.chamber)]
     assert air[-1] == pytest.approx(40.0, abs=1.0)
     assert len(air) > 100
+
+
+def test_all_units_of_a_batch_must_be_steady_and_one_that_is_not_leaves() -> None:
+    batch = Batch(2, stage([40.0], {"at_most_s": 900.0}))
+    batch.task = replace(batch.task, chamber=LIMITS)
+    batch.chamber = FakeChamber(batch.clock.now, rate=0.5, lag=60.0)
+    steady, drifting = batch.units
+    steady.imu.chamber = batch.chamber
+    drifting.imu.chamber = Drifting(batch.clock)
+    batch.run()
+    soaked = next(event for event in batch.of(Message) if event.id == "soaked")
+    assert soaked.values["minutes"] == pytest.approx(15.0, abs=0.2)
+    (ended,) = drifting.ends
+    assert ended.error is not None
+    assert ended.error.code == "temperature.not_steady"
+    assert steady.ends[0].state is State.DONE
+    assert len(batch.of(PointCompleted)) == 1
+
+
+class Drifting:
+    """A unit whose temperature rises by 0.6 K/min."""
+
+    def __init__(self, clock: FakeClock) -> None:
+        self._clock = clock
+
+    @property
+    def unit(self) -> float:
+        return 35.0 + 0.01 * self._clock.now()
