@@ -72,6 +72,7 @@ from calstation.config.slots import (
     STATION_ENTRIES,
     LinkDefaults,
     SlotSection,
+    chamber_defaults,
     imu_defaults,
     is_manual_table,
     profile_takes_single_unit,

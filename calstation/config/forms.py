@@ -38,6 +38,7 @@ _UNITS_BY_END = {
     "mps2": "m/s²",
     "s": "s",
     "ppm": "ppm",
+    "c": "°C",
 }
 
 

@@ -10,7 +10,14 @@ from pydantic import Field, field_validator
 from calstation.config import library
 from calstation.config.product import load_product
 from calstation.devices.links import CAN, SOCKETS, UDP, can_port, host_and_port, udp_address
-from calstation.devices.profiles import SerialSettings, TableProfile, load_imu_profile, load_table_profile
+from calstation.devices.profiles import (
+    ChamberModbusSection,
+    SerialSettings,
+    TableProfile,
+    load_chamber_profile,
+    load_imu_profile,
+    load_table_profile,
+)
 from calstation.errors import ConfigurationError
 from calstation.schema import EntryError, StrictModel
 
@@ -113,6 +120,16 @@ def table_defaults(profile: str) -> LinkDefaults | None:
     except ConfigurationError:
         return None
     return LinkDefaults(table.serial, table.timeout_s, table.unit, table.by_hand)
+
+
+def chamber_defaults(profile: str) -> LinkDefaults | None:
+    """Return the link settings of a chamber profile; None if there is no valid profile with this name."""
+    try:
+        section = load_chamber_profile(library.find("chambers", profile)).section
+    except ConfigurationError:
+        return None
+    unit = section.unit if isinstance(section, ChamberModbusSection) else None
+    return LinkDefaults(section.serial, section.timeout_s, unit)
 
 
 def imu_defaults(product: Path | None, profile: str | None = None) -> LinkDefaults | None:

@@ -69,7 +69,8 @@ class PageDriver:
 
     def findings(self, device: str) -> list[str]:
         """Wait for a connection test; return the sentences of its findings."""
-        panel = (self.page.table_link if device == "table" else self.page.imus.link).test
+        links = {"table": self.page.table_link, "chamber": self.page.chamber_link, "imu": self.page.imus.link}
+        panel = links[device].test
         self._bot.waitUntil(lambda: panel.report is not None, timeout=60_000)
         labels = panel._lines.findChildren(QLabel)
         return [label.text() for label in labels if label.text()]

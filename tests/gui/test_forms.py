@@ -21,7 +21,7 @@ from tests.gui.station_driver import PIN, PageDriver, station_page
 
 pytestmark = pytest.mark.long
 
-PROFILES = 8
+PROFILES = 9
 
 
 class FormDriver(PageDriver):

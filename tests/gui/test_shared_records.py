@@ -15,7 +15,7 @@ from calstation.results import History
 from tests.database.result_files import write_result
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
 
-RECORDS = 4
+RECORDS = 5
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ from tests.gui.test_forms import FormDriver
 
 pytestmark = pytest.mark.long
 
-LABORATORY, OPERATORS = 5, 6
+LABORATORY, OPERATORS = 6, 7
 
 
 class ListDriver(FormDriver):

@@ -45,7 +45,19 @@ from tests.site_folder import STATION as STATION_DATA
 
 pytestmark = pytest.mark.long
 
-STATION, TABLE_LINK, IMU_LINK, SITE, RECORDS, LABORATORY, OPERATORS, TABLE, PROFILES, PERSONAL = range(10)
+(
+    STATION,
+    TABLE_LINK,
+    CHAMBER_LINK,
+    IMU_LINK,
+    SITE,
+    RECORDS,
+    LABORATORY,
+    OPERATORS,
+    TABLE,
+    PROFILES,
+    PERSONAL,
+) = range(11)
 LATCHED = DeviceFaultError("table.latched_interlock", fault="interlock", station_options="")
 
 
@@ -438,6 +450,42 @@ def test_connection_tests_of_the_virtual_bench_pass(page_driver: PageDriver) -> 
         assert not page_driver.find(QPushButton, f"test_{device}_button").isEnabled()
         assert finding in page_driver.findings(device)
         assert page_driver.find(QWidget, f"{device}_test_badge").text() == "The link works"
+
+
+def test_a_chamber_is_chosen_described_and_tested(page_driver: PageDriver, chinese: Callable[[], None]) -> None:
+    page_driver.show_section(CHAMBER_LINK)
+    page = page_driver.page
+    assert not page.chamber_link.test.isVisible(), "there is no chamber"
+    page_driver.choose("chamber_profile_combo", "virtual_chamber")
+    page_driver.type("chamber_ambient_c_edit", "21")
+    page_driver.type("chamber_dew_point_c_edit", "22")
+    assert (
+        page_driver.message("chamber_dew_point_c") == "The dew point 22 °C is not below the ambient temperature 21 °C."
+    )
+    page_driver.type("chamber_dew_point_c_edit", "12.5")
+    assert page.drafts.station.value(("chamber",)) == {
+        "profile": "virtual_chamber",
+        "ambient_c": 21.0,
+        "dew_point_c": 12.5,
+    }
+    assert page.nav.item(CHAMBER_LINK).text() == "Link to the chamber ●"
+    page_driver.press("test_chamber_button")
+    assert "Chamber bench-chamber." in page_driver.findings("chamber")
+    chinese()
+    assert page.nav.item(CHAMBER_LINK).text() == "温箱连接 ●"
+    page_driver.choose("chamber_profile_combo", "无温箱")
+    assert page.drafts.station.value(("chamber",)) is None
+    assert not page.drafts.station.dirty
+
+
+def test_a_chamber_of_a_station_with_hardware_needs_a_port(page_driver: PageDriver) -> None:
+    page_driver.copy_station("line_3")
+    page_driver.show_section(CHAMBER_LINK)
+    page_driver.choose("chamber_profile_combo", "simserv")
+    page_driver.choose("chamber_way_combo", "network (TCP)")
+    assert page_driver.message("chamber_port").startswith("The port is missing.")
+    page_driver.type("chamber_port_edit", "192.168.0.50:2049")
+    assert page_driver.page.drafts.station.value(("chamber", "port")) == "tcp://192.168.0.50:2049"
 
 
 def test_a_missing_port_is_explained_in_both_languages(page_driver: PageDriver, chinese: Callable[[], None]) -> None:

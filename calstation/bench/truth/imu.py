@@ -377,9 +377,10 @@ class SensorStream:
     def _enter_cell(self, thermal: UnitThermal, outer: JointProfile, inner: JointProfile) -> None:
         """Advance the temperatures to the next part of the time, in which the parameters are constant."""
         now = np.array([self.produced * self._table_interval - self._begin])
-        angles = [float(joint.states(now)[0, 0]) for joint in (outer, inner)]
+        outer_angle, inner_angle = (float(joint.states(now)[0, 0]) for joint in (outer, inner))
         force = self._field[0]
-        thermal.step(self._air(), to_body(self._chain, *angles, force / np.linalg.norm(force)))
+        up = force / np.linalg.norm(force)
+        thermal.step(self._air(), to_body(self._chain, outer_angle, inner_angle, up))
         self._model = replace(self._imu, parameters=thermal.parameters(self._imu.parameters)).error_model()
 
     def _produce(self, count: int, outer: JointProfile, inner: JointProfile) -> StreamOutput:

@@ -150,7 +150,7 @@ class UnitThermal:
         settings = self._settings
         moving = settings.rate_term * _RATE_SHARE * 60.0 * self._slopes * rate
         remaining = settings.hysteresis * _HYSTERESIS_SHARE * self._loops * loop
-        return self.steady(base, temperature) + self._size * self._is_bias * (moving + remaining)
+        return np.asarray(self.steady(base, temperature) + self._size * self._is_bias * (moving + remaining))
 
     def steady(self, base: FloatArray, temperature: FloatArray | float) -> FloatArray:
         """Return the parameters of a unit that rests at a temperature, °C, without hysteresis, SI, shape (30,).
@@ -161,7 +161,7 @@ class UnitThermal:
         temperature : temperature of all places, or of the place of each parameter, shape (30,)
         """
         shape = self._shape(np.broadcast_to(temperature, COUNT)) - self._shape(np.full(COUNT, REFERENCE))
-        return base + self._size * shape
+        return np.asarray(base + self._size * shape)
 
     def _shape(self, temperature: FloatArray) -> FloatArray:
         saturating = np.tanh((temperature - self._centres[0]) / self._widths[0])

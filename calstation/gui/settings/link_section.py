@@ -12,11 +12,19 @@ from calstation.config import (
     LinkDefaults,
     StationConfig,
     at_slot,
+    chamber_defaults,
     imu_defaults,
     library,
     table_defaults,
 )
-from calstation.connection import LinkTestRequest, SerialPortInfo, check_imu_link, check_table_link, discover_ports
+from calstation.connection import (
+    LinkTestRequest,
+    SerialPortInfo,
+    check_chamber_link,
+    check_imu_link,
+    check_table_link,
+    discover_ports,
+)
 from calstation.errors import CalstationError
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import EDITOR, LABEL, AddressEdit, Field, PortBox, Row, Section
@@ -52,7 +60,7 @@ _SERIAL_KEYS = {"baud", "data_bits", "parity", "stop_bits"}
 
 
 class LinkSection(Section):
-    """The section for the link to the ``table`` or ``imu`` of a station, or to the unit in a slot, counted from 0."""
+    """The section for the link to a device, ``table``, ``chamber`` or ``imu``, or to the unit in a slot, from 0."""
 
     def __init__(self, app: AppContext, device: str, draft: Draft, slot: int | None = None) -> None:
         super().__init__(draft)
@@ -65,6 +73,8 @@ class LinkSection(Section):
         self._note = label(wrap=True)
         self._note.setMinimumWidth(LABEL + EDITOR + 2 * theme.GRID)
         self.kind_box = ChoiceBox(self._kinds, f"{device}_way_combo")
+        self.profile_box = ChoiceBox(self._profiles, "chamber_profile_combo")
+        self.profile_box.typed.connect(self._select_profile)
         self.line_box = ChoiceBox(self._line_choices, f"{device}_own_serial_combo")
         self.kind_box.typed.connect(self._select_kind)
         self.line_box.typed.connect(self._select_line)
@@ -74,7 +84,7 @@ class LinkSection(Section):
         self.test = TestPanel(app, device, self._station, self._slot)
         self._make_form()
         self._heading = label(kind="section", wrap=True)
-        left = column(self._heading, self._note, self._form, None)
+        left = column(self._heading, self._choice, self._note, self._form, self._room, None)
         row(left, (self.test, 1), on=self, spacing=3 * theme.GRID)
         app.product_changed.connect(self.refresh)
         self.connect_draft()
@@ -82,7 +92,7 @@ class LinkSection(Section):
     def _make_form(self) -> None:
         draft, device = self._draft, self._device
         port, serial = (*self._key_path, "port"), (*self._key_path, "serial")
-        schemes = _NETWORK if device == "table" else {"socket": _NETWORK["socket"]}
+        schemes = _NETWORK if device != "imu" else {"socket": _NETWORK["socket"]}
         self._ports = {"serial": Field(draft, port, self.port_box, hint=self._port_hint)}
         for scheme, number in schemes.items():
             self._ports[scheme] = Field(draft, port, AddressEdit(scheme, number), name="address")
@@ -98,6 +108,10 @@ class LinkSection(Section):
         ports = (*self._ports.values(), self._search_row)
         others = (self._unit, timeout, self._line_row, *self._line_fields)
         self._form = box(Row(self.kind_box, "way"), *ports, *others, None)
+        keys = ("ambient_c", "dew_point_c", "agreement_c") if device == "chamber" else ()
+        self._room = box(*(Field(draft, (device, key)) for key in keys), None)
+        self._choice = Row(self.profile_box, "chamber_profile")
+        self._choice.setVisible(device == "chamber")
 
     def lock(self, reason: str) -> None:
         """Disable changes and show `reason` in tooltips; "" enables them."""
@@ -113,14 +127,20 @@ class LinkSection(Section):
     def refresh(self) -> None:
         """Show the values of the draft."""
         draft, table = self._draft, self._device == "table"
-        profile = str(draft.value(("table", "profile")) or "")
-        self._defaults = defaults = table_defaults(profile) if table else self._imu_defaults()
+        profile = str(draft.value((self._device, "profile")) or "")
+        defaults_of = {"table": table_defaults, "chamber": chamber_defaults}.get(self._device)
+        self._defaults = defaults = self._imu_defaults() if defaults_of is None else defaults_of(profile)
         self._heading.setText(self._title())
+        absent = self._device == "chamber" and draft.value(("chamber",)) is None
+        self.profile_box.fill()
+        self.profile_box.show_value(profile or None)
+        self._room.setVisible(self._device == "chamber" and not absent)
+        self.test.setVisible(not absent)
         by_hand = defaults is not None and defaults.by_hand
         fixed = by_hand or draft.value(("bench",)) is not None
         self._note.setText(say("setting.no_link_by_hand" if by_hand else "setting.no_link_of_bench"))
-        self._note.setVisible(fixed)
-        self._form.setVisible(not fixed)
+        self._note.setVisible(fixed and not absent)
+        self._form.setVisible(not fixed and not absent)
         port = str(draft.value((*self._key_path, "port")) or "")
         scheme = port.partition("://")[0]
         kind = scheme if scheme in self._ports else "serial"
@@ -145,8 +165,8 @@ class LinkSection(Section):
         self.test.refresh()
 
     def _title(self) -> str:
-        if self._device == "table":
-            return say("settings.link_to_table")
+        if self._device != "imu":
+            return say(f"settings.link_to_{self._device}")
         slot = self._slot()
         return say("settings.link_to_imu") if slot is None else say("settings.link_to_slot", slot=slot)
 
@@ -165,6 +185,14 @@ class LinkSection(Section):
     def _station(self) -> StationConfig | None:
         model = self._draft.model
         return model if isinstance(model, StationConfig) else None
+
+    def _profiles(self) -> list[tuple[Any, str]]:
+        return [(None, say("settings.no_chamber")), *((name, name) for name in library.names("chambers"))]
+
+    def _select_profile(self) -> None:
+        """Choose another chamber, or none."""
+        name = self.profile_box.value()
+        self._draft.set({("chamber",): None} if name is None else {("chamber", "profile"): name})
 
     def _select_kind(self) -> None:
         """Change the kind of connection, and restore its last address."""
@@ -215,7 +243,7 @@ _RESETTABLE = ("fault", "fault_untold")
 
 
 class TestPanel(QFrame):
-    """A panel that tests the link to the ``table`` or ``imu``, and shows the findings.
+    """A panel that tests the link to the ``table``, ``chamber`` or ``imu``, and shows the findings.
 
     `station` returns the station, or None while its values are invalid; `slot` returns the name of the slot or None.
     """
@@ -242,8 +270,8 @@ class TestPanel(QFrame):
         self.product_box.typed.connect(self.refresh)
         self.button = button(f"test_{device}_button", f"settings.test_{device}", self.start, kind="primary")
         self.button.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
-        work = check_table_link if device == "table" else check_imu_link
-        self.watch = app.job(self, work, self._done, failed=self._failed, cancelled=self._show_running)
+        works = {"table": check_table_link, "chamber": check_chamber_link, "imu": check_imu_link}
+        self.watch = app.job(self, works[device], self._done, failed=self._failed, cancelled=self._show_running)
         self.watch.progress.connect(self._show_note)
         self._progress, self._note = JobRow(self.watch), label(kind="muted")
         self.badge = StateBadge(theme.SECTION, f"{device}_test_badge")
@@ -330,6 +358,8 @@ class TestPanel(QFrame):
         """Return the settings that a test depends on."""
         if self._device == "table":
             return (station.table, station.bench)
+        if self._device == "chamber":
+            return (station.chamber, station.bench)
         unit = at_slot(station, self._slot())
         return (unit.imu, unit.site, self._product(), unit.bench)
 

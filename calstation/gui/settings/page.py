@@ -43,10 +43,11 @@ from calstation.schema import KeyPath
 
 _NAV_WIDTH = 26 * theme.GRID
 _LINK_KEYS = ("port", "timeout_s", "serial")
-#: Key paths in the station file that the first seven sections edit.
+#: Key paths in the station file that the first eight sections edit.
 _SECTION_KEYS: tuple[tuple[KeyPath, ...], ...] = (
     (("name",), ("product",), ("table", "profile"), ("handover",), ("bench",)),
     (*(("table", key) for key in _LINK_KEYS), ("table", "unit")),
+    (("chamber",),),
     (*(("imu", key) for key in _LINK_KEYS), ("slots",)),
     (("site",),),
     (("records",),),
@@ -73,12 +74,14 @@ class StationPage(Page):
         self._new_bar.created.connect(lambda _, path: self._use(path))
         self.header = self._make_header()
         self.table_link = LinkSection(app, "table", self.drafts.station)
+        self.chamber_link = LinkSection(app, "chamber", self.drafts.station)
         self.imus = ImuSection(app, self.drafts.station)
         self.profiles = ProfilesSection(app, self.drafts)
         self.personal = PersonalSection(app)
         self._sections = (
             StationSection(self.drafts.station),
             self.table_link,
+            self.chamber_link,
             self.imus,
             SiteSection(self.drafts.station),
             RecordsSection(app, self.drafts.station),
@@ -112,7 +115,10 @@ class StationPage(Page):
             ProfilesSection: "reference/profiles.md",
             PersonalSection: "how-to/production-line.md#sounds",
         }
-        return places.get(type(self._sections[self.nav.currentRow()]), "how-to/connect.md#in-six-steps")
+        section = self._sections[self.nav.currentRow()]
+        if section is self.chamber_link:
+            return "how-to/connect.md#connect-a-chamber"
+        return places.get(type(section), "how-to/connect.md#in-six-steps")
 
     def _make_header(self) -> QWidget:
         self.station_box = ChoiceBox(self._stations, "station_combo")
@@ -286,7 +292,13 @@ class StationPage(Page):
         station, table = self.drafts.station, self.drafts.table
         edited = [any(station.differs(key_path) for key_path in key_paths) for key_paths in _SECTION_KEYS]
         edited += [table.dirty, any(draft not in (station, table) for draft in self.drafts.dirty), False]
-        titles = ("common.station", "settings.link_to_table", self.imus.title, *_OTHER_TITLES)
+        titles = (
+            "common.station",
+            "settings.link_to_table",
+            "settings.link_to_chamber",
+            self.imus.title,
+            *_OTHER_TITLES,
+        )
         for number, (title, dot) in enumerate(zip(titles, edited, strict=True)):
             self.nav.item(number).setText(f"{say(title)} ●" if dot else say(title))
 

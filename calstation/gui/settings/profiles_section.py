@@ -157,7 +157,7 @@ class ProfilesSection(QWidget):
         self._fill()
 
     def _make_choice(self) -> None:
-        kinds = ("products", "imus", "tables", "stations")
+        kinds = ("products", "imus", "tables", "chambers", "stations")
         self.kind_box = ChoiceBox(lambda: [(k, say(f"settings.kind_{k}")) for k in kinds], "file_kind_combo")
         self.kind_box.show_value("products")
         self.kind_box.setMinimumWidth(18 * theme.GRID)
