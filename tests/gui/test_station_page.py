@@ -459,8 +459,8 @@ def test_a_chamber_is_chosen_described_and_tested(page_driver: PageDriver, chine
     page_driver.choose("chamber_profile_combo", "virtual_chamber")
     page_driver.type("chamber_ambient_c_edit", "21")
     page_driver.type("chamber_dew_point_c_edit", "22")
-    assert (
-        page_driver.message("chamber_dew_point_c") == "The dew point 22 °C is not below the ambient temperature 21 °C."
+    assert page_driver.message("chamber_dew_point_c").startswith(
+        "The dew point 22 °C is not below the ambient temperature 21 °C."
     )
     page_driver.type("chamber_dew_point_c_edit", "12.5")
     assert page.drafts.station.value(("chamber",)) == {
