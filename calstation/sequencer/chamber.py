@@ -19,6 +19,9 @@ POLL_INTERVAL = 2.0
 #: Largest temperature of metal that may be touched for minutes, °C (ISO 13732-1: 48 °C for 10 min, 43 °C for 8 h).
 TOUCHABLE_C = 43.0
 
+#: Smallest step of the set point on a ramp, K, because some controllers store each one in a memory that wears out.
+_LEAST_STEP = 0.1
+
 #: Largest excess of the air beyond the range of a device, K.
 _OVERSHOOT = 5.0
 
@@ -33,6 +36,9 @@ _REPORT_INTERVAL = 60.0
 
 #: Station time at ambient after which a unit whose temperature is unknown may be touched, s.
 _BLIND_SOAK = 1800.0
+
+#: Station time for which the chamber may be silent on its way to ambient, s.
+_SILENCE = 300.0
 
 #: Station time in which the chamber must return to ambient before it is reported as a failure, s.
 _RETURN_TIME = 4.0 * 3600.0
@@ -177,15 +183,17 @@ class ChamberControl:
         failures: list[Text] = []
         if self._has_begun:
             attempt(lambda: self._wait_until_safe(units, tick), failures)
+        if failures:
+            self._emit(Message("chamber_unknown", {"ambient_c": self.limits.ambient}))
         return failures
 
     def _wait_until_safe(self, units: Callable[[], Mapping[str, float]], tick: Callable[[], None]) -> None:
-        begin = reported_at = self._clock.now()
+        begin = reported_at = answered_at = self._clock.now()
         arrived_at = math.inf
         while True:
             now = self._clock.now()
-            if now - self._polled_at >= POLL_INTERVAL:
-                self._poll(now, units())
+            if now - max(self._polled_at, answered_at) >= POLL_INTERVAL and self._answers(now, units(), answered_at):
+                answered_at = now
                 at_ambient = self._distance <= self.limits.tolerance + _OVERSHOOT
                 arrived_at = min(arrived_at, now) if at_ambient else math.inf
                 if now >= arrived_at + (0.0 if self._units else _BLIND_SOAK) and self.may_open:
@@ -199,6 +207,18 @@ class ChamberControl:
         self._chamber.stop()
         self._has_begun = False
         self._emit(Message("chamber_may_be_opened", self._temperatures()))
+
+    def _answers(self, now: float, units: Mapping[str, float], answered_at: float) -> bool:
+        """Poll the chamber and return whether it answers. Raises DeviceFaultError once it has been silent for long."""
+        try:
+            self._poll(now, units)
+            if not abs(self.status.set_point_c - self.limits.ambient) <= self.limits.tolerance:
+                self._send(self.limits.ambient)
+        except DeviceFaultError:
+            if now - answered_at > _SILENCE:
+                raise
+            return False
+        return True
 
     @property
     def _distance(self) -> float:
@@ -218,9 +238,12 @@ class ChamberControl:
         self.status, self._expected = self._chamber.status(), self._set_point
         step = self._rate * (now - self._led_at)
         gap = self.target - self._set_point
-        if gap:
-            self._send(self.target if abs(gap) <= step else self._set_point + math.copysign(step, gap))
-        self._led_at = self._polled_at = now
+        if abs(gap) <= step and gap:
+            self._send(self.target)
+        elif step >= _LEAST_STEP and gap:
+            self._send(self._set_point + math.copysign(step, gap))
+            self._led_at = now
+        self._polled_at = now
         self._units = {slot: value for slot, value in units.items() if math.isfinite(value)}
         self._air.append((now, self.status.air_c, self._distance))
         values = self.status.air_c, self._set_point, self.target, self.remaining
@@ -252,7 +275,7 @@ class ChamberControl:
         while now - self._air[1][0] >= limits.follow_time:
             self._air.popleft()
         gap = abs(self._set_point - air)
-        if min(gap for _, _, gap in self._air) <= limits.tolerance:
+        if min(distance for _, _, distance in self._air) <= limits.tolerance:
             return
         if all(value == air for time, value, _ in self._air if now - time <= 0.5 * limits.follow_time):
             raise DeviceFaultError("chamber.sensor_stuck", air_c=air, set_point_c=self._set_point)

@@ -88,6 +88,8 @@ TT_NAME = (b"IDEN?\r\n", b"8800\xb0 CM2\r\n")
                 *F4T_POLL,
                 (b":SOURCE:CLOOP1:SPOINT -12.5\n", b""),
                 F4T_POLL[1],
+                (b":SOURCE:CLOOP1:RACTION OFF\n", b""),
+                F4T_POLL[1],
                 (b":OUTPUT1:STATE ON\n", b""),
                 F4T_POLL[1],
                 (b":OUTPUT1:STATE OFF\n", b""),

@@ -85,6 +85,15 @@ def test_the_set_point_follows_the_ramp_and_the_target_is_reached() -> None:
     assert from_json(to_json(changed)) == changed
 
 
+def test_a_slow_ramp_sends_few_set_points_that_follow_it() -> None:
+    station = at(23.0)
+    station.control.ramp(33.0, 0.5 / 60.0)
+    for _ in range(60):
+        station.run(20.0)
+        assert station.chamber.goal == pytest.approx(min(23.0 + station.clock.now() * 0.5 / 60.0, 33.0), abs=0.13)
+    assert len([c for c in station.chamber.commands if c[0] == "set_point"]) <= 102
+
+
 @pytest.mark.parametrize(
     ("change", "code"),
     [
@@ -163,6 +172,18 @@ def test_a_chamber_that_fails_on_the_way_to_ambient_is_reported_and_not_switched
     failures = station.control.safe() + station.control.wait_until_safe(station.units, station.tick)
     assert [failure.code for failure in failures] == ["chamber.alarm", "chamber.alarm"]
     assert station.chamber.running
+    assert station.clock.now() == pytest.approx(300.0, abs=10.0)
+    assert station.messages()[-1] == "chamber_unknown"
+
+
+def test_a_chamber_that_answers_again_is_sent_to_ambient_again() -> None:
+    station = at(-40.0)
+    station.chamber.error = DeviceFaultError("chamber.alarm", alarm="link")
+    station.clock.at(100.0, lambda: setattr(station.chamber, "error", None))
+    assert len(station.control.safe()) == 1
+    assert station.control.wait_until_safe(station.units, station.tick) == []
+    assert station.chamber.goal == 23.0
+    assert station.messages()[-1] == "chamber_may_be_opened"
 
 
 def test_a_chamber_that_never_returns_is_reported() -> None:

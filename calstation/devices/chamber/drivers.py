@@ -13,8 +13,6 @@ from calstation.devices.links import ModbusLink, PortLostError, TextLink, Unexpe
 from calstation.devices.profiles import ChamberModbusSection, ChamberProfile, ChamberTextSection, Flag, SerialSettings
 from calstation.errors import DeviceFaultError
 
-_OWN = "chamber."
-
 T = TypeVar("T")
 
 
@@ -24,8 +22,6 @@ def _as_chamber() -> Iterator[None]:
     try:
         yield
     except DeviceFaultError as error:
-        if error.code.startswith(_OWN):
-            raise
         raise DeviceFaultError("chamber.link", reason=error.as_text) from error
 
 
@@ -68,8 +64,9 @@ class TextChamber(Chamber):
         """Return what the chamber says about itself, and ask the queries that are asked only once."""
         with _as_chamber():
             found = self._ask("identity")["model"]
-            if self._profile.model not in found:
-                raise OtherModelError("chamber.other_model", found=found, expected=self._profile.model)
+        if self._profile.model not in found:
+            raise OtherModelError("chamber.other_model", found=found, expected=self._profile.model)
+        with _as_chamber():
             for name in self._text.queries:
                 if name not in ("identity", *self._text.polled):
                     self._ask(name)
