@@ -219,7 +219,7 @@ class RunDetails(QFrame):
         """Update the possible actions."""
         if actions != self._actions:
             self._actions = actions
-            self._show()
+            self._show_actions()
 
     def _make_room(self, open_: bool = False) -> None:
         """Show the plot that the tabs select, and none while inputs are `open_`."""
@@ -259,7 +259,6 @@ class RunDetails(QFrame):
             return
         self._serial.setText(run.serial)
         self.badge.show_state(KINDS.get(run.verdict, "none"), term("badge", run.badge))
-        show_text(self.reason_label, "\n".join(filter(None, (*advice.override_notes(result), self._reason(run)))))
         lines = []
         if result is not None and result.verdict.judged:
             failed = result.failed_checks
@@ -269,6 +268,15 @@ class RunDetails(QFrame):
         show_text(self.failed_label, "\n".join(lines))
         self._figures.show_result(result)
         self._fill_facts(run)
+        self._show_actions()
+
+    def _show_actions(self) -> None:
+        """Show the reason for the outcome and the buttons, which both depend on the possible actions."""
+        run = self._run
+        if run is None:
+            return
+        notes = advice.override_notes(self._result)
+        show_text(self.reason_label, "\n".join(filter(None, (*notes, self._reason(run)))))
         self._update_buttons(run)
 
     def _reason(self, run: RunRecord) -> str:
