@@ -184,6 +184,7 @@ class BenchConfig(Settings):
     gyro_steps: tuple[Pair, ...] = ()
     body: BodySettings | None = None
     chamber: ChamberSettings | None = None
+    thermal_registers: bool = False
     thermal: ThermalSettings = ThermalSettings()
     secondaries: tuple["BenchConfig", ...] = ()
     ready_time_s: NonNegative = 1.0

@@ -4,6 +4,14 @@ This package uses no filter, file or device.
 """
 
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
+from calstation.physics.coefficients import (
+    MAX_POWER,
+    TEMPERATURES,
+    coefficient,
+    highest_powers,
+    is_over_temperature,
+    values_at,
+)
 from calstation.physics.earth import RATE, normal_gravity, rotation_rate
 from calstation.physics.effects import CHANGING_GROUPS, EFFECTS, OF_ACCELEROMETERS, Effect, Motion, OuterTurn, Term
 from calstation.physics.further_parameters import (

@@ -72,7 +72,7 @@ class Soak:
     slope: float  #: Rate of change below which a unit is steady, K/min.
     hold: float  #: Duration for which it must be steady, s.
     timeout: float  #: Longest duration, s.
-    index: int  #: Number of this soak, from 1.
+    index: int  #: Number of this soak, from 1; 0 for one before a verification of registers.
     count: int  #: Total number of soaks.
 
 

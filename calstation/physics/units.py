@@ -6,6 +6,7 @@ from decimal import Decimal
 
 import numpy as np
 
+from calstation.physics.coefficients import TEMPERATURES, coefficient
 from calstation.physics.further_parameters import EFFECT_PARAMETERS, PAIR_PARAMETERS, group_of
 from calstation.physics.parameters import PARAMETERS
 
@@ -43,6 +44,9 @@ _BY_UNIT: dict[str, tuple[str, float]] = {
     "1": ("ppm", 1e-6),
 }
 
+#: Powers of a unit, from 0.
+_POWERS = ("⁰", "", "²", "³", "⁴", "⁵", "⁶")
+
 #: Display unit of each parameter group and its size in SI, which follow from its SI unit with three exceptions.
 DISPLAY: dict[str, tuple[str, float]] = {
     **{p.group: _BY_UNIT[p.unit] for p in PARAMETERS},
@@ -70,6 +74,11 @@ def unit_of(unit: str) -> tuple[str, float]:
 
 def unit_of_parameter(name: str) -> tuple[str, float]:
     """Return the display unit of a parameter or group, and its size in SI. Raises KeyError for an unknown name."""
+    if name in TEMPERATURES:
+        return "°C", 1.0
+    if (term := coefficient(name)) is not None:
+        unit, size = unit_of_parameter(term[0])
+        return f"{unit}/K{_POWERS[term[1]]}", size
     return DISPLAY[group_of(name)]
 
 

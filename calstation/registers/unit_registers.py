@@ -110,6 +110,7 @@ def target_registers(progress: ProgressCallback, request: RunRequest, result: Re
     if result.product and result.product != setup.product.name:
         raise InputError("transfer.result_other_product", product=setup.product.name, result_product=result.product)
     estimates = {name: parameter.value for name, parameter in result.parameters.items()}
+    estimates |= {} if result.temperature is None else result.temperature.registers
     registers = result.registers or Registers()
     written = registers.new if registers.verified else None
     if setup.after_registers and not written:

@@ -40,6 +40,7 @@ from calstation.physics import (
     group_vector,
     parameter_vector,
     rotation_matrix,
+    values_at,
 )
 from calstation.records import context_from_meta, prior_from_meta
 from calstation.sequencer import JointDrift, RunInBackground, TurnData, VerificationData
@@ -89,6 +90,11 @@ class AppliedRegisters:
 
     current: Mapping[str, float]
     reference: Mapping[str, float] | None = None
+
+    def at(self, temperature: float | None) -> "AppliedRegisters":
+        """Return the parameters that the unit applies at a temperature of its own sensor, °C."""
+        reference = None if self.reference is None else values_at(self.reference, temperature)
+        return AppliedRegisters(values_at(self.current, temperature), reference)
 
 
 def finish_verification(
@@ -195,6 +201,7 @@ def verify_output(
     joints : `value` and `sigma` of each gyro misalignment relative to a gimbal's joint axes, if a run has measured them
     effects : sizes of known effects without a register, SI by parameter
     """
+    registers = registers.at(data.temperature)
     if data.drifts:
         return tuple(_check_drift(drift, registers, covariance, context, joints) for drift in data.drifts)
     checks: list[VerificationCheck] = []

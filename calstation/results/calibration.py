@@ -69,13 +69,14 @@ def current_calibration(
     reason = Message("prior_no_calibration", {"serial": serial})
     for record in history.passed(serial):
         try:
-            registers = history.result(record).registers
+            result = history.result(record)
+            registers = result.registers
             same_imu = open_log(record.log).meta.imu == imu  # the parameters are relative to its nominal scales
         except InputError:
             continue
         if registers is None or not registers.verified or not registers.new or registers.estimate is None:
             continue
-        if not same_imu:
+        if not same_imu or result.temperature is not None:  # a polynomial is no prior at an unknown temperature
             continue
         if registers_read is not None and entries.differing(registers.new, registers_read):
             reason = Message("prior_other_registers", {"serial": serial})

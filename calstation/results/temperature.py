@@ -8,7 +8,16 @@ from pydantic import Field
 
 from calstation.errors import InputError
 from calstation.estimation.temperature import TemperatureFit, TemperaturePoint, compensate_each
-from calstation.physics import NAMES, OBSERVABLE, PARAMETERS, BoolArray, FloatArray, compensate, compensation
+from calstation.physics import (
+    NAMES,
+    OBSERVABLE,
+    PARAMETERS,
+    TEMPERATURES,
+    BoolArray,
+    FloatArray,
+    compensate,
+    compensation,
+)
 from calstation.schema import Number, ResultSection
 
 #: Number of temperatures at which the largest change over the range is searched.
@@ -150,6 +159,17 @@ class TemperatureResult(ResultSection):
                 return powers @ np.array(row.values), np.sqrt(np.maximum(variance, 0.0))
             first += len(row.values) + (row.rate is not None)
         raise KeyError(name)
+
+    @property
+    def registers(self) -> dict[str, float]:
+        """Coefficients of the powers from 1, and reference and range, °C, by the names of their registers."""
+        terms = {
+            f"{name}[{k}]": float(value)
+            for name, row in self.coefficients.items()
+            for k, value in enumerate(row.values)
+            if k > 0
+        }
+        return terms | dict(zip(TEMPERATURES, (self.reference_c, *self.range_c), strict=True))
 
     @classmethod
     def of(cls, fit: TemperatureFit, estimated: Sequence[str], at_reference: FloatArray) -> "TemperatureResult":

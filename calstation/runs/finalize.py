@@ -6,10 +6,13 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 
+import numpy as np
+
 from calstation.devices import Imu
 from calstation.devices.imu import Entry, TransferResult, flash_registers, transfer
 from calstation.estimation import Solution
 from calstation.estimation.common import Posterior
+from calstation.estimation.temperature import TemperatureFit
 from calstation.judgement import (
     StandardComparison,
     estimated_stage,
@@ -20,7 +23,7 @@ from calstation.judgement import (
     unobservable,
 )
 from calstation.messages import Text
-from calstation.physics import EFFECT_PARAMETERS, NAMES, compose
+from calstation.physics import EFFECT_PARAMETERS, NAMES, compose, highest_powers, is_over_temperature
 from calstation.records import context_from_meta
 from calstation.registers import (
     AppliedRegisters,
@@ -32,7 +35,7 @@ from calstation.registers import (
     without_register,
 )
 from calstation.registers import journal as register_journal
-from calstation.results import estimate_of
+from calstation.results import TemperatureResult, estimate_of
 from calstation.runs.closing import close_run
 from calstation.runs.preparation import OpenRun
 from calstation.sequencer import Message, RunEnd, RunInBackground, State, StopRequested, UnitDecision, VerificationData
@@ -59,6 +62,7 @@ class Finalization:
         self.will_fail = False
         #: Sizes of the effects in the unit's model, SI, by parameter.
         self._effects: dict[str, float] = {}
+        self._fit: TemperatureFit | None = None
 
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
         """Return a function that verifies a transfer completed before the run, or None if there is none."""
@@ -101,6 +105,10 @@ class Finalization:
                 run.emit(Message("latitude_untold", judgement.latitude))
         # a check standard is never adjusted
         to_write = judgement.passed is True and judgement.standard is None and bool(self._entries.parameters)
+        over = next((s.temperature for s in solutions if s.temperature is not None), None)
+        if to_write and over is not None and not self._can_store(over):
+            run.emit(Message("registers_without_temperature"))
+            to_write = False
         if to_write:
             self._target = self._registers_to_write(solutions)
         return UnitDecision(judgement, to_write)
@@ -174,7 +182,7 @@ class Finalization:
         checks = verify_output(
             data,
             AppliedRegisters(entry.new, entry.old if self._setup.after_registers else None),
-            without_register(self._posterior, entry.old),
+            without_register(self._posterior_at(data.temperature), entry.old),
             context_from_meta(run.meta),
             self._setup.repeatability,
             run.chain.solutions[-1].details["least_squares"] if data.drifts else None,
@@ -189,6 +197,14 @@ class Finalization:
         run.registers["estimate"] = estimate
         message = "registers_written" if data.corrected else "registers_read_back"
         run.emit(Message(message, {"count": len(self._transferred.registers_read)}))
+
+    def _posterior_at(self, temperature: float | None) -> Posterior:
+        """Return the posterior of the parameters at a temperature of the unit, °C, limited to the range of the fit."""
+        if self._posterior is None:
+            raise RuntimeError("nothing was transferred")
+        if self._fit is None or temperature is None:
+            return self._posterior
+        return self._fit.at(float(np.clip(temperature, *self._fit.model.range)))
 
     def ended(self, ended: RunEnd) -> None:
         """Write the result of the unit and emit its verdict."""
@@ -205,6 +221,14 @@ class Finalization:
         """Whether nothing is left to do after the judgement: the registers are kept, or were written and verified."""
         return not self._target or bool(self.run.registers.get("verified"))
 
+    def _can_store(self, fit: TemperatureFit) -> bool:
+        """Return whether the registers hold all powers of the temperature, and act on the temperature alone."""
+        highest = highest_powers(self._entries.parameters)
+        powers = [(NAMES[column.parameter], column.power or 0) for column in fit.model.columns]
+        return not self._setup.after_registers and all(
+            power <= highest[name] for name, power in powers if power and name in highest
+        )
+
     def _registers_to_write(self, solutions: tuple[Solution, ...]) -> dict[str, float]:
         """Return the registers of the parameters that a stage has estimated."""
         self._posterior = posterior = solutions[-1].posterior
@@ -212,7 +236,15 @@ class Finalization:
         effects = {p.name for p in EFFECT_PARAMETERS}
         self._effects = {n: e.value for s in solutions for n, e in s.estimates.items() if n in effects}
         estimates = {name: values[name] for name in estimated_stage(solutions)} | self._effects
-        return compose(self.run.meta.registers, estimates) if self._setup.after_registers else estimates
+        if self._setup.after_registers:
+            return compose(self.run.meta.registers, estimates)
+        # A calibration at one temperature replaces the coefficients, too, which would be applied on top of it.
+        over = dict.fromkeys(filter(is_over_temperature, self._entries.parameters), 0.0)
+        for solution in solutions:
+            if solution.temperature is not None:
+                over |= TemperatureResult.of(solution.temperature, solution.estimated).registers
+        self._fit = solutions[-1].temperature
+        return estimates | over
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
         log = self.run.log.path

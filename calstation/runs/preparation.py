@@ -82,7 +82,7 @@ class PreparedRun:
         continuation, serial, message = self.continuation, self.setup.request.serial, None
         attempt = 1 + self._attempts() if continuation is None else continuation.attempt
         meta = self.setup.log_meta(self.started, attempt, registers)
-        if registers is not None and is_partial(meta):
+        if registers is not None and is_partial(meta) and meta.temperature is None:
             calibration, message = current_calibration(self.history, self.setup, registers)
             if calibration is not None:
                 meta = calibration.prior(self.setup, meta)

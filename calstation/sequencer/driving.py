@@ -182,6 +182,7 @@ class RunDriver:
                 data[unit],
                 corrected=gimbal or unit.slot.unit.corrected is not Output.NEVER,
                 reference=references.get(unit),
+                temperature=unit.temperature,
             )
             for unit in self.units.of(data)
         }

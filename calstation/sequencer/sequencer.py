@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar, cast
 
 from calstation.errors import CalstationError
@@ -19,6 +20,9 @@ from calstation.sequencer.units import Unit
 
 if TYPE_CHECKING:
     from calstation.records import RawLogWriter
+
+#: Smallest difference of the temperature at which registers are verified from the last one of a stage, K.
+_OTHER = 10.0
 
 _Result = TypeVar("_Result")
 
@@ -104,6 +108,7 @@ class Sequencer:
             self._complete(unit for unit in units if unit not in writing)
         if not units.of(writing):
             return
+        self._soak_for_verification()
         self._context.emit(Message("reference"))
         drive.reference(units.of(writing), units.of(writing))
         try:
@@ -120,6 +125,19 @@ class Sequencer:
                 if unit.unverified:
                     unit.emit(Message("transfer_unproved"))
             raise
+
+    def _soak_for_verification(self) -> None:
+        """Go to another temperature than the last one of a stage, at which the new registers are verified."""
+        soaks = [step for stage in self._context.task.stages for step in stage.steps() if isinstance(step, Soak)]
+        limits = self._context.task.chamber
+        if not soaks or limits is None:
+            return
+        last, ambient = soaks[-1], limits.ambient
+        others = [t for t in (ambient, *(s.temperature for s in soaks)) if abs(t - last.temperature) >= _OTHER]
+        nearest = min(others, key=lambda t: abs(t - ambient), default=ambient)
+        self._context.control.ending_stage = False
+        self._drive.runner.begin_stage()
+        self._drive.runner.run(replace(last, temperature=nearest, index=0))
 
     def _complete(self, units: Iterable[Unit]) -> None:
         """Remove complete units, so that later faults do not change their results."""

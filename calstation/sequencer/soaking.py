@@ -109,7 +109,10 @@ class SoakLoop:
         silent, and the interruptions of `ControlLoop.update`.
         """
         clock, loop = self._context.clock, self._control_loop
-        self._begin_step("soak", step.temperature, float(step.index), float(step.count))
+        if step.index:
+            self._begin_step("soak", step.temperature, float(step.index), float(step.count))
+        else:
+            self._begin_step("soak_to_verify", step.temperature)
         self._units.each(_require_sensor)
         begin = clock.now()
         with self._units.attributing_errors_to_table():

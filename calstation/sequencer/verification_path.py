@@ -263,6 +263,7 @@ class VerificationData:
     are measured on a table, where the last rest is opposite to another one, except in a reference. `carried` contains
     the samples between two rests on a manual rig, shape (n, 6), at intervals of `period` s. On a gimbal there are only
     `drifts`. `reference` contains the same data before the transfer or without the registers applied, or is None.
+    `temperature` is that of the unit's own sensor, °C, or None.
     """
 
     rests: tuple[FloatArray, ...]
@@ -273,3 +274,4 @@ class VerificationData:
     corrected: bool = False
     reference: "VerificationData | None" = None
     drifts: tuple[JointDrift, ...] = ()
+    temperature: float | None = None

@@ -10,6 +10,7 @@ import numpy as np
 
 from calstation.config import STATION_ENTRIES, PairConfiguration, RunConfiguration
 from calstation.devices.profiles import TableProfile
+from calstation.physics import TEMPERATURES
 
 #: Folder of the flash memories of the units, next to the runs.
 _FLASH_FOLDER = "bench"
@@ -84,6 +85,7 @@ def _settings(setup: RunConfiguration, bench: Mapping[str, Any]) -> Settings:
         "sample_rate_hz": stream.sample_rate_hz,
         "output": stream.output,
         "behind_registers": setup.after_registers,
+        "thermal_registers": TEMPERATURES[0] in setup.register_map.parameters,
         "outer_lever": table.outer_lever,
         "latitude_deg": site.latitude_deg,
         "height_m": site.height_m,

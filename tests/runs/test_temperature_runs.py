@@ -11,6 +11,7 @@ import pytest
 
 from calstation.config import RunRequest
 from calstation.errors import ConfigurationError
+from calstation.physics import TEMPERATURES
 from calstation.records import open_log
 from calstation.results import resolve
 from calstation.runs import Engine, execute, find_resumable
@@ -31,13 +32,13 @@ MOVES = [
 SOAK = {"unit_rate_below_c_per_min": 0.3, "hold_s": 20.0, "at_most_s": 3600.0}
 PRODUCT: dict[str, Any] = {
     "name": "short thermal",
-    "imu": "bench_mems",
+    "imu": "bench_mems_thermal",
     "bench_grade": "mems",
     "stages": ["temperature"],
-    "temperature": {"range_c": [22.0, 34.0], "order": {"gyro_bias": 1, "accel_bias": 1}},
+    "temperature": {"range_c": [22.0, 38.0], "order": {"gyro_bias": 1, "accel_bias": 1}},
     "schedule": {
         "temperature": {
-            "points_c": [30.0, 18.0, 24.0],
+            "points_c": [26.0, 18.0, 34.0],
             "soak": SOAK,
             "moves": MOVES,
             "rate_dps": 100.0,
@@ -80,10 +81,18 @@ def test_run_over_temperature_passes_and_is_solved_again_bit_for_bit(thermal: Si
     section = result["temperature"]
     assert len(section["coefficients"]["gyro_bias_x"]["values"]) == 2
     assert [p["way"] for p in section["points"]] == ["soak", "down", "up"]
-    assert [p["at_c"] for p in section["points"]] == pytest.approx([34.0, 22.0, 28.0], abs=0.5)
+    assert [p["at_c"] for p in section["points"]] == pytest.approx([30.0, 22.0, 38.0], abs=0.5)
     again = resolve(Path(ended.log)).result.to_json()
     assert again["temperature"] == result["temperature"]
     assert again["parameters"] == result["parameters"]
+
+    new, registers = section["coefficients"], result["registers"]
+    assert registers["verified"] is True
+    assert registers["new"]["gyro_bias_x[1]"] == pytest.approx(new["gyro_bias_x"]["values"][1], rel=1e-6)
+    assert registers["new"]["gyro_bias_x[2]"] == 0.0
+    assert [registers["new"][name] for name in TEMPERATURES] == [25.0, 22.0, 38.0]
+    soaks = [step.label for step in thermal.events_of(StepStarted) if step.kind.startswith("soak")]
+    assert soaks[-1] == ("soak_to_verify", 23.0)
     log = open_log(Path(ended.log))
     air = np.concatenate([block.chamber[:, 0] for block in log.blocks() if block.stage])
     assert np.nanmin(air) == pytest.approx(18.0, abs=1.0)

@@ -25,6 +25,10 @@ from calstation.physics import FloatArray, IntArray
 #: Number of calibration registers, float32.
 REGISTERS = 30
 
+#: In a unit that corrects its output over temperature, the first registers of the three temperatures and of the
+#: coefficients, the number of parameters with coefficients, and the highest power of the temperature.
+_TEMPERATURES, _COEFFICIENTS, _CHANGING, _POWERS = REGISTERS, REGISTERS + 3, 27, 6
+
 #: States of the stream: off, raw sensor output, and output corrected by the registers.
 OFF, RAW, CORRECTED = 0, 1, 2
 
@@ -225,7 +229,9 @@ class ImuUnit(ABC):
 
     def __init__(self, config: BenchConfig, scale: FloatArray | None = None) -> None:
         self._config, self._serial = config, config.serial
-        self.flash = Flash(self.flash_bytes, config.flash_banks, config.flash_file)
+        self.register_count = REGISTERS + config.thermal_registers * (3 + _CHANGING * _POWERS)
+        size = 4 * self.register_count if config.thermal_registers else self.flash_bytes
+        self.flash = Flash(size, config.flash_banks, config.flash_file)
         self.axes: TableRegisters | None = None
         self.scale: FloatArray = np.ones(6) if scale is None else scale
         self.increments = config.output == "increment"
@@ -238,11 +244,11 @@ class ImuUnit(ABC):
 
     def restart(self, time: float) -> None:
         """Load the registers from flash, restart the counter at 0, and set the ready bit after the ready time."""
-        self.registers = np.zeros(REGISTERS, np.float32)
+        self.registers = np.zeros(self.register_count, np.float32)
         content = self.flash.load()
         if content is not None:
             self._load_registers(content)
-        self._started = time
+        self._started = self._now = time
         self.counter = 0
         self.corrected = False
         self._requantiser = Requantiser()
@@ -295,13 +301,19 @@ class ImuUnit(ABC):
         status |= np.where(output.saturated, SATURATED, 0)
         counts = output.counts[awake]
         if self.corrected or self._config.behind_registers:
+            self._now = float(ends[-1])
             values = self.correction().apply(counts * self.scale)
             counts = self._requantiser.counts(values, self.scale, carry=self.increments)
         return stream_frames(counter[awake], counts, self.temperature(float(ends[-1])), status[awake])
 
     def correction(self) -> Correction:
-        """Return the correction defined by the current registers."""
+        """Return the correction defined by the current registers, at the temperature of the sensor."""
         registers: FloatArray = self.registers.astype(np.float64)
+        if self._config.thermal_registers:
+            reference, low, high = registers[_TEMPERATURES:_COEFFICIENTS]
+            change = min(max(self.temperature(self._now), low), high) - reference
+            powers = change ** np.arange(1, _POWERS + 1)
+            registers[:_CHANGING] += powers @ registers[_COEFFICIENTS:].reshape(_POWERS, _CHANGING)
         return Correction(
             gyro=np.asarray(np.linalg.inv(np.eye(3) + registers[3:12].reshape(3, 3))),
             before=registers[0:3],

@@ -23,7 +23,17 @@ from calstation.devices.codecs import (
 )
 from calstation.devices.profiles.entries import LAST_ADDRESS, Address, ProfileSection, Rules, Scale, with_prefix
 from calstation.messages import Text
-from calstation.physics import AXES, EFFECT_PARAMETERS, EFFECT_STATES, GROUPS, NAMES, PARAMETERS
+from calstation.physics import (
+    AXES,
+    EFFECT_PARAMETERS,
+    EFFECT_STATES,
+    GROUPS,
+    NAMES,
+    PARAMETERS,
+    TEMPERATURES,
+    coefficient,
+    is_over_temperature,
+)
 from calstation.schema import EntryError, field_name, near_miss
 
 if TYPE_CHECKING:
@@ -43,6 +53,7 @@ _KNOWN = (
     *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")),
     *_EFFECTS,
     *EFFECT_STATES,
+    *TEMPERATURES,
 )
 _UNREGISTERED_GROUP = "outer_lever"
 
@@ -58,7 +69,8 @@ class RegisterEntry(ProfileSection):
     page : page selected before access, if the unit has pages
     parameters : names of the contents in order: parameters, including those of effects; elements of the matrix and
         offset in the formula of the unit, e.g. `gyro_matrix_xy`, `gyro_offset_x`; or "" for a number that remains 0.
-        The name of a group, e.g. `gyro_bias` or `gyro_matrix`, stands for all names of the group
+        The name of a group, e.g. `gyro_bias` or `gyro_matrix`, stands for all names of the group. Coefficients over
+        temperature are `gyro_bias_x[k]`, of which `gyro_bias_x[0]` is `gyro_bias_x`; see `calstation.physics`
     major : whether the group of a matrix is in row or column order
     type, byte_order, word_order : type and orders of each number; the default orders are those of the link
     span : number of addresses of each number; 0 if all have the same address. The default depends on the protocol
@@ -94,6 +106,9 @@ class RegisterEntry(ProfileSection):
                 return rows if self.major == "row" else [rows[3 * (i % 3) + i // 3] for i in range(9)]
             if listed == f"{sensor}_offset":
                 return offset_elements(sensor)
+        term = coefficient(listed)
+        if term is not None and term[1] == 0:
+            return [term[0]]
         members = [p.name for p in PARAMETERS if p.group == listed]
         return members or [p.name for p in EFFECT_PARAMETERS if p.group == listed] or [listed]
 
@@ -147,7 +162,7 @@ class RegisterEntry(ProfileSection):
         lambda register: (
             EntryError("entry.unknown_parameter", "parameters", i, name=name, remedy=near_miss(name, _KNOWN))
             for i, name in enumerate(register.parameters)
-            if name and name not in _KNOWN
+            if name and name not in _KNOWN and coefficient(name) is None
         ),
         lambda register: order_error(register.type, register.word_order),
         lambda register: (
@@ -181,7 +196,7 @@ class RegisterEntry(ProfileSection):
     def contents(self) -> Iterator[tuple[str, int, str]]:
         """Yield the name, address and parameter of each number that contains a parameter."""
         for i, name in enumerate(self.names):
-            if parameter := parameter_of(name):
+            if (parameter := parameter_of(name)) and not is_over_temperature(name):
                 yield name, self.address_of(i), parameter
 
 
@@ -247,6 +262,19 @@ def _by_name(profile: "ImuProfile") -> dict[str, RegisterEntry]:
     return {name: register for register in profile.registers for name in register.names if name}
 
 
+def _temperature_errors(seen: Mapping[str, RegisterEntry]) -> Iterator[EntryError]:
+    """Yield the errors of coefficients without a reference and range, without their parameter, or of a matrix."""
+    over = [name for name in seen if is_over_temperature(name)]
+    for name in TEMPERATURES if over else ():
+        if name not in seen:
+            yield EntryError("profile.temperature_incomplete", "registers", seen[over[0]].row, name=name)
+    for name in over:
+        term = coefficient(name)
+        if term is not None and term[0] not in seen:
+            values = {"name": name, "parameter": term[0]}
+            yield EntryError("profile.coefficient_alone", "registers", seen[name].row, "parameters", **values)
+
+
 #: Rules for the register map of a profile.
 REGISTER_RULES: Rules["ImuProfile"] = (
     lambda profile: (
@@ -271,6 +299,7 @@ REGISTER_RULES: Rules["ImuProfile"] = (
         if name and name == other
     ),
     lambda profile: (error for sensor in SENSORS for error in _sensor_errors(_by_name(profile), sensor)),
+    lambda profile: _temperature_errors(_by_name(profile)),
     lambda profile: (
         EntryError("entry.unknown_parameter", "without_register", i, name=name, remedy=near_miss(name, NAMES + GROUPS))
         for i, name in enumerate(profile.without_register)

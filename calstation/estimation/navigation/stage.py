@@ -113,6 +113,8 @@ class NavigationStage(StageSolver):
         if not self._targets or not targets_reached(sigma, self._targets):
             return sigma
         data = self.buffer.data()
+        if not len(data):
+            return sigma
         if self._near_targets is None or self._near_targets[0] != len(data):
             measured = rest_noise(data, self.context, self.prior.gyro_bias)
             table = float(np.sqrt(np.nan_to_num(measured.table, nan=1.0)))

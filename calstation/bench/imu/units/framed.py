@@ -4,7 +4,9 @@
     reply    55 5A | op u8 | n u8 | payload, n bytes | CRC of op to payload
 
 Registers: gyro bias b from 0, gyro matrix M 3, accel bias 12, accel matrix 15, quadratic K 24, inner levers 27. The
-corrected stream removes these errors: measured = (I + M) true + b, plus K force² for the accelerometers.
+corrected stream removes these errors: measured = (I + M) true + b, plus K force² for the accelerometers. A unit that
+corrects its output over temperature has reference, lowest and highest temperature from 30, and from 33 the coefficients
+of the powers 1 to 6 of the temperature relative to the reference, 27 for each power in the order of registers 0 to 26.
 """
 
 import struct
@@ -13,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.bench.imu.unit import CORRECTED, OFF, RAW, REGISTERS, ImuUnit, PowerCut, crc16
+from calstation.bench.imu.unit import CORRECTED, OFF, RAW, ImuUnit, PowerCut, crc16
 from calstation.bench.table import NoSuchRegister, OutOfRange, Refusal, TableRegisters
 
 MODEL = "bench-imu"
@@ -114,7 +116,7 @@ class FramedUnit(ImuUnit):
         if len(payload) != 3:
             return BAD_ADDRESS
         address, count = struct.unpack("<HB", payload)
-        if count == 0 or address + count > REGISTERS:
+        if count == 0 or address + count > self.register_count:
             return BAD_ADDRESS
         return payload + self.registers[address : address + count].astype("<f4").tobytes()
 
@@ -122,7 +124,7 @@ class FramedUnit(ImuUnit):
         if len(payload) < 3:
             return BAD_ADDRESS
         address, count = struct.unpack("<HB", payload[:3])
-        if count == 0 or address + count > REGISTERS or len(payload) != 3 + 4 * count:
+        if count == 0 or address + count > self.register_count or len(payload) != 3 + 4 * count:
             return BAD_ADDRESS
         if self._flash_busy(time):
             return FLASH_BUSY

@@ -1,0 +1,110 @@
+"""Registers with polynomials over temperature: names, encoding, and the correction by the unit, which happens once."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from calstation.bench import BenchConfig
+from calstation.bench.imu.units.framed import FramedUnit
+from calstation.devices.imu import RegisterMap
+from calstation.devices.profiles import ImuProfile, load_imu_profile
+from calstation.errors import ConfigurationError
+from calstation.estimation import Solution
+from calstation.estimation.common import Consistency, Posterior
+from calstation.estimation.temperature import compensate_each
+from calstation.physics import COUNT, NAMES, PARAMETERS, TEMPERATURES, display, highest_powers, values_at
+from calstation.registers import AppliedRegisters
+from calstation.runs.finalize import Finalization
+
+IMUS = Path(__file__).parents[2] / "data" / "imus"
+
+
+def thermal_map() -> RegisterMap:
+    return RegisterMap(tuple(load_imu_profile(IMUS / "bench_mems_thermal.toml").registers))
+
+
+def registers(seed: int = 1) -> dict[str, float]:
+    """Return plausible coefficients of the powers 0 to 2 for every parameter."""
+    random, values = np.random.default_rng(seed), dict(zip(TEMPERATURES, (25.0, -40.0, 85.0), strict=True))
+    for p in PARAMETERS:
+        if p.group != "outer_lever":
+            powers = (0, 1, 2) if p.sensor != "lever" else (0,)
+            sizes = 0.1 * p.prior_sigma * random.standard_normal(3)
+            values |= {f"{p.name}[{k}]" if k else p.name: sizes[k] / 65.0**k for k in powers}
+    return values
+
+
+def polynomial(values: dict[str, float], temperature: float) -> np.ndarray:
+    """Return the parameters at a temperature, without `values_at`."""
+    change = temperature - values["temperature_reference"]
+    return np.array([values.get(n, 0.0) + sum(values.get(f"{n}[{k}]", 0.0) * change**k for k in (1, 2)) for n in NAMES])
+
+
+@pytest.mark.parametrize("temperature", [-40.0, 3.0, 25.0, 85.0])
+def test_the_unit_corrects_as_the_program_does(temperature: float) -> None:
+    entries, values = thermal_map(), registers()
+    complete = {name: values.get(name, 0.0) for name in entries.parameters}
+    unit = FramedUnit(BenchConfig(grade="mems", thermal_registers=True))
+    unit.sensed = lambda time: temperature
+    for key, numbers in entries.encode(complete).items():
+        unit.registers[key : key + len(numbers)] = numbers
+    random = np.random.default_rng(2)
+    raw = np.hstack([random.uniform(-1.0, 1.0, (20, 3)), random.uniform(-10.0, 10.0, (20, 3))])
+    rate, force = compensate_each(raw[:, :3], raw[:, 3:], np.tile(polynomial(values, temperature), (20, 1)))
+    assert unit.correction().apply(raw) == pytest.approx(np.hstack([rate, force]), abs=1e-6)
+    applied = AppliedRegisters(entries.decode(entries.encode(complete))).at(temperature).current
+    assert [applied.get(n, 0.0) for n in NAMES] == pytest.approx(polynomial(values, temperature), rel=1e-5, abs=1e-12)
+
+
+def test_the_unit_limits_the_temperature_to_the_range() -> None:
+    values = {"gyro_bias_x": 1e-3, "gyro_bias_x[1]": 1e-5, **dict(zip(TEMPERATURES, (25.0, -40.0, 85.0), strict=True))}
+    assert values_at(values, 200.0)["gyro_bias_x"] == pytest.approx(1e-3 + 60e-5)
+    assert values_at(values, None) == {"gyro_bias_x": 1e-3}
+    assert values_at({"gyro_bias_x": 1e-3}, 50.0) == {"gyro_bias_x": 1e-3}
+
+
+def test_names_and_units_of_coefficients() -> None:
+    highest = highest_powers(thermal_map().parameters)
+    assert (highest["gyro_bias_x"], highest["inner_lever_x"]) == (6, 0)
+    assert display("gyro_bias_x[2]", 1.0)[1] == "°/h/K²"
+    assert display("temperature_low", -40.0) == (-40.0, "°C")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        ('"temperature_high"]', '""]', "profile.temperature_incomplete"),
+        ('"gyro_bias_x[1]"', '"gyro_bias_x[9]"', "entry.unknown_parameter"),
+        ('"gyro_bias_x[1]"', '"inner_lever_x[1]"', "entry.unknown_parameter"),
+    ],
+)
+def test_incomplete_maps_are_refused(tmp_path: Path, old: str, new: str, code: str) -> None:
+    path = tmp_path / "unit.toml"
+    path.write_text((IMUS / "bench_mems_thermal.toml").read_text("utf-8").replace(old, new), "utf-8")
+    with pytest.raises(ConfigurationError) as caught:
+        load_imu_profile(path)
+    assert code in str(caught.value.values) or code == caught.value.code
+
+
+def test_the_coefficient_of_the_power_0_is_the_parameter(tmp_path: Path) -> None:
+    path = tmp_path / "unit.toml"
+    text = (IMUS / "bench_mems_thermal.toml").read_text("utf-8")
+    path.write_text(text.replace('["gyro_bias_x", ', '["gyro_bias_x[0]", '), "utf-8")
+    profile: ImuProfile = load_imu_profile(path)
+    assert profile.registers[0].names[0] == "gyro_bias_x"
+
+
+def test_a_calibration_at_one_temperature_replaces_the_coefficients() -> None:
+    """It would otherwise be applied on top of those of an earlier calibration over temperature."""
+    finalization = object.__new__(Finalization)
+    finalization._setup = SimpleNamespace(after_registers=False)  # type: ignore[assignment]
+    finalization._entries = thermal_map()
+    finalization.run = SimpleNamespace(meta=SimpleNamespace(registers={}))  # type: ignore[assignment]
+    posterior = Posterior(np.full(COUNT, 1e-4), np.eye(COUNT))
+    solution = Solution("designed", posterior, NAMES, Consistency(1.0, 0.9, 1.1, 10))
+    new = {**registers(), **finalization._registers_to_write((solution,))}
+    for temperature in (-40.0, 85.0):
+        assert values_at(new, temperature)["gyro_bias_x"] == 1e-4
+    assert {value for name, value in new.items() if "[" in name} == {0.0}
