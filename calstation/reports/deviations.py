@@ -43,7 +43,8 @@ def not_included(certificate: Certificate, analysis: Analysis) -> Iterator[Text]
         yield Text.of("certificate.n_temperature", low=temperature.min, high=temperature.max)
     yield Text("certificate.n_stability" if certificate.meta.turn_on_sigmas else "certificate.n_stability_unknown")
     failed = [check for check in result.failed_checks if check.kind in _EFFECT_CHECKS]
-    effects = "failed" if failed else "tested" if analysis.effects_tested else "untested"
+    is_tested = analysis.effects_tested or any(check.kind == "effects" for check in result.checks)
+    effects = "failed" if failed else "tested" if is_tested else "untested"
     yield Text(f"certificate.n_effects_{effects}")
     surveyed = certificate.meta.site.gravity_mps2 is not None
     yield Text.of(f"certificate.n_latitude{'' if surveyed else '_gravity'}", error=LATITUDE_ERROR_DEG)

@@ -17,8 +17,10 @@ from PySide6.QtWidgets import QApplication, QTabBar, QWidget
 from calstation.config import library
 from calstation.gui.shell import create_window
 from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.widgets import TemperatureCurves, theme
 from calstation.records import Verdict
 from calstation.simulation import record_on_bench
+from tests.thermal_results import thermal_result
 
 FOLDER = Path(__file__).parents[2] / "docs" / "images"
 #: Longest time for a part of a run, s.
@@ -100,10 +102,24 @@ def picture_method(folder: Path) -> None:
     window.close()
 
 
+def picture_over_temperature() -> None:
+    """Picture the curve of a parameter over temperature, of a unit with a small hysteresis."""
+    window = open_window("virtual_bench", "mems_c_fast")
+    curves = TemperatureCurves("curves_combo")
+    curves.setStyleSheet(f"background: {theme.colours().window}")
+    curves.resize(900, 480)
+    curves.show_result(thermal_result())
+    curves.show()
+    save(curves, "over_temperature")
+    curves.close()
+    window.close()
+
+
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as home:
         os.environ["CALSTATION_HOME"] = home
         os.chdir(home)
         Path("window.ini").write_text("[General]\nlanguage=en\ntheme=light\nsounds=false\n", encoding="utf-8")
-        for picture in (picture_run, picture_by_hand, lambda: picture_method(Path(home))):
+        pictures = picture_run, picture_by_hand, picture_over_temperature, lambda: picture_method(Path(home))
+        for picture in pictures:
             picture()

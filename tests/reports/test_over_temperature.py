@@ -1,12 +1,14 @@
 """The certificate of a unit over temperature: table, curves and statement, and coefficients that a program reads."""
 
 import io
+from dataclasses import replace
 from datetime import date
 
 import numpy as np
 import pypdf
 import pytest
 
+from calstation.judgement import Check
 from calstation.messages import Language
 from calstation.physics import NAMES, display
 from calstation.reports import Certificate, build_certificate, write_dcc
@@ -69,6 +71,15 @@ def test_document_states_the_range_and_shows_the_section(
     for word in words:
         assert word in text
     assert "n_over_temperature" in {t.code.rpartition(".")[2] for t in not_included(certificate, analysis)}
+
+
+def test_effects_that_were_tested_at_every_temperature_are_not_called_untested(
+    certificate: Certificate, analysis: Analysis
+) -> None:
+    effects = Check("effects", "temperature", 5.0, 30.0, "1", passed=True)
+    tested = certificate.result.model_copy(update={"checks": [*certificate.result.checks, effects]})
+    codes = [t.code for t in not_included(replace(certificate, result=tested), replace(analysis, effects_tested=False))]
+    assert "certificate.n_effects_tested" in codes
 
 
 def test_coefficients_and_their_covariance_are_read_back(certificate: Certificate) -> None:
