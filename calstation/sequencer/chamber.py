@@ -37,8 +37,8 @@ _REPORT_INTERVAL = 60.0
 #: Station time at ambient after which a unit whose temperature is unknown may be touched, s.
 _BLIND_SOAK = 1800.0
 
-#: Station time for which the chamber may be silent on its way to ambient, s.
-_SILENCE = 300.0
+#: Number of polls in a row that the chamber may leave unanswered on its way to ambient.
+_MAX_UNANSWERED = 20
 
 #: Station time in which the chamber must return to ambient before it is reported as a failure, s.
 _RETURN_TIME = 4.0 * 3600.0
@@ -188,12 +188,13 @@ class ChamberControl:
         return failures
 
     def _wait_until_safe(self, units: Callable[[], Mapping[str, float]], tick: Callable[[], None]) -> None:
-        begin = reported_at = answered_at = self._clock.now()
-        arrived_at = math.inf
+        begin = reported_at = asked_at = self._clock.now()
+        arrived_at, unanswered = math.inf, 0
         while True:
             now = self._clock.now()
-            if now - max(self._polled_at, answered_at) >= POLL_INTERVAL and self._answers(now, units(), answered_at):
-                answered_at = now
+            is_due = now - max(self._polled_at, asked_at) >= POLL_INTERVAL
+            asked_at = now if is_due else asked_at
+            if is_due and (unanswered := self._ask_again(now, units(), unanswered)) == 0:
                 at_ambient = self._distance <= self.limits.tolerance + _OVERSHOOT
                 arrived_at = min(arrived_at, now) if at_ambient else math.inf
                 if now >= arrived_at + (0.0 if self._units else _BLIND_SOAK) and self.may_open:
@@ -208,17 +209,17 @@ class ChamberControl:
         self._has_begun = False
         self._emit(Message("chamber_may_be_opened", self._temperatures()))
 
-    def _answers(self, now: float, units: Mapping[str, float], answered_at: float) -> bool:
-        """Poll the chamber and return whether it answers. Raises DeviceFaultError once it has been silent for long."""
+    def _ask_again(self, now: float, units: Mapping[str, float], unanswered: int) -> int:
+        """Poll the chamber and return the new number of unanswered polls. Raises DeviceFaultError after too many."""
         try:
             self._poll(now, units)
             if not abs(self.status.set_point_c - self.limits.ambient) <= self.limits.tolerance:
                 self._send(self.limits.ambient)
         except DeviceFaultError:
-            if now - answered_at > _SILENCE:
+            if unanswered + 1 >= _MAX_UNANSWERED:
                 raise
-            return False
-        return True
+            return unanswered + 1
+        return 0
 
     @property
     def _distance(self) -> float:

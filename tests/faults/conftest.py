@@ -81,6 +81,7 @@ class FaultRuns:
         self.product: dict[str, Any] = PRODUCT
         self.site: dict[str, Any] = {}
         self.table = STATION["table"]["profile"]
+        self.chamber: dict[str, Any] = {}  #: `[chamber]` of the station, if it has one.
 
     def request(self, *faults: dict[str, Any], stages: tuple[str, ...] = ("rate",), **bench: Any) -> RunRequest:
         """Request a run with these faults."""
@@ -100,6 +101,7 @@ class FaultRuns:
                     "site": {**STATION["site"], **self.site},
                     "table": {"profile": self.table},
                     "bench": settings,
+                    **({"chamber": self.chamber} if self.chamber else {}),
                 },
             ),
             ("product", self.product),
@@ -122,6 +124,7 @@ class FaultRuns:
         stages: tuple[str, ...] = ("rate",),
         on_event: Callable[[Event], None] = lambda event: None,
         unfinished: Any = None,
+        control: Control | None = None,
         **bench: Any,
     ) -> Ran:
         """Run in this process."""
@@ -132,7 +135,7 @@ class FaultRuns:
             on_event(event)
 
         request = replace(self.request(*faults, stages=stages, **bench), unfinished=unfinished)
-        execute(request, emit, Control())
+        execute(request, emit, control or Control())
         return ran
 
 
