@@ -34,7 +34,7 @@ _RATE_FACTOR, _RATE_TIME = 3.0, 30.0
 #: Station time between two messages while the chamber returns to ambient, s.
 _REPORT_INTERVAL = 60.0
 
-#: Station time at ambient after which a unit whose temperature is unknown may be touched, s.
+#: Station time at ambient after which a unit whose temperature is unknown or no longer changes may be touched, s.
 _BLIND_SOAK = 1800.0
 
 #: Number of polls in a row that the chamber may leave unanswered on its way to ambient.
@@ -123,14 +123,16 @@ class ChamberControl:
         return self.limits.may_open(self.status, self._units)
 
     def begin(self) -> None:
-        """Poll the chamber, then start it at the temperature of its air."""
+        """Poll the chamber, then start it at the temperature of its air, or at the nearest that all devices allow."""
         self.status = self._chamber.status()
         self._check_state()
-        self._aim(self.status.air_c, self.limits.max_rate)
+        low, high = self.limits.range
+        present = min(max(self.status.air_c, low), high)
+        self._aim(present, self.limits.max_rate)
         self._has_begun = True
-        self._send(self.status.air_c)
+        self._send(present)
         self._chamber.start()
-        self._send(self.status.air_c)  # some controllers accept a set point only after their start
+        self._send(present)  # some controllers accept a set point only after their start
 
     def hold(self, temperature: float) -> None:
         """Go to a temperature, °C, at the largest rate, and stay there."""
@@ -190,13 +192,18 @@ class ChamberControl:
     def _wait_until_safe(self, units: Callable[[], Mapping[str, float]], tick: Callable[[], None]) -> None:
         begin = reported_at = asked_at = self._clock.now()
         arrived_at, unanswered = math.inf, 0
+        at_arrival: Mapping[str, float] = {}
         while True:
             now = self._clock.now()
             is_due = now - max(self._polled_at, asked_at) >= POLL_INTERVAL
             asked_at = now if is_due else asked_at
             if is_due and (unanswered := self._ask_again(now, units(), unanswered)) == 0:
-                at_ambient = self._distance <= self.limits.tolerance + _OVERSHOOT
-                arrived_at = min(arrived_at, now) if at_ambient else math.inf
+                if self._distance > self.limits.tolerance + _OVERSHOOT:
+                    arrived_at = math.inf
+                elif arrived_at == math.inf:
+                    arrived_at, at_arrival = now, self._units
+                if now >= arrived_at + _BLIND_SOAK:  # a sensor that is silent or stuck shows nothing anymore
+                    self._units = {slot: t for slot, t in self._units.items() if t != at_arrival.get(slot)}
                 if now >= arrived_at + (0.0 if self._units else _BLIND_SOAK) and self.may_open:
                     break
             if now - begin > _RETURN_TIME:

@@ -72,6 +72,12 @@ def test_a_chamber_starts_at_the_temperature_of_its_air() -> None:
     assert station.chamber.commands == [("set_point", 31.5), ("start", 0.0), ("set_point", 31.5)]
 
 
+def test_a_chamber_beyond_the_range_of_a_device_starts_at_its_end() -> None:
+    station = Station(air=-60.0)
+    station.control.begin()
+    assert station.chamber.goal == -40.0
+
+
 def test_the_set_point_follows_the_ramp_and_the_target_is_reached() -> None:
     station = at(23.0)
     station.control.ramp(53.0, 0.02)
@@ -159,10 +165,11 @@ def test_safe_goes_to_ambient_and_the_chamber_stays_on_until_the_unit_may_be_tou
     assert ids[-1] == "chamber_may_be_opened"
 
 
-def test_a_unit_that_no_longer_sends_is_given_half_an_hour_at_ambient() -> None:
+@pytest.mark.parametrize("units", [dict, lambda: {"": -40.0}, lambda: {"": math.nan}])
+def test_a_unit_that_no_longer_sends_is_given_half_an_hour_at_ambient(units: Callable[[], dict[str, float]]) -> None:
     station = at(-40.0)
     station.control.safe()
-    station.control.wait_until_safe(dict, station.tick)
+    station.control.wait_until_safe(units, station.tick)
     assert station.clock.now() == pytest.approx(63.0 / 0.05 + 1800.0, abs=150.0)
 
 
