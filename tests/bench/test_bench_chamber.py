@@ -260,3 +260,23 @@ def test_every_fault_of_the_chamber_is_found_through_its_protocol(order: str, va
                 station.run(1500.0)
         else:
             station.run(100.0)
+
+
+def test_units_of_a_batch_share_the_chamber_and_have_functions_of_their_own() -> None:
+    other = {**SETTINGS, "unit": 2, "seed": 7, "clock_drift_ppm": -15.0, "thermal": {"self_heating_c": 8.0}}
+    config = BenchConfig.model_validate({**SETTINGS, "secondaries": [other]})
+    first = LiveBench(config, lambda: 0.0)
+    second = LiveBench(config.secondaries[0], lambda: 0.0, first)
+    assert second.chamber is first.chamber
+    assert first.chamber is not None
+    first.chamber.start()
+    first.chamber.set_point = 60.0
+    for second_of_time in range(1, 301):
+        first.advance(float(second_of_time))
+    assert first.thermal is not None
+    assert second.thermal is not None
+    assert second.sample_count == pytest.approx(first.sample_count, abs=1)
+    assert b"".join(second.outbox)
+    assert second.thermal.places[0] - first.thermal.places[0] > 2.0
+    base = np.zeros(COUNT)
+    assert np.abs(first.thermal.steady(base, 80.0) - second.thermal.steady(base, 80.0)).max() > 0.0
