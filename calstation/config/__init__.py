@@ -47,6 +47,7 @@ from calstation.config.run_configuration import (
     new_batch_id,
     prepare_batch,
     prepare_run,
+    temperature_ranges,
     unit_files,
     unit_requests,
 )

@@ -434,6 +434,17 @@ def check_chamber(setup: RunConfiguration) -> None:
         raise ConfigurationError("temperature.no_section")
     if setup.chamber is None:
         raise ConfigurationError("temperature.no_chamber")
+    temperature_ranges(setup)
+
+
+def temperature_ranges(setup: RunConfiguration) -> dict[str, tuple[float, float]]:
+    """Return the ranges of table and unit in a chamber, °C. Raises ConfigurationError if a profile names none."""
+    ranges = {}
+    for device, profile in (("table", setup.table), ("unit", setup.imu)):
+        if profile.range_c is None:
+            raise ConfigurationError("chamber.no_range", device=device, profile=profile.name)
+        ranges[device] = profile.range_c
+    return ranges
 
 
 def _product_errors(setup: RunConfiguration) -> Iterator[EntryError]:

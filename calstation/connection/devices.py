@@ -58,7 +58,7 @@ class Devices:
     imus: tuple[StreamedImu | None, ...]
     clock: Clock
     failed: Mapping[int, DeviceFaultError] = field(default_factory=dict)
-    chamber: Chamber | None = None  #: The identified chamber; None at a station without one.
+    chamber: Chamber | None = None  #: The identified chamber of a run over temperature; None for other runs.
 
     @property
     def imu(self) -> StreamedImu:
@@ -130,8 +130,8 @@ def open_devices(
 
 
 def _open_chamber(setup: RunConfiguration, ports: Endpoints, stack: ExitStack) -> Chamber | None:
-    """Open and identify the chamber of the station; None without one. Raises DeviceFaultError."""
-    if setup.chamber is None or setup.station.chamber is None:
+    """Open and identify the chamber of a run over temperature; None for other runs. Raises DeviceFaultError."""
+    if setup.chamber is None or "temperature" not in setup.stages:
         return None
     chamber = open_chamber(setup, ports.chamber)
     stack.callback(chamber.close)

@@ -6,9 +6,8 @@ from functools import partial
 import numpy as np
 from pydantic import BaseModel
 
-from calstation.config import RunConfiguration
-from calstation.devices.profiles import ImuProfile, TableProfile, channel_range
-from calstation.errors import ConfigurationError
+from calstation.config import RunConfiguration, temperature_ranges
+from calstation.devices.profiles import channel_range
 from calstation.estimation import RepeatedSchedule
 from calstation.estimation.common import BIAS_SIGMAS, REST_RATE
 from calstation.physics import GimbalTurn, group_indices
@@ -46,11 +45,12 @@ def chamber_limits(*setups: RunConfiguration) -> ChamberLimits | None:
     section, profile = first.station.chamber, first.chamber
     if section is None or profile is None:
         return None
-    units = [_range_of("unit", setup.imu) for setup in setups]
+    inside = [temperature_ranges(setup) for setup in setups]
+    units = [ranges["unit"] for ranges in inside]
     return ChamberLimits(
         ranges={
             "chamber": profile.range_c,
-            "table": _range_of("table", first.table),
+            "table": inside[0]["table"],
             "unit": (max(low for low, _ in units), min(high for _, high in units)),
         },
         max_rate=profile.max_rate,
@@ -59,12 +59,6 @@ def chamber_limits(*setups: RunConfiguration) -> ChamberLimits | None:
         agreement=section.agreement_c,
         follow_time=profile.follow_s,
     )
-
-
-def _range_of(device: str, profile: TableProfile | ImuProfile) -> tuple[float, float]:
-    if profile.range_c is None:
-        raise ConfigurationError("chamber.no_range", device=device, profile=profile.name)
-    return profile.range_c
 
 
 def unit_task(setup: RunConfiguration, meta: LogMeta | None = None) -> UnitTask:

@@ -7,10 +7,12 @@ from typing import Any
 import pytest
 
 from calstation.config import RunRequest, StationConfig, load_configuration
+from calstation.config.run_configuration import check_chamber
 from calstation.connection import check_chamber_link
 from calstation.connection.devices import endpoints
 from calstation.errors import ConfigurationError
 from calstation.messages import Report
+from calstation.records import TemperatureSection
 from calstation.schema import validate
 from calstation.sequencer import chamber_limits
 from tests.connection.fake_links import NOBODY, SITE, order, server
@@ -121,3 +123,14 @@ def test_the_limits_are_those_of_chamber_table_and_unit() -> None:
         chamber_limits(without)
     assert caught.value.values["device"] == "table"
     assert chamber_limits(load_configuration(RunRequest("SN-000001"))) is None
+
+
+def test_a_range_that_is_missing_is_found_before_a_device_is_opened() -> None:
+    setup = load_configuration(RunRequest("SN-000001", station=Path("data/stations/virtual_chamber.toml")))
+    product = setup.product.model_copy(update={"temperature": TemperatureSection(range_c=(0.0, 40.0))})
+    setup = replace(setup, product=product, schedules={"temperature": setup.schedules["rate"]})
+    check_chamber(setup)
+    imu = setup.imu.model_copy(update={"range_c": None})
+    with raises_code(ConfigurationError, "chamber.no_range") as caught:
+        check_chamber(replace(setup, imu=imu))
+    assert caught.value.values["device"] == "unit"
