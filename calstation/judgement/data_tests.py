@@ -86,7 +86,8 @@ class DataTests:
 
     def test_samples(self, samples: SampleBlock, data: StageData) -> "TestedSamples":
         """Test the samples of the started stage; this needs no solution and may be done while it is computed."""
-        clocks = sample_clocks(samples, self._context.imu.sample_rate)
+        model = self._context.temperature
+        clocks = sample_clocks(samples, self._context.imu.sample_rate, None if model is None else model.reference)
         tests = [self._clipping(samples), *self._clock(clocks)]
         tests += sample_test(samples, data, self._context, self._motion)
         tests += heading_test(self._motion, self._context, self._prior)
@@ -285,20 +286,35 @@ class SampleClock:
     jitter: float  #: Standard deviation of a time from a straight line, s.
 
 
-def sample_clocks(samples: SampleBlock, rate: float) -> dict[str, SampleClock]:
-    """Compare the counter of samples at `rate`, Hz, with their times and with station time, if known."""
-    nominal = samples.seq / rate
-    clocks = {"time_s": _clock(nominal, samples.time, rate)}
+def sample_clocks(samples: SampleBlock, rate: float, reference: float | None = None) -> dict[str, SampleClock]:
+    """Compare the counter of samples at `rate`, Hz, with their times and with station time, if known.
+
+    With a temperature `reference`, °C, the offset is that at this temperature: a quartz changes by tens of ppm over the
+    range of a unit, which a polynomial of the second order describes.
+    """
+    nominal, warmth = samples.seq / rate, None
+    known = np.flatnonzero(~np.isnan(samples.temperature))
+    if reference is not None and len(known):
+        warmth = np.interp(samples.seq, samples.seq[known], samples.temperature[known]) - reference
+    clocks = {"time_s": _clock(nominal, samples.time, rate, warmth)}
     if samples.station.shape[1]:
-        clocks["station"] = _clock(nominal, samples.station[:, 0], rate)
+        clocks["station"] = _clock(nominal, samples.station[:, 0], rate, warmth)
     return {name: clock for name, clock in clocks.items() if clock is not None}
 
 
-def _clock(nominal: FloatArray, time: FloatArray, rate: float) -> SampleClock | None:
-    """Fit the rate of a clock with one offset for each interval without gap; None if the intervals are too short."""
+def _clock(nominal: FloatArray, time: FloatArray, rate: float, warmth: FloatArray | None) -> SampleClock | None:
+    """Fit the rate of a clock with one offset for each interval without gap; None if the intervals are too short.
+
+    Parameters
+    ----------
+    nominal, time : times by the counter and by the clock, s, shape (n,)
+    rate : nominal sample rate, Hz
+    warmth : temperatures relative to the reference of the rate, K, shape (n,); None for a constant rate
+    """
     interval = np.concatenate([[0], np.cumsum(np.diff(nominal) * rate > 1.5)])
     is_known = ~np.isnan(time)
     nominal, late, interval = nominal[is_known], (time - nominal)[is_known], interval[is_known]
+    warmth = None if warmth is None else warmth[is_known]
     if not len(nominal) or np.ptp(late) < _DERIVED:
         return None
     # Use means over windows, so that a common delay of several samples is counted once.
@@ -308,16 +324,25 @@ def _clock(nominal: FloatArray, time: FloatArray, rate: float) -> SampleClock | 
     x, y = np.bincount(index, nominal) / weight, np.bincount(index, late) / weight
     part = np.unique(interval[first], return_inverse=True)[1]
     parts = np.bincount(part)
-    x, y = (v - (np.bincount(part, v) / parts)[part] for v in (x, y))
-    free = len(x) - len(parts) - 1
+    columns = [x]
+    if warmth is not None:
+        mean = np.bincount(index, warmth) / weight
+        columns += [np.cumsum(mean**power * np.diff(x, prepend=x[0])) for power in (1, 2)]
+    y, *columns = (v - (np.bincount(part, v) / parts)[part] for v in (y, *columns))
+    design, x = np.stack(columns, axis=1), columns[0]
+    free = len(x) - len(parts) - len(columns)
     if free < _MIN_WINDOWS:
         return None
-    slope = float(x @ y / (x @ x))
-    scatter = float(np.sqrt(((y - slope * x) ** 2).sum() / free))
+    sizes = np.linalg.norm(design, axis=0)
+    sizes[sizes == 0.0] = 1.0
+    inverse = np.linalg.pinv(design / sizes, rcond=1e-6)
+    fitted = inverse @ y / sizes
+    slope, spread = float(fitted[0]), float(np.linalg.norm(inverse[0])) / float(sizes[0])
+    scatter = float(np.sqrt(((y - design @ fitted) ** 2).sum() / free))
     within_window = late - (np.bincount(index, late) / weight)[index]
     jitter = float(np.hypot(scatter, within_window.std()))
     # Delays may also change slowly, for example if times are read at multiples of the sample period.
-    sigma = float(np.hypot(scatter / np.sqrt(x @ x), jitter / np.ptp(x)))
+    sigma = float(np.hypot(scatter * spread, jitter / np.ptp(x)))
     return SampleClock(-slope / (1.0 + slope), sigma, jitter)
 
 

@@ -121,6 +121,19 @@ def test_gaps_and_short_recordings_give_no_clock_error():
     assert sample_clocks(block(nominal[:1000] * 1.1), 100.0) == {}
 
 
+def test_clock_that_changes_with_temperature_is_compared_at_the_reference():
+    seq, random = np.arange(120_000), np.random.default_rng(3)
+    nominal = seq / 10.0
+    temperature = 22.5 - 62.5 * np.sin(nominal / 1200.0)
+    offset = 5e-6 - 0.035e-6 * (temperature - 25.0) ** 2  # a quartz of a tuning fork
+    read = np.cumsum(0.1 / (1.0 + offset)) + random.uniform(0.0, 0.005, len(seq))
+    samples = replace(block(nominal, read), seq=seq, temperature=temperature)
+    assert sample_clocks(samples, 10.0)["station"].offset < -50e-6
+    clock = sample_clocks(samples, 10.0, 25.0)["station"]
+    assert clock.offset == pytest.approx(5e-6, abs=4.0 * clock.sigma)
+    assert clock.sigma < 1e-6
+
+
 def test_temperature_coefficients_are_estimated_from_the_rests():
     random = np.random.default_rng(5)
     k = 40
