@@ -6,10 +6,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from calstation.config import library
 from calstation.errors import InputError
@@ -77,6 +79,8 @@ def reference_lines(check_stopped: CheckStopped) -> Generator[Line]:
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         yield Line.compared(_AREA, "answers", ANSWERS, Text("validation.present"), Text("validation.missing"), False)
         return
+    count = str(len(answers))
+    yield Line.compared(_AREA, "answers", ANSWERS, str(REFERENCES), count, count == str(REFERENCES))
     for name, answer in answers.items():
         yield from guarded(_AREA, "solution", name, partial(_lines, folder, name, answer, check_stopped))
     for name in names():
@@ -108,8 +112,8 @@ def _lines(folder: Path, name: str, answer: dict[str, Any], check_stopped: Check
 def _compared(name: str, result: Result, again: Result, answer: dict[str, Any]) -> Generator[Line]:
     found, stored = _answer(result)["parameters"], answer["parameters"]
     good = set(found) == set(stored) and result.passed == answer["passed"]
-    value = max((abs(found[n][0] - stored[n][0]) / stored[n][1] for n in stored if n in found), default=0.0)
-    sigma = max((abs(found[n][1] / stored[n][1] - 1.0) for n in stored if n in found), default=0.0)
+    value = _largest((found[n][0] - stored[n][0]) / stored[n][1] for n in stored if n in found)
+    sigma = _largest(found[n][1] / stored[n][1] - 1.0 for n in stored if n in found)
     good = good and value <= BOUND and sigma <= BOUND
     bits = Text("validation.bits") if found == stored else Text("validation.other_bits")
     text = Text.of(
@@ -124,9 +128,14 @@ def _compared(name: str, result: Result, again: Result, answer: dict[str, Any]) 
     if not truth:
         yield Line.unchecked(_AREA, "truth", name, "", Text("validation.no_truth"))
         return
-    error = max(abs(found[n][0] - truth[n]) / found[n][1] for n in truth)
+    error = _largest((found[n][0] - truth[n]) / found[n][1] for n in truth)
     limit = Text.of("validation.truth_within", bound=f"{TRUTH_BOUND:g}", count=len(truth))
     yield Line.compared(_AREA, "truth", name, limit, f"{error:.2f} σ", error <= TRUTH_BOUND)
+
+
+def _largest(values: Iterable[float]) -> float:
+    """Return the largest magnitude, NaN if any value is NaN, 0 without values."""
+    return float(np.max(np.abs(list(values)), initial=0.0))
 
 
 def _digest(parameters: Mapping[str, list[float]]) -> str:

@@ -3,6 +3,7 @@
 The runs use the engine, the drivers and the protocols of a real run, with the shipped profiles and a separate site.
 """
 
+import math
 import os
 import tempfile
 import threading
@@ -32,9 +33,11 @@ _HOME = "CALSTATION_HOME"
 _STAGE = "six_position"
 #: Longest host time of a run, s.
 _TIMEOUT = 240.0
-#: Longest time between STOP and axes off on the bench in real time, s: the table decelerates from 100 to 0 °/s at
+#: Longest time between STOP and axes off on the bench in real time, s: the table decelerates from 100 °/s at
 #: 100 °/s², and the engine has one tick and the polls of the table.
 STOP_LIMIT = 2.0
+#: Rate of the table, rad/s, from which STOP is sent in real time: 90 °/s.
+_STOP_FROM = math.radians(90.0)
 #: Runs at the same time; each has several processes.
 _PARALLEL = 2
 
@@ -133,8 +136,7 @@ def _rehearse(number: int, case: Case, folder: Path, stopped: threading.Event) -
         sent: float | None = None
         while not engine.ended:
             for event in engine.poll():
-                moves = isinstance(event, TableMoved) and event.moving
-                if case.real_time and sent is None and moves:
+                if case.real_time and sent is None and isinstance(event, TableMoved) and _is_fast(event):
                     engine.send(Command.STOP)
                     sent = time.monotonic()
                 if sent is not None and isinstance(event, StateChanged) and event.state == "stopped":
@@ -151,6 +153,10 @@ def _rehearse(number: int, case: Case, folder: Path, stopped: threading.Event) -
     with suppress(CalstationError):
         result = load_result(log.with_suffix(".json")) if log is not None else None
     return Ending(case, evaluation, log, result, stop_s)
+
+
+def _is_fast(event: TableMoved) -> bool:
+    return max(abs(event.outer_rate), abs(event.inner_rate)) >= _STOP_FROM
 
 
 def _lines(future: Future[Ending]) -> Generator[Line]:

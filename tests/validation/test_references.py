@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from calstation.validation import references
 from calstation.validation.lines import Line
 from calstation.validation.references import ANSWERS, REFERENCES, reference_lines, references_folder
 from procedures import names
@@ -26,7 +27,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in (f"{QUICK}.csv.gz", f"{QUICK}.toml"):
         shutil.copy(references_folder() / name, tmp_path / name)
     (tmp_path / ANSWERS).write_text(json.dumps({QUICK: answers[QUICK]}), encoding="utf-8")
-    monkeypatch.setattr("calstation.validation.references.references_folder", lambda: tmp_path)
+    monkeypatch.setattr(references, "references_folder", lambda: tmp_path)
+    monkeypatch.setattr(references, "REFERENCES", 1)
     return tmp_path
 
 
@@ -42,7 +44,8 @@ def test_a_reference_log_agrees_with_its_answer(folder: Path) -> None:
         **dict.fromkeys(("transfer", "solution", "repetition", "truth", "solving"), "ok"),
         "second_opinion": "not_checked",
     }
-    other = [line for line in everything if line.subject != QUICK]
+    assert [line.state for line in everything if line.check == "answers"] == ["ok"]
+    other = [line for line in everything if line.subject not in (QUICK, ANSWERS)]
     assert {line.subject for line in other} == {*names()} - {QUICK}
     assert {line.state for line in other} == {"not_checked"}  # methods without a reference log are named
 
@@ -74,8 +77,21 @@ def test_a_damaged_answer_is_found(folder: Path, damage: Callable[[dict[str, Any
 
 
 def test_missing_answers_are_found(folder: Path) -> None:
-    (folder / ANSWERS).write_text("[]", encoding="utf-8")
-    assert lines()["answers"].state == "failed"
+    for content in ("[]", "{}", "no JSON"):
+        (folder / ANSWERS).write_text(content, encoding="utf-8")
+        assert lines()["answers"].state == "failed"
+
+
+def test_a_parameter_that_is_not_a_number_is_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = json.loads((folder / ANSWERS).read_text(encoding="utf-8"))[QUICK]
+
+    def damaged(result: Any) -> dict[str, Any]:
+        parameters = {**answers["parameters"], "gyro_misalign_zy": [float("nan"), 1e-4]}
+        return {**answers, "parameters": parameters}
+
+    monkeypatch.setattr(references, "_answer", damaged)
+    found = lines()
+    assert (found["solution"].state, found["truth"].state) == ("failed", "failed")
 
 
 @pytest.mark.long
