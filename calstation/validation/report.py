@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from calstation import __version__
 from calstation.config import site_folder
 from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
@@ -72,7 +73,7 @@ def begin_record() -> Generator[Line]:
 
     This makes the key of the station if it has none.
     """
-    append_audit(site_folder(), "validation_begun", "", identity=identity())
+    append_audit(site_folder(), "validation_begun", "", software=__version__)
     yield Line.compared("rights", "recorded", "", Text("validation.recorded"), Text("validation.recorded"), good=True)
 
 
@@ -147,7 +148,7 @@ def content_from_json(value: Any) -> Any:
 def compare(validation: Validation, earlier: Path) -> Validation:
     """Return a validation with its differences from an earlier one. Raises InputError if that one was altered."""
     before = read_validation(earlier)
-    after = {**validation.to_json(), "key": before["key"]}
+    after, _ = signed_json(validation)
     return replace(validation, earlier=str(before["name"]), changes=tuple(differences(before, after)))
 
 

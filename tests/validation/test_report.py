@@ -135,6 +135,14 @@ def test_differences_show_versions_results_and_verdict_but_not_measured_times(tm
     assert [row["check"] for row in differences(before, after)] == ["verdict", "command"]
 
 
+def test_a_record_of_another_station_is_named_by_its_key(
+    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    earlier = saved(validation(GOOD), tmp_path / "out")
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "other"))
+    assert [row["check"] for row in compare(validation(GOOD), earlier).changes] == ["key"]
+
+
 def test_the_documents_state_every_line_in_both_languages(tmp_path: Path) -> None:
     earlier = saved(validation(GOOD), tmp_path / "out")
     made = compare(validation(GOOD, BAD, GAP, OUTSIDE, TIMED), earlier)

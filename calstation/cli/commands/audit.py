@@ -106,6 +106,6 @@ def _line(each: AuditEvent) -> str:
     people = each.by or "-"
     if each.confirmed_by:
         people = say("cli.confirmed_by", by=people, second=each.confirmed_by)
-    values = " ".join(f"{name}={value}" for name, value in each.values.items() if name != "sha256")
+    values = " ".join(f"{name}={value}" for name, value in each.values.items() if name not in ("sha256", "identity"))
     why = f'"{each.why}"' if each.why else ""
     return " ".join(part for part in (local_time(each.utc, zone=True), each.event, f"({people})", why, values) if part)

@@ -44,6 +44,8 @@ _PERIODS: dict[int | None, Words] = {
 _STATES = {None: "none", True: "good", False: "bad"}
 #: Value of an event that its line shows only in the tooltip.
 _DIGEST = "sha256"
+#: Name of the versions of all packages, which only the hint shows.
+_VERSIONS = "identity"
 #: Value with the changed entries of a file.
 _CHANGED = "changed"
 #: Families of the terms of the program among the values.
@@ -144,7 +146,7 @@ class AuditView(JobView):
         enable(self._export_button, "" if rows else say("history.nothing_to_export"))
 
     def _cells(self, each: AuditEvent) -> dict[str, str]:
-        values = {name: value for name, value in each.values.items() if not name.endswith(_DIGEST)}
+        values = {name: value for name, value in each.values.items() if not name.endswith((_DIGEST, _VERSIONS))}
         lines = (local_time(each.utc, zone=True), *_value_lines(each.values))
         return {
             "time": local_time(each.utc),
