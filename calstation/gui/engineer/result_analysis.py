@@ -83,7 +83,10 @@ _COMPARED_COLUMNS = (4, 5, 6)
 _ACCEPTED_COLUMN = 8
 #: Column of the temperature of the worst value, and headings of value and sigma of a result over temperature.
 _AT_COLUMN = 2
-_WORST = {"value": "common.worst_value", "sigma": "common.worst_sigma"}
+_WORST = {
+    **{"value": "common.worst_value", "sigma": "common.worst_sigma"},
+    **{"previous": "engineer.previous_at_reference", "change": "engineer.change_at_reference"},
+}
 #: Badge shape (`widgets.badge.KINDS`) of each parameter verdict.
 _SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad", "sigma": "bad", "both": "bad"}
 
@@ -151,7 +154,7 @@ class ResultView(QWidget):
         result = finished.result
         cells = {name: _cells(finished, name) for name in ordered(result.parameters)}
         compared = "engineer.without_state" if result.states_added else "engineer.previous"
-        headings = {"previous": compared, **({} if result.temperature is None else _WORST)}
+        headings = {"previous": compared} if result.temperature is None else _WORST
         columns = [replace(cell, heading=headings.get(cell.key, cell.heading)) for cell in _COLUMNS]
         self._table.show_cells(cells, _NUMBERS, columns)
         for index in _COMPARED_COLUMNS:
