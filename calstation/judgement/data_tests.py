@@ -65,7 +65,7 @@ class DataTests:
 
     def sample_fault(self, samples: SampleBlock, data: StageData) -> Diagnosis | None:
         """Return the first fault of the samples of a stage that cannot be solved; None if there is none."""
-        tests = [self._clipping(samples), *sample_test(samples, data, self._context, self._motion)]
+        tests = [_worst_clipping(samples, self._context), *sample_test(samples, data, self._context, self._motion)]
         return next((test.diagnosis for test in tests if not test.passed), None)
 
     def require_configuration(self, stage: str, samples: SampleBlock, data: StageData) -> None:
@@ -88,7 +88,7 @@ class DataTests:
         """Test the samples of the started stage; this needs no solution and may be done while it is computed."""
         model = self._context.temperature
         clocks = sample_clocks(samples, self._context.imu.sample_rate, None if model is None else model.reference)
-        tests = [self._clipping(samples), *self._clock(clocks)]
+        tests = [_worst_clipping(samples, self._context), *self._clock(clocks)]
         tests += sample_test(samples, data, self._context, self._motion)
         tests += heading_test(self._motion, self._context, self._prior)
         return TestedSamples(clocks, tests)
@@ -111,17 +111,6 @@ class DataTests:
                 span |= temperature_coefficients(residuals, samples, self._context.site.local_gravity)
             details["temperature"] = span
         return replace(solution, tests=(*solution.tests, *tests), details={**solution.details, **details})
-
-    def _clipping(self, samples: SampleBlock) -> ModelTest:
-        """Return the worst test of the IMUs on the body."""
-        imus = [("", self._context.imu, samples.counts)]
-        imus += [(str(s.number), s.imu, samples.others[:, k]) for k, s in enumerate(self._context.secondaries)]
-        tests = []
-        for number, imu, counts in imus:
-            complete = _complete_samples(samples.valid, counts)
-            selection = slice(None) if complete.all() else complete  # a slice copies nothing
-            tests.append(clipping_test(counts[selection], samples.time[selection], imu, number))
-        return max(tests, key=lambda test: test.value)
 
     def _clock(self, clocks: dict[str, "SampleClock"]) -> Iterator[ModelTest]:
         """Yield the test of the sample rate, unless the time is too short to decide it."""
@@ -156,11 +145,25 @@ def data_faults(samples: SampleBlock, context: SolveContext, prior: Posterior) -
     if error is not None:
         return [error]
     tests = [*sample_test(samples, data, context, motion), *heading_test(motion, context, prior)]
-    return [test.diagnosis for test in tests if not test.passed]
+    faults = [test.diagnosis for test in tests if not test.passed]
+    clipping = _worst_clipping(samples, context)  # wraps and spikes look like clipping too
+    return faults if faults or clipping.passed else [clipping.diagnosis]
 
 
 def _clock_offsets(samples: SampleBlock, context: SolveContext) -> list[float]:
     return [clock.offset for clock in sample_clocks(samples, context.imu.sample_rate).values()]
+
+
+def _worst_clipping(samples: SampleBlock, context: SolveContext) -> ModelTest:
+    """Return the worst test of clipping of the IMUs on the body."""
+    imus = [("", context.imu, samples.counts)]
+    imus += [(str(s.number), s.imu, samples.others[:, k]) for k, s in enumerate(context.secondaries)]
+    tests = []
+    for number, imu, counts in imus:
+        complete = _complete_samples(samples.valid, counts)
+        selection = slice(None) if complete.all() else complete  # a slice copies nothing
+        tests.append(clipping_test(counts[selection], samples.time[selection], imu, number))
+    return max(tests, key=lambda test: test.value)
 
 
 def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: str = "") -> ModelTest:

@@ -63,3 +63,20 @@ def test_the_start_of_every_stage_is_tested(recording: Path, monkeypatch: pytest
     monkeypatch.setattr(inspection, "MAX_TESTED", samples - 1)
     assert inspect_recording(recording).tested == samples - 1
     assert sizes == [("six_position", samples)] * 2 + [("six_position", samples - 1)]
+
+
+def test_clipped_channel_is_said_before_a_solution(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    time = 0.02 * np.arange(3000)
+    values = random.normal([0, 0, 0, 0, 0, 1], 0.02, (3000, 6))
+    values[:, 0] = np.clip(values[:, 0] + 300.0 * np.sin(0.3 * time), -250.0, 250.0)
+    rows = [f"{t:.2f},{','.join(f'{v:.5f}' for v in row)}" for t, row in zip(time, values, strict=True)]
+    header = "time_s,gyro_x [deg/s],gyro_y [deg/s],gyro_z [deg/s],accel_x [g],accel_y [g],accel_z [g]"
+    (path := tmp_path / "a.csv").write_text("\n".join([header, *rows]))
+    path.with_suffix(".toml").write_text(
+        "[site]\nlatitude_deg = 34.25\nlongitude_deg = 108.9\nheight_m = 400.0\n"
+        '[imu]\nserial = "H7"\nsample_rate_hz = 50.0\ngyro_arw = 4.4e-5\naccel_vrw = 5.9e-4\n'
+    )
+    ((fault),) = recording_faults(open_log(path))
+    assert "gyro x is clipped" in str(fault)
+    assert "250 °/s" in str(fault)
