@@ -11,6 +11,7 @@ import numpy as np
 
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
+from calstation.messages import os_reason
 from calstation.records.clock import TimeReport
 from calstation.records.columns import unit_factor, unit_factors
 from calstation.records.csv_log import CSV_SUFFIXES, load_recording, meta_path, with_quantisation
@@ -24,8 +25,11 @@ _PAUSE = 1.0
 
 
 def csv_files(folder: Path) -> list[Path]:
-    """Return the CSV files of a folder in the order of their names, numbers by value."""
-    files = [path for path in folder.iterdir() if path.name.endswith(CSV_SUFFIXES)]
+    """Return the CSV files of a folder in the order of their names, numbers by value. Raises InputError."""
+    try:
+        files = [path for path in folder.iterdir() if path.name.endswith(CSV_SUFFIXES)]
+    except OSError as exc:
+        raise InputError("log.unreadable", file=folder, reason=os_reason(exc)) from exc
     return sorted(files, key=lambda path: [(len(part), part) for part in re.split(r"(\d+)", path.name)])
 
 

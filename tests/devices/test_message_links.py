@@ -185,3 +185,9 @@ def test_station_entries_are_checked() -> None:
     for port, text in (("udp://10.0.0.7", "udp://host:port"), ("can://can0", "can://interface/channel/ids")):
         with pytest.raises(ValueError, match=text):
             DeviceSection(port=port)
+
+
+def test_unit_without_a_counter_is_told_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / "imu.toml").write_text(PROFILE.replace('    { name = "counter", type = "u16" },\n', ""))
+    with pytest.raises(ConfigurationError, match="record its data and import them"):
+        load_imu_profile(tmp_path / "imu.toml")

@@ -147,6 +147,18 @@ def test_dataflash_imu(tmp_path: Path) -> None:
     assert_same_as_csv(path, rows, units=MICROSECONDS)
 
 
+def test_dataflash_text(tmp_path: Path) -> None:
+    pytest.importorskip("pymavlink", reason="pymavlink is not installed")
+    rows = microseconds()
+    head = (
+        "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n"
+        "FMT, 130, 36, IMU, QBffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ\n"
+    )
+    lines = [f"IMU, {int(row[0])}, 0, {', '.join(map(repr, row[1:].tolist()))}\n" for row in rows]
+    (path := tmp_path / "rec.log").write_text(head + "".join(lines))
+    assert_same_as_csv(path, rows, units=MICROSECONDS)
+
+
 @pytest.mark.parametrize("old", [True, False])
 def test_dataflash_sensors_apart(tmp_path: Path, old: bool) -> None:
     pytest.importorskip("pymavlink", reason="pymavlink is not installed")

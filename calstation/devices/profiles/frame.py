@@ -351,7 +351,7 @@ def _unknown_name(f: FrameField) -> EntryError:
 SAMPLE_RULES: Rules[FrameSection] = (
     each("fields", lambda f: f.name not in FIELDS and not f.is_spare and _unknown_name(f)),
     lambda s: (
-        EntryError("profile.field_missing", "fields", name=name)
+        EntryError("profile.no_counter" if name == "counter" else "profile.field_missing", "fields", name=name)
         for name in ("counter", *CHANNELS)
         if s.field(name) is None
     ),
