@@ -101,8 +101,11 @@ def test_missing_configuration_is_corrected_in_place(page: OfflinePage, qtbot: Q
     edit.setText(str(tmp_path / "other.toml"))
     qtbot.keyClick(edit, Qt.Key.Key_Return)
     assert "H7" in looked(page, qtbot)
+    edit.setText(str(tmp_path / "third.toml"))
+    assert not page.findChild(QPushButton, "import_button").isEnabled(), "what is imported has been seen"
     qtbot.mouseClick(page.findChild(QPushButton, "import_close_button"), Qt.MouseButton.LeftButton)
     assert not page.importer.isVisible()
+    assert page.findChild(QLineEdit, "log_edit").text() == ""
 
 
 def test_topic_is_chosen_among_several(page: OfflinePage, qtbot: QtBot, tmp_path: Path) -> None:

@@ -39,6 +39,8 @@ class ImportPanel(JobView):
         super().__init__(app, "import")
         self.path: Path | None = None
         self.inspection: Inspection | None = None
+        #: Recording, configuration and topic that were read last.
+        self._read: tuple[Path | None, Path | None, str | None] = None, None, None
         self.looker = self.job(look_at, self._show, failure="logs.not_understood", failed=self._choose_topic)
         self.exports = FileExport(self)
         self.exports.watch.done.connect(self.imported)
@@ -61,6 +63,8 @@ class ImportPanel(JobView):
         form = row(meta, (self.meta_edit, 1), self._topic, self.topic_combo, self.look_button)
         column(self._title, form, self.notice, (scroll_area(content), 1), jobs, on=self)
         self.meta_edit.returnPressed.connect(self.look)
+        self.meta_edit.textChanged.connect(self._update)
+        self.topic_combo.currentIndexChanged.connect(self._update)
         self.busy_changed.connect(self._update)
         on_language_change(self, self._refresh)
 
@@ -78,7 +82,8 @@ class ImportPanel(JobView):
         self.notice.dismiss()
         self.inspection = None
         self._refresh()
-        self.looker.start(*self._source)
+        self._read = self._source
+        self.looker.start(*self._read)
 
     @property
     def _source(self) -> tuple[Path | None, Path | None, str | None]:
@@ -100,7 +105,7 @@ class ImportPanel(JobView):
 
     def _ask(self) -> None:
         if self.path is not None and self.inspection is not None:
-            source, meta, topic = self._source
+            source, meta, topic = self._read
             proposed = self.path.with_suffix(SUFFIX)
             title, kinds = say("logs.import_recording"), [f"{say('logs.log')} (*{SUFFIX})"]
             samples = self.inspection.facts.samples
@@ -122,10 +127,15 @@ class ImportPanel(JobView):
                     self.rows.addWidget(cell, number, place, Qt.AlignmentFlag.AlignTop)
         self._update()
 
-    def _update(self) -> None:
+    def _why_not_import(self) -> str:
+        if self.inspection is None:
+            return say("logs.not_understood")
+        return "" if self._source == self._read else say("logs.read_again_first")
+
+    def _update(self, *_: object) -> None:
         wait = say("window.busy_job") if self.busy else ""
         for widget in (self.meta_edit, self.topic_combo, self.look_button):
             enable(widget, wait)
         self._topic.setVisible(self.topic_combo.count() > 0)
         self.topic_combo.setVisible(self.topic_combo.count() > 0)
-        enable(self.import_button, wait or ("" if self.inspection is not None else say("logs.not_understood")))
+        enable(self.import_button, wait or self._why_not_import())

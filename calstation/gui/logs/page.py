@@ -109,7 +109,7 @@ class OfflinePage(Page):
     def _leave_importer(self) -> None:
         """Show the log that was open before."""
         self._stack.setCurrentWidget(self._open if self.log is not None else self._empty)
-        self.source.show_path(Path() if self.log is None else self.log.path)
+        self.source.show_path(None if self.log is None else self.log.path)
 
     def solve(self, *states: EffectName) -> None:
         """Solve the selected range and stages; `states` are added to the error model."""

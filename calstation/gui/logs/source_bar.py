@@ -54,9 +54,9 @@ class SourceBar(QWidget):
         row(caption, (self.log_edit, 1), self.open_button, self.import_button, self.recent_button, on=self)
         on_language_change(self, self._fill)
 
-    def show_path(self, path: Path) -> None:
-        """Show the path of the open log."""
-        self._open_path = str(path)
+    def show_path(self, path: Path | None) -> None:
+        """Show the path of the open log, if any."""
+        self._open_path = "" if path is None else str(path)
         self.log_edit.setText(self._open_path)
 
     def remember(self, path: Path) -> None:
