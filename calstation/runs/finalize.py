@@ -242,7 +242,8 @@ class Finalization:
         over = dict.fromkeys(filter(is_over_temperature, self._entries.parameters), 0.0)
         for solution in solutions:
             if solution.temperature is not None:
-                over |= TemperatureResult.of(solution.temperature, solution.estimated).registers
+                fitted = solution.temperature, solution.estimated, solution.posterior.covariance
+                over |= TemperatureResult.of(*fitted).registers
         self._fit = solutions[-1].temperature
         return estimates | over
 
