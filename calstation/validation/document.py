@@ -56,8 +56,11 @@ def line_name(line: Mapping[str, Any], language: Language) -> str:
     return f"{name}{'：' if language == 'zh_CN' else ': '}{subject}" if subject else name
 
 
-def row_text(value: Any, language: Language) -> str:
-    """Return one side of a difference."""
+def row_text(row: Mapping[str, Any], side: str, language: Language) -> str:
+    """Return one side of a difference, ``"before"`` or ``"after"``."""
+    value = row[side]
+    if row["check"] == "verdict":
+        return term("validation_label", f"verdict_{value}", language)
     if not isinstance(value, dict):
         return str(value or "–")
     state = term("validation_label", value["state"], language)
@@ -91,8 +94,8 @@ def _typeset(
     changes = [
         {
             "name": line_name(each, language),
-            "before": row_text(each["before"], language),
-            "after": row_text(each["after"], language),
+            "before": row_text(each, "before", language),
+            "after": row_text(each, "after", language),
         }
         for each in data["changes"]
     ]

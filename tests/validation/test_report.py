@@ -152,6 +152,7 @@ def test_the_documents_state_every_line_in_both_languages(tmp_path: Path) -> Non
     english, chinese = ("".join(page.extract_text() for page in pdf.pages) for pdf in pages.values())
     for text in ("Validation of the calibration software", "Failed", "Not checked, although required", "numpy", "3.0"):
         assert text in english
+    assert "通过" in chinese.partition("相对以下记录的变化")[2].partition("numpy")[0]  # the former verdict
     for text in ("校准软件确认", "未通过", "应检查而未检查", "numpy", "未检查"):
         assert text in chinese
     (attached,) = pages[f"{made.name}.pdf"].attachments.values()

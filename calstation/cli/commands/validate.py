@@ -112,7 +112,7 @@ def _lines(data: dict[str, Any]) -> list[str]:
     if data["earlier"]:
         texts.append(say("cli.validation_changes", count=len(data["changes"]), name=data["earlier"]))
         for row in data["changes"]:
-            before, after = row_text(row["before"], LANGUAGE), row_text(row["after"], LANGUAGE)
+            before, after = row_text(row, "before", LANGUAGE), row_text(row, "after", LANGUAGE)
             texts.append(say("cli.validation_change", name=line_name(row, LANGUAGE), before=before, after=after))
     verdict = term("validation_label", f"verdict_{data['verdict']}")
     return [*texts, say("cli.validation_verdict", verdict=verdict, **data["counts"], seconds=data["duration_s"])]
