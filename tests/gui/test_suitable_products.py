@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
+import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QStandardItemModel
 from PySide6.QtWidgets import QComboBox, QPushButton
 
-from calstation.config import library
+from calstation.config import RunRequest, library
+from calstation.gui.logs.methods import pair_live
 from calstation.messages import Text
 from tests.gui.conftest import Operator
 
@@ -76,3 +78,36 @@ def test_monitoring_is_offered_for_every_product_and_its_state_is_shown(operator
     assert "实时监测各 IMU" not in operator.says()
     app.set_station(library.find("stations", "virtual_bench"))
     assert not watch.isVisible()
+
+
+class Watching:
+    """A monitoring process that ends when it is told to."""
+
+    def __init__(self, request: RunRequest) -> None:
+        self.ended = False
+
+    def poll(self) -> list[object]:
+        return []
+
+    def send(self, command: str) -> None:
+        self.ended = command == "stop"
+
+    def close(self) -> None: ...
+
+
+def test_stop_and_esc_end_the_live_monitoring(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pair_live, "PairProcess", Watching)
+    operator.window.app.set_station(library.find("stations", "virtual_pair"))
+    operator.press("show_watch_button")
+    operator.press("watch_button")
+    assert operator.run.display_state == "monitoring"
+    operator.press("stop_button")
+    operator.until(lambda: operator.run.monitoring is None)
+    operator.press("watch_button")
+    operator.qtbot.keyClick(operator.widget("watch_button"), Qt.Key.Key_Escape)
+    operator.until(lambda: operator.run.monitoring is None)
+    operator.press("watch_button")
+    operator.window.show_page("operator_page")
+    operator.press("stop_button")
+    assert "Nothing is running" not in operator.message
+    operator.until(lambda: operator.run.monitoring is None)

@@ -337,7 +337,8 @@ class OperatorPage(Page):
             self._starting.interrupted.offer(run.unit.serial)
 
     def _stop_pressed(self) -> None:
-        if not self.app.run.in_progress and not self._problem:
+        run = self.app.run
+        if not run.in_progress and run.monitoring is None and not self._problem:
             self.notice.dismiss()
             self._message.setText(say("operator.nothing_running"))
 

@@ -58,6 +58,7 @@ class PairLiveView(QWidget):
         app.engine_link.running_changed.connect(self._refresh)
         app.windows.changed.connect(self._refresh)
         app.closing.connect(self.close_watch)
+        app.run.stop_pressed.connect(self._stop)
         on_language_change(self, self._refresh)
 
     @property
@@ -73,13 +74,17 @@ class PairLiveView(QWidget):
         self._app.run.set_monitoring(None)
 
     def _start_or_stop(self) -> None:
-        if self._watch is not None:
-            self._watch.send("stop")
+        if self.watching:
+            self._stop()
             return
         self._error, self.status = None, None
         self._watch = PairProcess(RunRequest("", self._app.station_path, self._app.product_path))
         self._timer.start()
         self._refresh()
+
+    def _stop(self) -> None:
+        if self._watch is not None:
+            self._watch.send("stop")
 
     def _check(self) -> None:
         if self._watch is not None:
