@@ -1,8 +1,10 @@
 """The engine, a separate process that executes runs and register operations, receives commands and sends events."""
 
 import logging
+import os
 import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Iterator
@@ -15,7 +17,17 @@ from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.jobs import STOP_SIGNALS, ChildProcess, receive_stop_signals
 from calstation.runs.channel import HEARTBEAT, Channel
-from calstation.sequencer import Command, Control, Event, Fault, Finalized, Settled, StopReason, from_json
+from calstation.sequencer import (
+    SOLVER_THREADS,
+    Command,
+    Control,
+    Event,
+    Fault,
+    Finalized,
+    Settled,
+    StopReason,
+    from_json,
+)
 
 #: Maximum duration of an uninterruptible wait for a message, s.
 _MAX_WAIT = 0.2
@@ -219,3 +231,5 @@ def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterOp
     finally:
         channel.close()
         logger.info("engine ends")
+        if any(thread.name.startswith(SOLVER_THREADS) for thread in threading.enumerate()):
+            os._exit(0)  # without waiting for the solver of a stopped run, which may compile for minutes

@@ -57,6 +57,8 @@ class Sequencer:
             drive.begin()
             self._check_plans()
             drive.preflight()
+            if not all(job.done() for job in warm.values()):
+                self._context.emit(Message("preparing_solver"))
             self._units.each(lambda unit: self._wait_for(warm[unit]))
         drive.go(State.RUNNING)
         self._verify_earlier()

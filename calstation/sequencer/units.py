@@ -25,6 +25,9 @@ _Result = TypeVar("_Result")
 #: Station time without a sample after which a unit is considered silent, s.
 NO_DATA = 1.0
 
+#: Beginning of the names of the threads that solve; at the end of a run, nothing that they compute is needed.
+SOLVER_THREADS = "solver"
+
 #: Maximum number of ticks in a trace; if the listener is too slow, earlier ticks are omitted.
 _MAX_TRACED = 400
 
@@ -147,7 +150,7 @@ class Units:
         self._table_errors: list[CalstationError] = []
         # Solving, and writing the results of units that leave, happen in threads, because the control loop must feed
         # the watchdog of the table in the meantime.
-        self._solver, self._result_writer = ThreadPoolExecutor(1, "solver"), ThreadPoolExecutor(1, "leaving")
+        self._solver, self._result_writer = ThreadPoolExecutor(1, SOLVER_THREADS), ThreadPoolExecutor(1, "leaving")
         self._ends: list[Future[None]] = []
 
     def __iter__(self) -> Iterator[Unit]:

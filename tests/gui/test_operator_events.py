@@ -278,6 +278,27 @@ def test_verdict_keeps_its_serial_number_and_the_field_is_for_the_next_unit(
     assert "next unit" not in simulated_run.says()
 
 
+def test_unit_scanned_before_a_stopped_engine_ends_is_kept(
+    simulated_run: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link = simulated_run.window.app.engine_link
+    monkeypatch.setattr(EngineLink, "running", True)
+    simulated_run.press("stop_button")
+    link.event.emit(StateChanged("stopped", "running"))
+    simulated_run.until(lambda: simulated_run.run.state == "stopped")
+    link.event.emit(Finalized(Verdict.STOPPED, "log.h5", "result.json", ENDED))
+    simulated_run.until(lambda: simulated_run.verdict)
+    scan_into_focus(simulated_run, "SN-000077")
+    assert simulated_run.verdict == ""
+    assert serial_and_focus(simulated_run)[0] == "SN-000077"
+    assert not simulated_run.widget("start_button").isEnabled()
+    monkeypatch.setattr(EngineLink, "running", False)
+    link.running_changed.emit(False)
+    assert simulated_run.widget("start_button").isEnabled()
+    assert serial_and_focus(simulated_run) == ("SN-000077", simulated_run.widget("start_button"))
+    assert "interrupted" not in simulated_run.says()
+
+
 def test_long_serial_number_fits_next_to_the_verdict(simulated_run: Operator) -> None:
     simulated_run.run.unit.serial = "UNIT-OF-A-VERY-LONG-NAME-0000000123456789"
     end_run(simulated_run, "incomplete")

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -16,7 +17,7 @@ from calstation.errors import DeviceFaultError
 from calstation.records import open_log
 from calstation.results.handover import CSV_NAME
 from calstation.runs import Engine, finish_incomplete
-from calstation.sequencer import Command, Event, Fault, Finalized, StageStarted, StateChanged, StepStarted
+from calstation.sequencer import Command, Event, Fault, Finalized, Message, StageStarted, StateChanged, StepStarted
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
@@ -29,6 +30,23 @@ def test_engine_sends_events_and_accepts_commands(site_folder: SiteFolder) -> No
     assert isinstance(event, Finalized)
     assert event.verdict == "stopped"
     assert engine.process.exitcode == 0
+
+
+@pytest.mark.long
+def test_stopped_engine_does_not_wait_for_the_kernels_of_a_new_computer(
+    site_folder: SiteFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    spawn = multiprocessing.context.SpawnContext()  # a new process, which has loaded no kernels
+    monkeypatch.setattr("multiprocessing.get_context", lambda method: spawn)
+    with Engine.start(site_folder.request("rate")) as engine:
+        for event in engine.events():
+            if isinstance(event, Message) and event.id == "preparing_solver":
+                engine.send(Command.STOP)
+                stopped = time.monotonic()
+    assert time.monotonic() - stopped < 10.0
+    assert isinstance(event, Finalized)
+    assert event.verdict == "stopped"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")

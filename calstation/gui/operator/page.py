@@ -357,6 +357,7 @@ class OperatorPage(Page):
             self._await_next()
         elif self.app.run.state == "idle":
             self._starting.check()  # the next unit may have been scanned before the engine ended
+        self._offer_again()
         self._ask_transfer()
 
     def _show_serial(self) -> None:
@@ -376,7 +377,11 @@ class OperatorPage(Page):
             self._verdict.acknowledge_button.setFocus()
             return
         self.header.focus_scan()
-        if run.state in ("stopped", "incomplete"):
+
+    def _offer_again(self) -> None:
+        """Offer to continue with the units of an incomplete run after its engine has ended."""
+        run = self.app.run
+        if run.state in (Verdict.STOPPED, Verdict.INCOMPLETE):
             self._starting.offer_same_units() if run.in_slots else self._starting.interrupted.offer(run.unit.serial)
 
     def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
@@ -397,8 +402,7 @@ class OperatorPage(Page):
         run, header = self.app.run, self.header
         busy = self.app.engine_link.running
         why_busy = say("window.busy_registers" if run.register_operation else "window.busy_run") if busy else ""
-        has_verdict = run.state in (Verdict.PASSED, Verdict.PARTIAL, Verdict.FAILED)
-        if has_verdict and busy and not self._next_awaited:
+        if run.ended and run.finalized and busy and not self._next_awaited:
             self._await_next()
         header.set_running("" if busy and self._next_awaited else why_busy)
         summary = self._starting.run_summary

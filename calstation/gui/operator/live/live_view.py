@@ -34,9 +34,12 @@ from calstation.sequencer import (
 _MIN_HEIGHT, _TILE_HEIGHT = 704, 54
 
 #: Preparation steps, named by the messages that start them; the first one starts with START.
-_STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")
-_GIMBAL_STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_gravity")
-_MANUAL_STEPS = ("starting_manual", "waiting_ready", "warming_up", "checking_gravity")
+_STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting", "preparing_solver")
+_GIMBAL_STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_gravity", "preparing_solver")
+_MANUAL_STEPS = ("starting", "waiting_ready", "warming_up", "checking_gravity", "preparing_solver")
+
+#: Steps that have another explanation without a table that moves.
+_OTHER_BY_HAND = ("starting", "preparing_solver")
 
 
 class Preparation(QFrame):
@@ -59,6 +62,8 @@ class Preparation(QFrame):
 
     def _refresh(self) -> None:
         steps = _MANUAL_STEPS if self._run.by_hand else _GIMBAL_STEPS if self._run.joint_order else _STEPS
+        if self._run.register_operation:
+            steps = steps[:-1]  # nothing is solved
         message = self._run.latest[1] if self._run.latest is not None else ""
         if self._run.state == "starting":
             self._current = 0
@@ -70,7 +75,8 @@ class Preparation(QFrame):
             for widget in widgets:
                 widget.setVisible(number < len(steps))
         for number, (step, (icon, name, text)) in enumerate(zip(steps, self._rows, strict=False)):
-            texts = rendered(Text(f"preparation.{step}"))
+            manual = self._run.by_hand and step in _OTHER_BY_HAND
+            texts = rendered(Text(f"preparation.{step}{'_manual' if manual else ''}"))
             icon.set_kind("good" if number < self._current else "active" if number == self._current else "none")
             name.setFont(theme.font(theme.SECTION, bold=number == self._current))
             name.setText(texts.text)
