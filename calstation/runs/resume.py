@@ -61,8 +61,8 @@ class Resumable:
     why: str
 
 
-def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
-    """Job: find the runs in a folder that can be resumed, and return them with the latest first.
+def find_resumable(progress: ProgressCallback, folder: Path, station: str | None = None) -> list[Resumable]:
+    """Job: find the runs in a folder that a station, or any, can resume, and return them with the latest first.
 
     At most one run per unit is returned, and no run that is older than the last verdict on the unit.
     """
@@ -76,7 +76,7 @@ def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
         if record.serial in serials:
             continue
         serials.add(record.serial)
-        run = _best_run(history.of(record.serial))
+        run = _best_run(history.of(record.serial), station)
         if run is not None:
             runs.append(run)
         if len(runs) == _MAX_OFFERED:
@@ -84,18 +84,20 @@ def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
     return runs
 
 
-def resumable_run(folder: Path, serial: str) -> Resumable | None:
-    """Return the resumable run of a unit according to the index of a folder of runs, or None."""
-    return _best_run(History(folder).of(serial))
+def resumable_run(folder: Path, serial: str, station: str) -> Resumable | None:
+    """Return the run of a unit that a station can resume according to the index of a folder of runs, or None."""
+    return _best_run(History(folder).of(serial), station)
 
 
-def _best_run(runs: list[RunRecord]) -> Resumable | None:
-    """Return the run with the most finished stages since the last verdict on the unit at any station."""
+def _best_run(runs: list[RunRecord], station: str | None) -> Resumable | None:
+    """Return the station's run with the most finished stages since the last verdict on the unit at any station."""
     best: RunRecord | None = None
     for run in runs:
         if run.verdict.judged or run.closed:
             break
-        if (run.stages or run.resumable) and not run.origin and (best is None or len(run.stages) > len(best.stages)):
+        if run.origin or (station is not None and run.station not in (None, station)):
+            continue  # only the station at which a run began can resume it
+        if (run.stages or run.resumable) and (best is None or len(run.stages) > len(best.stages)):
             best = run
     return None if best is None else _as_resumable(best)
 

@@ -126,7 +126,8 @@ class RunStart:
 
     def _ask_resume(self) -> Question | None:
         request = self.request
-        run = None if request.serials else resumable_run(request.out, request.serial)
+        station = self._setups[0].station.name
+        run = None if request.serials else resumable_run(request.out, request.serial, station)
         if run is None:
             return None
         question = resume_question(run)

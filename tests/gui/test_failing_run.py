@@ -2,7 +2,7 @@
 
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame
+from PySide6.QtWidgets import QFrame, QPushButton
 
 from calstation.messages import Text
 from calstation.sequencer import Command, Message, StageEnded, StageStarted, StateChanged
@@ -52,7 +52,9 @@ def test_reason_is_stated_and_the_run_is_ended(simulated_run: Operator, sent: li
 
 def test_run_is_continued_and_not_asked_again(simulated_run: Operator, sent: list[Command]) -> None:
     fail(simulated_run)
+    assert simulated_run.widget("stay_choice", QPushButton).text() == "Do not end"
     simulated_run.press("stay_choice")
+    assert simulated_run.window.focusWidget() is simulated_run.window.operator_page
     simulated_run.window.app.engine_link.event.emit(StageStarted("excitation", 2, 4, 60.0))
     simulated_run.qtbot.wait(50)
     assert not simulated_run.widget("failing_notice", QFrame).isVisible()

@@ -83,12 +83,12 @@ def write_run(folder: Path, serial: str, outcome: str, age: timedelta, bias: flo
     return path
 
 
-def write_dead_log(folder: Path) -> Path:
+def write_dead_log(folder: Path, **run: Any) -> Path:
     """Write the log of a run that was killed in its second stage one hour ago."""
     started = NOW - timedelta(hours=1)
     path = folder / f"SN-000003_{started:%Y%m%dT%H%M%S%f}.h5"
     schedule = {name: method(name).schedule(**PRODUCT["schedule"][name]).model_dump(mode="json") for name in STAGES}
-    meta = {**META, "run": {**META["run"], "started_utc": started.isoformat()}, "schedule": schedule}
+    meta = {**META, "run": {**META["run"], **run, "started_utc": started.isoformat()}, "schedule": schedule}
     writer = RawLogWriter(path, LogMeta.model_validate(meta))
     for k, stage in enumerate(STAGES):
         seq = np.arange(100 * k, 100 * k + 100, dtype=np.int64)

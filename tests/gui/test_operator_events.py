@@ -393,6 +393,61 @@ def test_interrupted_unit_scanned_again_is_resumed_or_restarted(
     assert [request.resume and request.resume.name for request in started[2:]] == [None, log.name]
 
 
+@pytest.mark.parametrize(("station", "offered"), [("test bench", True), ("another bench", False)])
+def test_interrupted_run_is_offered_only_at_its_station(operator: Operator, station: str, *, offered: bool) -> None:
+    runs = operator.window.app.runs_folder
+    runs.mkdir()
+    log = write_dead_log(runs, station=station)
+    finish_incomplete(runs)
+    operator.window.show_page("history_page")
+    operator.until(lambda: "SN-000003" in operator.says())
+    operator.until_no_job()
+    operator.until(lambda: operator.widget("history_resume_button").isVisible() is offered)
+    operator.window.show_page("operator_page")
+    operator.window.operator_page._starting.interrupted.recover()
+    if not offered:
+        operator.until_no_job()
+        assert "was interrupted" not in operator.says()
+        operator.scan("SN-000003")
+        assert "was interrupted" not in operator.says()
+        return
+    operator.until(lambda: "SN-000003 was interrupted" in operator.says())
+    assert operator.window.focusWidget() is operator.widget("later_choice")  # not what nobody has confirmed
+    kept = log.rename(log.with_suffix(".kept"))
+    operator.press("resume_choice")
+    assert "cannot be resumed" in operator.says()
+    assert operator.widget("serial_edit", QLineEdit).text() == ""
+    operator.press("start_button")
+    assert "The serial number is missing" in operator.says()
+    assert not operator.window.app.engine_link.running
+    kept.rename(log)
+    operator.scan("SN-000003")
+    assert operator.window.focusWidget() is operator.widget("cancel_choice")
+
+
+def test_question_before_closing_is_not_mistaken_for_resuming(
+    simulated_run: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window, link = simulated_run.window, simulated_run.window.app.engine_link
+    with monkeypatch.context() as patch:
+        patch.setattr(EngineLink, "running", True)
+        link.event.emit(StateChanged("paused", "running"))
+        simulated_run.until_state("paused")
+        window.show_page("history_page")
+        window.close()
+        assert window.isVisible()
+        assert "The calibration is paused" in simulated_run.says()
+        simulated_run.until(lambda: simulated_run.widget("pause_button", QPushButton).text() == "Resume")
+        window.app.set_language("zh_CN")
+        keep_open = simulated_run.widget("keep_open_choice", QPushButton)
+        assert (keep_open.text(), simulated_run.widget("pause_button", QPushButton).text()) == ("不关闭", "继续")
+        assert "标定已暂停" in simulated_run.says()
+        assert window.focusWidget() is keep_open
+        simulated_run.qtbot.keyClick(keep_open, Qt.Key.Key_Space)
+        assert window.focusWidget() is window.operator_page  # not the tabs, which the arrow keys would change
+        assert simulated_run.run.state == "paused"
+
+
 def test_ready_is_not_shown_while_station_and_product_are_incompatible(operator: Operator) -> None:
     pages = ("operator_page", "engineer_page", "history_page")
 

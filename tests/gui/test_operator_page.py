@@ -229,7 +229,7 @@ def test_closing_during_a_run_asks_for_confirmation_and_stops(operator: Operator
     assert operator.window.isVisible()
     assert QApplication.activeModalWidget() is None
     assert "A calibration is in progress" in operator.says()
-    operator.press("stay_choice")
+    operator.press("keep_open_choice")
     assert operator.window.app.engine_link.running
     operator.window.close()
     operator.press("close_choice")

@@ -8,8 +8,9 @@ from PySide6.QtCore import QSignalBlocker, Qt, QTimer, QUrl, SignalInstance
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QWidget
 
+from calstation.config import load_station
 from calstation.database import export_shared_runs, fetch_log, fetch_result, load_shared_results, note_use
-from calstation.errors import InputError
+from calstation.errors import CalstationError, InputError
 from calstation.gui.history.audit_view import AuditView
 from calstation.gui.history.comparison import MAX_COMPARED, RunComparison
 from calstation.gui.history.details import MAX_TREND, Actions, RunDetails
@@ -106,7 +107,14 @@ class HistoryPage(Page):
             self.show_runs()
         elif not self._refresher.busy:
             self._refresher.start(self.app.runs_folder)
-            self._resumable_finder.start(self.app.runs_folder)
+            self._resumable_finder.start(self.app.runs_folder, self._station_name())
+
+    def _station_name(self) -> str | None:
+        """Return the name of the station, or None if its file is invalid."""
+        try:
+            return load_station(self.app.station_path)[1].name
+        except CalstationError:
+            return None
 
     def show_runs(self) -> None:
         """List the indexed runs that match the filters."""

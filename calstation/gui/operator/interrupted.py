@@ -62,8 +62,8 @@ class InterruptedRuns(QObject):
     def offer(self, serial: str | None = None, log: Path | None = None) -> None:
         """Offer to resume interrupted runs: all runs, those of the unit `serial`, or the run of `log`."""
         self._serial, self._log = serial, log
-        if self._app.runs_folder.is_dir():
-            self._search.start(self._app.runs_folder)
+        if self._app.runs_folder.is_dir() and self.run_summary is not None:
+            self._search.start(self._app.runs_folder, self.run_summary.station)
 
     def _search_done(self, runs: list[Resumable]) -> None:
         if self._app.engine_link.running or self.run_summary is None:
@@ -96,7 +96,7 @@ class InterruptedRuns(QObject):
             "close_incomplete_job": lambda: self._close(run, others),
             "later": lambda: self._offer(others),
         }
-        ask(self._notice, "paused", resume_question(run), answers, primary="resume")
+        ask(self._notice, "paused", resume_question(run), answers, primary="later")
 
     def _close(self, run: Resumable, others: list[Resumable]) -> None:
         if self._app.badge_required:

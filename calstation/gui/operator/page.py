@@ -82,7 +82,7 @@ class OperatorPage(Page):
         self.header: RunHeader = RunHeader(app.run)
         self._stages = StageList(app.run)
         self.closing, self.notice = NoticeBar(), NoticeBar("operator_notice")
-        self._failing = FailingNotice(app.run)
+        self._failing = FailingNotice(app.run, self.setFocus)
         self._loading, self._live = Loading(), LiveView(app)
         self._verdict, self._shift = VerdictPanel(app, self.notice, self.await_scan), ShiftCounter(app)
         self._claimed, self._validation = ClaimNotice(app), ValidationNotice(app)
@@ -392,9 +392,10 @@ class OperatorPage(Page):
             if self.app.engine_link.running:
                 ask(self.closing, "stopped", Text.of("question.closing"), {"close_now": close_now})
 
-        writing = self.app.run.register_operation
-        question = Text.of("question.close_during_writing" if writing else "question.close_during_run")
-        ask(self.closing, "caution", question, {"close": stop, "stay": lambda: None}, primary="stay")
+        run = self.app.run
+        paused = "pause" if run.state in ("pausing", "paused") else "run"
+        question = Text.of(f"question.close_during_{'writing' if run.register_operation else paused}")
+        ask(self.closing, "caution", question, {"close": stop, "keep_open": self.setFocus}, primary="keep_open")
 
     # ---- status of the run
 

@@ -63,11 +63,14 @@ def refusal(code: str, error: CalstationError, *, engineer: bool) -> Text:
 
 
 class FailingNotice(NoticeBar):
-    """Says once that a run will fail, as soon as this is certain, and offers to end it."""
+    """Says once that a run will fail, as soon as this is certain, and offers to end it.
 
-    def __init__(self, run: RunStatus) -> None:
+    `answered` is called when the run is to continue.
+    """
+
+    def __init__(self, run: RunStatus, answered: Callable[[], None]) -> None:
         super().__init__("failing_notice")
-        self._run = run
+        self._run, self._answered = run, answered
         self._asked = False
         run.changed.connect(self._run_changed)
 
@@ -79,7 +82,7 @@ class FailingNotice(NoticeBar):
                 self.dismiss()
         elif not self._asked:
             self._asked = True
-            answers = {"end_failing": self._run.end_failing, "stay": lambda: None}
+            answers = {"end_failing": self._run.end_failing, "stay": self._answered}
             ask(self, "bad", Text.of("question.will_fail", why=failing), answers)
 
 
@@ -164,8 +167,7 @@ class StartDialog:
 
     def _ask(self, question: Text, answers: Mapping[str, Callable[[], None]], kind: str = "caution") -> None:
         """Ask a question with an additional answer that cancels it."""
-        primary = "resume" if "resume" in answers else "cancel"
-        ask(self._notice, kind, question, {**answers, "cancel": self._cancelled}, primary=primary)
+        ask(self._notice, kind, question, {**answers, "cancel": self._cancelled}, primary="cancel")
 
 
 class ValidationNotice(NoticeBar):

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -140,8 +141,9 @@ class RunStarter(QObject):
         self._signal(accepted=accepted)
         if accepted and self._app.run.fault is not None:
             ask(self._notice, "caution", Text("operator.fault_open"), {})
-        asks = accepted and not self.slots and not header.badge_field.required
-        if asks and resumable_run(self._app.runs_folder, header.serial) is not None:
+        summary = self.run_summary
+        asks = summary is not None and accepted and not self.slots and not header.badge_field.required
+        if asks and resumable_run(self._app.runs_folder, header.serial, summary.station) is not None:
             self.start()
 
     def _signed_in(self) -> None:
@@ -251,10 +253,11 @@ class RunStarter(QObject):
         ask(self._notice, "caution", Text.of(code, serial=serial), answers, primary="cancel")
 
     def _resume(self, run: Resumable) -> None:
-        self._header.set_serial(run.serial)
-        self.dialog.begin(
-            self._request(run.serial, product_of(run.log) or self._app.product_path, None, resume=run.log)
-        )
+        self._header.set_serial("")  # if the run is refused, no unit that was not scanned can be started
+        product = None
+        with suppress(CalstationError):  # the dialog shows the error of the log
+            product = product_of(run.log)
+        self.dialog.begin(self._request(run.serial, product or self._app.product_path, None, resume=run.log))
 
     def _request(self, serial: str, product: Path | None, stages: tuple[str, ...] | None, **more: Any) -> RunRequest:
         app = self._app
