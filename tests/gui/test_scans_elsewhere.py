@@ -5,7 +5,12 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLineEdit, QPushButton
 
 from calstation.config import access
+from calstation.gui.operator import starting
+from calstation.gui.state.engine_link import EngineLink
 from tests.gui.conftest import Operator
+from tests.gui.test_operator_events import scan_into_focus, simulated_run
+
+__all__ = ["simulated_run"]  # fixture
 
 pytestmark = pytest.mark.usefixtures("late_engineer_page")
 
@@ -48,6 +53,28 @@ def test_scan_on_another_page_is_entered_on_the_operator_page(operator: Operator
     operator.qtbot.keyClick(window, Qt.Key.Key_Return)
     assert operator.window.operator_page.isVisible()
     assert edit.text() == SCANNED
+
+
+@pytest.mark.parametrize("page", ["operator_page", "history_page"])
+def test_scan_during_a_run_is_refused_with_a_sentence_and_a_sound(
+    simulated_run: Operator, monkeypatch: pytest.MonkeyPatch, page: str
+) -> None:
+    window, edit = simulated_run.window, simulated_run.widget("serial_edit", QLineEdit)
+    sounds: list[str] = []
+    monkeypatch.setattr(starting, "play", sounds.append)
+    window.app.settings.setValue("sounds", True)
+    with monkeypatch.context() as patch:
+        patch.setattr(EngineLink, "running", True)
+        window.app.run.changed.emit()
+        before = edit.text()
+        window.show_page(page)
+        window.setFocus()
+        scan_into_focus(simulated_run, SCANNED)
+        assert window.operator_page.isVisible()
+        assert "This scan was not taken" in simulated_run.says()
+        window.app.set_language("zh_CN")
+        assert "标定还在进行，请等它结束后再扫描下一个产品。" in simulated_run.says()
+        assert (edit.text(), sounds) == (before, ["refused"])
 
 
 def test_scans_set_no_pin(operator: Operator) -> None:

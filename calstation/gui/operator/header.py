@@ -38,12 +38,14 @@ class RunHeader(QWidget):
     """Fields and buttons for a run.
 
     Signals: `serial_entered()` on Enter in the serial field, which scanners send, too; `serial_edited()`;
-    `start_pressed()`; `enter_refused()` when Enter on START is ignored; `product_selected(path)`.
+    `start_pressed()`; `enter_refused()` when Enter on START is ignored; `scan_refused()` after a scan while the
+    field is locked; `product_selected(path)`.
     """
 
     serial_entered = Signal()
     serial_edited = Signal()
     enter_refused = Signal()
+    scan_refused = Signal()
     start_pressed = Signal()
     product_selected = Signal(object)
 
@@ -179,8 +181,7 @@ class RunHeader(QWidget):
         in_list = QApplication.activePopupWidget() is not None and self.isVisible()
         if in_list and self._scanning.isActive() and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
             self._end_scan()
-            if self._scan_field.isEnabled():
-                self._scan_field.returnPressed.emit()
+            self._enter()
             return True
         text = event.text()
         if not (text.strip() or self._scanning.isActive()) or not text.isprintable() or event.modifiers() & _COMMAND:
@@ -204,7 +205,11 @@ class RunHeader(QWidget):
         """Enter a whole scan, as a scanner does."""
         if self._scan_field.isEnabled():
             self._scan_field.begin(text)
-            self._scan_field.returnPressed.emit()
+        self._enter()
+
+    def _enter(self) -> None:
+        """Enter the scan in the field, which takes none while it is locked."""
+        (self._scan_field.returnPressed if self._scan_field.isEnabled() else self.scan_refused).emit()
 
     def _end_scan(self) -> None:
         """Close the list over which a scan arrived."""

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QObject
+from PySide6.QtCore import QObject, QTimer
 
 from calstation.config import RunRequest, virtual_serials
 from calstation.errors import CalstationError
@@ -33,6 +33,9 @@ _NOTES = {
     "question.no_slot_left": "operator.no_slot_left",
 }
 
+#: Time for which the notice about a scan during a run is displayed, ms.
+_REFUSED_MS = 10_000
+
 
 class RunStarter(QObject):
     """The steps to a run: checks scanned serial numbers, fills the slots, and asks the questions before the start."""
@@ -53,6 +56,10 @@ class RunStarter(QObject):
         self.interrupted = InterruptedRuns(app, header, notice, self._resume)
         header.serial_entered.connect(self.scan)
         header.serial_edited.connect(self.edited)
+        header.scan_refused.connect(self._refuse_scan)
+        #: Runs while it is displayed that a scan was not taken.
+        self._refused_shown = QTimer(self, singleShot=True, interval=_REFUSED_MS)
+        self._refused_shown.timeout.connect(self._end_refusal)
         header.start_pressed.connect(self.start)
         header.badge_field.signed_in.connect(self._signed_in)
         header.badge_field.refused.connect(self._badge_refused)
@@ -145,6 +152,16 @@ class RunStarter(QObject):
         asks = summary is not None and accepted and not self.slots and not header.badge_field.required
         if asks and resumable_run(self._app.runs_folder, header.serial, summary.station) is not None:
             self.start()
+
+    def _refuse_scan(self) -> None:
+        """Say that a scan during a run was not taken."""
+        self._signal(accepted=False)
+        ask(self._notice, "bad", Text("question.scan_during_run"), {})
+        self._refused_shown.start()
+
+    def _end_refusal(self) -> None:
+        if not self._notice.asking:
+            self._notice.dismiss()
 
     def _signed_in(self) -> None:
         """Continue with the serial number or with interrupted runs."""

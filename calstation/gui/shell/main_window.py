@@ -270,9 +270,7 @@ class MainWindow(QMainWindow):
             super().keyPressEvent(event)
 
     def _collect(self, event: QKeyEvent) -> bool:
-        """Collect the characters of a scan on another page; at its end, show the operator page and enter it there."""
-        if self.operator_page.isVisible():
-            return False
+        """Collect the characters of a scan on another page or during a run, and enter it on the operator page."""
         now, text = time.monotonic(), event.text()
         scan = self._scan[1] if now - self._scan[0] < _SCAN_PAUSE else ""
         if text.isprintable() and text:
