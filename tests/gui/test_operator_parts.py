@@ -13,6 +13,7 @@ from calstation.gui.operator.live.convergence import Convergence
 from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.starting import suggested_serial
 from calstation.gui.state import UnitStatus
+from calstation.gui.text import language
 from calstation.gui.widgets import NumberAxis, spread, theme
 from calstation.runs import RunSummary
 from calstation.sequencer import Message, Trace
@@ -192,6 +193,13 @@ def test_convergence_plot_marks_reached_targets_and_thins_its_lines(qtbot: QtBot
     assert plot.lines["gyro_bias"].reached
     assert "accel_bias" not in plot.lines
     assert len(plot.lines["gyro_bias"].times) <= 2001
+    plot.draw()
+    for code, name, end in (("en", "gyro bias σ ", "°/h reached"), ("zh_CN", "陀螺零偏标准差 ", "°/h 已达标")):
+        language.use(code)
+        (text,) = [label.text for label in plot._labels._labels if not label.bold]
+        assert text.startswith(name)  # not the bias itself
+        assert text.endswith(end)
+    language.use("en")
 
 
 def test_alarm_of_a_control_chart_is_a_remark_of_the_unit() -> None:

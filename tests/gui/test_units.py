@@ -14,7 +14,7 @@ from calstation.config import RunRequest
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator import starting
 from calstation.gui.operator.live import TablePicture
-from calstation.gui.state import RunStrip
+from calstation.gui.state import RunStrip, run_badge
 from calstation.gui.state.engine_link import EngineLink
 from calstation.records import Verdict
 from calstation.results import History
@@ -106,7 +106,8 @@ def begin(operator: Operator) -> None:
 def end_unit(operator: Operator, slot: str, outcome: str, **result: Any) -> None:
     """Emit the verdict of a unit."""
     unit = next(unit for unit in operator.run.units if unit.slot == slot)
-    ended = {**RESULT, "unit": {"serial": unit.serial}, "outcome": outcome, "attempt": 1, "duration_s": 60.0, **result}
+    facts = {"outcome": outcome, "attempt": 1, "duration_s": 60.0, "slot": slot}
+    ended = {**RESULT, "unit": {"serial": unit.serial}, **facts, **result}
     operator.window.app.engine_link.event.emit(Finalized(Verdict(outcome), "log.h5", f"{slot}.json", ended, slot=slot))
 
 
@@ -311,8 +312,8 @@ def test_tiles_show_unit_and_slot_and_a_click_selects_its_plots(operator: Operat
         sigma = {group: factor * target for group, target in targets.items()}
         link.event.emit(StageProgress("rate", 0.5, 5.0, sigma, slot=slot))
         link.event.emit(Trace((0.0, 1.0), (float(slot),) * 12, slot=slot))
-    operator.until(lambda: "12 × its target" in tile(operator, "unit_3_tile").accessibleName())
-    assert "σ 3 × its target" in tile(operator, "unit_1_tile").accessibleName()
+    operator.until(lambda: "12 times its target" in tile(operator, "unit_3_tile").accessibleName())
+    assert "sigma 3 times its target" in tile(operator, "unit_1_tile").accessibleName()
     assert "reached" in tile(operator, "unit_2_tile").accessibleName()
     assert live._traces.rows[0, 1] == 1.0
     assert live._convergence.lines["gyro_bias"].ratios == [3.0]
@@ -328,7 +329,7 @@ def test_tiles_show_unit_and_slot_and_a_click_selects_its_plots(operator: Operat
     for slot, passed in (("1", True), ("2", False)):
         solved = {f"{group}_x": {"value": 0.0, "sigma": 0.2 * target} for group, target in targets.items()}
         link.event.emit(StageSolved("rate", solved, {"passed": passed}, slot=slot))
-    operator.until(lambda: "σ 0.2 × its target, reached" in tile(operator, "unit_1_tile").accessibleName())
+    operator.until(lambda: "sigma 0.2 times its target, reached" in tile(operator, "unit_1_tile").accessibleName())
     assert live._convergence.lines["gyro_bias"].ratios == [0.5, 0.2]
     operator.until(lambda: "Rate: solving" in tile(operator, "unit_3_tile").accessibleName())
     assert "Rate: not ok" in tile(operator, "unit_2_tile").accessibleName()
@@ -590,9 +591,19 @@ def test_units_finished_before_a_stop_are_not_offered_again(operator: Operator) 
     end_unit(operator, "1", "fault")
     operator.press("stop_button")
     link.event.emit(StateChanged("stopped", "stopping"))
-    end_unit(operator, "2", "stopped")
+    end_unit(operator, "2", "stopped", advice="resume")
     link._end()
     operator.until(lambda: "1 fault, 1 stopped" in operator.says())
+    assert run_badge(operator.run)[0] == "caution"
+    again = operator.widget("again_button", QPushButton)
+    assert again.text() == "Calibrate the units with a fault again (1)"
+    advice = tile(operator, "unit_2_verdict").accessibleName()
+    assert "Scan the unit to begin again" in advice
+    assert "resume" not in advice
+    operator.window.app.set_language("zh_CN")
+    assert again.text() == "重做出故障的产品（1）"
+    assert "可以接着做" not in tile(operator, "unit_2_verdict").accessibleName()
+    operator.window.app.set_language("en")
     operator.press("same_units_choice")
     assert serials(operator) == ("", "SN-000002")
 

@@ -27,6 +27,8 @@ from calstation.messages import local_time
 
 #: Outcomes of units in the order in which they are counted.
 _COUNTED = ("passed", "partial", "failed", "fault", "stopped", "incomplete")
+#: Outcomes of units, the worst first.
+_WORST = ("failed", "fault", "stopped", "incomplete", "partial", "passed")
 
 
 class RunStrip(QWidget):
@@ -70,7 +72,7 @@ def run_badge(run: RunStatus) -> tuple[str, str]:
     """Return the shape and the text of the badge of a run.
 
     In another window of the station, it is the run of the first one. The text states whether a run in progress is
-    partial, and counts the outcomes after a run of several units.
+    partial. After a run of several units, it counts the outcomes, and the shape is that of the worst.
     """
     if run.elsewhere is not None and not run.in_progress:
         serials, elsewhere = run.elsewhere
@@ -79,7 +81,8 @@ def run_badge(run: RunStatus) -> tuple[str, str]:
     if run.in_slots and run.ended:
         counts = Counter(run.display_state_of(unit) for unit in run.units)
         texts = [term("unit_count", outcome, count=counts[outcome]) for outcome in _COUNTED if counts[outcome]]
-        return KINDS.get(run.display_state, "none"), term("unit_count", "comma").join(texts)
+        worst = next((outcome for outcome in _WORST if counts[outcome]), run.display_state)
+        return KINDS.get(worst, "none"), term("unit_count", "comma").join(texts)
     state = term("badge", run.display_state)
     if run.display_state == "monitoring" and run.monitoring is not None:
         return run.monitoring[0], state

@@ -141,7 +141,8 @@ class Convergence(QFrame):
             unit, size = DISPLAY[group]
             value = line.ratios[-1] * line.target / size
             number = f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"  # the format g would use an exponent
-            text, colour, state = f"{term('group', group)} {number} {unit}", c.text, ""
+            sigma = say("operator.sigma_of", name=term("group", group), value=number, unit=unit)
+            text, colour, state = sigma, c.text, ""
             if line.reached:
                 text, colour, state = say("operator.reached", value=text), c.good, "good"
             labels.append(LineLabel(self._height(line.ratios[-1]), text, QColor(colour), state))
