@@ -14,7 +14,7 @@ from calstation.records import Verdict
 from calstation.reports import IssueState, ReportRequest
 from calstation.sequencer import Message
 from tests.gui.conftest import Operator, result_with
-from tests.gui.test_units import FAILED, begin, end_unit, serials, started, tile, use_slots
+from tests.gui.test_units import FAILED, begin, click, end_unit, serials, started, tile, use_slots
 
 pytestmark = pytest.mark.usefixtures("late_engineer_page")
 
@@ -99,6 +99,23 @@ def test_failed_units_are_calibrated_again_in_their_slots(operator: Operator, st
     assert serials(operator) == ("", "SN-000002", "", "SN-000004")
     operator.press("start_button")
     assert [request.serials for request in started] == [("", "SN-000002", "", "SN-000004")]
+
+
+def test_unit_scanned_again_is_entered_in_its_last_slot_with_a_notice(operator: Operator) -> None:
+    use_slots(operator, 3)
+    begin(operator)
+    end(operator, failed=("2",))
+    operator.scan("SN-000002")
+    assert serials(operator)[1] == "SN-000002"
+    assert "SN-000002" not in (serials(operator)[0], serials(operator)[2])
+    assert "SN-000002 is entered in slot 2, as in the last run" in operator.says()
+    operator.window.app.set_language("zh_CN")
+    assert "SN-000002 已填入装夹位 2，与上次标定相同" in operator.says()
+    operator.press("slot_2_button")  # the unit has been moved
+    click(operator, "slot_3_tile")
+    operator.scan("SN-000002")
+    assert serials(operator)[2] == "SN-000002"
+    assert "与上次标定相同" not in operator.says()
 
 
 def label_of(report: ProgressCallback, files: list[Path], station: Path | None) -> list[Path]:

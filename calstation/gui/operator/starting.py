@@ -15,7 +15,7 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.interrupted import InterruptedRuns
 from calstation.gui.operator.questions import StartDialog, ask
-from calstation.gui.state import AppContext, UnitStatus
+from calstation.gui.state import AppContext, Slot, UnitStatus
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
@@ -220,10 +220,14 @@ class RunStarter(QObject):
         if self._app.run.ended:
             self._app.run.acknowledge()
         if slots.next is not None:
-            slots.fill(slots.next, header.serial, before)
+            serial, slot = header.serial, self._last_slot(header.serial) or slots.next
+            moved = slot is not slots.next
+            slots.fill(slot, serial, before)
             self._app.claim(*slots.units)
             header.set_serial("")
             self._notice.dismiss()
+            if moved:
+                ask(self._notice, "caution", Text.of("question.last_slot", serial=serial, slot=slot.name), {})
             self._note_next(accepted=True)
             self._await_start() if slots.full else header.focus_scan()
             return True
@@ -232,6 +236,13 @@ class RunStarter(QObject):
         header.note_serial(note, accepted=True)
         self._await_start()
         return True
+
+    def _last_slot(self, serial: str) -> Slot | None:
+        """Return the slot in which a unit was in the last run at this station, or None if a scan does not fill it."""
+        request, units = self._app.engine_link.request, self._app.run.units
+        here = request is not None and request.station == self._app.station_path
+        name = next((unit.slot for unit in units if here and unit.serial == serial), "")
+        return self.slots.last(name)
 
     def _await_start(self) -> None:
         """Move the focus to START or, if a badge is required, to the badge field."""

@@ -60,6 +60,11 @@ class Slots(QObject):
         """The slot for the next scan: `marked`, or the first slot with a suggested unit, which the scan replaces."""
         return self.marked or next((slot for slot in self._slots if slot.suggested), None)
 
+    def last(self, name: str) -> Slot | None:
+        """Return the slot in which the scanned unit was last, or None if another is selected or it is not free."""
+        free = [slot for slot in self._slots if slot.open or slot.suggested]
+        return None if self._chosen is not None else next((slot for slot in free if slot.name == name), None)
+
     @property
     def full(self) -> bool:
         """Whether no slot is open."""
