@@ -175,9 +175,13 @@ def test_a_fault_that_the_table_latched_stresses_the_reset(simulated_run: Operat
     panel = window.operator_page._verdict
     panel.show_end()
     assert panel.reset.offered
+    word, done = {"en": ("Reset", "press Understood"), "zh_CN": ("复位故障", "请按“知道了”")}[code]
+    assert word in panel.action_label.text()
     assert (panel.reset.button.property("kind"), panel.acknowledge_button.property("kind")) == ("primary", "")
     panel.reset._finish(TableReset("cleared", "interlock", None))
     assert not panel.reset.offered
+    assert word not in panel.action_label.text()  # it has been done
+    assert done in panel.action_label.text()
     assert (panel.reset.button.property("kind"), panel.acknowledge_button.property("kind")) == ("", "primary")
 
 

@@ -63,6 +63,8 @@ def test_scan_before_the_fault_is_read_says_what_to_do(simulated_run: Operator) 
     assert "Read the fault" not in operator.says()
     assert operator.widget("serial_edit", QLineEdit).text() == "SN-000043"
     assert operator.widget("start_button").isEnabled()
+    assert operator.window.focusWidget() is operator.widget("start_button")
+    assert operator.widget("serial_symbol").isVisible()
 
 
 def test_slots_of_the_last_station_are_not_shown_at_an_unusable_one(operator: Operator) -> None:

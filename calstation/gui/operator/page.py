@@ -327,8 +327,7 @@ class OperatorPage(Page):
         interrupted = next((unit for unit in run.units if unit.transfer is not None), None)
         self.notice.dismiss()
         run.acknowledge()
-        self._starting.suggest()
-        self.header.focus_scan()
+        self._starting.await_unit()
         if interrupted is not None and request is not None:
             self._starting.ask_transfer(request, interrupted.serial)
         elif run.in_slots:

@@ -105,6 +105,13 @@ class RunStarter(QObject):
         self.slots.remove_units()
         self.suggest()
 
+    def await_unit(self) -> None:
+        """After a fault, wait for START if a unit was scanned in the meantime, otherwise for a scan."""
+        scanned = bool(self._header.serial) and self._header.serial != self._suggested
+        self.suggest()
+        if not (scanned and self.check()):
+            self._header.focus_scan()
+
     def offer_same_units(self) -> None:
         """After an incomplete run of several units, offer to calibrate the unfinished units again."""
         units = [unit for unit in self._app.run.units if unit.unfinished]

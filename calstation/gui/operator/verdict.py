@@ -131,7 +131,7 @@ class VerdictPanel(QFrame):
             *(self.details_button, self._station_button, None),
         )
         self._beside = column(self._facts, self._notes, buttons, None)
-        self.reset.changed.connect(self._stress)
+        self.reset.changed.connect(self._reset_changed)
         people, values = self.certificate_button.panel, QWidget()
         row(column(self._figures, None), (self._beside, 1), on=values, spacing=3 * theme.GRID)
         # a small screen does not have space for both
@@ -170,6 +170,10 @@ class VerdictPanel(QFrame):
         theme.set_kind(self.reset.button, "primary" if reset else "")
         theme.set_kind(self.acknowledge_button, "" if reset else "primary")
 
+    def _reset_changed(self) -> None:
+        self._stress()
+        self._refresh()
+
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Fit the texts to the panel."""
         super().resizeEvent(event)
@@ -200,7 +204,8 @@ class VerdictPanel(QFrame):
             return say("advice.released")
         if fault is None:
             return advice.next_action(self._display_state, result)
-        return self._fault_text(fault).remedy
+        reset = self.reset.result is not None and self.reset.result.clear
+        return say("advice.after_reset") if reset else self._fault_text(fault).remedy
 
     @property
     def _current_fault(self) -> Fault | None:
