@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import NoReturn
 
@@ -15,6 +16,9 @@ from calstation.sequencer.guard import attempt
 
 #: Station time between two polls of the chamber, s.
 POLL_INTERVAL = 2.0
+
+#: Host time for which `ChamberControl.update` waits for an answer before the control loop continues without it, s.
+_PATIENCE = 0.25
 
 #: Largest temperature of metal that may be touched for minutes, °C (ISO 13732-1: 48 °C for 10 min, 43 °C for 8 h).
 TOUCHABLE_C = 43.0
@@ -83,8 +87,20 @@ class ChamberLimits:
         return all(self.dew_point <= value <= TOUCHABLE_C for value in (status.air_c, *units.values()))
 
 
+@dataclass(frozen=True)
+class _Poll:
+    """A poll of the chamber at station time `time`, s, with the set point that is sent after it, °C, or None."""
+
+    time: float
+    set_point: float | None
+    status: "Future[ChamberStatus]"
+
+
 class ChamberControl:
     """Leads the temperature of a chamber, and checks it at every poll.
+
+    A thread of its own exchanges data with the chamber, so that a slow answer delays neither the watchdog of the table
+    nor a stop.
 
     `begin` starts the chamber; then `hold` or `ramp` sets a target and `update` is called at every tick. `safe` sends
     the chamber to ambient, where it stays until `wait_until_safe` has switched it off. `target` is the last target, and
@@ -105,6 +121,8 @@ class ChamberControl:
         self._air: deque[tuple[float, float, float]] = deque()
         self._units: Mapping[str, float] = {}
         self._has_begun = False
+        self._link = ThreadPoolExecutor(1, "chamber")
+        self._pending: _Poll | None = None
 
     @property
     def arrived(self) -> bool:
@@ -144,15 +162,23 @@ class ChamberControl:
         self._aim(temperature, rate)
 
     def update(self, units: Mapping[str, float]) -> None:
-        """Lead the set point and poll the chamber if it is time to; `units` are the units' temperatures by slot, °C."""
-        now = self._clock.now()
-        if now - self._polled_at < POLL_INTERVAL:
+        """Lead the set point and poll the chamber if it is time to; `units` are the units' temperatures by slot, °C.
+
+        An answer that is late is checked at the next call after its arrival.
+        """
+        if self._pending is None:
+            if self._clock.now() - self._polled_at < POLL_INTERVAL:
+                return
+            self._pending = self._begin_poll()
+        poll = self._pending
+        if not wait([poll.status], _PATIENCE).done:
             return
-        self._poll(now, units)
+        self._pending = None
+        self._end_poll(poll, units)
         self._check_state()
         if not self.status.running:
             raise DeviceFaultError("chamber.not_running")
-        self._check_air(now)
+        self._check_air(poll.time)
 
     def check_agreement(self, unit: float) -> None:
         """Check after a soak that the temperature of a unit, °C, agrees with the chamber's. Raises DeviceFaultError."""
@@ -168,6 +194,7 @@ class ChamberControl:
         if not self._has_begun:
             return []
         self._aim(self.limits.ambient, self.limits.max_rate)
+        self._pending = None
         failures: list[Text] = []
         attempt(lambda: self._send(self.limits.ambient), failures)
         if not failures:
@@ -197,7 +224,7 @@ class ChamberControl:
             now = self._clock.now()
             is_due = now - max(self._polled_at, asked_at) >= POLL_INTERVAL
             asked_at = now if is_due else asked_at
-            if is_due and (unanswered := self._ask_again(now, units(), unanswered)) == 0:
+            if is_due and (unanswered := self._ask_again(units(), unanswered)) == 0:
                 if self._distance > self.limits.tolerance + _OVERSHOOT:
                     arrived_at = math.inf
                 elif arrived_at == math.inf:
@@ -216,10 +243,10 @@ class ChamberControl:
         self._has_begun = False
         self._emit(Message("chamber_may_be_opened", self._temperatures()))
 
-    def _ask_again(self, now: float, units: Mapping[str, float], unanswered: int) -> int:
+    def _ask_again(self, units: Mapping[str, float], unanswered: int) -> int:
         """Poll the chamber and return the new number of unanswered polls. Raises DeviceFaultError after too many."""
         try:
-            self._poll(now, units)
+            self._end_poll(self._begin_poll(), units)
             if not abs(self.status.set_point_c - self.limits.ambient) <= self.limits.tolerance:
                 self._send(self.limits.ambient)
         except DeviceFaultError:
@@ -238,22 +265,35 @@ class ChamberControl:
         self._air.clear()
 
     def _send(self, temperature: float) -> None:
-        self._chamber.set_point(temperature)
+        self._link.submit(self._chamber.set_point, temperature).result()
         self._set_point = temperature
 
-    def _poll(self, now: float, units: Mapping[str, float]) -> None:
-        """Poll, move the set point along the ramp, and show the state."""
-        self.status, self._expected = self._chamber.status(), self._set_point
-        step = self._rate * (now - self._led_at)
-        gap = self.target - self._set_point
-        if abs(gap) <= step and gap:
-            self._send(self.target)
-        elif step >= _LEAST_STEP and gap:
-            self._send(self._set_point + math.copysign(step, gap))
-            self._led_at = now
-        self._polled_at = now
+    def _begin_poll(self) -> _Poll:
+        """Ask for the state, and move the set point along the ramp."""
+        now = self._clock.now()
+        step, gap = self._rate * (now - self._led_at), self.target - self._set_point
+        point = None
+        if gap and abs(gap) <= step:
+            point = self.target
+        elif gap and step >= _LEAST_STEP:
+            point = self._set_point + math.copysign(step, gap)
+
+        def exchange() -> ChamberStatus:
+            status = self._chamber.status()
+            if point is not None:
+                self._chamber.set_point(point)
+            return status
+
+        return _Poll(now, point, self._link.submit(exchange))
+
+    def _end_poll(self, poll: _Poll, units: Mapping[str, float]) -> None:
+        """Wait for the answer, and show the state. Raises DeviceFaultError."""
+        self.status, self._expected = poll.status.result(), self._set_point
+        if poll.set_point is not None:
+            self._set_point, self._led_at = poll.set_point, max(self._led_at, poll.time)
+        self._polled_at = poll.time
         self._units = {slot: value for slot, value in units.items() if math.isfinite(value)}
-        self._air.append((now, self.status.air_c, self._distance))
+        self._air.append((poll.time, self.status.air_c, self._distance))
         values = self.status.air_c, self._set_point, self.target, self.remaining
         self._emit(ChamberChanged(*values, units=dict(self._units), door_open=self.status.door_open))
 

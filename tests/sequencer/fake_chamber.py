@@ -1,6 +1,7 @@
 """A chamber without a protocol, whose air approaches its set point at a limited rate and carries units with it."""
 
 import math
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -12,7 +13,7 @@ class FakeChamber(Chamber):
     """A chamber whose air moves at `rate`, K/s, and whose units follow the air with the time constant `lag`, s.
 
     `commands` lists what it was told; `stuck` freezes its sensor and `dead` its heating and cooling. `error` is raised
-    by every call.
+    by every call, and `answers` delays all of them while it is not set.
     """
 
     now: Callable[[], float]
@@ -29,8 +30,10 @@ class FakeChamber(Chamber):
     error: Exception | None = None
     goal: float = 23.0
     commands: list[tuple[str, float]] = field(default_factory=list)
+    answers: threading.Event = field(default_factory=threading.Event)
 
     def __post_init__(self) -> None:
+        self.answers.set()
         self._at, self._shown = self.now(), self.air
 
     def advance(self) -> None:
@@ -66,6 +69,7 @@ class FakeChamber(Chamber):
         self.commands.append(("close", 0.0))
 
     def _call(self, command: str = "", value: float = 0.0) -> None:
+        self.answers.wait(10.0)
         self.advance()
         if self.error is not None:
             raise self.error

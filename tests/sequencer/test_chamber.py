@@ -1,6 +1,8 @@
 """The control of a chamber: limits before every set point, faults at every poll, and the return to ambient."""
 
 import math
+import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -198,6 +200,34 @@ def test_a_chamber_that_never_returns_is_reported() -> None:
     station.control.safe()
     failures = station.control.wait_until_safe(station.units, station.tick)
     assert [failure.code for failure in failures] == ["chamber.not_following"]
+
+
+def test_a_slow_answer_holds_up_neither_the_control_loop_nor_the_return_to_ambient() -> None:
+    station = at(23.0)
+    station.control.hold(60.0)
+    station.run(100.0)
+    station.chamber.answers.clear()
+    station.clock.sleep(10.0)
+    before, begin = station.chamber.goal, time.monotonic()
+    station.control.update(station.units())
+    station.control.update(station.units())
+    assert time.monotonic() - begin < 2.0
+    assert station.chamber.goal == before
+    threading.Timer(0.2, station.chamber.answers.set).start()
+    assert station.control.safe() == []
+    assert station.chamber.commands[-1] == ("set_point", 23.0), "after the set point that was on its way"
+    assert station.control.target == 23.0
+
+
+def test_a_late_answer_is_checked_when_it_arrives() -> None:
+    station = at(23.0)
+    station.run(10.0)
+    station.chamber.answers.clear()
+    station.run(5.0)
+    station.chamber.door_open = True
+    station.chamber.answers.set()
+    with raises_code(DeviceFaultError, "chamber.door_open"):
+        station.run(5.0)
 
 
 def test_a_control_that_never_began_leaves_the_chamber_alone() -> None:
