@@ -55,26 +55,29 @@ def capture_rest(session: ImuSession, setup: RunConfiguration, check_cancelled: 
 
     Raises DeviceFaultError if no rest without a gap is captured in time.
     """
-    raw = VerificationData((_mean_rest(session, setup, check_cancelled, corrected=False),), REST)
+    raw = _rest(session, setup, check_cancelled, corrected=False)
     output = corrected_output(setup)
     if output is not Output.ON_COMMAND:
         return replace(raw, corrected=output is Output.ALWAYS)
-    corrected_rest = _mean_rest(session, setup, check_cancelled, corrected=True)
+    corrected = _rest(session, setup, check_cancelled, corrected=True)
     session.imu.start()
-    return VerificationData((corrected_rest,), REST, corrected=True, reference=raw)
+    return replace(corrected, reference=raw)
 
 
-def _mean_rest(
+def _rest(
     session: ImuSession, setup: RunConfiguration, check_cancelled: Callable[[], None], *, corrected: bool
-) -> FloatArray:
-    """Return the mean output over one rest, rad/s and m/s², shape (6,)."""
+) -> VerificationData:
+    """Return the mean output and temperature over one rest."""
     model = setup.solve_context().imu
     count = round(REST * model.sample_rate)
     ready = setup.imu.status.ready
     parts = read_contiguous(session, ready, count, lambda taken: check_cancelled(), corrected=corrected)
     if parts is None:
         raise DeviceFaultError("connection.no_rest", seconds=_REST_TIMEOUT)
-    return mean_at_rest(np.concatenate([part.counts for part in parts])) * model.count_size
+    mean = mean_at_rest(np.concatenate([part.counts for part in parts])) * model.count_size
+    temperature = np.concatenate([part.temperature for part in parts])
+    known = temperature[np.isfinite(temperature)]
+    return VerificationData((mean,), REST, corrected=corrected, temperature=float(known.mean()) if len(known) else None)
 
 
 def read_contiguous(

@@ -201,12 +201,12 @@ def verify_output(
     joints : `value` and `sigma` of each gyro misalignment relative to a gimbal's joint axes, if a run has measured them
     effects : sizes of known effects without a register, SI by parameter
     """
-    registers = registers.at(data.temperature)
+    polynomials, registers = registers, registers.at(data.temperature)
     if data.drifts:
         return tuple(_check_drift(drift, registers, covariance, context, joints) for drift in data.drifts)
     checks: list[VerificationCheck] = []
     if data.reference is not None:
-        checks += compare(data, data.reference, registers, context, repeatability)
+        checks += compare(data, data.reference, polynomials.at(data.reference.temperature), context, repeatability)
     applied = {} if data.corrected else registers.current
     correction = compensation(parameter_vector(applied))
     omega, force = _compensated(np.array(data.rests), {**applied, **effects})
@@ -269,7 +269,7 @@ def compare(
     Parameters
     ----------
     data, reference : rests and turns with the current registers, and the same rests and turns without them
-    registers : current registers, and those applied to the reference
+    registers : current registers, and those applied to the reference, at the temperature of the reference
     context : site, IMU and table
     repeatability : repeatability of the table's positions, rad, one sigma
     """

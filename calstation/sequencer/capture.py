@@ -1,6 +1,7 @@
 """Capture of the output of units for verification: rests in several attitudes and turns of both joints."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -84,6 +85,7 @@ def verification_data(
             tuple(rest[unit] for rest in (*rests, *opposites)),
             TABLE_REST,
             tuple(_joined_legs([part[unit] for part in turn]) for turn in parts),
+            temperature=unit.temperature,
         )
         for unit in runner.units.of(units)
     }
@@ -195,7 +197,7 @@ def manual_rig_data(runner: StepRunner) -> VerificationData:
             runner.run(ManualMove(end, inner, REST, _MANUAL_MOVE_TIME, 2, 2))
         data = _manual_rig_data(blocks, first, acquisition.scale)
         if data is not None:
-            return data
+            return replace(data, temperature=runner.units.first.temperature)
     raise DeviceFaultError("stream.lossy")
 
 

@@ -168,8 +168,8 @@ class RunDriver:
             if task.by_hand:
                 data = {self.units.first: manual_rig_data(self.runner)}
             elif gimbal:
-                drifts = self.runner.gimbal.verification_turns()
-                data = {self.units.first: VerificationData((), 0.0, drifts=drifts)}
+                first, drifts = self.units.first, self.runner.gimbal.verification_turns()
+                data = {first: VerificationData((), 0.0, drifts=drifts, temperature=first.temperature)}
             else:
                 data = self._capture(units, "stream.restarts_after_write", is_reference=False)
             self.units.each(
@@ -182,7 +182,6 @@ class RunDriver:
                 data[unit],
                 corrected=gimbal or unit.slot.unit.corrected is not Output.NEVER,
                 reference=references.get(unit),
-                temperature=unit.temperature,
             )
             for unit in self.units.of(data)
         }

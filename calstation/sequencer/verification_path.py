@@ -263,7 +263,7 @@ class VerificationData:
     are measured on a table, where the last rest is opposite to another one, except in a reference. `carried` contains
     the samples between two rests on a manual rig, shape (n, 6), at intervals of `period` s. On a gimbal there are only
     `drifts`. `reference` contains the same data before the transfer or without the registers applied, or is None.
-    `temperature` is that of the unit's own sensor, °C, or None.
+    `temperature` is that of the unit's own sensor at the end of the capture, °C, or None.
     """
 
     rests: tuple[FloatArray, ...]

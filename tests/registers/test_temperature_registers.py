@@ -1,22 +1,37 @@
 """Registers with polynomials over temperature: names, encoding, and the correction by the unit, which happens once."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from calstation.bench import BenchConfig
 from calstation.bench.imu.units.framed import FramedUnit
+from calstation.connection import imu_session
 from calstation.devices.imu import RegisterMap
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.estimation import Solution
 from calstation.estimation.common import Consistency, Posterior
 from calstation.estimation.temperature import compensate_each
-from calstation.physics import COUNT, NAMES, PARAMETERS, TEMPERATURES, display, highest_powers, values_at
-from calstation.registers import AppliedRegisters
+from calstation.physics import (
+    COUNT,
+    NAMES,
+    PARAMETERS,
+    TEMPERATURES,
+    display,
+    group_matrix,
+    group_vector,
+    highest_powers,
+    values_at,
+)
+from calstation.registers import AppliedRegisters, verify_output
 from calstation.runs.finalize import Finalization
+from calstation.sequencer import Output, VerificationData
+from tests.registers.verification_scene import REPEATABILITY, Captures, recording
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 
@@ -96,6 +111,26 @@ def test_the_coefficient_of_the_power_0_is_the_parameter(tmp_path: Path) -> None
     assert profile.registers[0].names[0] == "gyro_bias_x"
 
 
+def test_a_unit_that_becomes_warmer_between_both_captures_is_verified() -> None:
+    """The reference is corrected at its own temperature, as the output is at its temperature."""
+    values, context = registers(), Captures("framed", recording("mems", 1, "rate")).context
+    force = np.array([[0.0, 0.0, 9.8], [0.0, 9.8, 0.0]])
+    true = np.hstack([np.full((2, 3), 4e-5), force])
+
+    def captured(temperature: float, *, corrected: bool) -> VerificationData:
+        p = polynomial(values, temperature)
+        gyro, accel = (np.eye(3) + group_matrix(p, f"{s}_scale", f"{s}_misalign") for s in ("gyro", "accel"))
+        raw = np.hstack([true[:, :3] @ gyro.T, force @ accel.T + group_vector(p, "accel_quadratic") * force**2])
+        raw += np.hstack([group_vector(p, "gyro_bias"), group_vector(p, "accel_bias")])
+        return VerificationData(tuple(true if corrected else raw), 2.0, corrected=corrected, temperature=temperature)
+
+    data = replace(captured(35.0, corrected=True), reference=captured(20.0, corrected=False))
+    checks = verify_output(data, AppliedRegisters(values), np.zeros((COUNT, COUNT)), context, REPEATABILITY)
+    differences = [check for check in checks if check.name.endswith("difference")]
+    assert len(differences) == 6
+    assert max(check.value for check in differences) < 1e-7
+
+
 def test_a_calibration_at_one_temperature_replaces_the_coefficients() -> None:
     """It would otherwise be applied on top of those of an earlier calibration over temperature."""
     finalization = object.__new__(Finalization)
@@ -108,3 +143,18 @@ def test_a_calibration_at_one_temperature_replaces_the_coefficients() -> None:
     for temperature in (-40.0, 85.0):
         assert values_at(new, temperature)["gyro_bias_x"] == 1e-4
     assert {value for name, value in new.items() if "[" in name} == {0.0}
+
+
+def test_the_temperature_of_a_rest_without_a_table_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The unit applies its polynomials at this temperature, not at their reference."""
+    temperature = np.array([np.nan, 34.0, 36.0])
+    batch = SimpleNamespace(counts=np.ones((3, 6)), temperature=temperature)
+    monkeypatch.setattr(imu_session, "read_contiguous", lambda *values, **options: [batch])
+    monkeypatch.setattr(imu_session, "corrected_output", lambda setup: Output.ON_COMMAND)
+    model = SimpleNamespace(sample_rate=1.0, count_size=np.ones(6))
+    status = SimpleNamespace(ready=0)
+    setup: Any = SimpleNamespace(solve_context=lambda: SimpleNamespace(imu=model), imu=SimpleNamespace(status=status))
+    session: Any = SimpleNamespace(imu=SimpleNamespace(start=lambda: None))
+    data = imu_session.capture_rest(session, setup, lambda: None)
+    assert data.reference is not None
+    assert (data.temperature, data.reference.temperature) == (35.0, 35.0)
