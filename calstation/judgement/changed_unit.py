@@ -53,10 +53,13 @@ class ChangedUnit:
     ----------
     gravity
         Local gravity, m/s².
+    over_temperature
+        Whether the samples are of a calibration over temperature, in which the biases of sound gyros change by any
+        amount.
     """
 
-    def __init__(self, gravity: float) -> None:
-        self._tolerances = np.repeat([_RATE, _FORCE * gravity], 3)
+    def __init__(self, gravity: float, *, over_temperature: bool = False) -> None:
+        self._tolerances = np.repeat([np.inf if over_temperature else _RATE, _FORCE * gravity], 3)
         self._repeated: list[list[_Output]] = []
 
     def find(self, motion: TableMotion, data: StageData) -> Diagnosis | None:

@@ -61,7 +61,9 @@ class DataTests:
         self._context, self._prior = context, prior
         self._temperatures: list[float] = []
         self._motion: TableMotion | None = None
-        self._changed_unit, self._is_sound = ChangedUnit(context.site.local_gravity), False
+        over_temperature = context.temperature is not None
+        self._changed_unit = ChangedUnit(context.site.local_gravity, over_temperature=over_temperature)
+        self._is_sound = False
 
     def sample_fault(self, samples: SampleBlock, data: StageData) -> Diagnosis | None:
         """Return the first fault of the samples of a stage that cannot be solved; None if there is none."""

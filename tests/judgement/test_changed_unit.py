@@ -28,10 +28,12 @@ def unit() -> Unit:
     return context_of(truth), block_of(simulate(Simulator(truth, 5), truth, "six_position"))
 
 
-def found(unit: Unit, change: Callable[..., object] | None) -> dict[str, object] | None:
+def found(
+    unit: Unit, change: Callable[..., object] | None, *, over_temperature: bool = False
+) -> dict[str, object] | None:
     """Return what is named if the second of two equal stages is changed."""
     context, block = unit
-    comparison = ChangedUnit(context.site.local_gravity)
+    comparison = ChangedUnit(context.site.local_gravity, over_temperature=over_temperature)
     after = block if change is None else with_columns(block, change)
     for part in (block, replace(after, time=after.time + 1e4)):
         data = stage_data([part], context.imu)
@@ -50,6 +52,7 @@ def test_change_between_two_stages_is_named(unit: Unit, change: Callable[..., ob
     values = found(unit, change)
     assert values is not None
     assert (values["cause"], values["channel"]) == ("unit_changed", channel)
+    assert found(unit, change, over_temperature=True) == values
     assert float(str(values["first"])) >= 1e4
 
 
@@ -60,3 +63,4 @@ def test_change_of_a_gyro_bias_is_named_with_its_size(unit: Unit) -> None:
     assert values is not None
     assert values["channel"] == "gyro_z"
     assert float(str(values["after"])) - float(str(values["before"])) == pytest.approx(10.0, abs=0.1)
+    assert found(unit, offset(2, counts), over_temperature=True) is None, "a sound gyro may change with its temperature"
