@@ -18,7 +18,10 @@ from calstation.schema import EntryError
 from procedures.designed import DEFAULT_MOVES, Moves, moves_and_rests
 from procedures.excitation import estimates
 
-#: Assumed settling time after a move of a ramp, s.
+#: Moves, each with its rest.
+Cycle = list[tuple[Move, Dwell]]
+
+#: Assumed settling time after a move, s.
 _SETTLE = 1.5
 
 
@@ -46,13 +49,18 @@ class Schedule(BaseModel):
 
     @model_validator(mode="after")
     def _possible(self) -> "Schedule":
-        longest = max(rest for _, _, rest in self.moves)
+        longest = max(_durations(self.cycle))
         if longest >= self.soak.hold_s:
             raise EntryError("temperature.rest_too_long", "moves", rest=longest, hold=self.soak.hold_s)
         if self.soak.at_most_s < self.soak.hold_s:
             values = {"at_most": self.soak.at_most_s, "hold": self.soak.hold_s}
             raise EntryError("temperature.soak_too_short", "soak", "at_most_s", **values)
         return self
+
+    @property
+    def cycle(self) -> Cycle:
+        """The moves at a temperature, each with its rest."""
+        return list(moves_and_rests(self.moves, self.rate_dps, self.acceleration_dps2))
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
@@ -63,8 +71,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     if not schedule.points_c:
         raise ConfigurationError("temperature.no_points")
     soak, count = schedule.soak, len(schedule.points_c)
-    pairs = moves_and_rests(schedule.moves, schedule.rate_dps, schedule.acceleration_dps2)
-    moves: list[Move | Dwell] = [step for pair in pairs for step in pair]
+    moves: list[Move | Dwell] = [step for pair in schedule.cycle for step in pair]
     for index, temperature in enumerate(schedule.points_c, start=1):
         yield moves[0]
         yield Soak(temperature, soak.unit_rate_below_c_per_min, soak.hold_s, soak.at_most_s, index, count)
@@ -73,15 +80,17 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
             target = schedule.points_c[index]
             duration = 60.0 * abs(target - temperature) / schedule.ramp_c_per_min
             yield Ramp(target, schedule.ramp_c_per_min)
-            yield from moves * int(np.ceil(duration / _cycle_time(moves)))
+            yield from moves * int(np.ceil(duration / sum(_durations(schedule.cycle))))
         yield RoundEnd(index)
 
 
-def _cycle_time(moves: list[Move | Dwell]) -> float:
-    """Return the duration of the moves and rests of a cycle, s."""
-    targets = [(step.outer, step.inner) for step in moves if isinstance(step, Move)]
-    starts = iter([targets[-1], *targets])
-    return sum(step.duration if isinstance(step, Dwell) else move_time(next(starts), step) + _SETTLE for step in moves)
+def _durations(cycle: Cycle) -> list[float]:
+    """Return the duration of each move of a cycle with its rest, s."""
+    starts = [(move.outer, move.inner) for move, _ in cycle]
+    return [
+        move_time(start, move) + _SETTLE + rest.duration
+        for start, (move, rest) in zip([starts[-1], *starts[:-1]], cycle, strict=True)
+    ]
 
 
 METHOD = Method(

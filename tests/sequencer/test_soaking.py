@@ -224,11 +224,13 @@ def test_a_resumed_stage_continues_with_the_next_point() -> None:
     assert [point.index for point in scene.events_of(PointCompleted)] == [2]
 
 
-def test_schedules_without_temperatures_or_with_rests_like_soaks_are_refused() -> None:
+def test_schedules_without_temperatures_or_with_moves_like_soaks_are_refused() -> None:
     with raises_code(ConfigurationError, "temperature.no_points"):
         list(plan(GEOMETRY, Schedule()))
     with pytest.raises(ValueError, match="hold_s"):
         Schedule(moves=[(0.0, 0.0, 60.0), (90.0, 0.0, 1.0)])
+    with pytest.raises(ValueError, match="hold_s"):
+        Schedule(moves=[(0.0, 0.0, 1.0), (90.0, 0.0, 1.0)], rate_dps=1.5)
 
 
 def test_verdict_follows_the_return_of_the_chamber() -> None:
