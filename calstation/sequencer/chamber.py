@@ -41,6 +41,9 @@ _REPORT_INTERVAL = 60.0
 #: Station time at ambient after which a unit whose temperature is unknown or no longer changes may be touched, s.
 _BLIND_SOAK = 1800.0
 
+#: Largest change of the temperature of a unit in this time that counts as none, K.
+_SETTLED = 1.0
+
 #: Number of polls in a row that the chamber may leave unanswered on its way to ambient.
 _MAX_UNANSWERED = 20
 
@@ -219,7 +222,7 @@ class ChamberControl:
     def _wait_until_safe(self, units: Callable[[], Mapping[str, float]], tick: Callable[[], None]) -> None:
         begin = reported_at = asked_at = self._clock.now()
         arrived_at, unanswered = math.inf, 0
-        at_arrival: Mapping[str, float] = {}
+        settled: dict[str, tuple[float, float]] = {}
         while True:
             now = self._clock.now()
             is_due = now - max(self._polled_at, asked_at) >= POLL_INTERVAL
@@ -228,9 +231,12 @@ class ChamberControl:
                 if self._distance > self.limits.tolerance + _OVERSHOOT:
                     arrived_at = math.inf
                 elif arrived_at == math.inf:
-                    arrived_at, at_arrival = now, self._units
-                if now >= arrived_at + _BLIND_SOAK:  # a sensor that is silent or stuck shows nothing anymore
-                    self._units = {slot: t for slot, t in self._units.items() if t != at_arrival.get(slot)}
+                    arrived_at = now
+                for slot, t in self._units.items():
+                    if slot not in settled or abs(t - settled[slot][1]) > _SETTLED:
+                        settled[slot] = now, t
+                if now >= arrived_at + _BLIND_SOAK:  # a sensor that is stuck or in a warm unit shows nothing
+                    self._units = {s: t for s, t in self._units.items() if now < settled[s][0] + _BLIND_SOAK}
                 if now >= arrived_at + (0.0 if self._units else _BLIND_SOAK) and self.may_open:
                     break
             if now - begin > _RETURN_TIME:

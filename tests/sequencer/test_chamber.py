@@ -175,6 +175,15 @@ def test_a_unit_that_no_longer_sends_is_given_half_an_hour_at_ambient(units: Cal
     assert station.clock.now() == pytest.approx(63.0 / 0.05 + 1800.0, abs=150.0)
 
 
+def test_a_unit_that_is_hot_inside_may_be_touched_once_its_temperature_no_longer_changes() -> None:
+    """Its sensor is inside, where a gyro of 20 W is warmer than its case."""
+    station = at(85.0)
+    station.control.safe()
+    assert station.control.wait_until_safe(lambda: {"": station.chamber.unit + 25.0}, station.tick) == []
+    assert station.messages()[-1] == "chamber_may_be_opened"
+    assert station.clock.now() == pytest.approx(62.0 / 0.05 + 300.0 * math.log(62.0) + 1800.0, abs=600.0)
+
+
 def test_a_chamber_that_fails_on_the_way_to_ambient_is_reported_and_not_switched_off() -> None:
     station = at(-40.0)
     station.chamber.error = DeviceFaultError("chamber.alarm", alarm="compressor")
