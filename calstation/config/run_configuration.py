@@ -425,16 +425,25 @@ def check_gimbal(setup: RunConfiguration) -> None:
 
 
 def check_chamber(setup: RunConfiguration) -> None:
-    """Check that a stage over temperature is the only one, and that there is a chamber. Raises ConfigurationError."""
+    """Check that a stage over temperature is the only one, and that there is a chamber for its temperatures.
+
+    The chamber must also reach ambient, to which it returns. Raises ConfigurationError.
+    """
     if "temperature" not in setup.schedules:
         return
     if len(setup.schedules) > 1:
         raise ConfigurationError("temperature.not_alone")
     if setup.product.temperature is None:
         raise ConfigurationError("temperature.no_section")
-    if setup.chamber is None:
+    section = setup.station.chamber
+    if section is None or setup.chamber is None:
         raise ConfigurationError("temperature.no_chamber")
-    temperature_ranges(setup)
+    points = getattr(setup.schedules["temperature"], "points_c", [])
+    for device, (low, high) in {"chamber": setup.chamber.range_c, **temperature_ranges(setup)}.items():
+        for value in (section.ambient_c, *points):
+            if not low <= value <= high:
+                values = {"temperature": value, "low": low, "high": high}
+                raise ConfigurationError("chamber.target_outside", device=device, **values)
 
 
 def temperature_ranges(setup: RunConfiguration) -> dict[str, tuple[float, float]]:

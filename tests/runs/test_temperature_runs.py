@@ -3,13 +3,14 @@
 import os
 import signal
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from calstation.config import RunRequest
+from calstation.config import RunRequest, check_station, load_configuration
 from calstation.errors import ConfigurationError
 from calstation.physics import TEMPERATURES
 from calstation.records import open_log
@@ -71,6 +72,20 @@ def test_stage_without_a_chamber_or_with_other_stages_is_refused(site_folder: Si
     write(site_folder)
     with raises_code(ConfigurationError, "temperature.not_alone"):
         site_folder.run("designed", "temperature")
+
+
+@pytest.mark.parametrize(("points", "ambient", "outside"), [([26.0, 90.0], 23.0, 90.0), ([60.0, 80.0], 23.0, 23.0)])
+def test_temperatures_that_the_chamber_cannot_reach_are_refused_before_it_is_opened(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, points: list[float], ambient: float, outside: float
+) -> None:
+    """One that heats only could not return to ambient, and would stay hot."""
+    write(site_folder, points_c=points)
+    setup = load_configuration(site_folder.request())
+    assert setup.chamber is not None
+    chamber = setup.chamber.model_copy(update={"range_c": (ambient + 20.0 if outside == ambient else -70.0, 85.0)})
+    with raises_code(ConfigurationError, "chamber.target_outside") as caught:
+        check_station(replace(setup, chamber=chamber))
+    assert (caught.value.values["device"], caught.value.values["temperature"]) == ("chamber", outside)
 
 
 @pytest.mark.long
