@@ -10,13 +10,15 @@ from records_samples import joined
 
 from calstation.errors import InputError
 from calstation.records import arrival, open_log, spool
+from calstation.records.foreign import mcap
 from tests.helpers import raises_code
 
 
-def write_mcap(path: Path, topics: dict[str, list[bytes]], *, is_cdr: bool = True) -> None:
-    writer_type = pytest.importorskip("mcap.writer", reason="mcap is not installed").Writer
+def write_mcap(path: Path, topics: dict[str, list[bytes]], *, is_cdr: bool = True, packed: bool = True) -> None:
+    library = pytest.importorskip("mcap.writer", reason="mcap is not installed")
+    compression = library.CompressionType.ZSTD if packed else library.CompressionType.NONE
     with path.open("wb") as stream:
-        writer = writer_type(stream, chunk_size=4096)
+        writer = library.Writer(stream, chunk_size=4096, compression=compression)
         writer.start()
         kind, encoding = ("sensor_msgs/msg/Imu", "ros2msg") if is_cdr else ("sensor_msgs/Imu", "ros1msg")
         schema = writer.register_schema(kind, encoding, b"")
@@ -74,6 +76,22 @@ def test_damaged_messages_and_files_are_reported(tmp_path: Path) -> None:
         open_log(path)
     with raises_code(InputError, "log.not_found"):
         open_log(tmp_path / "absent.mcap")
+
+
+def test_altered_and_enormous_chunks_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    messages = [imu_message(row, is_cdr=True) for row in samples()]
+    write_mcap(path := tmp_path / "rec.mcap", {"/imu": messages}, packed=False)
+    (tmp_path / "rec.toml").write_text(TOML)
+    monkeypatch.setattr(mcap, "_MAX_CHUNK", 1000)
+    with raises_code(InputError, "foreign.damaged"):
+        open_log(path)
+    monkeypatch.undo()
+    content = bytearray(path.read_bytes())
+    content[content.index(messages[50]) + 200] ^= 1
+    path.write_bytes(content)
+    with raises_code(InputError, "foreign.damaged") as caught:
+        open_log(path)
+    assert "crc" in str(caught.value)
 
 
 @pytest.mark.parametrize(

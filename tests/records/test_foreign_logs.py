@@ -12,6 +12,7 @@ from records_samples import joined
 
 from calstation.errors import InputError
 from calstation.records import open_log
+from calstation.records.foreign import ulog
 from tests.helpers import raises_code
 
 MICROSECONDS = f'{UNITS}time_s = {{ from = "time_s", unit = "us" }}\n'
@@ -147,13 +148,12 @@ def test_dataflash_imu(tmp_path: Path) -> None:
     assert_same_as_csv(path, rows, units=MICROSECONDS)
 
 
+DATAFLASH_TEXT = "FMT, 130, 36, IMU, QBffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ\n"
+
+
 def test_dataflash_text(tmp_path: Path) -> None:
-    pytest.importorskip("pymavlink", reason="pymavlink is not installed")
     rows = microseconds()
-    head = (
-        "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n"
-        "FMT, 130, 36, IMU, QBffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ\n"
-    )
+    head = f"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n{DATAFLASH_TEXT}"
     lines = [f"IMU, {int(row[0])}, 0, {', '.join(map(repr, row[1:].tolist()))}\n" for row in rows]
     (path := tmp_path / "rec.log").write_text(head + "".join(lines))
     assert_same_as_csv(path, rows, units=MICROSECONDS)
@@ -225,11 +225,58 @@ def test_damaged_novatel_message_is_a_gap(tmp_path: Path) -> None:
     assert (facts.samples, facts.gaps) == (297, 2)
 
 
-@pytest.mark.parametrize("module", ["pyulog", "pymavlink.DFReader", "novatel_edie.oem"])
+@pytest.mark.parametrize("end", [struct.pack("<HB", 10_100, 0) + bytes(99), bytes(300_000)], ids=["cut", "zeros"])
+def test_search_for_messages_in_a_damaged_ulog_ends(
+    tmp_path: Path, end: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pyulog", reason="pyulog is not installed")
+    monkeypatch.setattr(ulog, "_MAX_REPEATED", 1 << 26)
+    write_ulog(path := tmp_path / "rec.ulg", {})
+    path.write_bytes(path.read_bytes() + struct.pack("<HB", 10_000, ord("?")) + bytes(10_000) + end)
+    path.with_suffix(".toml").write_text(TOML)
+    with raises_code(InputError, "foreign.damaged"):
+        open_log(path)
+
+
+def test_nothing_is_printed_about_a_damaged_ulog(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pyulog", reason="pyulog is not installed")
+    write_ulog(path := tmp_path / "rec.ulg", {("sensor_gyro", 0): (FIELDS, sensor(microseconds(), slice(1, 4)))})
+    content = path.read_bytes()
+    path.write_bytes(content[:-9000] + bytes([0x80, 0xFF, 0x41] * 1000) + content[-6000:])
+    path.with_suffix(".toml").write_text(TOML)
+    with raises_code(InputError, "foreign.no_imu"):
+        open_log(path)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_damaged_part_of_a_dataflash_log_is_a_gap(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pymavlink", reason="pymavlink is not installed")
+    formats = {"IMU": ("Qffffff", "TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ")}
+    messages = [("IMU", (int(row[0]), *row[1:])) for row in microseconds()]
+    write_dataflash(path := tmp_path / "rec.bin", formats, messages)
+    path.with_suffix(".toml").write_text(TOML)
+    content = path.read_bytes()
+    damaged = content[: -150 * 35] + bytes(5_000_000) + content[-140 * 35 :]
+    path.write_bytes(damaged + bytes(1_000_000))  # as after a power cut
+    facts = open_log(path).facts()
+    assert (facts.samples, facts.gaps, facts.damaged) == (288, 2, 0)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_damaged_lines_of_a_dataflash_text_log_are_damaged_rows(tmp_path: Path) -> None:
+    lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns", DATAFLASH_TEXT.strip()]
+    lines += [f"IMU, {int(row[0])}, 0, {', '.join(map(repr, row[1:].tolist()))}" for row in microseconds()]
+    lines[40] = lines[40].replace("9.", "9*")
+    (path := tmp_path / "rec.log").write_text("\n".join(lines)[:-1])  # the last line is cut
+    path.with_suffix(".toml").write_text(TOML)
+    facts = open_log(path).facts()
+    assert (facts.samples, facts.damaged) == (296, 1)
+
+
+@pytest.mark.parametrize("module", ["pyulog", "novatel_edie.oem"])
 def test_missing_library_is_one_sentence(tmp_path: Path, module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     name, content = {
         "pyulog": ("a.ulg", b"ULog"),
-        "pymavlink.DFReader": ("a.bin", b"\xa3\x95\x80"),
         "novatel_edie.oem": ("a.log", b"%RAWIMUSA,1,2;"),
     }[module]
     (tmp_path / name).write_bytes(content)

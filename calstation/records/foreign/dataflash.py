@@ -1,12 +1,16 @@
 """ArduPilot DataFlash logs: `IMU`, or `GYR` with `ACC` of the same instance, of binary and text logs.
 
-The batches `ISBH` and `ISBD` are no recording of an IMU, because gyros and accelerometers alternate in them.
+The batches `ISBH` and `ISBD` are no recording of an IMU, because gyros and accelerometers alternate in them. A message
+of a binary log begins with its type, which a message FMT describes (ArduPilot, LogStructure.h); it has no checksum.
 """
 
+import math
+import mmap
+import struct
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import BinaryIO
 
 import numpy as np
 
@@ -23,6 +27,30 @@ _COLUMNS = {
     name: (field, "rad/s" if name.startswith("gyro") else "m/s2")
     for name, field in zip(CHANNELS, _FIELDS["IMU"][1:7], strict=True)
 }
+
+#: First bytes of a binary message, type and layout of the message FMT, and position of the name in its text form.
+_HEAD, _FMT_TYPE, _FMT, _FMT_NAME = b"\xa3\x95", 128, struct.Struct("<3sBB4s16s64s"), 2
+#: Types of fields by their letters in FMT as those of `struct`, and the units of scaled types.
+_TYPES = {
+    **{letter: letter for letter in "bBhHiIfdqQ"},
+    **{
+        "a": "64s",
+        "g": "e",
+        "n": "4s",
+        "N": "16s",
+        "Z": "64s",
+        "c": "h",
+        "C": "H",
+        "e": "i",
+        "E": "I",
+        "L": "i",
+        "M": "b",
+    },
+}
+_SCALES = {**dict.fromkeys("cCeE", 0.01), "L": 1e-7}
+#: Format of a message without FMT, which is searched for the next one.
+_UNKNOWN = "", 1, struct.Struct(""), list[str](), list[float]()
+_LONGEST_LINE, _INSTANCES = 4096, 256
 
 
 def _topics(path: Path) -> list[Topic]:
@@ -60,7 +88,7 @@ def _parts(path: Path, name: str, instance: int) -> Iterator[Columns]:
     rows = list[list[float]]()
     for _, number, message in _messages(path, (name,)):
         if number == instance:
-            rows.append([getattr(message, field, np.nan) for field in fields])
+            rows.append([message.get(field, math.nan) for field in fields])
         if len(rows) == CHUNK_ROWS:
             yield dict(zip(fields, np.array(rows, np.float64).T, strict=True))
             rows = []
@@ -68,21 +96,63 @@ def _parts(path: Path, name: str, instance: int) -> Iterator[Columns]:
         yield dict(zip(fields, np.array(rows, np.float64).T, strict=True))
 
 
-def _messages(path: Path, names: tuple[str, ...]) -> Iterator[tuple[str, int, Any]]:
-    """Yield name, instance and message of the messages with one of the names, with or without an instance."""
-    from pymavlink.DFReader import DFReader_binary, DFReader_text
-
+def _messages(path: Path, names: tuple[str, ...]) -> Iterator[tuple[str, int, Mapping[str, float]]]:
+    """Yield name, instance and fields of the messages with one of the names, with or without an instance."""
+    wanted = {f"{name}{number}" for name in names for number in ("", *range(1, 10))}
     with path.open("rb") as stream:
-        reader = (DFReader_binary if stream.read(1) == b"\xa3" else DFReader_text)(str(path))
-    kinds = [f"{name}{number}" for name in names for number in ("", *range(1, 10))]
+        is_binary = stream.read(len(_HEAD)) == _HEAD
+        stream.seek(0)
+        for name, fields in _binary(stream, wanted) if is_binary else _text(stream, wanted):
+            instance = fields.get("I", int(name[3:] or 1) - 1)
+            if 0 <= instance < _INSTANCES:
+                yield name[:3], int(instance), fields
+
+
+def _binary(stream: BinaryIO, wanted: set[str]) -> Iterator[tuple[str, Mapping[str, float]]]:
+    """Yield names and fields of the wanted messages of a binary log, whose damaged parts are skipped."""
+    formats: dict[int, tuple[str, int, struct.Struct, list[str], list[float]]] = {}
+    with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        at = data.find(_HEAD)
+        while 0 <= at < len(data) - len(_HEAD):
+            kind = data[at + 2]
+            name, length, form, labels, scales = formats.get(kind, _UNKNOWN)
+            if at + max(length, _FMT.size if kind == _FMT_TYPE else 0) > len(data):
+                return
+            if kind == _FMT_TYPE:
+                _, of, length_of, *texts = _FMT.unpack_from(data, at)
+                length, (name, types, columns) = _FMT.size, (_decoded(text) for text in texts)
+                form = struct.Struct("<3x" + "".join(_TYPES.get(each, "") for each in types))
+                if form.size == length_of:
+                    formats[of] = name, length_of, form, columns.split(","), [_SCALES.get(each, 1.0) for each in types]
+            elif name in wanted:
+                values = form.unpack_from(data, at)
+                yield (
+                    name,
+                    {n: x * k for n, x, k in zip(labels, values, scales, strict=False) if not isinstance(x, bytes)},
+                )
+            at = data.find(_HEAD, at + length)
+
+
+def _decoded(text: bytes) -> str:
+    return text.partition(b"\0")[0].decode("latin-1")
+
+
+def _text(stream: BinaryIO, wanted: set[str]) -> Iterator[tuple[str, Mapping[str, float]]]:
+    """Yield names and fields of the wanted messages of a text log; a cell that is no number is NaN."""
+    labels: dict[str, list[str]] = {}
+    while line := stream.readline(_LONGEST_LINE):
+        name, *cells = [cell.strip() for cell in line.decode("latin-1").split(",")]
+        if name == "FMT" and len(cells) > _FMT_NAME:
+            labels[cells[_FMT_NAME]] = cells[_FMT_NAME + 2 :]
+        elif name in wanted and name in labels and line.endswith(b"\n"):
+            yield name, dict(zip(labels[name], map(_number, cells), strict=False))
+
+
+def _number(cell: str) -> float:
     try:
-        while (message := reader.recv_match(type=kinds, strict=True)) is not None:
-            kind = message.get_type()
-            yield kind[:3], int(getattr(message, "I", int(kind[3:] or 1) - 1)), message
-    finally:
-        reader.close()
+        return float(cell)
+    except ValueError:
+        return math.nan
 
 
-FORMAT = ForeignFormat(
-    "ArduPilot DataFlash", (".bin", ".log"), "pymavlink", _topics, _read, rb"\A(\xa3\x95\x80|FMT, ?128)"
-)
+FORMAT = ForeignFormat("ArduPilot DataFlash", (".bin", ".log"), "numpy", _topics, _read, rb"\A(\xa3\x95\x80|FMT, ?128)")

@@ -14,6 +14,8 @@ from calstation.records.foreign.topics import CHUNK_ROWS, Columns, ForeignFormat
 _ENCODINGS = ("cdr", "ros1")
 #: Sizes of the start of a record (kind and length), and of the fields of a message before its data.
 _RECORD, _MESSAGE = 1 + 8, 2 + 4 + 8 + 8
+#: Largest chunk, bytes; recorders write chunks of a few MB.
+_MAX_CHUNK = 1 << 28
 
 
 def _topics(path: Path) -> list[Topic]:
@@ -39,11 +41,13 @@ def _read(path: Path, topic: Topic) -> Iterator[Columns]:
     from mcap.reader import make_reader
 
     with path.open("rb") as stream:
-        reader = make_reader(stream)
+        reader = make_reader(stream, validate_crcs=True)
         summary = reader.get_summary()
         channels = {k: c for k, c in summary.channels.items() if c.topic == topic.name} if summary else {}
         is_cdr = "cdr" in {channel.message_encoding for channel in channels.values()}
         chunks = sorted(summary.chunk_indexes, key=lambda index: index.message_start_time) if summary else []
+        if any(chunk.uncompressed_size > _MAX_CHUNK for chunk in chunks):
+            raise ValueError(f"a chunk is larger than {_MAX_CHUNK} bytes")
         if _are_indexed(chunks):
             parts: Iterator[Messages] = (part for chunk in chunks for part in _messages(stream, chunk, channels))
         else:
@@ -77,9 +81,11 @@ def _messages(stream: BinaryIO, chunk: Any, channels: Collection[int]) -> Iterat
     order = np.lexsort((starts, times))
     times, starts = times[order], starts[order]
     stream.seek(chunk.chunk_start_offset + _RECORD)
-    data = np.frombuffer(
-        get_chunk_data_stream(Chunk.read(ReadDataStream(stream)))[0].read(chunk.uncompressed_size), np.uint8
-    )
+    record = Chunk.read(ReadDataStream(stream))
+    if record.uncompressed_size != chunk.uncompressed_size:
+        raise ValueError("a chunk and its index differ in size")
+    content, size = get_chunk_data_stream(record, validate_crc=True)
+    data = np.frombuffer(content.read(size), np.uint8)
     lengths = data[starts[:, None] + np.arange(1, _RECORD)].view("<i8")[:, 0] - _MESSAGE
     for first in range(0, len(times), CHUNK_ROWS):
         part = slice(first, first + CHUNK_ROWS)

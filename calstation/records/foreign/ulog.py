@@ -4,6 +4,7 @@ The last sample of a FIFO message has the time `timestamp_sample`; the samples b
 Source: message definitions SensorGyro, SensorAccel, SensorGyroFifo and SensorAccelFifo of PX4.
 """
 
+import io
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 
 from calstation.physics import FloatArray
 from calstation.records.columns import COUNTS
-from calstation.records.foreign.topics import Columns, ForeignFormat, Topic, joined_sensors, vector_columns
+from calstation.records.foreign.topics import Columns, ForeignFormat, Topic, joined_sensors, silence, vector_columns
 
 _FIFO = "_fifo"
 #: Messages of gyros; those of accelerometers have the other name.
@@ -20,7 +21,23 @@ _GYROS = ("sensor_gyro", f"sensor_gyro{_FIFO}")
 _NAMES = [*_GYROS, *(name.replace("gyro", "accel") for name in _GYROS), "sensor_combined"]
 _TIME = ("timestamp_sample", "us")
 _SAMPLED = vector_columns("sensor_gyro.{}", "sensor_accel.{}", ("rad/s", "m/s2"), _TIME)
+#: Number of bytes of a damaged file that pyulog may read again in its search for messages, and what a step back costs.
+_MAX_REPEATED, _STEP = 1 << 30, 1000
 _COUNTED = vector_columns("sensor_gyro.{}", "sensor_accel.{}", (COUNTS, COUNTS), _TIME)
+
+
+class _Stream(io.BufferedReader):
+    """A file that ends the search for messages, in which pyulog goes back byte by byte, and forever near the end."""
+
+    _repeated = 0
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        """Go to a position. Raises EOFError before the beginning, or after too many bytes that are read again."""
+        if whence == io.SEEK_CUR and offset < 0:
+            self._repeated += _STEP - offset
+            if self._repeated > _MAX_REPEATED or -offset > self.tell():
+                raise EOFError("a large part is damaged")
+        return super().seek(offset, whence)
 
 
 def _topics(path: Path) -> list[Topic]:
@@ -51,9 +68,11 @@ def _read(path: Path, topic: Topic) -> Iterator[Columns]:
 
 def _load(path: Path) -> dict[tuple[str, int], dict[str, Any]]:
     """Return the fields of the messages of IMUs by name and instance."""
-    from pyulog import ULog
+    from pyulog import core
 
-    found = ULog(str(path), _NAMES).data_list
+    silence(core)
+    with _Stream(io.FileIO(path)) as stream:
+        found = core.ULog(stream, _NAMES).data_list
     return {(each.name, each.multi_id): each.data for each in found if len(each.data["timestamp"])}
 
 
