@@ -36,7 +36,10 @@ def stamp_trail(url: str) -> Path:
         raise ConfigurationError("audit.nothing_to_stamp", file=state.path)
     path = site_folder() / f"audit_line_{state.head.lines}.tst"
     try:
-        token = asyncio.run(HTTPTimeStamper(url, timeout=_TIMEOUT).async_timestamp(_digest(state.head), "sha256"))
+        digest = _digest(state.head)
+        token = asyncio.run(HTTPTimeStamper(url, timeout=_TIMEOUT).async_timestamp(digest, "sha256"))
+        if _stamped(token["content"])["message_imprint"]["hashed_message"].native != digest:
+            raise ValueError("the answer is about another digest")
         write_atomic(path, token.dump())
     except (TimestampRequestError, ValueError, TypeError) as exc:
         raise ConfigurationError("audit.not_stamped", url=url, reason=str(exc.__cause__ or exc)) from exc
@@ -59,7 +62,7 @@ def verify_time_stamp(path: Path) -> CertificateState:
         raise ConfigurationError("signing.not_installed") from exc
     try:
         signed = cms.ContentInfo.load(path.read_bytes(), strict=True)["content"]
-        info = signed["encap_content_info"]["content"].parsed
+        info = _stamped(signed)
         imprint, time = info["message_imprint"]["hashed_message"].native, info["gen_time"].native
         roots = [each.chosen for each in signed["certificates"]]
         status = asyncio.run(validate_tst_signed_data(signed, ValidationContext(trust_roots=roots), lambda _: imprint))
@@ -76,6 +79,11 @@ def verify_time_stamp(path: Path) -> CertificateState:
             stamped = {**values, "trail": trail_file, "line": head.lines, "digest": head.digest}
             return CertificateState((Text.of("audit.stamped", **stamped),), intact=trail.damage is None)
     return CertificateState((Text.of("audit.stamp_of_other", **values),), intact=False)
+
+
+def _stamped(signed: Any) -> Any:
+    """Return what an authority has signed, RFC 3161, 2.4.2, TSTInfo."""
+    return signed["encap_content_info"]["content"].parsed
 
 
 def _heads(trail: AuditTrail) -> Iterator[TrailHead]:

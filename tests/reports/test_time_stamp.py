@@ -41,8 +41,10 @@ def authority() -> Iterator[str]:
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
             request = tsp.TimeStampReq.load(self.rfile.read(int(self.headers["Content-Length"])))
+            if self.path == "/other":
+                request["message_imprint"]["hashed_message"] = bytes(32)
             content = stamper.request_tsa_response(request).dump()
-            self.send_response(200 if self.path == "/" else 503)
+            self.send_response(200 if self.path != "/out-of-service" else 503)
             self.send_header("Content-Type", "application/timestamp-reply")
             self.send_header("Content-Length", str(len(content)))
             self.end_headers()
@@ -109,7 +111,7 @@ def test_nothing_is_stamped_without_a_trail_or_an_authority(
 ) -> None:
     assert run_app(["audit", "--timestamp", authority]) == 2
     append_audit(site, "override", "li", "scratch")
-    for url in (f"{authority}out-of-service", "http://127.0.0.1:1/", "nonsense"):
+    for url in (f"{authority}other", f"{authority}out-of-service", "http://127.0.0.1:1/", "nonsense"):
         assert run_app(["audit", "--timestamp", url]) == 2
         assert "does not answer or refuses" in " ".join(capsys.readouterr().err.split())
     assert not list(site.glob("*.tst"))
