@@ -12,7 +12,7 @@ from records_samples import joined
 
 from calstation.errors import InputError
 from calstation.records import open_log
-from calstation.records.foreign import ulog
+from calstation.records.foreign import dataflash, ulog
 from tests.helpers import raises_code
 
 MICROSECONDS = f'{UNITS}time_s = {{ from = "time_s", unit = "us" }}\n'
@@ -259,8 +259,14 @@ def test_damaged_part_of_a_dataflash_log_is_a_gap(tmp_path: Path, capfd: pytest.
     damaged = content[: -150 * 35] + bytes(5_000_000) + content[-140 * 35 :]
     path.write_bytes(damaged + bytes(1_000_000))  # as after a power cut
     facts = open_log(path).facts()
-    assert (facts.samples, facts.gaps, facts.damaged) == (288, 2, 0)
+    assert (facts.samples, facts.gaps, facts.damaged) == (286, 2, 0)  # the sample before a damaged part is lost
     assert capfd.readouterr() == ("", "")
+
+
+def test_layouts_of_dataflash_messages_are_those_of_ardupilot() -> None:
+    layouts = pytest.importorskip("pymavlink.DFReader", reason="pymavlink is not installed").FORMAT_TO_STRUCT
+    assert {letter: layout for letter, (layout, *_) in layouts.items()} == dataflash._TYPES
+    assert {letter: scale for letter, (_, scale, _) in layouts.items() if scale} == dataflash._SCALES
 
 
 def test_damaged_lines_of_a_dataflash_text_log_are_damaged_rows(tmp_path: Path) -> None:

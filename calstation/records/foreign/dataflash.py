@@ -10,7 +10,7 @@ import struct
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -28,29 +28,29 @@ _COLUMNS = {
     for name, field in zip(CHANNELS, _FIELDS["IMU"][1:7], strict=True)
 }
 
-#: First bytes of a binary message, type and layout of the message FMT, and position of the name in its text form.
-_HEAD, _FMT_TYPE, _FMT, _FMT_NAME = b"\xa3\x95", 128, struct.Struct("<3sBB4s16s64s"), 2
+#: Name, layout, labels and units of the fields of a message; the layout includes the first bytes and the type.
+_Format = tuple[str, struct.Struct, list[str], dict[str, float]]
+#: First bytes of a binary message; type and layout of the message FMT, and position of the name in its text form.
+_HEAD, _FMT_TYPE, _FMT, _FMT_NAME = b"\xa3\x95", 128, struct.Struct("<3xBB4s16s64s"), 2
+_FMT_LABELS = ["Type", "Length", "Name", "Format", "Columns"]
 #: Types of fields by their letters in FMT as those of `struct`, and the units of scaled types.
-_TYPES = {
-    **{letter: letter for letter in "bBhHiIfdqQ"},
-    **{
-        "a": "64s",
-        "g": "e",
-        "n": "4s",
-        "N": "16s",
-        "Z": "64s",
-        "c": "h",
-        "C": "H",
-        "e": "i",
-        "E": "I",
-        "L": "i",
-        "M": "b",
-    },
+_TYPES = {letter: letter for letter in "bBhHiIfdqQ"}
+_TYPES |= {
+    "a": "64s",
+    "g": "e",
+    "n": "4s",
+    "N": "16s",
+    "Z": "64s",
+    "c": "h",
+    "C": "H",
+    "e": "i",
+    "E": "I",
+    "L": "i",
+    "M": "b",
 }
 _SCALES = {**dict.fromkeys("cCeE", 0.01), "L": 1e-7}
-#: Format of a message without FMT, which is searched for the next one.
-_UNKNOWN = "", 1, struct.Struct(""), list[str](), list[float]()
-_LONGEST_LINE, _INSTANCES = 4096, 256
+_UNKNOWN: _Format = ("", struct.Struct(""), [], {})
+_LONGEST_LINE, _INSTANCES = 4096, 16
 
 
 def _topics(path: Path) -> list[Topic]:
@@ -109,28 +109,31 @@ def _messages(path: Path, names: tuple[str, ...]) -> Iterator[tuple[str, int, Ma
 
 
 def _binary(stream: BinaryIO, wanted: set[str]) -> Iterator[tuple[str, Mapping[str, float]]]:
-    """Yield names and fields of the wanted messages of a binary log, whose damaged parts are skipped."""
-    formats: dict[int, tuple[str, int, struct.Struct, list[str], list[float]]] = {}
+    """Yield names and fields of the wanted messages of a binary log; a message must end where the next one begins."""
+    formats = {_FMT_TYPE: ("FMT", _FMT, _FMT_LABELS, dict[str, float]())}
     with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
         at = data.find(_HEAD)
         while 0 <= at < len(data) - len(_HEAD):
-            kind = data[at + 2]
-            name, length, form, labels, scales = formats.get(kind, _UNKNOWN)
-            if at + max(length, _FMT.size if kind == _FMT_TYPE else 0) > len(data):
-                return
-            if kind == _FMT_TYPE:
-                _, of, length_of, *texts = _FMT.unpack_from(data, at)
-                length, (name, types, columns) = _FMT.size, (_decoded(text) for text in texts)
-                form = struct.Struct("<3x" + "".join(_TYPES.get(each, "") for each in types))
-                if form.size == length_of:
-                    formats[of] = name, length_of, form, columns.split(","), [_SCALES.get(each, 1.0) for each in types]
-            elif name in wanted:
-                values = form.unpack_from(data, at)
-                yield (
-                    name,
-                    {n: x * k for n, x, k in zip(labels, values, scales, strict=False) if not isinstance(x, bytes)},
-                )
-            at = data.find(_HEAD, at + length)
+            name, form, labels, scales = formats.get(data[at + 2], _UNKNOWN)
+            end = at + form.size
+            if not form.size or end > len(data) or not _HEAD.startswith(data[end : end + 2]):
+                at = data.find(_HEAD, at + 1)
+                continue
+            if name == "FMT" or name in wanted:
+                fields = dict(zip(labels, form.unpack_from(data, at), strict=False))
+                if name == "FMT":
+                    formats[fields["Type"]] = _format(fields)
+                else:
+                    yield name, {n: x * scales.get(n, 1.0) for n, x in fields.items() if not isinstance(x, bytes)}
+            at = end
+
+
+def _format(fields: Mapping[str, Any]) -> _Format:
+    """Return name, layout, labels and units of a message that FMT describes; no layout if it is contradictory."""
+    name, types, columns = (_decoded(fields[each]) for each in _FMT_LABELS[2:])
+    form, labels = struct.Struct("<3x" + "".join(_TYPES.get(each, "") for each in types)), columns.split(",")
+    scales = {label: _SCALES[each] for label, each in zip(labels, types, strict=False) if each in _SCALES}
+    return (name, form, labels, scales) if form.size == fields["Length"] else _UNKNOWN
 
 
 def _decoded(text: bytes) -> str:
