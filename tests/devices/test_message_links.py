@@ -113,6 +113,17 @@ def test_udp_datagrams_of_other_computers_are_ignored() -> None:
         assert link.read(0.2) == b""
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has all addresses 127.0.0.x")
+def test_only_the_first_computer_is_read_if_the_port_names_none() -> None:
+    number = free_port()
+    with closing(open_link(f"udp://:{number}", SerialSettings())) as link:
+        for sender, received in (("127.0.0.1", b"127.0.0.1"), ("127.0.0.2", b""), ("127.0.0.1", b"127.0.0.1")):
+            with closing(socket.socket(type=socket.SOCK_DGRAM)) as unit:
+                unit.bind((sender, 0))
+                unit.sendto(sender.encode(), ("127.0.0.1", number))
+            assert link.read(0.2) == received
+
+
 @pytest.fixture
 def unit_bus() -> Iterator[object]:
     can = pytest.importorskip("can", reason="python-can is not installed")

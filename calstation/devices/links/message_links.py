@@ -1,6 +1,7 @@
 """Links that receive messages instead of a stream of bytes: UDP datagrams, and CAN messages.
 
-A port is `udp://HOST:PORT`, for the datagrams that HOST (empty for any computer) sends to PORT of this computer, or
+A port is `udp://HOST:PORT`, for the datagrams that HOST (empty for the first computer that sends any) sends to PORT of
+this computer, or
 `can://INTERFACE/CHANNEL/ID,ID,...`, for the messages with these hexadecimal identifiers on a bus of python-can.
 """
 
@@ -86,8 +87,7 @@ class UdpLink:
         host, number = address
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            self._host = socket.gethostbyname(host) if host else ""
-            self._peer = (self._host, number) if host else None
+            self._peer = (socket.gethostbyname(host), number) if host else None
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
             if sys.platform == "linux":
                 self._socket.setsockopt(socket.SOL_SOCKET, _TIMESTAMPNS, 1)
@@ -105,7 +105,7 @@ class UdpLink:
             return b""
         except OSError as exc:
             raise self._lost(exc) from exc
-        if self._host not in ("", sender[0]):
+        if self._peer is not None and self._peer[0] != sender[0]:
             return b""
         self._peer = sender
         return data
