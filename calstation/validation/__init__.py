@@ -14,13 +14,13 @@ from calstation.validation.report import (
 )
 
 if TYPE_CHECKING:
-    from calstation.validation.document import content_text, line_name, row_text, write_documents
+    from calstation.validation.document import line_name, line_texts, row_text, write_documents
     from calstation.validation.references import ANSWERS, answer_of
     from calstation.validation.run import validate_installation
 
 #: Modules of the names that are imported on first use, because they load the engine and the virtual bench.
 _MODULES = {
-    **dict.fromkeys(("content_text", "line_name", "row_text", "write_documents"), "document"),
+    **dict.fromkeys(("line_name", "line_texts", "row_text", "write_documents"), "document"),
     **dict.fromkeys(("ANSWERS", "answer_of"), "references"),
     "validate_installation": "run",
 }

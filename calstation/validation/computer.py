@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Generator
 from contextlib import suppress
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -42,9 +43,7 @@ class SystemClock:
 
     def lines(self) -> Generator[Line]:
         """Yield the line about a step of the system clock."""
-        step = time.time() - time.monotonic() - self._begin
-        limit = Text.of("validation.at_most_s", seconds=f"{_STEP:g}")
-        yield Line.measurement("clock", "step", "", limit, f"{step:+.4f} s", abs(step) <= _STEP)
+        yield Line.timed("clock", "step", "", time.time() - time.monotonic() - self._begin, _STEP)
 
 
 def clock_lines() -> Generator[Line]:
@@ -62,7 +61,7 @@ def clock_lines() -> Generator[Line]:
     synchronised, error = _synchronisation()
     if synchronised:
         found = Text.of("validation.synchronised", error=f"{error:.3f}", now=now)
-        yield Line("clock", "synchronised", "", Text("validation.time_server"), found, "ok", measured=True)
+        yield Line.measurement("clock", "synchronised", "", Text("validation.time_server"), found, good=True)
     else:
         reason = Text.of("validation.unsynchronised" if synchronised is False else "validation.unknown_clock", now=now)
         yield Line.unchecked("clock", "synchronised", "", Text("validation.time_server"), reason, required=False)
@@ -71,7 +70,7 @@ def clock_lines() -> Generator[Line]:
         last_utc = datetime.fromisoformat(entries[-1].utc)
         expected = Text.of("validation.not_before", time=f"{last_utc:%Y-%m-%d %H:%M:%S} UTC")
         good = datetime.now(UTC) >= last_utc - timedelta(seconds=1)
-        yield Line("clock", "date", "", expected, now, "ok" if good else "failed", measured=True)
+        yield Line.measurement("clock", "date", "", expected, now, good)
 
 
 def _synchronisation() -> tuple[bool | None, float]:
@@ -160,12 +159,9 @@ def rights_lines(runs: Path) -> Generator[Line]:
     site = library.site_folder()
     state = verify_trail(site, every_signature=True)
     found = state.faults[0] if state.faults else Text.of("validation.intact", lines=len(state.trail.digests))
-    yield Line(
-        "rights", "trail", "", Text("validation.unchanged"), found, "failed" if state.faults else "ok", measured=True
-    )
-    set_text, unset = Text("validation.pin_set"), Text("validation.pin_unset")
-    has_pin = access.has_pin()
-    yield Line.compared("rights", "pin", "", set_text, set_text if has_pin else unset, has_pin)
+    yield Line.measurement("rights", "trail", "", Text("validation.unchanged"), found, not state.faults)
+    pin = Text("validation.pin_set" if access.has_pin() else "validation.pin_unset")
+    yield Line.compared("rights", "pin", "", Text("validation.pin_set"), pin, pin == Text("validation.pin_set"))
     program = Path(__file__).parent.parent
     paths = {"site": site, "runs": runs, "trail_file": audit_path(site), "key": key_file(site), "program": program}
     if sys.platform == "win32":
@@ -208,7 +204,5 @@ def command_lines(check_stopped: CheckStopped) -> Generator[Line]:
     done = subprocess.run(
         [sys.executable, "-m", "calstation", "--version"], capture_output=True, timeout=60.0, check=False
     )
-    seconds = time.monotonic() - begin
-    limit = Text.of("validation.at_most_s", seconds=f"{_COMMAND:g}")
-    good = done.returncode == 0 and seconds <= _COMMAND
-    yield Line.measurement("time", "command", "calstation --version", limit, f"{seconds:.2f} s", good)
+    line = Line.timed("time", "command", "calstation --version", time.monotonic() - begin, _COMMAND)
+    yield line if done.returncode == 0 else replace(line, state="failed")

@@ -7,10 +7,10 @@ from typing import Any
 
 from calstation.config import library
 from calstation.errors import InputError
-from calstation.messages import Language, Text, known, render, term
+from calstation.messages import Language, Text, known, render, term, values_from_json
 from calstation.reports import compile_template
 from calstation.validation.lines import AREAS
-from calstation.validation.report import Validation, content_from_json, signed_json
+from calstation.validation.report import Validation, signed_json
 
 #: Languages of the documents, each with the end of its file name, as for certificates.
 LANGUAGES: dict[Language, str] = {"en": "", "zh_CN": "_zh"}
@@ -41,7 +41,7 @@ def write_documents(validation: Validation) -> tuple[dict[str, bytes], Text | No
 
 def content_text(content: Any, language: Language) -> str:
     """Return the content of a line in a language."""
-    value = content_from_json(content)
+    value = values_from_json({"": content})[""]
     return render(value.code, value.values, language).sentences if isinstance(value, Text) else str(value or "")
 
 
@@ -54,6 +54,12 @@ def line_name(line: Mapping[str, Any], language: Language) -> str:
     elif line["area"] in ("calculation", "time"):
         subject = term("stage", subject, language)
     return f"{name}{'：' if language == 'zh_CN' else ': '}{subject}" if subject else name
+
+
+def line_texts(line: Mapping[str, Any], language: Language) -> dict[str, str]:
+    """Return name, expectation and finding of a line, with the reason."""
+    expected, found, reason = (content_text(line[name], language) for name in ("expected", "found", "reason"))
+    return {"name": line_name(line, language), "expected": expected, "found": f"{found} {reason}".strip()}
 
 
 def row_text(row: Mapping[str, Any], side: str, language: Language) -> str:
@@ -72,31 +78,17 @@ def _typeset(
 ) -> bytes:
     from typst import TypstError
 
-    def line(each: Mapping[str, Any]) -> dict[str, Any]:
-        found = content_text(each["found"], language)
-        reason = content_text(each["reason"], language)
-        return {
-            "name": line_name(each, language),
-            "expected": content_text(each["expected"], language),
-            "found": found if not reason else f"{found} {reason}".strip(),
-            "state": each["state"],
-            "required": each["required"],
-        }
-
+    lines = [{**each, **line_texts(each, language)} for each in data["lines"]]
     areas = [
         {
             "name": term("validation_area", area, language),
             "clause": clause,
-            "lines": [line(each) for each in data["lines"] if each["area"] == area],
+            "lines": [each for each in lines if each["area"] == area],
         }
         for area, clause in AREAS.items()
     ]
     changes = [
-        {
-            "name": line_name(each, language),
-            "before": row_text(each, "before", language),
-            "after": row_text(each, "after", language),
-        }
+        {"name": line_name(each, language), **{side: row_text(each, side, language) for side in ("before", "after")}}
         for each in data["changes"]
     ]
     document = {

@@ -61,25 +61,19 @@ class Package:
 
 def packages(extra: str = "") -> dict[str, Package]:
     """Return calstation and all packages that it needs on this computer, or that one of its optional parts needs."""
-    found: dict[str, Package] = {}
-    pending = [(ROOT, {extra})]
-    done: set[tuple[str, str]] = set()
+    found = {ROOT: Package(_find(ROOT))}
+    pending, done = [(ROOT, extra)], set[tuple[str, str]]()
     while pending:
-        name, extras = pending.pop()
-        if name not in found:
-            try:
-                found[name] = Package(distribution(name))
-            except PackageNotFoundError:
-                found[name] = Package(None)
+        name, part = pending.pop()
         installed = found[name].installed
-        for each in extras - {e for n, e in done if n == name}:
-            done.add((name, each))
-            for text in (installed.requires or []) if installed is not None else []:
-                requirement = Requirement(text)
-                if requirement.marker is None or requirement.marker.evaluate({"extra": each}):
-                    needed = canonicalize_name(requirement.name)
-                    pending.append((needed, {"", *requirement.extras}))
-                    found.setdefault(needed, Package(_find(needed))).required &= requirement.specifier
+        if (name, part) in done or installed is None:
+            continue
+        done.add((name, part))
+        for requirement in map(Requirement, installed.requires or []):
+            if requirement.marker is None or requirement.marker.evaluate({"extra": part}):
+                needed = canonicalize_name(requirement.name)
+                found.setdefault(needed, Package(_find(needed))).required &= requirement.specifier
+                pending += [(needed, each) for each in ("", *requirement.extras)]
     return found
 
 
@@ -125,14 +119,14 @@ def installation_lines(check_stopped: CheckStopped) -> Generator[Line]:
 
 
 def _extra_lines(extra: str, added: Mapping[str, Package]) -> Generator[Line]:
-    """Yield the lines of an optional part, which is checked if all of its packages are installed."""
+    """Yield the lines of an optional part: its packages that are installed, which the program uses, and the others."""
     missing = [name for name, package in added.items() if package.installed is None]
+    for name, package in sorted(added.items()):
+        if package.installed is not None:
+            yield from _package_lines(name, package)
     if missing:
         reason = Text.of("validation.not_installed", names=missing)
         yield Line.unchecked("installation", "extra", extra, "", reason, required=False)
-        return
-    for name, package in sorted(added.items()):
-        yield from _package_lines(name, package)
 
 
 def _package_lines(name: str, package: Package) -> Generator[Line]:

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from calstation.errors import CalstationError, StoppedError
@@ -64,7 +64,13 @@ class Line:
     @classmethod
     def measurement(cls, area: str, check: str, subject: str, expected: Content, found: Content, good: bool) -> "Line":
         """Return the line of a check whose value varies."""
-        return cls(area, check, subject, expected, found, "ok" if good else "failed", measured=True)
+        return replace(cls.compared(area, check, subject, expected, found, good), measured=True)
+
+    @classmethod
+    def timed(cls, area: str, check: str, subject: str, seconds: float, limit: float) -> "Line":
+        """Return the line of a duration, s, whose magnitude must not be above a limit."""
+        expected = Text.of("validation.at_most_s", seconds=f"{limit:g}")
+        return cls.measurement(area, check, subject, expected, f"{seconds:.3f} s", abs(seconds) <= limit)
 
     @classmethod
     def unchecked(

@@ -105,8 +105,7 @@ def _lines(folder: Path, name: str, answer: dict[str, Any], check_stopped: Check
             raise InputError("validation.answer_damaged", file=folder / ANSWERS, name=name) from exc
         yield from _second_opinion(name, raw, result, bool(answer.get("second_opinion")), check_stopped)
         duration = facts.samples / open_log(raw).meta.imu.sample_rate_hz
-        limit = Text.of("validation.at_most_s", seconds=f"{duration:.0f}")
-        yield Line.measurement("time", "solving", name, limit, f"{seconds:.2f} s", seconds <= duration)
+        yield Line.timed("time", "solving", name, seconds, round(duration))
 
 
 def _compared(name: str, result: Result, again: Result, answer: dict[str, Any]) -> Generator[Line]:

@@ -11,7 +11,7 @@ import time
 from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -176,12 +176,9 @@ def ending_lines(ending: Ending) -> Generator[Line]:
     records = ", ".join(run.record_defects) or Text("validation.complete")
     yield Line.compared("faults", "records", case.kind, Text("validation.complete"), records, not run.record_defects)
     if case.real_time:
-        limit = Text.of("validation.at_most_s", seconds=f"{STOP_LIMIT:g}")
-        if ending.stop_s is None:
-            yield Line.compared("time", "stop", "", limit, Text("validation.missing"), good=False)
-        else:
-            found_s = f"{ending.stop_s:.2f} s"
-            yield Line.measurement("time", "stop", "", limit, found_s, ending.stop_s <= STOP_LIMIT)
+        line = Line.timed("time", "stop", "", ending.stop_s or 0.0, STOP_LIMIT)
+        missing = replace(line, found=Text("validation.missing"), state="failed")
+        yield line if ending.stop_s is not None else missing
     if case.kind == NO_FAULT and ending.result is not None and ending.log is not None:
         yield from _nominal_lines(ending.result, ending.log)
 

@@ -5,17 +5,17 @@ import json
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from calstation import __version__
 from calstation.config import site_folder
 from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
-from calstation.messages import Text, os_reason, values_from_json
+from calstation.messages import Text, os_reason
 from calstation.parsing import read_json
 from calstation.records import append_audit, is_signed, site_events, verify_trail, write_atomic
 from calstation.validation.installation import identity
-from calstation.validation.lines import Line, Verdict, verdict_of
+from calstation.validation.lines import Line, State, Verdict, verdict_of
 
 SCHEMA = "calstation.validation/1"
 #: Entries of a line that the comparison with another validation ignores.
@@ -47,23 +47,12 @@ class Validation:
         """Verdict over all lines."""
         return verdict_of(list(self.lines))
 
-    def count(self, state: str) -> int:
-        """Return the number of lines with a state."""
-        return sum(line.state == state for line in self.lines)
-
     def to_json(self) -> dict[str, Any]:
         """Return the validation as JSON data, without its signature."""
-        counts = {state: self.count(state) for state in ("ok", "failed", "not_checked")}
-        lines = [line.to_json() for line in self.lines]
-        content = {name: value for name, value in vars(self).items() if name != "lines"}
-        data = {
-            "schema": SCHEMA,
-            "name": self.name,
-            "verdict": self.verdict,
-            "counts": counts,
-            **content,
-            "lines": lines,
-        }
+        states = [line.state for line in self.lines]
+        data: dict[str, Any] = {"schema": SCHEMA, "name": self.name, "verdict": self.verdict}
+        data["counts"] = {state: states.count(state) for state in get_args(State)}
+        data |= {**vars(self), "lines": [line.to_json() for line in self.lines]}
         plain: dict[str, Any] = json.loads(json.dumps(data))
         return plain
 
@@ -120,8 +109,7 @@ def differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[dic
     rows: list[dict[str, Any]] = []
     for name in ("computer", "system", "software", "verdict", "key"):
         if before[name] != after[name]:
-            row = {"area": "", "check": name, "subject": "", "before": before[name], "after": after[name]}
-            rows.append(row)
+            rows.append({"area": "", "check": name, "subject": "", "before": before[name], "after": after[name]})
     old, new = ({(x["area"], x["check"], x["subject"]): x for x in each["lines"]} for each in (before, after))
     for key in dict.fromkeys((*old, *new)):
         values = [None if line is None else _compared(line) for line in (old.get(key), new.get(key))]
@@ -138,11 +126,6 @@ def _compared(line: Mapping[str, Any]) -> Any:
 
 def _shown(line: Mapping[str, Any] | None) -> dict[str, Any] | None:
     return None if line is None else {name: line[name] for name in ("state", "expected", "found", "reason")}
-
-
-def content_from_json(value: Any) -> Any:
-    """Return the content of a line from its JSON data: a message, or a text."""
-    return values_from_json({"content": value})["content"]
 
 
 def compare(validation: Validation, earlier: Path) -> Validation:

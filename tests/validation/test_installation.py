@@ -56,6 +56,16 @@ def test_an_unchanged_installation_is_in_order_and_names_what_is_not_installed(s
     assert identity()[ROOT] == f"9.9 ({packages()[ROOT].digest[:16]})"
 
 
+def test_an_installed_package_of_an_incomplete_part_is_checked(site_packages: Path) -> None:
+    metadata = site_packages / f"{ROOT}-9.9.dist-info" / "METADATA"
+    more = "Requires-Dist: present; extra == 'part'\n"
+    metadata.write_text(metadata.read_text(encoding="utf-8") + more, encoding="utf-8")
+    install(site_packages, "present", "1", one="y = 1\n")
+    assert (lines()["present"].state, lines()["part"].state) == ("ok", "not_checked")
+    (site_packages / "present" / "one.py").write_text("y = 2\n", encoding="utf-8")
+    assert lines()["present"].state == "failed"
+
+
 @pytest.mark.parametrize("content", ["y = 2\n", None], ids=["altered", "removed"])
 def test_a_changed_file_of_a_package_is_found(site_packages: Path, content: str | None) -> None:
     file = site_packages / "needed" / "one.py"

@@ -17,8 +17,8 @@ from calstation.messages import os_reason
 from calstation.validation import (
     Validation,
     compare,
-    content_text,
     line_name,
+    line_texts,
     read_validation,
     row_text,
     save_validation,
@@ -103,12 +103,8 @@ def _lines(data: dict[str, Any]) -> list[str]:
     """Return all lines of a validation, the differences and the verdict as text."""
     texts = []
     for line in data["lines"]:
-        found = content_text(line["found"], LANGUAGE)
-        if line["reason"] is not None:
-            found = f"{found} {content_text(line['reason'], LANGUAGE)}".strip()
-        values = {"expected": content_text(line["expected"], LANGUAGE) or "–", "found": found}
-        state = term("validation_label", line["state"])
-        texts.append(say("cli.validation_line", state=state, name=line_name(line, LANGUAGE), **values))
+        values = {name: text or "–" for name, text in line_texts(line, LANGUAGE).items()}
+        texts.append(say("cli.validation_line", state=term("validation_label", line["state"]), **values))
     if data["earlier"]:
         texts.append(say("cli.validation_changes", count=len(data["changes"]), name=data["earlier"]))
         for row in data["changes"]:
