@@ -255,7 +255,7 @@ def test_damaged_part_of_a_dataflash_log_is_a_gap(tmp_path: Path, capfd: pytest.
     messages = [("IMU", (int(row[0]), *row[1:])) for row in microseconds()]
     write_dataflash(path := tmp_path / "rec.bin", formats, messages)
     path.with_suffix(".toml").write_text(TOML)
-    content = path.read_bytes()
+    content = path.read_bytes().replace(b"BBnNZ", b"BBnNN", 1)  # the description of FMT itself is not used
     damaged = content[: -150 * 35] + bytes(5_000_000) + content[-140 * 35 :]
     path.write_bytes(damaged + bytes(1_000_000))  # as after a power cut
     facts = open_log(path).facts()

@@ -114,17 +114,18 @@ def _binary(stream: BinaryIO, wanted: set[str]) -> Iterator[tuple[str, Mapping[s
     with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
         at = data.find(_HEAD)
         while 0 <= at < len(data) - len(_HEAD):
-            name, form, labels, scales = formats.get(data[at + 2], _UNKNOWN)
+            kind = data[at + 2]
+            name, form, labels, scales = formats.get(kind, _UNKNOWN)
             end = at + form.size
             if not form.size or end > len(data) or not _HEAD.startswith(data[end : end + 2]):
                 at = data.find(_HEAD, at + 1)
                 continue
-            if name == "FMT" or name in wanted:
+            if kind == _FMT_TYPE or name in wanted:
                 fields = dict(zip(labels, form.unpack_from(data, at), strict=False))
-                if name == "FMT":
-                    formats[fields["Type"]] = _format(fields)
-                else:
+                if kind != _FMT_TYPE:
                     yield name, {n: x * scales.get(n, 1.0) for n, x in fields.items() if not isinstance(x, bytes)}
+                elif fields["Type"] != _FMT_TYPE:
+                    formats[fields["Type"]] = _format(fields)
             at = end
 
 
