@@ -52,6 +52,15 @@ _RETURN_TIME = 4.0 * 3600.0
 
 
 @dataclass(frozen=True)
+class SoakProgress:
+    """Progress of a soak: rates of the units by slot and their `limit`, K/min, and the `remaining` time, s."""
+
+    limit: float
+    rates: Mapping[str, float]
+    remaining: float | None
+
+
+@dataclass(frozen=True)
 class ChamberLimits:
     """Limits of a chamber with a table and units in it; temperatures in °C, differences in K, times in s.
 
@@ -87,7 +96,13 @@ class ChamberLimits:
 
     def may_open(self, status: ChamberStatus, units: Mapping[str, float]) -> bool:
         """Return whether neither the air nor a unit is below the dew point of the room or too hot to touch."""
-        return all(self.dew_point <= value <= TOUCHABLE_C for value in (status.air_c, *units.values()))
+        low, high = self.open_range
+        return all(low <= value <= high for value in (status.air_c, *units.values()))
+
+    @property
+    def open_range(self) -> tuple[float, float]:
+        """Lowest and highest temperature that may be exposed to the room."""
+        return self.dew_point, TOUCHABLE_C
 
 
 @dataclass(frozen=True)
@@ -106,9 +121,9 @@ class ChamberControl:
     nor a stop.
 
     `begin` starts the chamber; then `hold` or `ramp` sets a target and `update` is called at every tick. `safe` sends
-    the chamber to ambient, where it stays until `wait_until_safe` has switched it off. `target` is the last target, and
-    `status` the last poll. Methods raise DeviceFaultError for a fault of the chamber and ConfigurationError for a
-    target outside the limits.
+    the chamber to ambient, where it stays until `wait_until_safe` has switched it off. `target` is the last target,
+    `status` the last poll, and `soak` a function that returns the progress of the current soak, or None. Methods raise
+    DeviceFaultError for a fault of the chamber and ConfigurationError for a target outside the limits.
     """
 
     status: ChamberStatus
@@ -116,6 +131,7 @@ class ChamberControl:
     def __init__(self, chamber: Chamber, limits: ChamberLimits, clock: Clock, emit: Emit) -> None:
         self.limits = limits
         self.target = math.nan
+        self.soak: Callable[[], SoakProgress] | None = None
         self._chamber, self._clock, self._emit = chamber, clock, emit
         self._set_point = self._expected = math.nan  #: Set points sent last, and at the last poll, °C.
         self._rate = limits.max_rate
@@ -300,8 +316,24 @@ class ChamberControl:
         self._polled_at = poll.time
         self._units = {slot: value for slot, value in units.items() if math.isfinite(value)}
         self._air.append((poll.time, self.status.air_c, self._distance))
-        values = self.status.air_c, self._set_point, self.target, self.remaining
-        self._emit(ChamberChanged(*values, units=dict(self._units), door_open=self.status.door_open))
+        self._show(poll.time)
+
+    def _show(self, now: float) -> None:
+        soak = SoakProgress(math.nan, {}, None) if self.soak is None else self.soak()
+        self._emit(
+            ChamberChanged(
+                time=now,
+                air_c=self.status.air_c,
+                set_point_c=self._set_point,
+                target_c=self.target,
+                remaining=self.remaining if soak.remaining is None else soak.remaining,
+                units=dict(self._units),
+                rates={slot: rate for slot, rate in soak.rates.items() if math.isfinite(rate)},
+                limit=None if self.soak is None else soak.limit,
+                open_c=self.limits.open_range,
+                door_open=self.status.door_open,
+            )
+        )
 
     def _check_state(self) -> None:
         if self.status.alarm is not None:

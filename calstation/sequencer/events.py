@@ -4,6 +4,7 @@ The progress bar, the log, the window and the database receive the same events. 
 events for a pipe or a log.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -121,16 +122,22 @@ class JointsMoved(Event):
 
 @dataclass(frozen=True)
 class ChamberChanged(Event):
-    """Temperatures of the air, the set point and the target of the chamber, °C, and the `remaining` time, s.
+    """Temperatures of the air, the set point and the target of the chamber, °C, at station time `time`, s.
 
-    `units` contains the temperatures of the units by slot, °C. `remaining` is the estimated time to the target.
+    `units` contains the temperatures of the units by slot, °C. `remaining` is the estimated time to the end of the soak
+    or, outside a soak, to the target, s. In a soak, `limit` is the largest rate of change of a unit at its end, K/min,
+    and `rates` contains the rates so far by slot, K/min. Air and units within `open_c`, °C, may be exposed to the room.
     """
 
+    time: float
     air_c: float
     set_point_c: float
     target_c: float
     remaining: float
     units: Mapping[str, float] = field(default_factory=dict)
+    rates: Mapping[str, float] = field(default_factory=dict)
+    limit: float | None = None
+    open_c: tuple[float, float] = (-math.inf, math.inf)
     door_open: bool | None = None
 
 
@@ -263,8 +270,8 @@ def from_json(data: Mapping[str, Any]) -> Event:
     """Convert the result of `to_json` back to an event. Raises KeyError if the class is unknown."""
     values = dict(data)
     kind = _KINDS[values.pop("event")]
-    for name in ("label", "time", "output", "up", "done", "joints", "rates", "drift"):
-        if name in values:
+    for name in ("label", "time", "output", "up", "done", "joints", "rates", "drift", "open_c"):
+        if isinstance(values.get(name), list):
             values[name] = tuple(values[name])
     if "values" in values:
         values["values"] = values_from_json(values["values"])

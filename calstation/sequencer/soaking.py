@@ -9,7 +9,7 @@ import numpy as np
 
 from calstation.errors import DeviceFaultError
 from calstation.physics import Ramp, Soak
-from calstation.sequencer.chamber import ChamberControl
+from calstation.sequencer.chamber import ChamberControl, SoakProgress
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import Message, StepStarted
 from calstation.sequencer.units import StepInvalid, Unit
@@ -119,6 +119,7 @@ class SoakLoop:
             self._chamber.hold(step.temperature)
         tracks = {unit: TemperatureTrack(unit, step.hold) for unit in self._units}
         loop.watchful = False
+        self._chamber.soak = lambda: self._progress(step, tracks)
         try:
             while True:
                 if self._context.control.ending_stage:
@@ -141,11 +142,15 @@ class SoakLoop:
                 self.remaining = min(self._time_left(step, tracks, now), step.timeout - (now - begin))
             self._units.each(self._check_agreement)
         finally:
-            self.remaining = None
+            self.remaining = self._chamber.soak = None
             loop.watchful = True
         minutes = (clock.now() - begin) / 60.0
         logger.info("soak at %.1f °C ended after %.1f min", step.temperature, minutes)
         self._context.emit(Message("soaked", {"temperature": step.temperature, "minutes": minutes}))
+
+    def _progress(self, step: Soak, tracks: Mapping[Unit, TemperatureTrack]) -> SoakProgress:
+        rates = {unit.slot.name: tracks[unit].slope for unit in self._units}
+        return SoakProgress(step.slope, rates, self.remaining)
 
     def _end_unsteady(self, step: Soak, pending: Mapping[Unit, TemperatureTrack]) -> None:
         """Let the units that are not steady in time leave. Raises DeviceFaultError for the chamber or the last unit."""

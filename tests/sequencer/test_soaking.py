@@ -10,6 +10,7 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.common import join_blocks
 from calstation.estimation.navigation.temperature_stage import temperature_parts
 from calstation.sequencer import (
+    ChamberChanged,
     ChamberLimits,
     Command,
     Message,
@@ -21,6 +22,7 @@ from calstation.sequencer import (
     StepStarted,
     StopRule,
 )
+from calstation.sequencer.events import from_json, to_json
 from procedures.temperature import Schedule, plan
 from tests.helpers import raises_code
 from tests.sequencer.fake_chamber import FakeChamber
@@ -119,6 +121,22 @@ def test_a_soak_reports_its_time_left() -> None:
     assert left[-1] == pytest.approx(0.0, abs=1.0)
     fractions = [event.fraction for event in scene.events_of(StageProgress)]
     assert fractions[-1] == pytest.approx(1.0)
+
+
+def test_a_soak_reports_the_rate_of_the_unit_its_limit_and_its_own_time_left() -> None:
+    scene = Thermal([60.0])
+    scene.run()
+    changes = scene.events_of(ChamberChanged)
+    soak = [event for event in changes if event.limit is not None]
+    assert {event.limit for event in soak} == {0.2}
+    rates = [event.rates[""] for event in soak if event.rates]
+    assert max(rates) > 0.5
+    assert rates[-1] <= 0.25
+    assert soak[-1].remaining < 60.0
+    assert soak[0].time < soak[-1].time
+    assert changes[-1].limit is None  # the chamber returns to ambient
+    assert {event.open_c for event in changes} == {(15.0, 43.0)}
+    assert from_json(to_json(soak[-1])) == soak[-1]
 
 
 def test_moves_are_repeated_during_a_ramp() -> None:
