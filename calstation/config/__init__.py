@@ -41,6 +41,7 @@ from calstation.config.request import Confirmation, RegisterOperation, RunReques
 from calstation.config.run_configuration import (
     ManualRigError,
     RunConfiguration,
+    check_chamber,
     check_manual_rig,
     check_station,
     load_configuration,

@@ -1,4 +1,4 @@
-"""Search for the shortest schedule of the method `designed`, and analysis of the effects that it detects.
+"""Search for the shortest schedule of the method `designed`, or over temperature, and analysis of hidden effects.
 
 It computes the sigmas with the plan and the filter of a run, and does not drive a table.
 """
@@ -6,3 +6,4 @@ It computes the sigmas with the plan and the filter of a run, and does not drive
 from calstation.designer.design import STAGE, Design, DesignRequest, Variation, designed_product, save_design
 from calstation.designer.designer import design_schedule
 from calstation.designer.stages import ShorterStages, shorten_stages, shorter_product
+from calstation.designer.temperature import TIME_CONSTANT, TemperatureDesign, design_temperature, temperature_product

@@ -213,7 +213,7 @@ def designed_product(text: str, design: Design) -> str:
     if design.gravity_rest is not None:
         changes["checks", "gravity_at_rest", "shortest_rest_s"] = design.gravity_rest
     for key, value in design.schedule().items():
-        changes["schedule", STAGE, key] = _lines(value) if key == "moves" else value
+        changes["schedule", STAGE, key] = multiline(value) if key == "moves" else value
     return edit_toml(text, changes)
 
 
@@ -238,7 +238,7 @@ def save_design(
     return library.find("products", name), version
 
 
-def _lines(moves: list[list[float]]) -> tomlkit.items.Array:
+def multiline(moves: list[list[float]]) -> tomlkit.items.Array:
     """Return an array with a line for every move."""
     array = tomlkit.array()
     array.extend(moves)

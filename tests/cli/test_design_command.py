@@ -24,12 +24,29 @@ def test_product_with_the_shortest_schedule_is_written_and_shown(calstation, tmp
         assert words in done.out
 
 
+@pytest.mark.long
+def test_product_with_the_shortest_schedule_over_temperature_is_written_and_shown(calstation, tmp_path: Path) -> None:
+    out, answer = tmp_path / "thermal.toml", tmp_path / "answer.json"
+    options = ("--station", "virtual_chamber", "--time-constant", "270", "--self-heating", "4")
+    done = calstation("design", "--product", "mems_c_thermal", *options, "-o", out, "--json", answer)
+    assert done.code == 0, done.err
+    found = json.loads(answer.read_text(encoding="utf-8"))
+    written = out.read_text(encoding="utf-8")
+    assert check("products", written) == []
+    assert tomllib.loads(written)["schedule"]["temperature"]["points_c"] == found["soak"]["points_c"]
+    for words in ("min of chamber time", "270 s", "two temperatures more", "ramp", "accel_quadratic", str(out)):
+        assert words in done.out
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         (("--margin", "2"), "--margin"),
         (("-o", "nowhere/fast.toml"), "cannot be written"),
         (("--station", "virtual_hand"), "table"),
+        (("--time-constant", "300"), "[temperature]"),
+        (("--product", "mems_c_thermal", "--station", "virtual_chamber", "--duration", "300"), "--duration"),
+        (("--product", "mems_c_thermal"), "chamber"),
     ],
 )
 def test_wrong_usage_is_refused(calstation, tmp_path: Path, options: tuple[str, ...], words: str) -> None:

@@ -2,8 +2,9 @@
 
 import errno
 import os
+import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -11,27 +12,32 @@ from typing import Annotated
 import typer
 
 from calstation.cli.options import JsonOption, ProductOption, StationOption, command_group
-from calstation.cli.show import emit, job_progress
+from calstation.cli.show import emit, job_progress, new_table, plain_console, show_line
 from calstation.cli.text import say
-from calstation.config import DEFAULT_PRODUCT, library, read_text
+from calstation.config import load_product, read_text
 from calstation.designer import (
+    TIME_CONSTANT,
     Design,
     DesignRequest,
     ShorterStages,
+    TemperatureDesign,
     design_schedule,
+    design_temperature,
     designed_product,
     shorten_stages,
     shorter_product,
+    temperature_product,
 )
 from calstation.errors import ConfigurationError
 from calstation.jobs import on_stop_signals
 from calstation.messages import os_reason
-from calstation.physics import display_by_unit
+from calstation.physics import GROUPS, NAMES, display, display_by_unit, group_indices
 from calstation.records import write_atomic
 
 #: Code of the text for each step of the search; the note of any other step is the best result so far.
 _STEPS = {"checking": "cli.design_checking", "present": "cli.design_present", "": ""}
-
+#: Width of the tables over temperature, characters.
+_TABLE_WIDTH = 100
 
 app = command_group()
 
@@ -49,9 +55,13 @@ def design(
     acceleration: Annotated[float | None, typer.Option(min=1.0)] = None,
     time_limit: Annotated[float | None, typer.Option(min=1.0)] = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
+    time_constant: Annotated[float | None, typer.Option(min=1.0)] = None,
+    self_heating: Annotated[float | None, typer.Option(min=0.0, max=50.0)] = None,
     json: JsonOption = None,
 ) -> int:
     """Design a schedule or shorten the present stages, and write the product with the new schedule.
+
+    The schedule of a product with `[temperature]` is one over temperature.
 
     Ctrl-C ends the search with the best schedule found so far. Returns 1 if a sigma exceeds its limit, which can
     happen if the duration is given. Raises ConfigurationError.
@@ -59,11 +69,23 @@ def design(
     request = DesignRequest(station, product, margin, duration, as_present, time_limit, seed, rate, acceleration)
     if duration is not None and as_present:
         raise ConfigurationError("design.one_goal")
-    for option, value in (("--duration", duration), ("--time-limit", time_limit)) if keep_stages else ():
-        if value is not None:
-            raise ConfigurationError("design.with_stages", option=option)
+    if keep_stages:
+        _refuse({"--duration": duration, "--time-limit": time_limit}, "design.with_stages")
     _check_writable(out)
-    present = read_text(product or library.find("products", DEFAULT_PRODUCT))
+    path, content = load_product(product)
+    present = read_text(path)
+    options = {"--time-constant": time_constant, "--self-heating": self_heating}
+    if content.temperature is not None:
+        given = {"--duration": duration, "--as-present": as_present or None, "--keep-stages": keep_stages or None}
+        _refuse(given, "design.with_temperature")
+        with job_progress(say("cli.designing"), _step) as progress:
+            found = design_temperature(progress, request, time_constant or TIME_CONSTANT, self_heating or 0.0)
+        write_atomic(out, temperature_product(present, found))
+        emit(found.to_json(), json, ())
+        if json != "-":
+            _show_over_temperature(found, out)
+        return 0
+    _refuse(options, "design.without_temperature")
     with (
         tempfile.TemporaryDirectory(prefix="calstation-design-") as folder,
         job_progress(say("cli.designing"), _step) as progress,
@@ -81,6 +103,13 @@ def design(
     write_atomic(out, designed_product(present, designed))
     emit(designed.to_json(), json, _lines(designed, out))
     return 0 if designed.worst <= 1.0 else 1
+
+
+def _refuse(options: Mapping[str, object], code: str) -> None:
+    """Raise ConfigurationError if one of the options is given."""
+    for option, value in options.items():
+        if value is not None:
+            raise ConfigurationError(code, option=option)
 
 
 def _check_writable(out: Path) -> None:
@@ -134,3 +163,45 @@ def _shorter_lines(shorter: ShorterStages, out: Path) -> Iterator[str]:
     for stage, values in shorter.schedule.items():
         yield f"  {stage}: " + ", ".join(f"{name} = {value:g}" for name, value in values.items())
     yield say("design.written", path=out)
+
+
+def _show_over_temperature(design: TemperatureDesign, out: Path) -> None:
+    """Show the schedules side by side, and the largest sigma over the range for every limit."""
+    console, thermal, chosen = plain_console(file=sys.stdout, width=_TABLE_WIDTH), design.thermal, design.chosen
+    values = {"minutes": chosen.course.duration / 60.0, "worst": chosen.worst, "parameter": chosen.limiting}
+    if design.is_ramp:
+        show_line(console, say("design.ramp_found", rate=chosen.schedule["ramp_c_per_min"], **values))
+    else:
+        show_line(console, say("design.soaks_found", count=chosen.temperatures, **values))
+    seconds, heating = thermal.time_constant, thermal.self_heating
+    show_line(console, say("design.thermal", seconds=seconds, heating=heating, rate=60.0 * thermal.rate))
+    orders = (f"{group} {order}" for group, order in design.model.order.items())
+    show_line(console, say("design.orders", orders=", ".join(orders)))
+    table = new_table(
+        say("cli.design_schedules"),
+        *("", "cli.column_minutes", "cli.column_soak", "cli.column_cycles", "cli.column_worst", "cli.column_parameter"),
+    )
+    for name, each in design.rows:
+        if each is None:
+            table.add_row(say(f"cli.design_{name}"), *["–"] * 5)
+            continue
+        minutes = (f"{seconds / 60.0:.0f}" for seconds in (each.course.duration, each.course.longest_soak))
+        table.add_row(say(f"cli.design_{name}"), *minutes, str(each.cycles), f"{each.worst:.2f}", each.limiting)
+    console.print(table)
+    table = new_table(
+        say("cli.design_sigmas"),
+        *("cli.column_parameter", "cli.column_unit", "cli.column_sigma_limit"),
+        *("cli.column_soaked", "cli.column_at", "cli.column_ramped", "cli.column_at"),
+    )
+    for group in GROUPS:
+        i = max(group_indices(group), key=lambda k: float(chosen.ratios[k]))
+        if chosen.ratios[i] > 0.0:
+            size, unit = display(NAMES[i], 1.0)
+            cells = [f"{size * design.soak.limits[i]:.3g}"]
+            for each in (design.soak, design.ramp):
+                cells += [f"{size * each.sigma[i]:.3g}", f"{each.at[i]:.0f}"]
+            table.add_row(NAMES[i], unit, *cells)
+    console.print(table)
+    if not design.is_ramp and design.ramp.course.duration < design.soak.course.duration:
+        show_line(console, say("design.ramp_without_rate"))
+    show_line(console, say("design.written", path=out))

@@ -10,6 +10,7 @@ from calstation.estimation.temperature.fit import (
     fit_temperature,
     held_out_points,
     nearest_temperature,
+    predicted_covariance,
     with_orders,
 )
 from calstation.estimation.temperature.reduction import compensate_each, corrected, parameters_at, reduced

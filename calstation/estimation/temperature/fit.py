@@ -192,7 +192,22 @@ def fit_temperature(model: TemperatureModel, points: Sequence[TemperaturePoint],
     points : solutions in order of time, whose information is independent
     prior : parameters at the reference before the calibration; its sigmas bound the changes over the range, too
     """
+    equations, before = _equations(model, points, prior), _before(model, prior)
+    sigma = before.sigma
+    consistency, test, hysteretic = _tested(model, equations, equations.jacobian[:, sigma > 0.0] * sigma[sigma > 0.0])
+    fit = TemperatureFit(model, *before.updated(equations.jacobian, equations), tuple(points), consistency, test)
+    groups = hysteretic or (GROUPS if test.passed else ())
+    return replace(fit, up_down=_up_down(equations, before, prior, groups))
+
+
+def predicted_covariance(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> FloatArray:
+    """Return the covariance of the scaled coefficients after a fit to points, shape (c, c); see `fit_temperature`."""
     equations = _equations(model, points, prior)
+    return _before(model, prior).updated(equations.jacobian, equations)[1]
+
+
+def _before(model: TemperatureModel, prior: Posterior) -> "_Coefficients":
+    """Return the coefficients before the fit."""
     index = [column.parameter for column in model.columns]
     sigma = prior.sigma[index]
     precision = np.zeros((len(index), len(index)))
@@ -203,11 +218,7 @@ def fit_temperature(model: TemperatureModel, points: Sequence[TemperaturePoint],
         if column.power != 0 and sigma[k] > 0.0:
             precision[k, k] = sigma[k] ** -2
     mean = np.array([prior.mean[c.parameter] if c.power == 0 else 0.0 for c in model.columns])
-    before = _Coefficients(mean, sigma, precision)
-    consistency, test, hysteretic = _tested(model, equations, equations.jacobian[:, sigma > 0.0] * sigma[sigma > 0.0])
-    fit = TemperatureFit(model, *before.updated(equations.jacobian, equations), tuple(points), consistency, test)
-    groups = hysteretic or (GROUPS if test.passed else ())
-    return replace(fit, up_down=_up_down(equations, before, prior, groups))
+    return _Coefficients(mean, sigma, precision)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,110 @@
+"""Temperatures and duration of a stage `temperature`: a chamber of constant rate, and a unit that follows its air.
+
+The temperature of the unit approaches that of the air plus the self-heating exponentially, with one time constant.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import exp, log
+
+from calstation.physics import Dwell, Move, Ramp, Soak, Step
+from calstation.sequencer import step_time
+
+#: Time after the set point has reached its target until the air has settled there, s.
+_SETTLING = 60.0
+
+
+@dataclass(frozen=True)
+class Thermal:
+    """Properties of a chamber with a unit in it."""
+
+    rate: float  #: Largest rate of the air, K/s.
+    ambient: float  #: Temperature of air and unit at the start, °C.
+    time_constant: float  #: Of the unit, s.
+    self_heating: float  #: Difference of the unit from the air in the end, K.
+
+
+@dataclass(frozen=True)
+class Course:
+    """Temperatures of the unit, °C, and their rates, K/s, at the mean of every cycle of moves; durations, s."""
+
+    cycles: tuple[tuple[float, float], ...]
+    duration: float
+    longest_soak: float
+
+
+def course_of(steps: Iterable[Step], cycle: int, thermal: Thermal, settle: float) -> Course:
+    """Return the temperatures during the steps of a stage, whose soaks end once the unit is steady.
+
+    Parameters
+    ----------
+    steps : steps of the plan
+    cycle : number of moves of a cycle
+    thermal : chamber and unit
+    settle : settling time of the table after a move, s
+    """
+    air, joints, moves = _Air(thermal), (0.0, 0.0), 0
+    begin, cycles, longest = (0.0, air.unit), list[tuple[float, float]](), 0.0
+    for step in steps:
+        if isinstance(step, Soak):
+            longest = max(longest, air.soak(step))
+            begin, moves = (air.time, air.unit), 0
+        elif isinstance(step, Ramp):
+            air.target, air.rate = step.temperature, step.rate / 60.0
+        elif isinstance(step, Move):
+            air.advance(step_time(step, joints, settle))
+            joints = step.outer, step.inner
+        elif isinstance(step, Dwell):
+            air.advance(step.duration)
+            moves += 1
+            if moves % cycle == 0:
+                rate = (air.unit - begin[1]) / (air.time - begin[0])
+                cycles.append((0.5 * (begin[1] + air.unit), rate))
+                begin = air.time, air.unit
+    return Course(tuple(cycles), air.time, longest)
+
+
+class _Air:
+    """The air of a chamber on its way to a target, °C, at a rate, K/s, and the unit in it."""
+
+    def __init__(self, thermal: Thermal) -> None:
+        self._thermal = thermal
+        self.time, self._air, self.unit = 0.0, thermal.ambient, thermal.ambient
+        self.target, self.rate = thermal.ambient, thermal.rate
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass."""
+        way = self.target - self._air
+        moving = min(abs(way) / self.rate, seconds)
+        self._step(moving, self.rate if way > 0.0 else -self.rate)
+        self._step(seconds - moving, 0.0)
+
+    def _step(self, seconds: float, slope: float) -> None:
+        """Let time pass while the air changes by `slope`, K/s."""
+        tau, decay = self._thermal.time_constant, exp(-seconds / self._thermal.time_constant)
+        lag = self._lag * decay - slope * tau * (1.0 - decay)
+        self._air += slope * seconds
+        self.unit = self._air + self._thermal.self_heating + lag
+        self.time += seconds
+
+    @property
+    def _lag(self) -> float:
+        """Difference of the unit from its final temperature in this air, K."""
+        return self.unit - self._air - self._thermal.self_heating
+
+    def soak(self, step: Soak) -> float:
+        """Go to a temperature at the largest rate and stay until the unit is steady; return the duration, s."""
+        begin = self.time
+        self.target, self.rate = step.temperature, self._thermal.rate
+        self.advance(abs(self.target - self._air) / self.rate + _SETTLING)
+        tau = self._thermal.time_constant
+        excess = 60.0 * abs(self._lag) * _slope_over(step.hold, tau) / step.slope
+        self.advance(step.hold + tau * log(max(excess, 1.0)))
+        return self.time - begin
+
+
+def _slope_over(period: float, time_constant: float) -> float:
+    """Return the least-squares slope over a period, s, of an exponential that begins at 1, 1/s."""
+    h = period / time_constant
+    moment = (1.0 - exp(-h) * (1.0 + h)) / h**2 - (1.0 - exp(-h)) / (2.0 * h)
+    return -12.0 * moment / period

@@ -1,0 +1,184 @@
+"""The designer over temperature: optimal temperatures, times of soaks and ramps, and sigmas against closed forms."""
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from calstation.config import RunRequest, check, library, load_configuration, load_product, read_text
+from calstation.designer import DesignRequest, design_temperature, temperature_product
+from calstation.designer.prediction import Prediction, optimal_nodes
+from calstation.designer.soaking import Thermal, course_of
+from calstation.errors import ConfigurationError
+from calstation.estimation.common import Posterior, TemperatureModel
+from calstation.physics import COUNT, INDEX, Dwell, Move, Ramp, Soak
+from calstation.records import TemperatureSection
+from procedures import method
+from tests.helpers import raises_code
+from tests.outside.thermal_bench import ThermalCase
+
+STATION = library.find("stations", "virtual_chamber")
+PRODUCT = library.find("products", "mems_c_thermal")
+#: Sigma of a measured gyro bias x, and the weak prior, rad/s.
+SIGMA, PRIOR = 1e-6, 1e-1
+LINE = TemperatureModel(25.0, (-40.0, 85.0), {"gyro_bias": 1})
+
+
+def design(product: Path = PRODUCT, **options):
+    margin = options.pop("margin", 0.8)
+    return design_temperature(lambda *_, **__: None, DesignRequest(STATION, product, margin), **options)
+
+
+def product_with(tmp_path: Path, *changes: tuple[str, str]) -> Path:
+    text = read_text(PRODUCT)
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = tmp_path / "products" / "thermal_changed.toml"
+    path.parent.mkdir()
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def bias_sigmas(model: TemperatureModel, temperatures) -> np.ndarray:
+    """Return the predicted sigmas of a gyro bias over the range, if it is measured alone at each temperature."""
+    setup = load_configuration(RunRequest("SN-000001", STATION, PRODUCT))
+    prediction = Prediction(setup.log_meta(), model, [], 0.0)
+    prior = np.zeros((COUNT, COUNT))
+    prior[INDEX["gyro_bias_x"], INDEX["gyro_bias_x"]] = PRIOR**2
+    prediction._prior = Posterior(np.zeros(COUNT), prior)
+    measured = prior / (1.0 + (PRIOR / SIGMA) ** 2)
+    prediction._posteriors[1, True] = Posterior(np.zeros(COUNT), measured)
+    return prediction.sigmas([(t, 0.0) for t in temperatures])[:, INDEX["gyro_bias_x"]]
+
+
+def test_sigmas_of_a_line_are_those_of_the_textbook() -> None:
+    temperatures = np.linspace(-40.0, 85.0, 6)
+    predicted = bias_sigmas(LINE, temperatures)
+    distance = LINE.temperatures - temperatures.mean()
+    expected = SIGMA * np.sqrt(1.0 / 6.0 + distance**2 / np.sum((temperatures - temperatures.mean()) ** 2))
+    assert predicted == pytest.approx(expected, rel=1e-6)
+    ends = bias_sigmas(LINE, [-40.0, 85.0] * 3)
+    assert ends[[0, -1]] == pytest.approx(SIGMA / np.sqrt(3.0), rel=1e-6)
+    assert ends.max() < predicted.max()
+
+
+@pytest.mark.parametrize("order", [2, 3, 4, 5])
+def test_optimal_temperatures_leave_no_sigma_above_that_of_a_measurement(order: int) -> None:
+    model = replace(LINE, order={"gyro_bias": order})
+    nodes = 22.5 + 62.5 * optimal_nodes(order + 1)
+    assert bias_sigmas(model, nodes).max() == pytest.approx(SIGMA, rel=1e-6)
+    if order > 2:
+        assert bias_sigmas(model, np.linspace(-40.0, 85.0, order + 1)).max() > 1.05 * SIGMA
+
+
+@pytest.mark.parametrize(("tau", "hold", "heating"), [(300.0, 60.0, 0.0), (900.0, 120.0, 4.0), (20.0, 60.0, 0.0)])
+def test_soak_lasts_as_long_as_the_exact_course_of_the_unit(tau: float, hold: float, heating: float) -> None:
+    rate, ambient, target, limit = 3.0 / 60.0, 23.0, -40.0, 0.05
+    course = course_of([Soak(target, limit, hold, 1e5, 1, 1)], 1, Thermal(rate, ambient, tau, heating), 1.5)
+    arrived = (ambient - target) / rate + 60.0
+
+    def slope(t, unit):
+        return (max(ambient - rate * t, target) + heating - unit) / tau
+
+    end = course.duration
+    times = np.linspace(0.0, end, 20_001)
+    unit = solve_ivp(slope, (0.0, end), [ambient], t_eval=times, max_step=5.0, rtol=1e-10, atol=1e-10).y[0]
+
+    def slope_before(time: float) -> float:
+        window = (times >= time - hold) & (times <= time)
+        return 60.0 * abs(np.polyfit(times[window] - time, unit[window], 1)[0])
+
+    assert end >= arrived + hold - 1e-6
+    if end > arrived + hold + 1.0:
+        assert slope_before(end) == pytest.approx(limit, rel=0.01)
+    else:
+        assert slope_before(end) < limit
+
+
+def test_unit_on_a_ramp_lags_by_rate_and_time_constant() -> None:
+    cycle = [Move(0.0, 0.0, 1.0, 1.0), Dwell(60.0)]
+    steps = [Soak(-40.0, 0.05, 60.0, 1e5, 1, 2), *cycle, Ramp(80.0, 2.0), *cycle * 50]
+    found = np.array(course_of(steps, 1, Thermal(5.0 / 60.0, 23.0, 120.0, 3.0), 0.0).cycles)
+    assert found[0] == pytest.approx((-37.0, 0.0), abs=0.2)
+    assert found[40] == pytest.approx((-40.0 + 2.0 * 39.5 + 3.0 - 4.0, 2.0 / 60.0), abs=1e-3)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return design(time_constant=270.0, self_heating=4.0)
+
+
+def test_designed_soaks_meet_the_limits_over_the_range_and_make_a_valid_product(found) -> None:
+    assert found.chosen is found.soak
+    assert found.soak.worst <= 0.8
+    assert found.soak.schedule["points_c"][:2] == [21.0, -44.0]
+    assert found.soak.schedule["points_c"][-2:] == [81.0, 21.0]
+    assert found.soak.temperatures == 6
+    assert found.fewer is None
+    assert found.more.course.duration > found.soak.course.duration + 900.0
+    assert found.more.worst < found.soak.worst
+    assert found.ramp.course.duration < found.soak.course.duration
+    text = temperature_product(read_text(PRODUCT), found)
+    assert check("products", text) == []
+    written = tomllib.loads(text)["schedule"]["temperature"]
+    assert written["points_c"] == found.soak.schedule["points_c"]
+    assert written["soak"]["at_most_s"] >= 1.5 * found.soak.course.longest_soak
+
+
+def test_soaks_of_a_slow_unit_last_longer(found) -> None:
+    slow = design(time_constant=1200.0)
+    assert slow.soak.course.duration > 2.0 * found.soak.course.duration
+    assert slow.to_json()["soak"]["duration_s"] == slow.soak.course.duration
+
+
+def test_moves_are_repeated_until_the_limits_are_met(tmp_path: Path) -> None:
+    path = product_with(tmp_path, ("sigma_below = 8.0e-06", "sigma_below = 4.0e-06"))
+    found = design(path, time_constant=270.0)
+    assert found.soak.worst <= 0.8
+    assert found.soak.cycles > 1
+    _, product = load_product(path)
+    moves = product.schedule["temperature"]["moves"]
+    assert found.soak.schedule["moves"] == [list(map(float, move)) for move in moves] * found.soak.cycles
+
+
+def test_ramp_is_chosen_if_the_rate_is_in_the_model_and_held_out_temperatures_are_visited(tmp_path: Path) -> None:
+    stated = 'order = { gyro_bias = 2, accel_bias = 2 }\nrate_term = ["gyro_bias"]\nheld_out_c = [22.0, 60.0]'
+    found = design(product_with(tmp_path, ('order = "auto"', stated)), time_constant=270.0)
+    assert found.is_ramp
+    assert {60.0, 22.0} < set(found.soak.schedule["points_c"])
+    text = temperature_product(read_text(PRODUCT), found)
+    assert tomllib.loads(text)["schedule"]["temperature"]["ramp_c_per_min"] == found.ramp.schedule["ramp_c_per_min"]
+    assert check("products", text) == []
+
+
+def test_range_beyond_the_devices_and_a_station_without_chamber_are_refused() -> None:
+    with raises_code(ConfigurationError, "chamber.target_outside"):
+        design(self_heating=10.0)
+    with raises_code(ConfigurationError, "temperature.no_chamber"):
+        design_temperature(lambda *_, **__: None, DesignRequest(product=PRODUCT))
+
+
+@pytest.mark.long
+def test_limit_that_cannot_be_reached_is_refused(tmp_path: Path) -> None:
+    path = product_with(tmp_path, ("sigma_below = 3.0e-05", "sigma_below = 3.0e-08"))
+    with raises_code(ConfigurationError, "design.temperature_unreachable"):
+        design(path)
+
+
+@pytest.mark.long
+def test_predicted_sigmas_are_those_of_a_simulated_solution() -> None:
+    section = TemperatureSection(range_c=(-40.0, 85.0), order={"gyro_bias": 3, "gyro_scale": 2, "accel_bias": 2})
+    temperatures = (25.0, -40.0, 0.0, 40.0, 85.0, 25.0)
+    case = ThermalCase("mems_c_fast", temperatures, {}, section)
+    chain, _ = case.solve()
+    solved = chain.solutions[0].temperature.largest_sigma
+    setup = load_configuration(RunRequest("SN-000001", product=library.find("products", "mems_c_fast")))
+    plan = method("designed").plan(setup.table.geometry(), setup.schedules["designed"])
+    steps = [step for step in plan if isinstance(step, Move | Dwell)]
+    prediction = Prediction(case.meta(), section.model(), steps, setup.table.settle_s)
+    predicted = prediction.sigmas([(t, 0.0) for t in temperatures]).max(axis=0)
+    assert predicted / solved == pytest.approx(np.ones(COUNT), abs=0.1)
