@@ -7,11 +7,21 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from math import exp, log
 
-from calstation.physics import Dwell, Move, Ramp, Soak, Step
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
+
+from calstation.errors import InputError
+from calstation.physics import Dwell, FloatArray, Move, Ramp, Soak, Step
+from calstation.records import Log
 from calstation.sequencer import step_time
 
-#: Time after the set point has reached its target until the air has settled there, s.
-_SETTLING = 60.0
+#: Assumed time by which the air follows the set point of a soak later, s.
+_LAG = 60.0
+#: Interval of the temperatures from which the properties of a unit are measured, s, and bounds of its time constant, s.
+_INTERVAL, _TIME_CONSTANTS = 2.0, (5.0, 20_000.0)
+#: Smallest change of the air from which they can be measured, K.
+_LEAST_CHANGE = 10.0
 
 
 @dataclass(frozen=True)
@@ -95,8 +105,9 @@ class _Air:
     def soak(self, step: Soak) -> float:
         """Go to a temperature at the largest rate and stay until the unit is steady; return the duration, s."""
         begin = self.time
+        self.advance(_LAG)
         self.target, self.rate = step.temperature, self._thermal.rate
-        self.advance(abs(self.target - self._air) / self.rate + _SETTLING)
+        self.advance(abs(self.target - self._air) / self.rate)
         tau = self._thermal.time_constant
         excess = 60.0 * abs(self._lag) * _slope_over(step.hold, tau) / step.slope
         self.advance(step.hold + tau * log(max(excess, 1.0)))
@@ -108,3 +119,34 @@ def _slope_over(period: float, time_constant: float) -> float:
     h = period / time_constant
     moment = (1.0 - exp(-h) * (1.0 + h)) / h**2 - (1.0 - exp(-h)) / (2.0 * h)
     return -12.0 * moment / period
+
+
+def measured_thermal(recording: Log) -> tuple[float, float]:
+    """Return time constant, s, and self-heating, K, of a unit from a log with the temperature of the chamber's air.
+
+    Raises InputError if the log has no such temperature, or if it changes too little.
+    """
+    columns: list[FloatArray] = []
+    for block in recording.blocks():
+        air = block.chamber[:, 0] if block.chamber.shape[1] else np.full(len(block), np.nan)
+        known = np.isfinite(air) & np.isfinite(block.temperature)
+        columns.append(np.stack([block.time, air, block.temperature])[:, known])
+    time, air, unit = np.hstack(columns)
+    change = float(np.ptp(air)) if len(air) else 0.0
+    if change < _LEAST_CHANGE:
+        raise InputError("design.no_chamber_air", file=recording.path, change=change, least=_LEAST_CHANGE)
+    grid = np.arange(time[0], time[-1], _INTERVAL)
+    air, unit = np.interp(grid, time, air), np.interp(grid, time, unit)
+
+    def fitted(tau: float) -> tuple[float, float]:
+        """Return the self-heating and the sum of squares of the residuals; the unit may begin at any temperature."""
+        decay = exp(-_INTERVAL / tau)
+        share = (1.0 - decay) * tau / _INTERVAL  # air is linear between two temperatures
+        lagging = lfilter([1.0 - share, share - decay], [1.0, -decay], air - air[0])
+        basis = np.stack([np.ones(len(grid)), np.exp(-(grid - grid[0]) / tau)], axis=1)
+        found, *_ = np.linalg.lstsq(basis, unit - air[0] - lagging, rcond=None)
+        return float(found[0]), float(np.sum((unit - air[0] - lagging - basis @ found) ** 2))
+
+    low, high = (log(each) for each in _TIME_CONSTANTS)
+    tau = exp(float(minimize_scalar(lambda x: fitted(exp(x))[1], bounds=(low, high), method="bounded").x))
+    return tau, fitted(tau)[0]

@@ -3,17 +3,18 @@
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from calstation.config import RunRequest, check, library, load_configuration, load_product, read_text
-from calstation.designer import DesignRequest, design_temperature, temperature_product
+from calstation.designer import DesignRequest, design_temperature, measured_thermal, temperature_product
 from calstation.designer.prediction import Prediction, optimal_nodes
 from calstation.designer.soaking import Thermal, course_of
-from calstation.errors import ConfigurationError
-from calstation.estimation.common import Posterior, TemperatureModel
+from calstation.errors import ConfigurationError, InputError
+from calstation.estimation.common import Posterior, SampleBlock, TemperatureModel
 from calstation.physics import COUNT, INDEX, Dwell, Move, Ramp, Soak
 from calstation.records import TemperatureSection
 from procedures import method
@@ -82,7 +83,7 @@ def test_soak_lasts_as_long_as_the_exact_course_of_the_unit(tau: float, hold: fl
     arrived = (ambient - target) / rate + 60.0
 
     def slope(t, unit):
-        return (max(ambient - rate * t, target) + heating - unit) / tau
+        return (max(ambient - rate * max(t - 60.0, 0.0), target) + heating - unit) / tau
 
     end = course.duration
     times = np.linspace(0.0, end, 20_001)
@@ -105,6 +106,32 @@ def test_unit_on_a_ramp_lags_by_rate_and_time_constant() -> None:
     found = np.array(course_of(steps, 1, Thermal(5.0 / 60.0, 23.0, 120.0, 3.0), 0.0).cycles)
     assert found[0] == pytest.approx((-37.0, 0.0), abs=0.2)
     assert found[40] == pytest.approx((-40.0 + 2.0 * 39.5 + 3.0 - 4.0, 2.0 / 60.0), abs=1e-3)
+
+
+def chamber_log(tau: float, heating: float, end: float) -> SimpleNamespace:
+    """Return a log of a unit at 23 °C in a chamber that goes to -40 °C at 3 K/min, and stays there until `end`, s."""
+    time = np.arange(0.0, end, 1.0)
+    air = np.maximum(23.0 - time / 20.0, -40.0)
+    unit = solve_ivp(lambda t, x: (max(23.0 - t / 20.0, -40.0) + heating - x) / tau, (0.0, end), [23.0], t_eval=time)
+    noise = 0.02 * np.random.default_rng(1).standard_normal(len(time))
+    count = len(time)
+    samples = np.zeros((count, 6), np.int64), np.zeros((count, 2)), np.zeros(count, np.int64), np.ones(count, np.bool_)
+    seq, chamber = np.arange(count), np.where(time % 2.0 == 0.0, air, np.nan)[:, None]
+    block = SampleBlock("temperature", seq, time, *samples, np.round(unit.y[0] + noise, 2), chamber=chamber)
+    return SimpleNamespace(
+        path=Path("log"), blocks=lambda: iter([block.part(0, count // 2), block.part(count // 2, count)])
+    )
+
+
+@pytest.mark.parametrize(("tau", "heating"), [(60.0, 0.0), (300.0, 4.0), (900.0, 12.0)])
+def test_properties_of_a_unit_are_measured_in_one_soak(tau: float, heating: float) -> None:
+    found = measured_thermal(chamber_log(tau, heating, 1260.0 + 4.0 * tau))
+    assert found == pytest.approx((tau, heating), rel=0.02, abs=0.05)
+
+
+def test_log_without_a_change_of_the_chamber_is_refused() -> None:
+    with raises_code(InputError, "design.no_chamber_air"):
+        measured_thermal(chamber_log(300.0, 0.0, 100.0))
 
 
 @pytest.fixture(scope="module")

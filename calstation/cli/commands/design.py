@@ -24,6 +24,7 @@ from calstation.designer import (
     design_schedule,
     design_temperature,
     designed_product,
+    measured_thermal,
     shorten_stages,
     shorter_product,
     temperature_product,
@@ -32,7 +33,7 @@ from calstation.errors import ConfigurationError
 from calstation.jobs import on_stop_signals
 from calstation.messages import os_reason
 from calstation.physics import GROUPS, NAMES, display, display_by_unit, group_indices
-from calstation.records import write_atomic
+from calstation.records import open_log, write_atomic
 
 #: Code of the text for each step of the search; the note of any other step is the best result so far.
 _STEPS = {"checking": "cli.design_checking", "present": "cli.design_present", "": ""}
@@ -57,6 +58,7 @@ def design(
     seed: Annotated[int, typer.Option(min=0)] = 0,
     time_constant: Annotated[float | None, typer.Option(min=1.0)] = None,
     self_heating: Annotated[float | None, typer.Option(min=0.0, max=50.0)] = None,
+    measured: Annotated[Path | None, typer.Option(metavar="LOG")] = None,
     json: JsonOption = None,
 ) -> int:
     """Design a schedule or shorten the present stages, and write the product with the new schedule.
@@ -74,12 +76,14 @@ def design(
     _check_writable(out)
     path, content = load_product(product)
     present = read_text(path)
-    options = {"--time-constant": time_constant, "--self-heating": self_heating}
+    options = {"--time-constant": time_constant, "--self-heating": self_heating, "--measured": measured}
     if content.temperature is not None:
         given = {"--duration": duration, "--as-present": as_present or None, "--keep-stages": keep_stages or None}
         _refuse(given, "design.with_temperature")
+        tau, heating = (TIME_CONSTANT, 0.0) if measured is None else measured_thermal(open_log(measured))
+        tau, heating = time_constant or tau, heating if self_heating is None else self_heating
         with job_progress(say("cli.designing"), _step) as progress:
-            found = design_temperature(progress, request, time_constant or TIME_CONSTANT, self_heating or 0.0)
+            found = design_temperature(progress, request, tau, heating)
         write_atomic(out, temperature_product(present, found))
         emit(found.to_json(), json, ())
         if json != "-":
