@@ -20,14 +20,14 @@ from calstation.parsing import parse_toml
 from calstation.physics import GROUPS, NAMES, Dwell, FloatArray, Move, Step
 from calstation.results import one_blas_thread
 from calstation.schema import KeyPath, validate
-from calstation.sequencer import chamber_limits
+from calstation.sequencer import chamber_limits, check_limits
 from procedures import method
 
 _STAGE = "temperature"
 #: Assumed time constant of a unit, s.
 TIME_CONSTANT = 600.0
-#: Temperatures beyond the order: one to determine the polynomial, and one to test its order.
-_BEYOND_ORDER = 2
+#: Temperatures beyond the order: one to determine the polynomial, and one to test its order; smallest number of them.
+_BEYOND_ORDER, _LEAST = 2, 3
 #: Largest numbers of cycles at a temperature and of further temperatures.
 _MAX_CYCLES, _MAX_FURTHER = 16, 6
 #: Largest distance of a set point from the end of the range, K, and factor on the longest soak.
@@ -159,8 +159,13 @@ class _Designer:
             if value is not None:
                 self._values[name] = value
         self._model = with_assumed_orders(section.model())
-        self._highest = max(self._model.order.values(), default=0)
+        highest = max(self._model.order.values(), default=0)
+        self._least = max(highest + _BEYOND_ORDER, _LEAST)  #: Smallest number of temperatures.
+        self._determined = max(highest + 1, _LEAST)  #: Smallest number of temperatures without a test of the order.
         steps = [step for step in self._plan(self._schedule([0.0])) if isinstance(step, Move | Dwell)]
+        for step in steps:
+            if isinstance(step, Move):
+                check_limits(self._geometry.limits, step)
         self._prediction = Prediction(setup.log_meta(), self._model, steps[1:], self._settle)
         self._ends = tuple(self._set_point(end) for end in self._model.range)
 
@@ -195,7 +200,7 @@ class _Designer:
         return TemperatureDesign(
             soak=soak,
             ramp=ramp,
-            fewer=self._soak(count - 2, soak.cycles) if count - 2 > self._highest else None,
+            fewer=self._soak(count - 2, soak.cycles) if count - 2 >= self._determined else None,
             more=self._soak(count + 2, soak.cycles),
             is_ramp=self._reached(ramp) and (not reached or self._is_shorter(ramp, soak)),
             margin=self._margin,
@@ -215,7 +220,7 @@ class _Designer:
         shortest = np.inf
         for further in range(_MAX_FURTHER + 1):
             self._report(further / (_MAX_FURTHER + 2))
-            schedule = self._soak(self._highest + _BEYOND_ORDER + further)
+            schedule = self._soak(self._least + further)
             yield schedule
             if schedule.course.duration > shortest:
                 return

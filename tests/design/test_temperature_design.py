@@ -172,6 +172,23 @@ def test_moves_are_repeated_until_the_limits_are_met(tmp_path: Path) -> None:
     assert found.soak.schedule["moves"] == [list(map(float, move)) for move in moves] * found.soak.cycles
 
 
+@pytest.mark.parametrize(
+    ("reference", "points"),
+    [(25.0, [25.0, -40.0, 85.0, 25.0]), (85.0, [85.0, -40.0, 22.5, 85.0]), (-40.0, [-40.0, 22.5, 85.0, -40.0])],
+)
+def test_low_orders_need_three_temperatures(tmp_path: Path, reference: float, points: list[float]) -> None:
+    changes = ('order = "auto"', "order = { gyro_bias = 1 }"), ("reference_c = 25.0", f"reference_c = {reference}")
+    found = design(product_with(tmp_path, *changes), time_constant=270.0)
+    assert found.soak.schedule["points_c"] == points
+    assert found.soak.temperatures == 3
+    assert found.fewer is None
+
+
+def test_moves_beyond_the_limits_of_the_table_are_refused() -> None:
+    with raises_code(ConfigurationError, "motion.rate_outside"):
+        design_temperature(lambda *_, **__: None, DesignRequest(STATION, PRODUCT, rate_dps=999.0))
+
+
 def test_ramp_is_chosen_if_the_rate_is_in_the_model_and_held_out_temperatures_are_visited(tmp_path: Path) -> None:
     stated = 'order = { gyro_bias = 2, accel_bias = 2 }\nrate_term = ["gyro_bias"]\nheld_out_c = [22.0, 60.0]'
     found = design(product_with(tmp_path, ('order = "auto"', stated)), time_constant=270.0)

@@ -56,7 +56,7 @@ def design(
     acceleration: Annotated[float | None, typer.Option(min=1.0)] = None,
     time_limit: Annotated[float | None, typer.Option(min=1.0)] = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
-    time_constant: Annotated[float | None, typer.Option(min=1.0)] = None,
+    time_constant: Annotated[float | None, typer.Option(min=1.0, max=20_000.0)] = None,
     self_heating: Annotated[float | None, typer.Option(min=0.0, max=50.0)] = None,
     measured: Annotated[Path | None, typer.Option(metavar="LOG")] = None,
     json: JsonOption = None,
