@@ -27,7 +27,7 @@ from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.units import SlotsPanel, VerdictGrid
 from calstation.gui.operator.verdict import VerdictPanel
-from calstation.gui.state import AppContext, EventLog, ExchangeLabel, Page, run_badge
+from calstation.gui.state import AppContext, ChamberNotice, EventLog, ExchangeLabel, Page, chamber_reason, run_badge
 from calstation.gui.text import (
     fault_text,
     offered_products,
@@ -57,8 +57,8 @@ from calstation.messages import Text, event_text
 from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
 
-#: Code of the text for a station that is incompatible with the product, by the code of the error; the default is
-#: ``manual_station``.
+#: Code of the text for a station that is incompatible with the product, by the code of the error, and the default.
+_BY_HAND = "window.manual_station"
 _WRONG_RIGS = {
     "product.needs_manual_table": "window.driven_station",
     "plan.needs_gimbal": "window.not_gimbal_station",
@@ -76,7 +76,7 @@ class OperatorPage(Page):
         #: Whether the serial field is for the next unit; the engine of the last run may still be running.
         self._next_awaited = True
         self._problem: Text | None = None
-        self._opened = False
+        self._opened = self._fault_read = False
         self._products: list[tuple[str, Path]] = []
         self._station = ""  #: Station file whose product has been selected.
         self.header: RunHeader = RunHeader(app.run)
@@ -97,7 +97,7 @@ class OperatorPage(Page):
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
         right = column(
-            *(self.closing, self._failing, self._claimed, self._validation, self.notice),
+            *(ChamberNotice(app.run), self.closing, self._failing, self._claimed, self._validation, self.notice),
             *(self._starting.dialog.people, (self._views, 1)),
         )
         counts = row(self._shift, None, ExchangeLabel(app), spacing=3 * theme.GRID)
@@ -105,7 +105,8 @@ class OperatorPage(Page):
         self._events.follow(app.engine_link)
         self._events.setFixedHeight(24 * theme.GRID)
         self._events.hide()
-        events = button("events_button", "event_log.show", self._show_events, tip="event_log.show_tip")
+        show_events, events_tip = lambda: self._events.setVisible(self._events.isHidden()), "event_log.show_tip"
+        events = button("events_button", "event_log.show", show_events, tip=events_tip)
         events.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the keys of a scan must not press it
         watch, tip = "logs.watch_live", "operator.show_watch_tip"
         self._watch = button("show_watch_button", watch, lambda: app.watch_requested.emit(), tip=tip)
@@ -176,9 +177,6 @@ class OperatorPage(Page):
         app.choice_changed.connect(self._plan)
         app.windows.changed.connect(self._plan)
         app.role.changed.connect(self._role_changed)
-
-    def _show_events(self) -> None:
-        self._events.setVisible(self._events.isHidden())
 
     # ---- the next run
 
@@ -282,7 +280,7 @@ class OperatorPage(Page):
             compatible = compatible_products(app.station_path, app.product_path)
             display_names = {path: name for name, path in self._products}
             names = ", ".join(f"“{display_names[path]}”" for _, path in compatible)
-            why = Text("window.pair_station") if self._has_pair() else Text(self._wrong_rig(error))
+            why = Text("window.pair_station") if self._has_pair() else Text(_WRONG_RIGS.get(error.code, _BY_HAND))
             products = Text.of(
                 "window.compatible_products" if compatible else "window.no_compatible_product", names=names
             )
@@ -303,31 +301,36 @@ class OperatorPage(Page):
         except CalstationError:
             return False
 
-    def _wrong_rig(self, error: CalstationError) -> str:
-        """Return the code of the sentence about a station that is incompatible with a product."""
-        return _WRONG_RIGS.get(error.code, "window.manual_station")
-
     def _mark_products(self) -> None:
         """Grey the products that the station cannot calibrate."""
         reasons: dict[Path, tuple[str, str]] = {}
         for _, path in self._products:
             error = product_error(self.app.station_path, path)
             if isinstance(error, ManualRigError):
-                code = self._wrong_rig(error)
+                code = _WRONG_RIGS.get(error.code, _BY_HAND)
                 reasons[path] = (term("unsuitable", code.partition(".")[2]), say(code))
             elif error is not None:
                 problem = refusal("cannot_run", error, engineer=self.app.role.engineer)
-                reasons[path] = (term("unsuitable", "settings"), rendered(problem).remedy)
+                short = "no_chamber" if error.code == "temperature.no_chamber" else "settings"
+                reasons[path] = (term("unsuitable", short), rendered(problem).remedy)
         self.header.mark_products(reasons)
 
     # ---- during the run
 
     def _acknowledge(self) -> None:
-        run, request = self.app.run, self.app.engine_link.request
-        interrupted = next((unit for unit in run.units if unit.transfer is not None), None)
         self.notice.dismiss()
-        run.acknowledge()
+        self.app.run.acknowledge()
         self._starting.await_unit()
+        self._fault_read = True
+        self._offer_after_fault()
+
+    def _offer_after_fault(self) -> None:
+        """Offer what remains to do after a fault; the engine may bring the chamber to ambient before."""
+        run, request = self.app.run, self.app.engine_link.request
+        if not self._fault_read or self.app.engine_link.running:
+            return
+        self._fault_read = False
+        interrupted = next((unit for unit in run.units if unit.transfer is not None), None)
         if interrupted is not None and request is not None:
             self._starting.ask_transfer(request, interrupted.serial)
         elif run.in_slots:
@@ -358,6 +361,7 @@ class OperatorPage(Page):
             self._starting.check()  # the next unit may have been scanned before the engine ended
         self._offer_again()
         self._ask_transfer()
+        self._offer_after_fault()
 
     def _show_serial(self) -> None:
         """Show the serial number of the unit, or the number of units, of the run in progress."""
@@ -401,7 +405,7 @@ class OperatorPage(Page):
     def _refresh(self) -> None:
         run, header = self.app.run, self.header
         busy = self.app.engine_link.running
-        why_busy = say("window.busy_registers" if run.register_operation else "window.busy_run") if busy else ""
+        why_busy = say(run.why_busy) if busy else ""
         if run.ended and run.finalized and busy and not self._next_awaited:
             self._await_next()
         header.set_running("" if busy and self._next_awaited else why_busy)
@@ -431,10 +435,11 @@ class OperatorPage(Page):
     def _choose_view(self) -> None:
         """Show the view for the state of the run, and hide the list of stages next to the verdicts on several units."""
         run = self.app.run
-        if run.state == "idle":
+        returning = run.chamber.access == "closed" and self.app.engine_link.running
+        if run.state == "idle" and not returning:
             loading = self._slots if self._starting.slots else self._loading
             self._views.setCurrentWidget(self._unusable if self._problem is not None else loading)
-        elif not run.finalized and run.fault is None and self.app.engine_link.running:
+        elif run.fault is None and (returning or not run.finalized) and self.app.engine_link.running:
             self._views.setCurrentWidget(self._live)
             self._verdicts.prepare()
         elif run.in_slots and run.fault is None and not self._unit_opened:
@@ -471,6 +476,8 @@ class OperatorPage(Page):
         run = self.app.run
         if run.fault is not None:
             return fault_text(run.fault, engineer=self.app.role.engineer).text
+        if run.chamber.must_stay_closed:
+            return say("operator.chamber_message", reason=chamber_reason(run))
         if run.elsewhere is not None:
             return rendered(Text("question.other_window")).text
         if run.display_state == "idle" and self.header.badge_field.required:

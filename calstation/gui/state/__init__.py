@@ -3,6 +3,7 @@
 Widgets that do not depend on runs belong in `calstation.gui.widgets`.
 """
 
+from calstation.gui.state.chamber_notice import ChamberNotice, chamber_reason, thing_text
 from calstation.gui.state.context import AppContext
 from calstation.gui.state.event_log import EventLog
 from calstation.gui.state.page import FileExport, JobView, Page

@@ -7,12 +7,14 @@ from PySide6.QtCore import QObject, QTimer, Signal
 
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
+from calstation.gui.state.chamber_status import ChamberStatus
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus
 from calstation.messages import Text
 from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import (
+    ChamberChanged,
     Command,
     Event,
     Fault,
@@ -80,6 +82,8 @@ class RunStatus(QObject):
         self.unit = self.units[0]
         #: Latest message ("message", id, values) or step ("step", kind, label); a dwell has the label of its move.
         self.latest: tuple[str, str, Any] | None = None
+        #: State of the chamber of a run over temperature.
+        self.chamber = ChamberStatus()
         #: Name of the stage that the operator has ended early; kept until the next run.
         self.stage_ending = ""
         #: Fault of the last run until `acknowledge` is called.
@@ -281,16 +285,30 @@ class RunStatus(QObject):
     def acknowledge(self) -> None:
         """Clear the fault and disconnect from the engine, so that a run can start.
 
+        An engine that brings the chamber to ambient remains connected, because the chamber must stay closed until then.
         If units had a verdict or their own fault before a fault of the table, the verdict of the run is set.
         """
         state = "idle"
         if self.fault is not None:
-            self._link.stop_listening()
+            if self.chamber.access != "closed" or self.fault.code == _SILENT:
+                self._link.stop_listening()
             self.fault = None
             if self.in_slots and not all(unit.unfinished for unit in self.units):
                 state = self._verdict
         self.state = state
         self.changed.emit()
+
+    def acknowledge_chamber(self) -> None:
+        """Remove the notice about the chamber after a run."""
+        self.chamber.acknowledge()
+        self.changed.emit()
+
+    @property
+    def why_busy(self) -> str:
+        """Code of the reason why no run can start while the engine is running."""
+        if self.chamber.must_stay_closed and not self.in_progress:
+            return "window.busy_chamber"
+        return "window.busy_registers" if self.register_operation else "window.busy_run"
 
     @property
     def _verdict(self) -> Verdict:
@@ -304,6 +322,7 @@ class RunStatus(QObject):
             self.state, self.commanded = "starting", False
             self.register_operation = self._link.operation is not None
             self.fault = self.latest = None
+            self.chamber = ChamberStatus()
             self.stage_ending = ""
             self._started_at = self._done_before = 0.0
             try:
@@ -312,7 +331,9 @@ class RunStatus(QObject):
                 self.run_summary = None
             self.units = self._units_of(request)
             self.select_unit(self.units[0])
-        elif self.in_progress:
+        else:
+            self.chamber.end()
+        if not running and self.in_progress:
             self.state = "idle" if self.register_operation else "incomplete"
         self.changed.emit()
 
@@ -334,6 +355,10 @@ class RunStatus(QObject):
             self.fault, self.state = None, self._before_fault  # the engine responds again
             for unit in self.units:
                 unit.recover()
+            self.chamber.resume()
+            self._changed_timer.start()
+        self.chamber.handle_event(event)
+        if isinstance(event, ChamberChanged) and self.chamber.must_stay_closed:
             self._changed_timer.start()
         if not isinstance(event, _STATUS_EVENTS):
             return
@@ -357,7 +382,7 @@ class RunStatus(QObject):
                 if self.fault is None:
                     self._before_fault = self.state
                 self.fault, self.state = event, "fault"
-            case Finalized() if self.finalized and self.fault is None:
+            case Finalized() if self.finalized and self.fault is None and self.state != "idle":
                 self.state = self._verdict
         self._changed_timer.start()
 

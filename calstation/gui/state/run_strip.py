@@ -8,6 +8,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QPushButton, QWidget
 
 from calstation.database import ExchangeState
+from calstation.gui.state.chamber_notice import chamber_reason
 from calstation.gui.state.context import AppContext
 from calstation.gui.state.run_status import RunStatus
 from calstation.gui.text import KINDS, bind, duration_text, on_language_change, say, term
@@ -49,7 +50,9 @@ class RunStrip(QWidget):
         parts = []
         if run.stage is not None:
             parts = [term("stage", run.stage.name), f"{100.0 * run.stage.fraction:.0f} %"]
-        if run.remaining is not None:
+        if run.chamber.must_stay_closed:
+            parts = [chamber_reason(run)]
+        elif run.remaining is not None:
             parts.append(say("common.time_left", time=duration_text(run.remaining)))
         show_text(self._text, "  ·  ".join(parts))
         self._bar.setVisible(run.in_progress)
@@ -59,7 +62,7 @@ class RunStrip(QWidget):
 def run_title(run: RunStatus) -> str:
     """Return the units and the state of the run in one line."""
     state = run_badge(run)[1]
-    if run.elsewhere is not None or not run.serials or (run.in_slots and run.ended):
+    if run.chamber.must_stay_closed or run.elsewhere is not None or not run.serials or (run.in_slots and run.ended):
         return state
     return f"{_units_text(run.serials)}  ·  {state}"
 
@@ -72,8 +75,18 @@ def run_badge(run: RunStatus) -> tuple[str, str]:
     """Return the shape and the text of the badge of a run.
 
     In another window of the station, it is the run of the first one. The text states whether a run in progress is
-    partial. After a run of several units, it counts the outcomes, and the shape is that of the worst.
+    partial. After a run of several units, it counts the outcomes, and the shape is that of the worst. A chamber that
+    must stay closed comes first.
     """
+    kind, text = _state_badge(run)
+    if not run.chamber.must_stay_closed:
+        return kind, text
+    closed = term("badge", "chamber_closed")
+    return "caution", f"{closed}  ·  {text}" if run.in_progress or run.fault is not None else closed
+
+
+def _state_badge(run: RunStatus) -> tuple[str, str]:
+    """Return the shape and the text of the badge of a run without its chamber."""
     if run.elsewhere is not None and not run.in_progress:
         serials, elsewhere = run.elsewhere
         text = "  ·  ".join([_units_text(serials), term("badge", elsewhere)] if serials else [term("badge", elsewhere)])

@@ -3,3 +3,4 @@
 from calstation.gui.operator.live.live_view import LiveView
 from calstation.gui.operator.live.position_picture import PositionPicture
 from calstation.gui.operator.live.table_panel import TablePicture
+from calstation.gui.operator.live.temperature_panel import TemperaturePanel

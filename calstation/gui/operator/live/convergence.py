@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor, QShowEvent
+from PySide6.QtGui import QColor, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import QFrame
 
 from calstation.gui.text import say, term
@@ -20,6 +20,10 @@ _MAX_POINTS = 2000
 _DRAW_INTERVAL = 0.25
 #: Ratios that the vertical axis always includes, and its margin, decades.
 _RATIOS, _MARGIN = (0.3, 30.0), 0.1
+
+
+#: Width of the labels, px, and their largest part of the width of the panel.
+_LABELS, _LABELS_SHARE = 38 * theme.GRID, 0.52
 
 
 @dataclass
@@ -66,7 +70,7 @@ class Convergence(QFrame):
         box.sigResized.connect(self._label_lines)
         self._target = pg.InfiniteLine(0.0, angle=0)
         self._plot.addItem(self._target)
-        self._labels = LineLabels(38 * theme.GRID)
+        self._labels = LineLabels(_LABELS)
         column(
             label("operator.sigma_over_target", "muted"),
             (row((self._plot, 1), self._labels, spacing=0), 1),
@@ -80,6 +84,11 @@ class Convergence(QFrame):
         """Draw the points that were added while the plot was hidden."""
         super().showEvent(event)
         self.draw()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Leave about half of a narrow panel to the curves."""
+        super().resizeEvent(event)
+        self._labels.setFixedWidth(min(_LABELS, round(_LABELS_SHARE * self.width())))
 
     def start(self, targets: Mapping[str, float], slots: Sequence[str] = ("",)) -> None:
         """Start a run of the units in `slots` with target sigmas by group, SI, and show the first unit."""

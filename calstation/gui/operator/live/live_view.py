@@ -3,12 +3,13 @@
 from math import ceil
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QWidget
+from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
 from calstation.gui.logs.methods import GimbalView
 from calstation.gui.operator.live.convergence import Convergence
 from calstation.gui.operator.live.position_panel import PositionPanel
 from calstation.gui.operator.live.table_panel import TablePanel
+from calstation.gui.operator.live.temperature_panel import TemperaturePanel
 from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.units import COLUMNS, UnitTiles
 from calstation.gui.state import AppContext, RunStatus, largest_sigmas
@@ -18,6 +19,7 @@ from calstation.messages import Text
 from calstation.physics import ALIGNED
 from calstation.results.plots import gimbal_turns
 from calstation.sequencer import (
+    ChamberChanged,
     Command,
     Event,
     GimbalTurned,
@@ -32,6 +34,8 @@ from calstation.sequencer import (
 
 #: Minimum window height for the convergence plot below the tiles, and additional height per row of tiles, px.
 _MIN_HEIGHT, _TILE_HEIGHT = 704, 54
+
+_PREFERRED = QSizePolicy.Policy.Preferred
 
 #: Preparation steps, named by the messages that start them; the first one starts with START.
 _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting", "preparing_solver")
@@ -96,15 +100,18 @@ class LiveView(QWidget):
         self.table, self._traces, self._convergence = TablePanel(), Traces(), Convergence()
         self.position, self._upper = PositionPanel(prefix), QWidget()
         self.gimbal = GimbalView()
+        self.temperature = TemperaturePanel(run, prefix)
         self._turns: list[GimbalTurned] = []
-        self._lower = stack(Preparation(run), self._convergence, self.gimbal)
+        self._preparation = Preparation(run)
+        self._lower = stack(self._preparation, self._convergence, self.gimbal)
         self.position.finish_requested.connect(lambda: link.send(Command.END_STAGE))
         self.table.setMinimumWidth(37 * theme.GRID)
         #: Traces next to the table; during the preparation of several units, the preparation steps.
         self._beside = stack(self._traces, Preparation(run))
         self._units = UnitTiles(run, prefix)
         row((self.table, 1), (self._beside, 3), on=self._upper)
-        column((self.position, 9), (self._upper, 5), self._units, (self._lower, 4), on=self)
+        below = row((self.temperature, 1), (self._lower, 1))
+        column((self.position, 9), (self._upper, 5), self._units, (below, 4), on=self)
         run.unit_changed.connect(self._show_unit)
         run.changed.connect(self._refresh)
         link.running_changed.connect(lambda running: self._start() if running else self._traces.stop())
@@ -119,6 +126,7 @@ class LiveView(QWidget):
         self.table.clear()
         self._turns = []
         self._traces.start()
+        self.temperature.start()
         targets = run_summary.targets if run_summary is not None else {}
         self._convergence.start(targets, [unit.slot for unit in self._run.units])
         self._units.start()
@@ -136,6 +144,8 @@ class LiveView(QWidget):
                 self._turns.append(event)
                 self.gimbal.show_data(gimbal_turns(self._turns, self._run.joint_order))
                 self._refresh()
+            case ChamberChanged():
+                self.temperature.add()
             case PositionGuided():
                 self.position.show_position(event)
             case StageEnded():
@@ -153,6 +163,7 @@ class LiveView(QWidget):
         self._orient()
         self._traces.clear()
         self._convergence.show_unit(self._run.unit.slot)
+        self.temperature.refresh()
 
     def _orient(self) -> None:
         """Draw the axes of the unit in the orientation of its slot."""
@@ -166,6 +177,8 @@ class LiveView(QWidget):
         started = any(stage.state != "waiting" for stage in run.stages) and not run.register_operation
         guiding = run.by_hand and started
         self._lower.setCurrentIndex((2 if self._turns else 1) if started else 0)
+        # the other views need less height, and a notice needs space above them
+        self._preparation.setSizePolicy(_PREFERRED, QSizePolicy.Policy.Ignored if started else _PREFERRED)
         self.table.setVisible(not run.by_hand)
         self.position.setVisible(guiding)
         self._upper.setVisible(not guiding)

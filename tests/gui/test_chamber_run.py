@@ -1,0 +1,196 @@
+"""A run over temperature in the window: temperatures, what a soak waits for, and the chamber that must stay closed."""
+
+from dataclasses import replace
+
+import pytest
+from PySide6.QtWidgets import QComboBox, QPushButton
+
+from calstation.config import RunRequest, library
+from calstation.errors import DeviceFaultError
+from calstation.gui.operator.live import TemperaturePanel
+from calstation.gui.state import ChamberNotice, RunStrip, run_badge
+from calstation.gui.state.engine_link import EngineLink
+from calstation.records import Verdict
+from calstation.sequencer import (
+    ChamberChanged,
+    Event,
+    Fault,
+    Finalized,
+    Message,
+    StageProgress,
+    StageStarted,
+    StateChanged,
+    StepStarted,
+)
+from tests.gui.conftest import RESULT, SERIAL, Operator
+from tests.gui.test_suitable_products import entry
+
+#: A unit in the air at the set point, which still changes by 0.3 K/min.
+SOAK = ChamberChanged(600.0, -39.6, -40.0, -40.0, 750.0, {"": -21.3}, {"": -0.3}, 0.05, (15.0, 43.0))
+RETURNING = {"air_c": -12.0, "unit_c": -30.0, "ambient_c": 23.0}
+
+
+class ThermalRun:
+    """A run over temperature that consists of emitted events."""
+
+    def __init__(self, operator: Operator, monkeypatch: pytest.MonkeyPatch, serials: tuple[str, ...] = ()) -> None:
+        self.operator, self.app = operator, operator.window.app
+        self._patch = monkeypatch
+        self.app.set_station(library.find("stations", "virtual_chamber"))
+        self.app.set_product(library.find("products", "mems_c_thermal"))
+        link = self.app.engine_link
+        link.request = RunRequest(SERIAL, self.app.station_path, self.app.product_path)
+        self.set_running(running=True)
+        self.emit(StateChanged("running", "preparing"), StageStarted("temperature", 0, 1, 20000.0))
+
+    def emit(self, *events: Event) -> None:
+        for event in events:
+            self.app.engine_link.event.emit(event)
+
+    def set_running(self, *, running: bool) -> None:
+        self._patch.setattr(EngineLink, "running", running)
+        self.app.engine_link.running_changed.emit(running)
+
+    @property
+    def panel(self) -> TemperaturePanel:
+        return self.operator.window.operator_page._live.temperature
+
+    @property
+    def notice(self) -> ChamberNotice:
+        notice: ChamberNotice = self.operator.widget("chamber_notice", ChamberNotice)
+        return notice
+
+
+@pytest.fixture
+def thermal(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> ThermalRun:
+    """An operator at a station with a chamber, in the stage temperature."""
+    return ThermalRun(operator, monkeypatch)
+
+
+def test_soak_shows_temperatures_its_reason_and_the_curves(thermal: ThermalRun) -> None:
+    assert not thermal.panel.isVisible()
+    thermal.emit(StepStarted("temperature", 1, "soak", ("soak", -40.0, 1.0, 7.0)))
+    thermal.emit(replace(SOAK, time=0.0, air_c=20.0, rates={}))
+    assert thermal.panel.words.text() == "Going to −40 °C; the air is at 20.0 °C"
+    thermal.emit(SOAK)
+    thermal.panel.refresh()
+    assert thermal.panel.isVisible()
+    assert thermal.panel.words.text() == "Soaking at −40 °C: the unit changes by 0.30 °C/min, limit 0.05 °C/min"
+    assert [value.text() for value in thermal.panel.values[:4]] == ["−39.6 °C", "−40.0 °C", "−21.3 °C", "−0.30 °C/min"]
+    times, air = thermal.panel._air.getData()
+    assert times.tolist() == [0.0, 10.0]
+    assert air.tolist() == [20.0, -39.6]
+    assert thermal.panel._units[""].getData()[1].tolist() == [-21.3, -21.3]
+    thermal.emit(replace(SOAK, rates={"": 0.02}))
+    thermal.panel.refresh()
+    assert "within the limit of 0.05 °C/min" in thermal.panel.words.text()
+    thermal.operator.widget("language_combo", QComboBox).setCurrentIndex(1)
+    assert thermal.panel.words.text().startswith("在 −40 °C 恒温：产品变化率 0.02 °C/min")
+    thermal.emit(replace(SOAK, limit=None, rates={}))
+    thermal.panel.refresh()
+    assert thermal.panel.words.text() == "正处于 −40 °C"
+
+
+def test_time_left_is_that_of_the_soak_at_the_pace_of_the_station(
+    thermal: ThermalRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(type(thermal.app.run), "pace", 10.0)
+    thermal.emit(SOAK)
+    thermal.panel.refresh()
+    assert thermal.panel.values[4].text() == "1:15"
+
+
+def test_run_at_one_temperature_shows_no_chamber(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
+    link = operator.window.app.engine_link
+    link.request = RunRequest(SERIAL, operator.window.app.station_path, operator.window.app.product_path)
+    monkeypatch.setattr(EngineLink, "running", True)
+    link.running_changed.emit(True)
+    link.event.emit(StateChanged("running", "preparing"))
+    link.event.emit(StateChanged("stopping", "running"))
+    assert not operator.window.operator_page._live.temperature.isVisible()
+    monkeypatch.setattr(EngineLink, "running", False)
+    link.running_changed.emit(False)
+    assert operator.run.chamber.access == ""
+    assert not operator.widget("chamber_notice").isVisible()
+
+
+def test_chamber_must_stay_closed_after_stop_until_it_may_be_opened(thermal: ThermalRun) -> None:
+    operator = thermal.operator
+    thermal.emit(SOAK)
+    assert not thermal.notice.isVisible()
+    operator.press("stop_button")
+    thermal.emit(StateChanged("stopping", "running"), Message("chamber_to_ambient", RETURNING))
+    thermal.emit(replace(SOAK, limit=None, rates={}, air_c=-20.0, units={"": -12.0}, target_c=23.0))
+    operator.until(thermal.notice.isVisible)
+    assert thermal.notice.title_label.text() == "Keep the chamber closed"
+    cold = "Air at −20.0 °C, 35 °C below the dew point of the room (15 °C)"
+    assert thermal.notice.text_label.text() == cold
+    assert not thermal.notice.asking, "it cannot be closed"
+    assert run_badge(operator.run) == ("caution", "KEEP CHAMBER CLOSED  ·  STOPPING")
+    assert cold in operator.message
+    operator.window.show_page("history_page")
+    strip = next(strip for strip in operator.window.findChildren(RunStrip) if strip.isVisible())
+    assert strip._badge.text() == "KEEP CHAMBER CLOSED  ·  STOPPING"
+    assert cold in strip._text.text()
+    operator.window.show_page("operator_page")
+    operator.window.app.set_language("zh_CN")
+    assert thermal.notice.title_label.text() == "请勿打开温箱"
+    assert "比室内露点（15 °C）低 35 °C" in thermal.notice.text_label.text()
+    thermal.emit(Message("chamber_may_be_opened", {**RETURNING, "air_c": 23.0, "unit_c": 20.0}))
+    operator.until(lambda: thermal.notice.title_label.text() == "可以打开温箱")
+    thermal.emit(StateChanged("stopped", "stopping"))
+    thermal.emit(Finalized(Verdict.STOPPED, "log.h5", "result.json", {**RESULT, "outcome": "stopped"}))
+    thermal.set_running(running=False)
+    operator.until(lambda: run_badge(operator.run) == ("stopped", "已停止"))
+    operator.press("chamber_notice_close")
+    operator.until(lambda: not thermal.notice.isVisible())
+
+
+def test_chamber_must_stay_closed_after_its_fault_was_read(thermal: ThermalRun) -> None:
+    operator = thermal.operator
+    thermal.emit(replace(SOAK, air_c=80.0, units={"": 70.0}), Message("chamber_to_ambient", RETURNING))
+    thermal.emit(StateChanged("fault", "running"), Fault.of(DeviceFaultError("chamber.door_open", air_c=80.0)))
+    operator.until(thermal.notice.isVisible)
+    operator.press("acknowledge_button")
+    operator.until(lambda: operator.run.fault is None)
+    assert thermal.app.engine_link.running, "the chamber is still watched"
+    assert thermal.panel.isVisible()
+    assert "Air at 80.0 °C, 37 °C too hot to touch (limit 43 °C)" in operator.says()
+    assert run_badge(operator.run) == ("caution", "KEEP CHAMBER CLOSED")
+    start = operator.widget("start_button", QPushButton)
+    assert not start.isEnabled()
+    assert start.toolTip() == "Keep the chamber closed; a run can start once it may be opened."
+    thermal.emit(replace(SOAK, door_open=True))
+    operator.until(lambda: "Its door is open: close it at once." in operator.says())
+    thermal.emit(Message("chamber_may_be_opened", {**RETURNING, "air_c": 23.0, "unit_c": 30.0}))
+    thermal.emit(Finalized(Verdict.FAULT, "log.h5", "result.json", {**RESULT, "outcome": "fault"}))
+    thermal.set_running(running=False)
+    operator.until(lambda: thermal.notice.title_label.text() == "The chamber may be opened")
+    assert operator.run.state == "idle"
+
+
+def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun) -> None:
+    thermal.emit(SOAK, StageProgress("temperature", 0.1, 100.0))
+    thermal.emit(Fault.of(DeviceFaultError("run.engine_ended", exit_code=-9)))
+    thermal.set_running(running=False)
+    thermal.operator.until(thermal.notice.isVisible)
+    assert thermal.notice.title_label.text() == "Keep the chamber closed: its temperature is not known"
+    assert "look at its display before you open it" in thermal.notice.text_label.text()
+    thermal.operator.press("acknowledge_button")
+    assert thermal.notice.isVisible(), "it is not part of the fault"
+    thermal.operator.press("chamber_notice_close")
+    thermal.operator.until(lambda: not thermal.notice.isVisible())
+    assert run_badge(thermal.operator.run)[0] != "caution"
+
+
+def test_product_over_temperature_is_greyed_where_there_is_no_chamber(operator: Operator) -> None:
+    text, enabled, tip = entry(operator, "mems_c_thermal")
+    assert "(needs a chamber)" in text
+    assert not enabled
+    assert "the station has none" in tip
+    operator.window.app.set_language("zh_CN")
+    assert "（需要温箱）" in entry(operator, "mems_c_thermal")[0] or "需要温箱" in entry(operator, "mems_c_thermal")[0]
+    operator.window.app.set_product(library.find("products", "mems_c_thermal"))
+    assert not operator.widget("start_button", QPushButton).isEnabled()
+    operator.window.app.set_station(library.find("stations", "virtual_chamber"))
+    assert entry(operator, "mems_c_thermal")[1]
