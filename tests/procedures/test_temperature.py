@@ -51,7 +51,8 @@ def errors(case: ThermalCase, bench: ThermalBench, fit, temperature: float) -> n
 def test_parameters_over_the_range_and_the_result() -> None:
     case = ThermalCase("mems_c_fast", TEMPERATURES, polynomials(1), SECTION)
     chain, bench = case.solve()
-    fit = chain.solutions[0].temperature
+    fit, consistency = chain.solutions[0].temperature, chain.solutions[0].consistency
+    assert consistency.nis_low < consistency.nis_mean < consistency.nis_high
     found = np.array([errors(case, bench, fit, t) for t in (-40.0, -20.0, 10.0, 25.0, 60.0, 85.0)])
     assert np.abs(found).max() < 5.0
     assert 0.6 < np.sqrt(np.mean(found**2)) < 1.4

@@ -146,7 +146,7 @@ class TemperatureStage(StageSolver):
             stage="temperature",
             posterior=posterior,
             estimated=self._estimated,
-            consistency=nis_consistency(total / 3.0, count, 3),
+            consistency=nis_consistency(total, count, 3),
             gaps=sum(s.gaps for s in solutions),
             details={"points": len(solutions)},
             messages=tuple({str(m): m for s in solutions for m in s.messages}.values()),
