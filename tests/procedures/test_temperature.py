@@ -9,8 +9,8 @@ import pytest
 
 import calstation as cs
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.common import Posterior, SampleBlock
-from calstation.estimation.navigation.temperature_stage import temperature_parts
+from calstation.estimation.common import Diagnosis, ModelTest, Posterior, SampleBlock
+from calstation.estimation.navigation.temperature_stage import _severity, temperature_parts
 from calstation.estimation.temperature import TemperaturePoint, compensate_each, fit_temperature, held_out_points
 from calstation.judgement import End, judge, verdict_of
 from calstation.physics import NAMES, PARAMETERS, compensate, compensation, group_matrix
@@ -184,3 +184,8 @@ def test_cycles_of_moves_are_the_points_of_a_ramp() -> None:
 def test_moves_without_numbers_are_refused() -> None:
     with raises_code(InputError, "temperature.no_steps"):
         temperature_parts(block([(0, 100.0)]), 60.0, 4)
+
+
+def test_a_test_that_is_not_a_number_at_one_temperature_is_the_worst() -> None:
+    tests = [ModelTest("imu_noise", value, 2.0, "1", Diagnosis("noisy")) for value in (1.9, np.nan, 0.5)]
+    assert max(tests, key=_severity) is tests[1]

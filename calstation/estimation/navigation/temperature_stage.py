@@ -138,7 +138,7 @@ class TemperatureStage(StageSolver):
         posterior = fit.at(self._model.reference)
         held_out = fit.held_out_test(self._estimated)
         kinds = dict.fromkeys(test.kind for s in solutions for test in s.tests)
-        worst = [max((t for s in solutions for t in s.tests if t.kind == kind), key=_excess) for kind in kinds]
+        worst = [max((t for s in solutions for t in s.tests if t.kind == kind), key=_severity) for kind in kinds]
         data = stage_data([block], self.context.imu)
         self._reduced = reduced(data, fit, _smooth(block.temperature[block.valid], data.dt), posterior.mean)
         return replace(
@@ -167,7 +167,7 @@ class TemperatureStage(StageSolver):
                 effects = effects.with_stage("temperature", solution.sensitivity, self._estimated)
                 harmful, _ = effect_tests(effects.evidence(solution.posterior))
                 tests += [harmful] if harmful is not None else []
-        return sorted(tests, key=_excess)[-1:]
+        return sorted(tests, key=_severity)[-1:]
 
 
 class _Part:
@@ -257,7 +257,7 @@ def _change(before: TemperatureFit, after: TemperatureFit) -> float:
     return float(np.max(np.abs(after.scaled - before.scaled) / np.where(sigma > 0.0, sigma, np.inf)))
 
 
-def _excess(test: ModelTest) -> float:
-    """Return the ratio of a test's value to its limit."""
+def _severity(test: ModelTest) -> tuple[bool, float]:
+    """Return whether a test fails, also by a value that is not a number, and the ratio of its value to its limit."""
     limit = test.limit[1] if isinstance(test.limit, tuple) else test.limit
-    return test.value / limit if limit > 0.0 else test.value
+    return not test.passed, test.value / limit if limit > 0.0 else test.value
