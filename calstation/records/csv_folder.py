@@ -30,7 +30,7 @@ def csv_files(folder: Path) -> list[Path]:
         files = [path for path in folder.iterdir() if path.name.endswith(CSV_SUFFIXES)]
     except OSError as exc:
         raise InputError("log.unreadable", file=folder, reason=os_reason(exc)) from exc
-    return sorted(files, key=lambda path: [(len(part), part) for part in re.split(r"(\d+)", path.name)])
+    return sorted(files, key=lambda path: [int(x) if k % 2 else x for k, x in enumerate(re.split(r"(\d+)", path.name))])
 
 
 def open_folder(path: Path, meta_file: Path | None = None) -> Log:

@@ -9,6 +9,7 @@ from records_samples import joined
 
 from calstation.errors import InputError
 from calstation.records import open_log, write_log
+from calstation.records.csv_folder import csv_files
 from calstation.results import inspect_log
 from tests.helpers import raises_code
 
@@ -87,3 +88,9 @@ def test_damage_is_counted_and_named(tmp_path: Path) -> None:
     (empty := tmp_path / "empty").mkdir()
     with raises_code(InputError, "csv.empty_folder"):
         open_log(empty)
+
+
+def test_files_are_in_the_order_of_their_names_with_numbers_by_value(tmp_path: Path) -> None:
+    for name in ("up 10", "up 2", "down 1", "up 02b"):
+        (tmp_path / f"{name}.csv").write_text("")
+    assert [file.stem for file in csv_files(tmp_path)] == ["down 1", "up 2", "up 02b", "up 10"]
