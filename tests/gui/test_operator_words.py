@@ -133,7 +133,7 @@ def test_operator_reads_no_entries_of_profiles_in_remedies_of_devices(name: str)
 def test_operator_is_sent_to_an_engineer_who_reads_the_remedy(operator: Operator) -> None:
     fault = Fault("", "", 2, "imu.framed_2", {"detail": "", "register": "", "why": "", "reason": ""})
     nested = Text.of("imu.framed_2", **fault.values)
-    for code, ask, key in (("en", "ask an engineer", "IMU profile"), ("zh_CN", "请找工程师", "型号文件")):
+    for code, ask, key in (("en", "ask an engineer", "IMU profile"), ("zh_CN", "请找工程师", "配置文件")):
         language.use(code)
         assert ask in fault_text(fault, engineer=False).remedy
         assert key in fault_text(fault, engineer=True).remedy
