@@ -151,6 +151,14 @@ def test_can_samples_are_read_by_profile(profile: ImuProfile, unit_bus: object) 
     assert imu.stats.crc_errors == imu.stats.skipped == 0
 
 
+def test_requests_of_other_nodes_are_no_messages(unit_bus: object) -> None:
+    import can
+
+    with closing(open_link("can://virtual/imu-test/101", SerialSettings())) as link:
+        unit_bus.send(can.Message(arbitration_id=0x101, is_remote_frame=True, is_extended_id=False))  # type: ignore[attr-defined]
+        assert link.read(0.1) == b""
+
+
 def test_can_times_are_those_of_the_interface(unit_bus: object) -> None:
     with closing(open_link("can://virtual/imu-test/18FF0101", SerialSettings())) as link:
         sent = time.monotonic()
@@ -169,7 +177,9 @@ def test_can_times_are_those_of_the_interface(unit_bus: object) -> None:
     [
         ("udp://host", ConfigurationError, "link.bad_address"),
         ("udp://host.invalid:5000", DeviceFaultError, "link.nothing_served"),
+        (f"udp://{70 * 'a'}:5000", DeviceFaultError, "link.nothing_served"),
         ("can://socketcan/can0", ConfigurationError, "link.bad_can_port"),
+        ("can://socketcan/can0/20000000", ConfigurationError, "link.bad_can_port"),
         ("can://nosuch/can0/101", DeviceFaultError, "link.nothing_served"),
     ],
 )

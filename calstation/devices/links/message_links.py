@@ -27,7 +27,7 @@ _TIMESTAMPNS = 35
 _RECEIVE_BUFFER = 1 << 20
 #: Age of a time stamp above which it is of another clock, s.
 _MAX_AGE = 1.0
-_LARGEST_STANDARD_ID = 0x7FF
+_LARGEST_STANDARD_ID, _LARGEST_ID = 0x7FF, 0x1FFFFFFF
 
 
 class Link(Protocol):
@@ -63,7 +63,8 @@ def udp_address(port: str) -> tuple[str, int] | None:
 def can_port(port: str) -> CanPort | None:
     """Return the bus and the identifiers of ``can://interface/channel/ids``; None if it is no such port."""
     match = re.fullmatch(r"([\w.-]+)/(.+)/([0-9A-Fa-f]{1,8}(?:,[0-9A-Fa-f]{1,8})*)", port.removeprefix(CAN))
-    return CanPort(match[1], match[2], tuple(int(each, 16) for each in match[3].split(","))) if match else None
+    ids = tuple(int(each, 16) for each in match[3].split(",")) if match else (_LARGEST_ID + 1,)
+    return CanPort(match[1], match[2], ids) if match and max(ids) <= _LARGEST_ID else None
 
 
 def _monotonic(stamp: float) -> float:
@@ -92,7 +93,7 @@ class UdpLink:
             if sys.platform == "linux":
                 self._socket.setsockopt(socket.SOL_SOCKET, _TIMESTAMPNS, 1)
             self._socket.bind(("", number))
-        except OSError as exc:
+        except (OSError, UnicodeError) as exc:
             self._socket.close()
             raise DeviceFaultError("link.nothing_served", device=device, port=port, reason=link_reason(exc)) from exc
 
@@ -163,7 +164,7 @@ class CanLink:
         except ImportError as exc:
             raise ConfigurationError("link.no_can", device=device, port=port) from exc
         self._errors = (can.CanError, OSError, ValueError)
-        filters = [{"can_id": each, "can_mask": 0x1FFFFFFF} for each in bus.ids]
+        filters = [{"can_id": each, "can_mask": _LARGEST_ID} for each in bus.ids]
         try:
             self._bus: can.BusABC = can.Bus(
                 channel=bus.channel, interface=bus.interface, bitrate=bitrate, can_filters=filters
@@ -187,6 +188,8 @@ class CanLink:
 
     def _packet(self, message: "can.Message") -> bytes:
         """Add a message to those of the same sample; return their packet, b"" if more are needed."""
+        if message.is_remote_frame or message.is_error_frame:
+            return b""
         if message.arbitration_id != self._ids[len(self._parts)]:
             self._parts.clear()
         if message.arbitration_id != self._ids[len(self._parts)]:
