@@ -184,21 +184,29 @@ class ControlLoop:
             raise DeviceFaultError("motion.switched_off")
 
     def _show(self) -> None:
-        now, emit = time.monotonic(), self.context.emit
+        now = time.monotonic()
         if now - self._table_shown_at >= _TABLE_INTERVAL:
             self._table_shown_at = now
-            (outer, inner), (outer_rate, inner_rate) = self.status.angles, self.status.rates
-            if np.isfinite(self.status.angles).all():
-                emit(TableMoved(float(outer), float(inner), float(outer_rate), float(inner_rate), self.status.moving))
-            joints, joint_rates = self.status.joints, self.status.joint_rates
-            if joints is not None and joint_rates is not None:
-                emit(JointsMoved(tuple(joints.tolist()), tuple(joint_rates.tolist()), self.status.moving))
+            self._show_table()
             for unit in self.units:
                 unit.trace()
         started = any(unit.acquisition.newest_time is not None for unit in self.units)
         if now - self._progress_shown_at >= _PROGRESS_INTERVAL and started:
             self._progress_shown_at = now
             self._on_show()
+
+    def show_stopped(self) -> None:
+        """Emit the state of the table after a stop, which was still moving before. Raises DeviceFaultError."""
+        self.status = self.context.table.status()
+        self._show_table()
+
+    def _show_table(self) -> None:
+        emit, (outer, inner), (outer_rate, inner_rate) = self.context.emit, self.status.angles, self.status.rates
+        if np.isfinite(self.status.angles).all():
+            emit(TableMoved(float(outer), float(inner), float(outer_rate), float(inner_rate), self.status.moving))
+        joints, joint_rates = self.status.joints, self.status.joint_rates
+        if joints is not None and joint_rates is not None:
+            emit(JointsMoved(tuple(joints.tolist()), tuple(joint_rates.tolist()), self.status.moving))
 
 
 def _check_channels(unit: Unit) -> None:

@@ -268,6 +268,9 @@ class RunDriver:
         """Bring the table to rest, switch its axes off, and send the chamber to ambient."""
         self.tags.stage, self.tags.valid = "", False
         failures = safe_stop(self._context.table, self._context.clock)
+        if self._has_begun and not failures:
+            with suppress(CalstationError):  # this is only displayed
+                self.control_loop.show_stopped()
         if self._has_begun and self.control_loop.chamber is not None:
             failures += self.control_loop.chamber.safe()
         if self._has_begun:

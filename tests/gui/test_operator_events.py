@@ -285,7 +285,10 @@ def test_unit_scanned_before_a_stopped_engine_ends_is_kept(
     monkeypatch.setattr(EngineLink, "running", True)
     simulated_run.press("stop_button")
     link.event.emit(StateChanged("stopped", "running"))
-    simulated_run.until(lambda: simulated_run.run.state == "stopped")
+    simulated_run.until(lambda: simulated_run.message == "Stopped; the result is being stored.")
+    simulated_run.window.app.set_language("zh_CN")
+    assert simulated_run.message == "已停止，正在保存结果。"  # what to do next is not known yet
+    simulated_run.window.app.set_language("en")
     link.event.emit(Finalized(Verdict.STOPPED, "log.h5", "result.json", ENDED))
     simulated_run.until(lambda: simulated_run.verdict)
     scan_into_focus(simulated_run, "SN-000077")

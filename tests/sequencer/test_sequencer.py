@@ -28,6 +28,7 @@ from calstation.sequencer import (
     StateChanged,
     StepStarted,
     StopRule,
+    TableMoved,
 )
 from calstation.sequencer.guard import safe_stop
 from tests.sequencer.fakes import GRAVITY, MODEL, RATE, FakeClock, FakeTable, Scene, repeated, verdict
@@ -109,6 +110,14 @@ def test_stop_before_preparation_sends_no_commands() -> None:
     scene.control.send(Command.STOP)
     assert scene.run().state is State.STOPPED
     assert not [command for command in scene.table.commands if command.startswith("move")]
+
+
+def test_table_is_shown_at_rest_after_a_stop() -> None:
+    scene = Scene()
+    in_stage(scene, 1.0, lambda: scene.control.send(Command.STOP))
+    assert scene.run().state is State.STOPPED
+    shown = scene.events_of(TableMoved)[-1]
+    assert (shown.moving, shown.outer_rate, shown.inner_rate) == (False, 0.0, 0.0)
 
 
 def in_stage(scene: Scene, delay: float, action: object) -> None:

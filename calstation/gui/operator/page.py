@@ -491,6 +491,8 @@ class OperatorPage(Page):
             return say("operator.message_idle_slots" if slots else f"operator.message_{run.display_state}")
         if run.state == "stopping" and not run.commanded:
             return say("operator.message_stopping_connecting")
+        if run.state == Verdict.STOPPED and not run.finalized and self.app.engine_link.running:
+            return say("operator.message_stopped")
         if run.state in ("stopping", "paused"):
             return say(f"operator.message_{run.state}{'_manual' if run.by_hand else ''}")
         if not run.in_progress:
