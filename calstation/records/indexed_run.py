@@ -135,6 +135,7 @@ class RunFilter:
 
     search: str = ""  #: Part of a serial number, file name, product, station, operator or batch.
     verdict: str = ""
+    altered: bool | None = None  #: Whether the result file differs from the log; None means no condition.
     product: str = ""
     station: str = ""
     operator: str = ""

@@ -36,7 +36,7 @@ from calstation.records.indexed_run import (
 from calstation.records.verdict import Verdict
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 18
+_VERSION = 19
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -69,7 +69,7 @@ _NO_CHECKS = "[]"
 #: so that 100,000 runs are read at once without parsing.
 _SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from", "batch", "slot")
 #: Columns of the conditions, which have a separate index, so that a query does not read the contents of other runs.
-_FILTERED = ("started_utc", "name", "verdict", "product", "station", "operator", "batch", "text")
+_FILTERED = ("started_utc", "name", "verdict", "altered", "product", "station", "operator", "batch", "text")
 _metadata = sa.MetaData()
 _runs = sa.Table(
     "runs",
@@ -81,6 +81,7 @@ _runs = sa.Table(
     sa.Column("text", sa.String, nullable=False),
     sa.Column("content", sa.String, nullable=False),
     sa.Column("partial", sa.Boolean, nullable=False),
+    sa.Column("altered", sa.Boolean, nullable=False),
     sa.Column("check_standard", sa.Boolean, nullable=False),
     sa.Column("failed_checks", sa.String, nullable=False),
     sa.Column("parameters", sa.String, nullable=False),
@@ -451,6 +452,8 @@ def _sort_key(field: str) -> sa.ColumnElement[Any]:
 def _conditions(run_filter: RunFilter) -> list[sa.ColumnElement[bool]]:
     columns = ("verdict", "product", "station", "operator", "batch")
     conditions = [_runs.c[name] == getattr(run_filter, name) for name in columns if getattr(run_filter, name)]
+    if run_filter.altered is not None:
+        conditions.append(_runs.c.altered == run_filter.altered)
     if run_filter.since:
         conditions.append(_runs.c.started_utc >= run_filter.since)
     if run_filter.before:
@@ -471,6 +474,7 @@ def _row(run: IndexedRun) -> dict[str, Any]:
     # the digits of the time would be found instead of a serial number; a whole name or identifier is found with them
     columns["text"] = _TIME_STAMP.sub("", "\n".join(filter(None, texts))).casefold()
     columns["partial"] = record.partial
+    columns["altered"] = record.altered
     columns["check_standard"] = record.check_standard
     return {"origin": record.origin, "name": run.name, "stamp": run.stamp, **columns, **to_columns(run)}
 

@@ -7,6 +7,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
+from pyqtgraph import ScatterPlotItem
 from PySide6.QtCore import QDate, QPoint, Qt
 from PySide6.QtWidgets import (
     QComboBox,
@@ -19,7 +20,8 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.history import HistoryPage
-from calstation.gui.text import language
+from calstation.gui.text import language, say
+from calstation.gui.widgets import ThemedPlot, state_colour, state_icon
 from calstation.records import OnlineDifference, append_resolve, resolve_file
 from calstation.results import load_result
 from tests.gui import test_history_page as base
@@ -301,6 +303,31 @@ def test_stopped_and_partial_runs_are_not_shown_as_passed(
         assert page.details.failed_label.isVisible() == (verdict == "FAIL")
     select_row(page, 1, qtbot)
     assert page.details.reason_label.text() == "Only Rate: all solved values are within their limits."
+
+
+@pytest.mark.parametrize("name", ["en", "zh_CN"])
+def test_changed_result_is_a_caution_and_has_its_own_filter(
+    page: HistoryPage, runs: dict[str, Path], qtbot: QtBot, name: str
+) -> None:
+    language.use(name)
+    listed_runs(page, qtbot)
+    runs["old"].write_text(runs["old"].read_text("utf-8").replace("Zhang Min", "Li Wei"), "utf-8")
+    page.refresh()
+    listed_runs(page, qtbot)
+    changed, passed = say("badge.altered"), say("badge.passed")
+    assert rows(page)[-1] == ("SN-000001", changed)
+    choose(page, "outcome", passed)
+    assert rows(page) == [("SN-000001", passed)]
+    plots = page.details.trend.findChild(ThemedPlot).items()
+    dots = [point for item in plots if isinstance(item, ScatterPlotItem) for point in item.points()]
+    assert [dot.symbol() for dot in dots] == ["t1", "x", "o"]
+    assert dots[0].pen().color() == state_colour("caution")
+    choose(page, "outcome", changed)
+    assert listed_runs(page, qtbot) == [("SN-000001", changed)]
+    index, role = page.table.model().index(0, 0), Qt.ItemDataRole
+    assert page.table.model().data(index, role.ForegroundRole) == state_colour("caution")
+    assert page.table.model().data(index, role.DecorationRole).cacheKey() == state_icon("caution").cacheKey()
+    assert page.details.badge._icon._kind == "caution"
 
 
 def test_trend_shows_the_time_of_day(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:

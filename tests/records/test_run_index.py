@@ -131,6 +131,13 @@ def test_found_and_counted_runs_meet_all_conditions(index: RunIndex, conditions:
     assert [each.name for each in index.find(conditions, 1)] == list(found[:1])
 
 
+def test_altered_runs_are_found_by_themselves(index: RunIndex) -> None:
+    index.update([run("e", 5, altered=True)])
+    for altered, names in ((None, "edc"), (False, "dc"), (True, "e")):
+        found = index.find(RunFilter(verdict="passed", altered=altered))
+        assert "".join(each.name for each in found) == names
+
+
 def test_choices_are_the_values_of_the_runs(index: RunIndex, tmp_path: Path) -> None:
     expected = RunChoices(
         ("mems-x", "nav-a"), ("bench 1", "bench 2"), ("Li Wei", "Zoë Müller"), "2026-11-01T00:00:00+00:00"

@@ -74,7 +74,10 @@ class Actions:
 
 
 class Trend(QWidget):
-    """A plot of a parameter over the runs of a unit, with dots for passed and crosses for failed runs."""
+    """A plot of a parameter over the runs of a unit.
+
+    A dot is a run that passed, a triangle a run with a changed result, and a cross any other run.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -125,12 +128,11 @@ class Trend(QWidget):
         values = np.array([display(name, run.values[name])[0] for run in runs])
         x = np.arange(len(runs))
         plot.plot(x, values, pen=theme.pen(c.muted))
-        passed = [bool(run.record.verdict.passed) for run in runs]
-        colours = [state_colour(KINDS[run.record.verdict]) for run in runs]
+        colours = [state_colour(KINDS.get(run.record.badge, "none")) for run in runs]
         dots = pg.ScatterPlotItem(
             x=x,
             y=values,
-            symbol=["o" if good else "x" for good in passed],
+            symbol=[_symbol(run.record) for run in runs],
             size=[14 if run.name == self._selected else 8 for run in runs],
             pen=[theme.pen(colour, 2) for colour in colours],
             brush=[pg.mkBrush(colour) for colour in colours],
@@ -149,6 +151,11 @@ class Trend(QWidget):
         dates = [(i, local_time(runs[i].record.started_utc).replace(" ", "\n")) for i in range(0, len(runs), step)]
         plot.getAxis("bottom").setTicks([dates])
         plot.setLabel("left", display(name, 0.0)[1])
+
+
+def _symbol(run: RunRecord) -> str:
+    """Return the symbol of a run in the trend."""
+    return "t1" if run.altered else "o" if run.verdict.passed else "x"
 
 
 class RunDetails(QFrame):
@@ -258,7 +265,7 @@ class RunDetails(QFrame):
         if run is None:
             return
         self._serial.setText(run.serial)
-        self.badge.show_state(KINDS.get(run.verdict, "none"), term("badge", run.badge))
+        self.badge.show_state(KINDS.get(run.badge, "none"), term("badge", run.badge))
         lines = []
         if result is not None and result.verdict.judged:
             failed = result.failed_checks

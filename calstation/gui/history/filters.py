@@ -13,10 +13,12 @@ from calstation.gui.widgets import column, combo_box, fill_combo, label, line_ed
 from calstation.messages import Text, local_time
 from calstation.records import RunChoices, RunFilter
 
+#: Choice of the runs whose result file differs from the log, which the choice of a verdict excludes.
+_ALTERED = "altered"
 #: Verdicts that can be selected; "" for all.
 _VERDICTS = {
     "": "history.every_outcome",
-    **{name: f"badge.{name}" for name in ("passed", "partial", "failed", "stopped", "fault", "incomplete")},
+    **{name: f"badge.{name}" for name in ("passed", "partial", "failed", "stopped", "fault", "incomplete", _ALTERED)},
 }
 #: Numbers of past days that can be selected; None for all runs, 0 for the dates that are entered.
 _PERIODS: dict[int | None, Words] = {
@@ -76,13 +78,14 @@ class Filters(QWidget):
     @property
     def conditions(self) -> RunFilter:
         """The conditions that runs must satisfy; dates are in the time zone of this computer."""
-        days = self._period.currentData()
+        days, verdict = self._period.currentData(), self._verdict.currentData()
         first, last = self._from.date(), self._to.date()
         if days:
             first = QDate.currentDate().addDays(1 - days)
         return RunFilter(
             search=self.search_edit.text().strip(),
-            verdict=self._verdict.currentData(),
+            verdict="" if verdict == _ALTERED else verdict,
+            altered=verdict == _ALTERED if verdict else None,
             product=self._product.currentData() or "",
             station=self._station.currentData() or "",
             operator=self._operator.currentData() or "",

@@ -71,11 +71,11 @@ def _tip(run: RunRecord, column: int) -> str:
 
 
 def _icon(run: RunRecord, column: int) -> QIcon | None:
-    return state_icon(KINDS.get(run.verdict, "none")) if column == _OUTCOME else None
+    return state_icon(KINDS.get(run.badge, "none")) if column == _OUTCOME else None
 
 
 def _colour(run: RunRecord, column: int) -> QColor | None:
-    return state_colour(KINDS.get(run.verdict, "none")) if column == _OUTCOME else None
+    return state_colour(KINDS.get(run.badge, "none")) if column == _OUTCOME else None
 
 
 def _alignment(column: int) -> Qt.AlignmentFlag:

@@ -48,6 +48,8 @@ KINDS = {
     "partial": "partial",
     "failed": "bad",
     "released": "bad",
+    "altered": "caution",
+    "unconfirmed": "caution",
     "incomplete": "waiting",
 }
 
