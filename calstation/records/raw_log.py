@@ -188,6 +188,7 @@ class RawLogWriter:
         self._lines: dict[str, list[str]] = {name: [] for name in TEXTS}
         self._flushed_at = self._synced_at = time.monotonic()
         self._failed = self._warned = False
+        self._reported = False  #: Whether the caller knows of the failure.
         self._failure: ConfigurationError | None = None
         self._disk = ThreadPoolExecutor(1, "log-disk")
         self._syncing = self._disk.submit(lambda: None)
@@ -299,14 +300,15 @@ class RawLogWriter:
 
     def _sync_in_background(self) -> None:
         try:
-            with self._writing():
+            with self._writing(is_reported=False):
                 self._write_to_disk()
         except ConfigurationError as failure:
             self._failure = failure
 
     def _raise_failure(self) -> None:
         failure, self._failure = self._failure, None
-        if failure is not None:
+        if failure is not None and not self._reported:
+            self._reported = self._failed
             raise failure
 
     def _write_to_disk(self) -> None:
@@ -322,10 +324,10 @@ class RawLogWriter:
         facts = self.facts()
         if self._closed:
             return facts
-        failed, self._failed = self._failed, False
+        if not (self._disconnected and self._reported):
+            self._syncing.result()  # may fail and disconnect the file
+        self._failed, reported = False, self._reported
         try:
-            if not self._disconnected:
-                self._syncing.result()  # may disconnect the file
             if self._disconnected:
                 self._raise_failure()
             else:
@@ -335,7 +337,7 @@ class RawLogWriter:
                     self._write_pending()
                     os.fsync(self._sync_handle)
         except ConfigurationError:
-            if not failed:
+            if not reported:
                 raise
         finally:
             self._close_files()
@@ -380,12 +382,16 @@ class RawLogWriter:
         self.path.unlink(missing_ok=True)
 
     @contextmanager
-    def _writing(self) -> Iterator[None]:
-        """Convert a failed write to a ConfigurationError, after which no samples are written."""
+    def _writing(self, *, is_reported: bool = True) -> Iterator[None]:
+        """Convert a failed write to a ConfigurationError, after which no samples are written.
+
+        `is_reported` is False in the background, where the caller does not receive the error.
+        """
         try:
             yield
         except (OSError, RuntimeError) as exc:  # h5py raises both
             self._failed = True
+            self._reported = self._reported or is_reported
             if not isinstance(exc, _NoSpaceError):
                 self._disconnect()
             raise ConfigurationError("log.not_written", file=self.path, reason=_os_reason(exc)) from exc
