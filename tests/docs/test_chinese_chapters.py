@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from calstation.config import library
-from calstation.gui.help.manual import CHINESE
 
+CHINESE = ".zh.md"
 CHAPTERS = sorted(library.manual_folder().rglob(f"*{CHINESE}"))
 
 
