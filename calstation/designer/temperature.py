@@ -34,8 +34,8 @@ _MAX_CYCLES, _MAX_FURTHER = 16, 6
 _TOLERANCE, _RESERVE = 2.0, 1.5
 #: Smallest distance of a temperature from one that is held out, K.
 _APART = 5.0
-#: Rates of a ramp, relative to the largest rate of the chamber.
-_RATES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
+#: Rates of a ramp, relative to the largest rate of the chamber, which needs a reserve to follow its set point.
+_RATES = (0.8, 0.65, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
 
 
 @dataclass(frozen=True)
@@ -212,8 +212,12 @@ class _Designer:
         return schedule.worst <= self._margin
 
     def _is_shorter(self, ramp: TemperatureSchedule, soak: TemperatureSchedule) -> bool:
-        """Return whether a ramp is preferred, which needs a model of what a unit does while its temperature changes."""
-        return bool(self._model.rate_term) and ramp.course.duration < soak.course.duration
+        """Return whether a ramp is preferred, which needs a rate term of every group that depends on temperature.
+
+        The places of the sensors lag behind the temperature sensor by different times.
+        """
+        groups = {group for group, order in self._model.order.items() if order > 0}
+        return groups <= self._model.rate_term and ramp.course.duration < soak.course.duration
 
     def _soaks(self) -> Iterator[TemperatureSchedule]:
         """Yield a schedule for every number of temperatures while more temperatures may save time."""

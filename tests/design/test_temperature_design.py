@@ -191,7 +191,10 @@ def test_moves_beyond_the_limits_of_the_table_are_refused() -> None:
 
 def test_ramp_is_chosen_if_the_rate_is_in_the_model_and_held_out_temperatures_are_visited(tmp_path: Path) -> None:
     stated = 'order = { gyro_bias = 2, accel_bias = 2 }\nrate_term = ["gyro_bias"]\nheld_out_c = [22.0, 60.0]'
-    found = design(product_with(tmp_path, ('order = "auto"', stated)), time_constant=270.0)
+    path = product_with(tmp_path, ('order = "auto"', stated))
+    assert not design(path, time_constant=270.0).is_ramp
+    path.write_text(read_text(path).replace('["gyro_bias"]', '["gyro_bias", "accel_bias"]'), encoding="utf-8")
+    found = design(path, time_constant=270.0)
     assert found.is_ramp
     assert {60.0, 22.0} < set(found.soak.schedule["points_c"])
     text = temperature_product(read_text(PRODUCT), found)
