@@ -34,8 +34,8 @@ _MAX_CYCLES, _MAX_FURTHER = 16, 6
 _TOLERANCE, _RESERVE = 2.0, 1.5
 #: Smallest distance of a temperature from one that is held out, K.
 _APART = 5.0
-#: Rates of a ramp, relative to the largest rate of the chamber, which needs a reserve to follow its set point.
-_RATES = (0.8, 0.65, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
+#: Largest rate of a ramp, relative to that of the chamber, which needs a reserve; lower rates, relative to the largest.
+_FASTEST, _RATES = 0.8, (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1, 0.05)
 
 
 @dataclass(frozen=True)
@@ -212,12 +212,11 @@ class _Designer:
         return schedule.worst <= self._margin
 
     def _is_shorter(self, ramp: TemperatureSchedule, soak: TemperatureSchedule) -> bool:
-        """Return whether a ramp is preferred, which needs a rate term of every group that depends on temperature.
+        """Return whether a ramp is preferred, which the product must state.
 
-        The places of the sensors lag behind the temperature sensor by different times.
+        What a unit does while its temperature changes, such as a hysteresis, may not suit the model at any useful rate.
         """
-        groups = {group for group, order in self._model.order.items() if order > 0}
-        return groups <= self._model.rate_term and ramp.course.duration < soak.course.duration
+        return self._values["ramp_c_per_min"] is not None and ramp.course.duration < soak.course.duration
 
     def _soaks(self) -> Iterator[TemperatureSchedule]:
         """Yield a schedule for every number of temperatures while more temperatures may save time."""
@@ -286,10 +285,11 @@ class _Designer:
 
     def _ramp(self) -> TemperatureSchedule:
         """Return the fastest ramp that meets the limits, or the slowest one."""
-        points = self._tour(self._ends)
+        points, chamber = self._tour(self._ends), 60.0 * self._thermal.rate
+        largest = min(self._values["ramp_c_per_min"] or _FASTEST * chamber, chamber)
         for share in _RATES:
-            rate = float(f"{60.0 * share * self._thermal.rate:.2g}")
-            schedule = self._result(self._schedule(points, 1, min(rate, 60.0 * self._thermal.rate)), 1, 0)
+            rate = min(float(f"{share * largest:.2g}"), largest)
+            schedule = self._result(self._schedule(points, 1, rate), 1, 0)
             if self._reached(schedule):
                 break
         return schedule

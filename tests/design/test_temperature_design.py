@@ -189,13 +189,15 @@ def test_moves_beyond_the_limits_of_the_table_are_refused() -> None:
         design_temperature(lambda *_, **__: None, DesignRequest(STATION, PRODUCT, rate_dps=999.0))
 
 
-def test_ramp_is_chosen_if_the_rate_is_in_the_model_and_held_out_temperatures_are_visited(tmp_path: Path) -> None:
-    stated = 'order = { gyro_bias = 2, accel_bias = 2 }\nrate_term = ["gyro_bias"]\nheld_out_c = [22.0, 60.0]'
+def test_ramp_is_chosen_if_it_is_stated_and_held_out_temperatures_are_visited(tmp_path: Path) -> None:
+    stated = 'order = { gyro_bias = 2 }\nrate_term = ["gyro_bias"]\nheld_out_c = [22.0, 60.0]'
     path = product_with(tmp_path, ('order = "auto"', stated))
     assert not design(path, time_constant=270.0).is_ramp
-    path.write_text(read_text(path).replace('["gyro_bias"]', '["gyro_bias", "accel_bias"]'), encoding="utf-8")
+    ramp = "[schedule.temperature]\nramp_c_per_min = 3.0"
+    path.write_text(read_text(path).replace("[schedule.temperature]", ramp), encoding="utf-8")
     found = design(path, time_constant=270.0)
     assert found.is_ramp
+    assert found.ramp.schedule["ramp_c_per_min"] == 3.0
     assert {60.0, 22.0} < set(found.soak.schedule["points_c"])
     text = temperature_product(read_text(PRODUCT), found)
     assert tomllib.loads(text)["schedule"]["temperature"]["ramp_c_per_min"] == found.ramp.schedule["ramp_c_per_min"]

@@ -207,5 +207,5 @@ def _show_over_temperature(design: TemperatureDesign, out: Path) -> None:
             table.add_row(NAMES[i], unit, *cells)
     console.print(table)
     if not design.is_ramp and design.ramp.course.duration < design.soak.course.duration:
-        show_line(console, say("design.ramp_without_rate"))
+        show_line(console, say("design.ramp_not_stated"))
     show_line(console, say("design.written", path=out))
