@@ -130,9 +130,11 @@ class Sequencer:
 
     def _soak_for_verification(self) -> None:
         """Go to another temperature than the last one of a stage, at which the new registers are verified."""
-        soaks = [step for stage in self._context.task.stages for step in stage.steps() if isinstance(step, Soak)]
         limits = self._context.task.chamber
-        if not soaks or limits is None:
+        if limits is None:  # the plans of other stages may be endless
+            return
+        soaks = [step for stage in self._context.task.stages for step in stage.steps() if isinstance(step, Soak)]
+        if not soaks:
             return
         last, ambient = soaks[-1], limits.ambient
         others = [t for t in (ambient, *(s.temperature for s in soaks)) if abs(t - last.temperature) >= _OTHER]

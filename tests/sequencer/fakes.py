@@ -338,10 +338,11 @@ def quarter_turns() -> Iterator[Step]:
 
 
 def endless() -> Iterator[Step]:
-    """Yield an unlimited number of rests, one per round."""
+    """Yield rests, one per round, for more rounds than a run executes; reading all of them is an error."""
     for rounds in range(1, 1000):
         yield Dwell(1.0)
         yield RoundEnd(rounds)
+    raise AssertionError("an endless plan is read to its end")
 
 
 class Scene:
