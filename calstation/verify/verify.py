@@ -160,6 +160,8 @@ def _values(claim, solution, parameters, quiet):
     for name, (value, sigma) in claim.values.items():
         i = NAMES.index(name)
         mean, own = float(solution.mean[i]), float(solution.sigma[i])
+        if name not in solution.stage and solution.prior[i]:
+            rows += _finding("unfounded", [(name, f"{source} states it, but no stage of the run determines it")])
         if name not in solution.stage or not own:
             continue
         difference, ratio = (value - mean) / own, sigma / own

@@ -1,6 +1,7 @@
 """The second opinion imports nothing of the product, agrees with it on a sound log, and finds planted errors."""
 
 import ast
+import copy
 import json
 import shutil
 import subprocess
@@ -95,6 +96,15 @@ def test_a_sound_run_agrees_by_log_result_and_certificate(run: Path, tmp_path: P
         assert report["findings"] == [], source
         assert report["verdict"] == {"stated": "pass", "limits": "pass"}
         assert len(report["parameters"]) == 30
+
+
+def test_a_value_that_no_stage_determines_is_found(
+    run: Path, tmp_path: Path, solution: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    partial = copy.copy(solution)
+    partial.stage = {name: stage for name, stage in solution.stage.items() if name != "inner_lever_z"}
+    monkeypatch.setattr(verify, "Solution", lambda *_: partial)
+    assert codes(copied(run, tmp_path)) == {"unfounded"}
 
 
 def _sign(result: dict[str, Any]) -> None:
