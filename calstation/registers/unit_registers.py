@@ -11,7 +11,7 @@ from calstation.devices import ImuIdentity
 from calstation.devices.imu import RegisterMap
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
-from calstation.physics import compose
+from calstation.physics import compose, is_over_temperature
 from calstation.records import open_log
 from calstation.registers import journal
 from calstation.registers.journal import journal_folder
@@ -84,8 +84,8 @@ def target_registers(progress: ProgressCallback, request: RunRequest, result: Re
     If the run wrote registers, those that it changed are returned. If the unit applied registers to its output, the
     result is combined with the registers in the log.
 
-    Raises InputError if a required log is missing, if IMU profile or product differ from those of the result, or if the
-    result was not tested or contains states added for a trial.
+    Raises InputError if a required log is missing, if IMU profile or product differ from those of the result, if the
+    result was not tested or contains states added for a trial, or if the registers cannot store it over temperature.
 
     Parameters
     ----------
@@ -110,7 +110,9 @@ def target_registers(progress: ProgressCallback, request: RunRequest, result: Re
     if result.product and result.product != setup.product.name:
         raise InputError("transfer.result_other_product", product=setup.product.name, result_product=result.product)
     estimates = {name: parameter.value for name, parameter in result.parameters.items()}
-    estimates |= {} if result.temperature is None else result.temperature.registers
+    entries, over = setup.register_map, result.temperature
+    if over is not None and (setup.after_registers or not over.fits(entries.parameters)):
+        raise InputError("transfer.result_over_temperature", profile=profile)
     registers = result.registers or Registers()
     written = registers.new if registers.verified else None
     if setup.after_registers and not written:
@@ -118,14 +120,16 @@ def target_registers(progress: ProgressCallback, request: RunRequest, result: Re
         if not log.is_file():
             raise InputError("transfer.log_missing", path=str(log))
         estimates = compose(open_log(log).meta.registers, estimates)
+    if not setup.after_registers:  # a result at one temperature replaces the coefficients, as a run does
+        estimates |= dict.fromkeys(filter(is_over_temperature, entries.parameters), 0.0)
+        estimates |= {} if over is None else over.registers
     progress(0.5)
-    entries = setup.register_map
     known = [name for name in entries.parameters if name in estimates]
     complete = dict.fromkeys(entries.parameters, 0.0) | {name: estimates[name] for name in known}
     values = written or entries.rounded(complete)
     return TargetRegisters(
         result.serial,
-        _rows(entries, {name: values[name] for name in known}),
+        _rows(entries, {name: values[name] for name in known if name in values}),
         _rows(entries, registers.old),
         _rows(entries, written or {}),
         (registers.written_utc or "") if written else "",

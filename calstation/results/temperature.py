@@ -1,6 +1,6 @@
 """Section ``temperature`` of a result: the parameters as functions of the temperature."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -17,6 +17,7 @@ from calstation.physics import (
     FloatArray,
     compensate,
     compensation,
+    highest_powers,
 )
 from calstation.schema import Number, ResultSection
 
@@ -159,6 +160,11 @@ class TemperatureResult(ResultSection):
                 return powers @ np.array(row.values), np.sqrt(np.maximum(variance, 0.0))
             first += len(row.values) + (row.rate is not None)
         raise KeyError(name)
+
+    def fits(self, names: Iterable[str]) -> bool:
+        """Return whether registers of these names hold all powers of the temperature of their parameters."""
+        highest = highest_powers(names)
+        return all(len(row.values) - 1 <= highest[name] for name, row in self.coefficients.items() if name in highest)
 
     @property
     def registers(self) -> dict[str, float]:

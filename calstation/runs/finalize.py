@@ -23,7 +23,7 @@ from calstation.judgement import (
     unobservable,
 )
 from calstation.messages import Text
-from calstation.physics import EFFECT_PARAMETERS, NAMES, compose, highest_powers, is_over_temperature
+from calstation.physics import EFFECT_PARAMETERS, NAMES, compose, is_over_temperature
 from calstation.records import context_from_meta
 from calstation.registers import (
     AppliedRegisters,
@@ -105,8 +105,8 @@ class Finalization:
                 run.emit(Message("latitude_untold", judgement.latitude))
         # a check standard is never adjusted
         to_write = judgement.passed is True and judgement.standard is None and bool(self._entries.parameters)
-        over = next((s.temperature for s in solutions if s.temperature is not None), None)
-        if to_write and over is not None and not self._can_store(over):
+        over = _over_temperature(solutions)
+        if to_write and over is not None and (self._setup.after_registers or not over.fits(self._entries.parameters)):
             run.emit(Message("registers_without_temperature"))
             to_write = False
         if to_write:
@@ -221,14 +221,6 @@ class Finalization:
         """Whether nothing is left to do after the judgement: the registers are kept, or were written and verified."""
         return not self._target or bool(self.run.registers.get("verified"))
 
-    def _can_store(self, fit: TemperatureFit) -> bool:
-        """Return whether the registers hold all powers of the temperature, and act on the temperature alone."""
-        highest = highest_powers(self._entries.parameters)
-        powers = [(NAMES[column.parameter], column.power or 0) for column in fit.model.columns]
-        return not self._setup.after_registers and all(
-            power <= highest[name] for name, power in powers if power and name in highest
-        )
-
     def _registers_to_write(self, solutions: tuple[Solution, ...]) -> dict[str, float]:
         """Return the registers of the parameters that a stage has estimated."""
         self._posterior = posterior = solutions[-1].posterior
@@ -239,16 +231,20 @@ class Finalization:
         if self._setup.after_registers:
             return compose(self.run.meta.registers, estimates)
         # A calibration at one temperature replaces the coefficients, too, which would be applied on top of it.
-        over = dict.fromkeys(filter(is_over_temperature, self._entries.parameters), 0.0)
-        for solution in solutions:
-            if solution.temperature is not None:
-                fitted = solution.temperature, solution.estimated, solution.posterior.covariance
-                over |= TemperatureResult.of(*fitted).registers
-        self._fit = solutions[-1].temperature
-        return estimates | over
+        zeros = dict.fromkeys(filter(is_over_temperature, self._entries.parameters), 0.0)
+        over, self._fit = _over_temperature(solutions), solutions[-1].temperature
+        return estimates | zeros | (over.registers if over is not None else {})
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
         log = self.run.log.path
         folder = journal_folder(self._setup.station, log.parent)
         purpose = Purpose.of(self._setup, self.imu.identify().model, "run", log.name)
         return register_journal.begin(folder, self.run.serial, old, new, purpose)
+
+
+def _over_temperature(solutions: tuple[Solution, ...]) -> TemperatureResult | None:
+    """Return the parameters as functions of the temperature; None if they are none."""
+    for s in solutions:
+        if s.temperature is not None:
+            return TemperatureResult.of(s.temperature, s.estimated, s.posterior.covariance)
+    return None

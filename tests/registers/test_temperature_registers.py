@@ -13,7 +13,7 @@ from calstation.bench.imu.units.framed import FramedUnit
 from calstation.connection import imu_session
 from calstation.devices.imu import RegisterMap
 from calstation.devices.profiles import ImuProfile, load_imu_profile
-from calstation.errors import ConfigurationError
+from calstation.errors import ConfigurationError, InputError
 from calstation.estimation import Solution
 from calstation.estimation.common import Consistency, Posterior
 from calstation.estimation.temperature import compensate_each
@@ -28,10 +28,15 @@ from calstation.physics import (
     highest_powers,
     values_at,
 )
-from calstation.registers import AppliedRegisters, verify_output
+from calstation.registers import AppliedRegisters, target_registers, verify_output
+from calstation.results import TemperatureResult
+from calstation.results.temperature import Coefficients
 from calstation.runs.finalize import Finalization
 from calstation.sequencer import Output, VerificationData
+from tests.helpers import ignore_progress, raises_code
+from tests.registers.test_manual_write import result_of
 from tests.registers.verification_scene import REPEATABILITY, Captures, recording
+from tests.site_folder import SiteFolder
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 
@@ -129,6 +134,27 @@ def test_a_unit_that_becomes_warmer_between_both_captures_is_verified() -> None:
     differences = [check for check in checks if check.name.endswith("difference")]
     assert len(differences) == 6
     assert max(check.value for check in differences) < 1e-7
+
+
+@pytest.mark.parametrize("order", [None, 2, 7])
+def test_a_result_is_written_by_hand_as_by_a_run(site_folder: SiteFolder, order: int | None) -> None:
+    """Coefficients of an earlier calibration do not remain, and none that has no register is left out."""
+    site_folder.write({"imu": "bench_mems_thermal", "bench_grade": "mems"})
+    result = result_of(site_folder, gyro_bias_x=1e-4)
+    if order is not None:
+        row = Coefficients(values=[1e-4 / 65.0**k for k in range(order + 1)], sigma=[0.0] * (order + 1), unit="rad/s")
+        ranges: dict[str, Any] = {"reference_c": 25.0, "range_c": (-40.0, 85.0), "covariance": [], "worst": {}}
+        over = TemperatureResult(coefficients={"gyro_bias_x": row}, points=[], **ranges)
+        result = result.model_copy(update={"temperature": over})
+    if order == 7:
+        with raises_code(InputError, "transfer.result_over_temperature"):
+            target_registers(ignore_progress, site_folder.request(), result)
+        return
+    values = target_registers(ignore_progress, site_folder.request(), result).values
+    assert values["gyro_bias_x"] == pytest.approx(1e-4)
+    assert values["gyro_bias_x[1]"] == pytest.approx(0.0 if order is None else 1e-4 / 65.0)
+    assert (values["gyro_bias_x[3]"], values["accel_bias_z[1]"]) == (0.0, 0.0)
+    assert values["temperature_low"] == (0.0 if order is None else -40.0)
 
 
 def test_a_calibration_at_one_temperature_replaces_the_coefficients() -> None:
