@@ -7,6 +7,7 @@ import pytest
 from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QPushButton, QWidget
 
 from calstation.config import ConfirmationRequired, RunRequest, computer_user
+from calstation.errors import InputError
 from calstation.gui.operator.production import document_buttons
 from calstation.jobs import ProgressCallback
 from calstation.messages import Language, Text
@@ -142,6 +143,29 @@ def documents(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(document_buttons, "label_template", lambda result: Path("label.zpl"))
     for name, job in (("print_labels", label_of), ("states_of_issue", states_of), ("issue_certificates", issue)):
         monkeypatch.setattr(document_buttons, name, job)
+
+
+def printer_is_off(report: ProgressCallback, files: list[Path], station: Path | None) -> list[Path]:
+    """Job: stand in for labels without a printer."""
+    raise InputError("log.not_found", file=str(files[0]))
+
+
+@pytest.fixture
+def no_printer(documents: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Labels that cannot be printed."""
+    monkeypatch.setattr(document_buttons, "print_labels", printer_is_off)
+
+
+@pytest.mark.usefixtures("no_printer")
+def test_focus_is_on_no_other_document_after_a_label_was_not_printed(operator: Operator) -> None:
+    use_slots(operator, 2)
+    begin(operator)
+    end(operator, failed=())
+    operator.press("labels_button")
+    operator.until(lambda: "The label was not printed" in operator.says())
+    assert operator.window.focusWidget() is not operator.widget("certificates_button")
+    operator.press("operator_notice_close")
+    assert operator.window.focusWidget() is operator.widget("serial_edit")
 
 
 @pytest.mark.usefixtures("documents")

@@ -42,6 +42,12 @@ class _DocumentButton(QPushButton):
         if not QDesktopServices.openUrl(QUrl.fromLocalFile(str(pdf))):
             self._notice.inform("caution", "operator.no_pdf_viewer", lambda: str(pdf), self._then)
 
+    def _set_busy(self, busy: bool) -> None:
+        """Disable the button during a job, without giving its focus to the next button."""
+        if busy:
+            self.clearFocus()
+        self.setEnabled(not busy)
+
 
 class LabelButton(_DocumentButton):
     """Button that prints the label of a unit, or of `all_units`, if they passed and their product has a label."""
@@ -53,7 +59,7 @@ class LabelButton(_DocumentButton):
         self._files: list[Path] = []
         self._watch = app.job(self, print_labels, self._printed)
         notice.report_failures(self._watch, "operator.label_not_printed", then)
-        self._watch.busy_changed.connect(lambda: self.setEnabled(not self._watch.busy))
+        self._watch.busy_changed.connect(lambda: self._set_busy(self._watch.busy))
         self.clicked.connect(lambda: self._watch.start(self._files, self._app.station_path))
         bind(self, "operator.print_labels" if all_units else "operator.print_label")
 
@@ -117,7 +123,7 @@ class _IssueButton(_DocumentButton):
         return say(self._title) if job is None else say("operator.certificate_progress", percent=100 * job.fraction)
 
     def _show_busy(self) -> None:
-        self.setEnabled(not (self._state_watch.busy or self.watch.busy))
+        self._set_busy(self._state_watch.busy or self.watch.busy)
         self.setText(self._text())
 
     def _ask(self) -> None:
