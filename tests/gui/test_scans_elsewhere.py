@@ -79,7 +79,17 @@ def test_scan_during_a_run_is_refused_with_a_sentence_and_a_sound(
 
 def test_scans_set_no_pin(operator: Operator) -> None:
     operator.window.app.role.ask()
-    for name in ("role_person_edit", "pin_edit", "pin_again_edit"):
+    person = operator.widget("role_person_edit", QLineEdit)
+    operator.qtbot.keyClicks(person, SCANNED)
+    operator.qtbot.keyClick(person, Qt.Key.Key_Return)
+    assert (person.text(), operator.window.focusWidget()) == ("", person)
+    assert "This is a serial number: enter your name or badge." in operator.says()
+    operator.qtbot.keyClicks(person, "Li Wei")
+    operator.qtbot.keyClick(person, Qt.Key.Key_Return)
+    assert operator.window.focusWidget() is operator.widget("pin_edit")
+    assert "This is a serial number" not in operator.says()
+    person.setText(SCANNED)
+    for name in ("pin_edit", "pin_again_edit"):
         edit = operator.widget(name, QLineEdit)
         edit.setFocus()
         operator.qtbot.keyClicks(edit, SCANNED)

@@ -1,5 +1,6 @@
 """The role of the user, and the panel in which the engineer's PIN is set or entered."""
 
+import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, cast
 
@@ -7,10 +8,11 @@ from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QHideEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QPushButton, QWidget
 
-from calstation.config import access
-from calstation.errors import ConfigurationError
+from calstation.config import RunRequest, access
+from calstation.errors import CalstationError, ConfigurationError
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import button, column, grid, label, row, show_text, theme
+from calstation.runs import run_summary
 
 if TYPE_CHECKING:
     from calstation.gui.state.context import AppContext
@@ -122,7 +124,7 @@ class RolePanel(QFrame):
         self._person_edit.setObjectName("role_person_edit")
         self._person_edit.setMaxLength(40)
         self._person_edit.setProperty("kind", "tall")
-        self._person_edit.returnPressed.connect(self.pin_edit.setFocus)
+        self._person_edit.returnPressed.connect(self._person_entered)
         bind(self._person_edit.setPlaceholderText, self._person_hint)
         bind(self._person_edit.setAccessibleName, self._person_hint)
         for edit, name in ((self.pin_edit, "pin_edit"), (self._again_edit, "pin_again_edit")):
@@ -193,6 +195,26 @@ class RolePanel(QFrame):
             field.backspace()
         else:
             field.insert(text)
+
+    def _person_entered(self) -> None:
+        """Go on to the PIN, unless the name is the serial number of a unit that was scanned into the wrong field."""
+        if self._is_serial(self._person_edit.text().strip()):
+            self._person_edit.clear()
+            self._show_error(say("window.serial_as_name"))
+        else:
+            self._show_error("")
+            self.pin_edit.setFocus()
+
+    def _is_serial(self, text: str) -> bool:
+        """Return whether a text is a serial number of the product, but no badge and, having digits, no name."""
+        try:
+            summary = run_summary(RunRequest("-", self._app.station_path, self._app.product_path))
+        except CalstationError:
+            return False
+        sign_in = summary.sign_in
+        badge = sign_in is not None and (text in sign_in.names or sign_in.is_badge(text))
+        digits = any(character.isdigit() for character in text)
+        return digits and not badge and re.fullmatch(summary.serial_pattern, text) is not None
 
     def _pressed_enter(self) -> None:
         """Confirm a PIN; a new one is confirmed by its button only, because scanners send Enter, too."""
