@@ -9,6 +9,7 @@ from calstation.messages.rendering import (
     Text,
     Value,
     event_text,
+    joined,
     local_time,
     os_reason,
     parameter_name,

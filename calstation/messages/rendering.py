@@ -30,6 +30,9 @@ _MAX_VALUE, _MAX_LIST = 500, 1500
 #: Endings of complete sentences.
 _ENDS = (".", "?", "!", ".)", "。", "？", "！", "。）")
 
+#: Directions of axes, such as ``-x`` and ``+x-y``, whose hyphens are minus signs.
+_AXES = re.compile(r"([+-][xyz])+")
+
 _NO_DIGITS = str.maketrans("", "", string.digits)
 
 _OS_REASONS = {
@@ -130,7 +133,7 @@ def joined(text: str, remedy: str, language: Language) -> str:
     if not remedy:
         return text
     stop = "" if text.endswith(_ENDS) else "。" if language == "zh_CN" else "."
-    return f"{text}{stop} {remedy}"
+    return f"{text}{stop}{'' if language == 'zh_CN' else ' '}{remedy}"
 
 
 def term(family: str, name: str, language: Language = "en", **values: Value) -> str:
@@ -166,7 +169,8 @@ def short_step_text(label: tuple[str | float, ...]) -> Text:
 
 
 def _labelled(family: str, label: tuple[str | float, ...]) -> Text:
-    name, *values = label
+    name, *parts = label
+    values = [part.replace("-", "−") if isinstance(part, str) and _AXES.fullmatch(part) else part for part in parts]
     return Text(f"{family}.{name}", dict(zip(entry(f"step.{name}").values, values, strict=False)))
 
 

@@ -33,7 +33,7 @@ def test_products_of_another_rig_are_greyed_with_the_reason(operator: Operator) 
     assert tip == "The table of this station is driven; the selection is turned by hand."
     operator.window.app.set_language("zh_CN")
     text, enabled, _ = entry(operator, "mems_hand")
-    assert "需要手动转台" in text
+    assert "（需要手动转台）" in text
     assert not enabled
     operator.window.app.set_station(library.find("stations", "virtual_hand"))
     assert entry(operator, "mems_hand")[1]

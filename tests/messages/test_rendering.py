@@ -12,12 +12,14 @@ import pytest
 
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.messages import (
+    Language,
     Text,
     catalogue,
     local_time,
     os_reason,
     render,
     sentence,
+    step_text,
     term,
     values_from_json,
     values_to_json,
@@ -60,7 +62,9 @@ def test_nested_messages_are_rendered_and_survive_json() -> None:
 def test_full_stop_separates_a_final_reason_from_the_remedy() -> None:
     missing = CalstationError("signing.unreadable", file="lab.p12", reason=Text("os.not_found"))
     assert "cannot be read: no such file or folder. " in str(missing)
-    assert "文件或文件夹不存在。 " in missing.render("zh_CN").line
+    chinese = missing.render("zh_CN").line
+    assert "文件或文件夹不存在。" in chinese
+    assert "。 " not in chinese
     assert str(CalstationError("database.no_url")).count(". ") == 1
     assert ". " not in render("database.refused", {"database": "x", "reason": "y"}).text
 
@@ -130,3 +134,9 @@ def test_time_is_shown_in_the_time_zone_of_the_computer() -> None:
     assert resume.remedy.startswith("Started 2026-11-23 07:30:05 UTC+08:00. ")
     transfer = DeviceFaultError("transfer.interrupted", serial="SN-1", utc=started, holds="new")
     assert "(2026-11-23 07:30:05 UTC+08:00)" in str(transfer)
+
+
+@pytest.mark.parametrize(("language", "text"), [("en", "Turning −x up"), ("zh_CN", "−x 轴朝上")])
+def test_directions_of_axes_have_minus_signs(language: Language, text: str) -> None:
+    step = step_text("move", ("face_up", "-x"))
+    assert render(step.code, step.values, language).text == text

@@ -85,4 +85,6 @@ class EngineerHeader(QWidget):
 
     def _serial_text(self) -> str:
         caption = say("engineer.next_serial" if self._next_unit else "common.serial_number")
-        return f"{caption}: {say('operator.slot', slot=self._slot)}" if self._slot and not self._next_unit else caption
+        if not self._slot or self._next_unit:
+            return caption
+        return say("common.named", name=caption, text=say("operator.slot", slot=self._slot))

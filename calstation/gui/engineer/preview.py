@@ -189,7 +189,7 @@ def _problem_texts(preview: Preview) -> list[str]:
     problems = [_violation_text(violation) for violation in preview.violations]
     for stage in preview.stages:
         if stage.error:
-            problems.append(f"{term('stage', stage.stage)}: {say(stage.error)}")
+            problems.append(say("common.named", name=term("stage", stage.stage), text=say(stage.error)))
         if stage.reason == "" and not preview.violations:
             problems.append(say("engineer.too_few_rounds", stage=stage.stage, rounds=stage.rounds))
     return problems
@@ -207,7 +207,7 @@ def _end_texts(preview: Preview) -> list[str]:
 def _violation_text(violation: Violation) -> str:
     """Return a description of a violated limit that names its step and the remedy."""
     if violation.kind == "plan":
-        return f"{term('stage', violation.stage)}: {say(violation.text)}"
+        return say("common.named", name=term("stage", violation.stage), text=say(violation.text))
     values = {"stage": violation.stage, "step": violation.step, "more": violation.more}
     code = "engineer.move_and_more" if violation.more else "engineer.move"
     value, low, high = (float(v) for v in np.rad2deg([violation.value, violation.low, violation.high]))

@@ -147,7 +147,7 @@ def _target_field(source: FormValues, stage: str, spec: FieldSpec, group: str) -
     unit, size = DISPLAY[group]
     words = partial(term, "group", group)
     field = _Field(source, stage, spec, (spec.name, group), NumberEdit(size, _number), words, unit)
-    bind(field.editor.setAccessibleName, lambda: f"{term('schedule', spec.name)}: {words()}")
+    bind(field.editor.setAccessibleName, lambda: say("common.named", name=term("schedule", spec.name), text=words()))
     return field
 
 

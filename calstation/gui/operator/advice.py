@@ -10,6 +10,7 @@ from calstation.gui.text import (
     check_text,
     is_parameter_check,
     is_product_check,
+    language,
     parameter_text,
     rendered,
     say,
@@ -17,7 +18,7 @@ from calstation.gui.text import (
     with_minus,
 )
 from calstation.judgement import Check
-from calstation.messages import local_time
+from calstation.messages import joined, local_time
 from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
 from calstation.results import Parameter, Result
 
@@ -45,7 +46,7 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
     checks = [] if result is None else result.checks
     if outcome in ("passed", "partial"):
         passed = say(f"advice.{outcome}", stages=[] if result is None else result.stages)
-        return " ".join(filter(None, (passed, _near(checks))))
+        return joined(passed, _near(checks), language.current())
     if outcome != "failed":
         return say(f"advice.{stopped}" if outcome == "stopped" else "advice.incomplete")
     failed = [check for check in checks if not check.passed]
@@ -54,7 +55,8 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
     tests = [check for check in failed if check.diagnosis is not None]
     first = failed_check_text(tests[0] if tests else max(failed, key=_ratio), result)
     first = first[0].upper() + first[1:]
-    return first if len(failed) == 1 else f"{first} {say('advice.more_failed', count=len(failed) - 1)}"
+    more = say("advice.more_failed", count=len(failed) - 1) if len(failed) > 1 else ""
+    return joined(first, more, language.current())
 
 
 def override_notes(result: Result | None) -> list[str]:

@@ -114,7 +114,7 @@ class RunHeader(QWidget):
         model = cast("QStandardItemModel", self.product_combo.model())
         for index, (name, path) in enumerate(self._products):
             note, explanation = reasons.get(path, ("", ""))
-            self.product_combo.setItemText(index, f"{name} ({note})" if note else name)
+            self.product_combo.setItemText(index, say("common.noted", name=name, note=note) if note else name)
             self.product_combo.setItemData(index, explanation, Qt.ItemDataRole.ToolTipRole)
             model.item(index).setEnabled(not note)
 
@@ -235,7 +235,8 @@ class RunHeader(QWidget):
 
     def _show_caption(self) -> None:
         caption = say("common.serial_number")
-        self._serial_caption.setText(f"{caption}: {self._serial_note}" if self._serial_note else caption)
+        noted = say("common.named", name=caption, text=self._serial_note) if self._serial_note else caption
+        self._serial_caption.setText(noted)
 
 
 def _field(widget: QLineEdit | QComboBox, name: str, caption: QLabel) -> QVBoxLayout:

@@ -147,7 +147,7 @@ class UnitTiles(QWidget):
         """Return the badge shape and a short text of the state of a unit."""
         run = self._run
         if unit.fault is not None:
-            return "caution", f"{term('badge', 'fault')}: {fault_text(unit.fault, engineer=False).text}"
+            return "caution", _named(term("badge", "fault"), fault_text(unit.fault, engineer=False).text)
         if unit.verdict is not None:
             state = run.display_state_of(unit)
             return KINDS.get(state, "none"), term("badge", state)
@@ -161,9 +161,9 @@ class UnitTiles(QWidget):
         if unit.failing is not None:
             return "bad", rendered(unit.failing["why"]).text
         if bad is not None:
-            text = f"{term('stage', bad.name)}: {term('stage_state', 'bad')}"
+            text = _named(term("stage", bad.name), term("stage_state", "bad"))
         elif stage is not None and stage.state == "solving":
-            text = f"{term('stage', stage.name)}: {term('stage_state', 'solving')}"
+            text = _named(term("stage", stage.name), term("stage_state", "solving"))
         elif stage is not None and stage.name == TRANSFER:
             text = term("stage", stage.name)
         elif ratio is not None:
@@ -173,5 +173,9 @@ class UnitTiles(QWidget):
         elif stage is not None:
             text = term("stage", stage.name)
         elif solved := [stage for stage in unit.stages if stage.state == "good"]:
-            text = f"{term('stage', solved[-1].name)}: {term('stage_state', 'good')}"
+            text = _named(term("stage", solved[-1].name), term("stage_state", "good"))
         return "bad" if bad is not None else "active", text or say("operator.unit_preparing")
+
+
+def _named(name: str, text: str) -> str:
+    return say("common.named", name=name, text=text)
