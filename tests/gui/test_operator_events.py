@@ -271,6 +271,9 @@ def test_verdict_keeps_its_serial_number_and_the_field_is_for_the_next_unit(
     assert f"{SERIAL}  ·  {word.text()}" in simulated_run.says()
     simulated_run.window.show_page("operator_page")
 
+    simulated_run.window.app.set_language("zh_CN")
+    assert "序列号：下一个产品" in simulated_run.says()
+    simulated_run.window.app.set_language("en")
     simulated_run.qtbot.keyClicks(edit, "SN-00")
     assert "Serial number: next unit" in simulated_run.says()
     simulated_run.scan("SN-000077")
@@ -445,6 +448,7 @@ def test_question_before_closing_is_not_mistaken_for_resuming(
         keep_open = simulated_run.widget("keep_open_choice", QPushButton)
         assert (keep_open.text(), simulated_run.widget("pause_button", QPushButton).text()) == ("不关闭", "继续")
         assert "标定已暂停" in simulated_run.says()
+        assert simulated_run.message.startswith("已暂停，转台静止，但轴使能仍接通。")
         assert window.focusWidget() is keep_open
         simulated_run.qtbot.keyClick(keep_open, Qt.Key.Key_Space)
         assert window.focusWidget() is window.operator_page  # not the tabs, which the arrow keys would change

@@ -7,6 +7,8 @@ from PySide6.QtWidgets import QComboBox, QLineEdit, QPushButton
 from calstation.config import access
 from calstation.gui.operator import starting
 from calstation.gui.state.engine_link import EngineLink
+from calstation.results import History
+from tests.database.result_files import write_result
 from tests.gui.conftest import Operator
 from tests.gui.test_operator_events import scan_into_focus, simulated_run
 
@@ -53,6 +55,22 @@ def test_scan_on_another_page_is_entered_on_the_operator_page(operator: Operator
     operator.qtbot.keyClick(window, Qt.Key.Key_Return)
     assert operator.window.operator_page.isVisible()
     assert edit.text() == SCANNED
+    assert "Serial number: accepted" in operator.says()
+
+
+def test_scan_of_a_unit_that_has_passed_says_so(operator: Operator) -> None:
+    runs = operator.site_folder.runs
+    runs.mkdir()
+    write_result(runs, f"{SCANNED}_20261101T000000", 1, serial=SCANNED)
+    History(runs).refresh()
+    operator.window.show_page("history_page")
+    operator.window.setFocus()
+    operator.qtbot.keyClicks(operator.window, SCANNED)
+    operator.qtbot.keyClick(operator.window, Qt.Key.Key_Return)
+    assert "Serial number: attempt 2, already passed" in operator.says()
+    operator.window.app.set_language("zh_CN")
+    operator.scan(SCANNED)
+    assert "序列号：第 2 次，以前已合格" in operator.says()
 
 
 @pytest.mark.parametrize("page", ["operator_page", "history_page"])

@@ -278,7 +278,9 @@ class EngineerPage(Page):
         if refusal is None and slots.next is not None:
             self.notice.dismiss()
             self._header.serial_edit.clear()
-            slots.fill(slots.next, serial, History(self.app.runs_folder).attempts(serial))
+            history = History(self.app.runs_folder)
+            passed = history.passed_before(serial) is not None
+            slots.fill(slots.next, serial, history.attempts(serial), passed=passed)
         else:
             self.notice.ask("caution", refusal or "", "")
 

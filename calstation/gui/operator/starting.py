@@ -15,7 +15,7 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.interrupted import InterruptedRuns
 from calstation.gui.operator.questions import StartDialog, ask
-from calstation.gui.state import AppContext, Slot, UnitStatus
+from calstation.gui.state import AppContext, Slot, UnitStatus, attempt_code
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
@@ -229,7 +229,7 @@ class RunStarter(QObject):
         if slots.next is not None:
             serial, slot = header.serial, self._last_slot(header.serial) or slots.next
             moved = slot is not slots.next
-            slots.fill(slot, serial, before)
+            slots.fill(slot, serial, before, passed=self._passed(serial))
             self._app.claim(*slots.units)
             header.set_serial("")
             self._notice.dismiss()
@@ -239,7 +239,7 @@ class RunStarter(QObject):
             self._await_start() if slots.full else header.focus_scan()
             return True
         self._app.claim(header.serial)
-        note = say("operator.attempt" if before else "operator.accepted", count=before + 1)
+        note = say(attempt_code(before, self._passed(header.serial)), count=before + 1)
         header.note_serial(note, accepted=True)
         self._await_start()
         return True
@@ -301,6 +301,10 @@ class RunStarter(QObject):
     def _attempts(self, serial: str) -> int:
         """Return the number of earlier runs of a unit."""
         return History(self._app.runs_folder).attempts(serial)
+
+    def _passed(self, serial: str) -> bool:
+        """Return whether a unit has already passed."""
+        return History(self._app.runs_folder).passed_before(serial) is not None
 
     def _note_next(self, *, accepted: bool | None = None) -> None:
         """Show next to the serial field to which unit or slot the next scan applies."""

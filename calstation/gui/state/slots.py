@@ -8,6 +8,11 @@ from PySide6.QtCore import QObject, Signal
 from calstation.messages import Text
 
 
+def attempt_code(attempts: int, passed: bool) -> str:
+    """Return the code of the note on an accepted unit with this number of earlier runs, one of which it `passed`."""
+    return "operator.attempt_passed" if passed else "operator.attempt" if attempts else "operator.accepted"
+
+
 @dataclass(eq=False)
 class Slot:
     """A mounting position of a unit on the table."""
@@ -17,6 +22,7 @@ class Slot:
     suggested: bool = False  #: Whether the virtual bench has suggested the serial number.
     skipped: bool = False  #: Whether scans skip the slot.
     attempts: int = 0  #: Number of earlier runs of the unit.
+    passed: bool = False  #: Whether the unit passed one of them.
 
     @property
     def open(self) -> bool:
@@ -92,12 +98,13 @@ class Slots(QObject):
                 slot.suggested = bool(slot.serial)
         self.changed.emit()
 
-    def fill(self, slot: Slot, serial: str, attempts: int) -> None:
+    def fill(self, slot: Slot, serial: str, attempts: int, *, passed: bool = False) -> None:
         """Assign a unit to a slot, and remove a suggestion of the same serial number."""
         for other in self._slots:
             if other.serial == serial:
                 other.serial, other.suggested = "", False
-        slot.serial, slot.attempts, slot.suggested, slot.skipped = serial, attempts, False, False
+        slot.serial, slot.attempts, slot.passed = serial, attempts, passed
+        slot.suggested = slot.skipped = False
         self._chosen = None
         self.changed.emit()
 

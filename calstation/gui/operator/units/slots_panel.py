@@ -4,7 +4,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame
 
 from calstation.gui.operator.units.tiles import Tile, arrange, pass_clicks
-from calstation.gui.state import Slot, Slots
+from calstation.gui.state import Slot, Slots, attempt_code
 from calstation.gui.text import on_language_change, rendered, say
 from calstation.gui.widgets import (
     PANEL,
@@ -52,7 +52,7 @@ class _SlotTile(Tile):
         self.show_selected(is_next)
         self._icon.set_kind("good" if slot.serial else "active" if is_next else "none")
         if slot.serial:
-            code = "operator.attempt" if slot.attempts else "operator.accepted"
+            code = attempt_code(slot.attempts, slot.passed)
             note = say("operator.suggested" if slot.suggested else code, count=slot.attempts + 1)
         elif slot.skipped:
             note = say("operator.stays_empty")
