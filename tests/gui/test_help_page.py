@@ -12,15 +12,20 @@ from PySide6.QtWidgets import QLineEdit, QListWidget, QPushButton, QTextBrowser,
 
 import calstation
 from calstation.config import library
+from calstation.errors import DeviceFaultError
 from calstation.gui.help import manual
 from calstation.gui.help.page import HelpPage
 from calstation.gui.shell.main_window import MainWindow
-from tests.gui.conftest import SiteFolder
+from calstation.sequencer import Fault
+from tests.gui.conftest import Operator, SiteFolder
+from tests.gui.test_operator_events import end_run, simulated_run
+
+__all__ = ["simulated_run"]  # fixture
 
 pytestmark = pytest.mark.usefixtures("job_queue")
 #: What F1 shows on each page as it is first opened: the chapter and the heading at the top.
 PLACES = {
-    "operator_page": ("tutorial.md", "Run it"),
+    "operator_page": ("how-to/operate.md", "Calibrate a unit"),
     "engineer_page": ("explanation/estimation.md", "Partial runs"),
     "offline_page": ("how-to/resolve-a-log.md", "Solve a stored log again"),
     "history_page": ("how-to/history.md", "Filter"),
@@ -156,3 +161,16 @@ def test_an_installed_program_has_the_manual(tmp_path: Path, monkeypatch: pytest
     shutil.copytree(library.manual_folder(), installed / "docs")
     monkeypatch.setattr(library, "__file__", str(installed / "config" / "library.py"))
     assert library.manual_folder() == installed / "docs"
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_f1_during_and_after_a_run_opens_what_the_operator_needs(simulated_run: Operator, code: str) -> None:
+    window, link = simulated_run.window, simulated_run.window.app.engine_link
+    window.app.set_language(code)
+    assert window.operator_page.manual == "how-to/operate.md#stop-at-once"
+    end_run(simulated_run, "failed")
+    page = press_f1(window)
+    assert page.target == "how-to/operate.md"
+    assert ("不得出厂" if code == "zh_CN" else "Do not ship it") in page.browser.toPlainText()
+    link.event.emit(Fault.of(DeviceFaultError("program.internal", detail="x")))
+    assert window.operator_page.manual == "how-to/operate.md#after-a-fault"

@@ -125,11 +125,15 @@ class OperatorPage(Page):
     @property
     def manual(self) -> str:
         """The place of the manual about a fault, a verdict, a batch or a calibration."""
-        if self.app.run.fault is not None or self._problem is not None:
+        if self._problem is not None:
             return "reference/faults.md"
+        if self.app.run.fault is not None:
+            return "how-to/operate.md#after-a-fault"
         if self.app.run.ended:
-            return "explanation/verdict.md#the-verdict"
-        return "how-to/several-units.md#run-a-batch" if self._starting.slots else "tutorial.md#run-it"
+            return "how-to/operate.md#after-the-verdict"
+        if self.app.run.in_progress:
+            return "how-to/operate.md#stop-at-once"
+        return "how-to/several-units.md#run-a-batch" if self._starting.slots else "how-to/operate.md#calibrate-a-unit"
 
     def showEvent(self, event: QShowEvent) -> None:
         """Prepare for a scan and, when the page is first shown, offer to resume interrupted runs."""
