@@ -17,6 +17,7 @@ from calstation.reports.issue import (
     states_of_issue,
     station_request,
 )
+from calstation.reports.issued_pdf import IssuedPdf
 from calstation.reports.label import label_template, print_label, print_labels
 from calstation.reports.pdf import compile_template
 from calstation.reports.time_stamp import stamp_trail, verify_time_stamp

@@ -45,6 +45,7 @@ from calstation.reports.analysis import analyse
 from calstation.reports.content import Certificate, build_certificate, certificate_number, earliest_issue, performed
 from calstation.reports.dcc import write_dcc
 from calstation.reports.deviations import deviations
+from calstation.reports.issued_pdf import IssuedPdf, find_pdfs, pdf_name
 from calstation.reports.pdf import Attachment, typeset, used_templates
 from calstation.reports.signing import load_signer, sign_pdf, sign_xml
 from calstation.reports.source import load_source, read_source
@@ -83,14 +84,14 @@ class IssueState:
     last : last certificate with the same number; None if there is none, or if the number is unknown before the log is
         solved
     changed : whether result, templates or program have changed since, so that it cannot be printed again
-    pdf : file of the last certificate in the language of the request; None if it is missing
+    pdf : PDF of the last certificate in the language of the request; None if it is missing
     """
 
     request: ReportRequest
     required: ConfirmationRequired
     last: IssuedReport | None = None
     changed: bool = False
-    pdf: Path | None = None
+    pdf: IssuedPdf | None = None
 
 
 def station_request(
@@ -139,8 +140,8 @@ def issue_state(report: ProgressCallback, result_file: Path, station: Path | Non
         return IssueState(request, required)
     result, log = load_source(report, request.source)
     changed = _find_reprint(issued, _digest(result, log.meta, request.templates)) is None
-    pdf = request.out / pdf_name(issued[-1].identification, request.language)
-    return IssueState(request, required, issued[-1], changed, pdf if pdf.is_file() else None)
+    (pdf,) = find_pdfs(request.out, [issued[-1].identification], [request.language])
+    return IssueState(request, required, issued[-1], changed, pdf)
 
 
 def states_of_issue(
@@ -159,33 +160,27 @@ class IssuedCertificate:
     """A certificate that was issued, and its PDF, or None if the file is not in the folder of certificates."""
 
     report: IssuedReport
-    pdf: Path | None
+    pdf: IssuedPdf | None
+    intact: bool | None = None  #: As `IssuedPdf.intact`; None without a PDF.
 
 
 def issued_certificates(
     report: ProgressCallback, result_file: Path, station: Path | None, language: Language
 ) -> list[IssuedCertificate]:
-    """Job: return the certificates of a result, the oldest first; their PDFs preferably in `language`.
+    """Job: return the certificates of a result, the oldest first, each with a changed PDF or that in `language`.
 
-    Raises InputError or ConfigurationError.
+    Without either, it has the PDF in the other language. Raises InputError or ConfigurationError.
     """
     path, config = load_station(station)
     folder = station_request(path, config.report, result_file, language).out
     result, log = read_source(result_file.absolute())
     issued = [] if result is None else _find_issued(log, certificate_number(result))
     languages: tuple[Language, ...] = (language, "zh_CN" if language == "en" else "en")
+    pdfs = find_pdfs(folder, [each.identification for each in issued], languages)
     return [
-        IssuedCertificate(
-            each,
-            next((pdf for code in languages if (pdf := folder / pdf_name(each.identification, code)).is_file()), None),
-        )
-        for each in issued
+        IssuedCertificate(each, pdf, None if pdf is None else pdf.intact())
+        for each, pdf in zip(issued, pdfs, strict=True)
     ]
-
-
-def pdf_name(identification: str, language: Language) -> str:
-    """Return the name of the PDF of a certificate in a language."""
-    return f"{identification}{'_zh' if language == 'zh_CN' else ''}.pdf"
 
 
 def issue_certificate(report: ProgressCallback, request: ReportRequest) -> Path:

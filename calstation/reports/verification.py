@@ -1,7 +1,6 @@
 """Verification of the files of a certificate with the audit trail of the site."""
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from calstation.records import (
     site_trails,
     verify_trail,
 )
+from calstation.reports.issued_pdf import file_digests
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def verify_certificate(path: Path) -> CertificateState:
     state = verify_trail(site_folder(), every_signature=True)
     found, intact = list(state.faults), not state.faults
     digest = hashlib.sha256(content).hexdigest()
-    events = [each.values for each in site_events(site_folder()) if digest in _files(each.values)]
+    events = [each.values for each in site_events(site_folder()) if digest in file_digests(each.values)]
     numbers = [values["certificate"] if "certificate" in values else values["validation"] for values in events]
     if numbers:
         found.append(Text.of("audit.file_recorded", file=path, certificate=str(numbers[-1])))
@@ -63,12 +63,6 @@ def verify_certificate(path: Path) -> CertificateState:
     if not heads:
         found.append(Text.of("audit.no_head", file=path))
     return CertificateState(tuple(found), intact)
-
-
-def _files(values: Mapping[str, object]) -> list[object]:
-    """Return the digests of the files in an event."""
-    files = values.get("files")
-    return list(files.values()) if isinstance(files, dict) else []
 
 
 def verify_reports(folder: Path) -> CertificateState:

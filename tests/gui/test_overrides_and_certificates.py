@@ -160,7 +160,21 @@ def test_certificate_is_issued_from_the_verdict_and_from_the_history(
     states = [[table.model().index(row, column).data() for column in (0, 2)] for row in range(2)]
     assert states == [[pdf.stem, "replaced"], [f"{pdf.stem}-R1", "valid"]]
     operator.press("open_certificate_button")
-    assert opened[-1] == pdf.with_name(f"{pdf.stem}-R1.pdf")
+    revision = pdf.with_name(f"{pdf.stem}-R1.pdf")
+    assert opened[-1] == revision
+    content = revision.read_bytes()
+    revision.write_bytes(content + b"\n")
+    operator.press("open_certificate_button")
+    assert f"{revision.name} was changed after the certificate was issued" in operator.says()
+    assert len(opened) == 3
+    operator.press("certificate_close_button")
+    operator.press("record_back_button")
+    operator.press("history_record_button")
+    operator.until(lambda: table.model().index(1, 2).data() == "file changed")
+    operator.press("record_back_button")
+    operator.press("history_certificate_button")
+    operator.until(lambda: f"{revision.name} was changed after the certificate was issued" in operator.says())
+    assert not operator.window.findChildren(QPushButton, "certificate_open_button"), "not offered"
     listed = operator.widget("history_events_table", QTableView).model()
     lines = [str(listed.index(row, 1).data()) for row in range(listed.rowCount())]
     assert "Six positions ended: its plan is complete." in lines

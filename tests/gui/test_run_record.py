@@ -1,5 +1,6 @@
 """The event log of a run, live and in the history, and the certificates listed with their run."""
 
+import hashlib
 from pathlib import Path
 
 import pytest
@@ -9,9 +10,10 @@ from PySide6.QtWidgets import QTableView
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.history import HistoryPage
+from calstation.gui.history.record_view import _state
 from calstation.gui.text import event_line
 from calstation.records import IssuedReport, Verdict
-from calstation.reports import IssuedCertificate
+from calstation.reports import IssuedCertificate, IssuedPdf
 from calstation.sequencer import Finalized, Message, StageEnded, StageSolved, StageStarted, StateChanged, StepStarted
 from tests.gui.conftest import RESULT, Operator
 from tests.gui.test_history_page import WAIT, button, folder, listed_runs, page, runs, select_row, visible_texts
@@ -78,11 +80,18 @@ def test_each_rule_that_ends_a_stage_has_its_own_sentence(reason: str) -> None:
     assert event_line(StageEnded("rate", reason, 2))[1] not in others
 
 
+def press_record(page: HistoryPage, qtbot: QtBot) -> None:
+    """Click the button for the record of a run after the details have been laid out."""
+    record = button(page, "history_record_button")
+    qtbot.waitUntil(lambda: record.width() > 0, timeout=WAIT)
+    qtbot.mouseClick(record, Qt.MouseButton.LeftButton)
+
+
 @pytest.mark.usefixtures("runs")
 def test_history_lists_the_events_of_a_log(page: HistoryPage, qtbot: QtBot) -> None:
     rows = listed_runs(page, qtbot)
     select_row(page, [serial for serial, _ in rows].index("SN-000003"), qtbot)
-    qtbot.mouseClick(button(page, "history_record_button"), Qt.MouseButton.LeftButton)
+    press_record(page, qtbot)
     table = page.findChild(QTableView, "history_events_table")
     qtbot.waitUntil(lambda: not page.record.busy, timeout=WAIT)
     assert sentences(table) == ["Rate solved; its residuals are consistent."], visible_texts(page)
@@ -98,13 +107,14 @@ def test_certificates_are_listed_with_their_run_and_opened(
     succeeds = True
     monkeypatch.setattr(QDesktopServices, "openUrl", lambda url: bool(opened.append(url) or succeeds))
     listed_runs(page, qtbot)
-    qtbot.mouseClick(button(page, "history_record_button"), Qt.MouseButton.LeftButton)
+    press_record(page, qtbot)
     first, second = (
         IssuedReport("N-1", revision, "2026-11-20", reason, "0" * 64, "0.1", None, ("Li Na",))
         for revision, reason in ((0, None), (1, "address of the customer"))
     )
     pdf = tmp_path / "N-1-R1.pdf"
-    page.record._show_certificates([IssuedCertificate(first, None), IssuedCertificate(second, pdf)])
+    issued = IssuedPdf(pdf, frozenset({hashlib.sha256(b"issued").hexdigest()}))
+    page.record._show_certificates([IssuedCertificate(first, None), IssuedCertificate(second, issued, intact=True)])
     table = page.findChild(QTableView, "certificates_table")
     model = table.model()
     cells = [[str(model.index(row, column).data()) for column in range(5)] for row in range(2)]
@@ -117,6 +127,29 @@ def test_certificates_are_listed_with_their_run_and_opened(
     qtbot.mouseClick(open_button, Qt.MouseButton.LeftButton)
     assert page.record.notice.isVisible()
     assert str(pdf) in page.record.notice.text_label.text()
+    pdf.write_bytes(b"changed")
+    qtbot.mouseClick(open_button, Qt.MouseButton.LeftButton)
+    assert len(opened) == 2, "a changed file is not opened"
+    assert "is not the file whose SHA-256 is in the audit trail" in page.record.notice.text_label.text()
     qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=table.visualRect(model.index(0, 0)).center())
     assert not open_button.isEnabled()
     assert "prints the valid one again" in open_button.toolTip()
+
+
+@pytest.mark.parametrize(
+    ("intact", "exists", "last", "state"),
+    [
+        (True, True, True, ("good", "history.certificate_valid")),
+        (None, False, True, ("good", "history.certificate_valid")),
+        (None, True, True, ("caution", "history.certificate_unverified")),
+        (False, True, True, ("bad", "history.certificate_changed")),
+        (False, True, False, ("bad", "history.certificate_changed")),
+        (True, True, False, ("none", "history.certificate_replaced")),
+    ],
+)
+def test_state_of_a_certificate_is_that_of_its_file(
+    intact: bool | None, exists: bool, last: bool, state: tuple[str, str], tmp_path: Path
+) -> None:
+    report = IssuedReport("N-1", 0, "2026-11-20", None, "0" * 64, "0.1")
+    pdf = IssuedPdf(tmp_path / "N-1.pdf", frozenset()) if exists else None
+    assert _state(IssuedCertificate(report, pdf, intact), last=last) == state

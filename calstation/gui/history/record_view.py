@@ -90,7 +90,7 @@ class RecordView(JobView):
     def _open(self) -> None:
         number = self.table.currentIndex().row()
         if 0 <= number < len(self._certificates) and (pdf := self._certificates[number].pdf) is not None:
-            self.certificate_button.open(pdf)
+            self.certificate_button.open_issued(pdf)
 
     def _update(self) -> None:
         """Enable the button that opens the selected certificate if its file exists."""
@@ -111,16 +111,28 @@ class RecordView(JobView):
         cells = {}
         for number, each in enumerate(self._certificates):
             report = each.report
+            state, code = _state(each, last=number == last)
             cells[str(number)] = {
                 "number": report.identification,
                 "issued": report.issued,
-                "state": "good" if number == last else "none",
-                "state_text": say("history.certificate_valid" if number == last else "history.certificate_replaced"),
+                "state": state,
+                "state_text": say(code),
                 "people": say("common.comma").join(report.authorised),
                 "reason": report.reason or "",
-                "file": str(each.pdf or ""),
+                "file": "" if each.pdf is None else str(each.pdf.path),
             }
         self.table.show_cells(cells)
         self.table.setVisible(bool(cells))
         show_text(self._no_certificates, "" if cells else say("history.no_certificates"))
         self._update()
+
+
+def _state(certificate: IssuedCertificate, *, last: bool) -> tuple[str, str]:
+    """Return the symbol of the state of a certificate and the code of its text."""
+    if certificate.intact is False:
+        return "bad", "history.certificate_changed"
+    if not last:
+        return "none", "history.certificate_replaced"
+    if certificate.intact is None and certificate.pdf is not None:
+        return "caution", "history.certificate_unverified"
+    return "good", "history.certificate_valid"

@@ -17,6 +17,7 @@ from calstation.gui.widgets import Choice, JobWatch, NoticeBar
 from calstation.messages import Text
 from calstation.records import IssuedReport, Verdict
 from calstation.reports import (
+    IssuedPdf,
     IssueState,
     issue_certificate,
     issue_certificates,
@@ -172,13 +173,29 @@ class CertificateButton(_IssueButton):
         revise = Choice("certificate_revise_button", "operator.issue_revision", ask)
         choices = [Choice("certificate_close_button", "common.close", self._then), revise]
         if (pdf := state.pdf) is not None:
-            choices.append(Choice("certificate_open_button", "common.open", lambda: self.open(pdf), primary=True))
+            if pdf.intact() is False:
+                self._show_changed(pdf.path, choices)
+                return
+            choices.append(
+                Choice("certificate_open_button", "common.open", lambda: self.open_issued(pdf), primary=True)
+            )
         self._notice.ask(
             "none" if state.pdf is not None and not state.changed else "caution",
             Text.of("operator.certificate_issued_on", number=last.identification, date=last.issued),
             "operator.certificate_outdated" if state.changed else "",
             choices,
         )
+
+    def open_issued(self, pdf: IssuedPdf) -> None:
+        """Open the PDF of an issued certificate, unless it was changed after its issue, which a notice states."""
+        if pdf.intact() is False:
+            self._show_changed(pdf.path, [Choice("certificate_close_button", "common.close", self._then)])
+        else:
+            self.open(pdf.path)
+
+    def _show_changed(self, pdf: Path, choices: Sequence[Choice]) -> None:
+        title = Text.of("operator.certificate_changed", file=pdf.name)
+        self._notice.ask("bad", title, Text.of("operator.about_certificate_changed", file=pdf), choices)
 
     def _ask_people(self, title: Words, state: IssueState, *, reason: bool = False) -> None:
         def confirmed(why: str, first: Person, second: Person | None) -> None:
