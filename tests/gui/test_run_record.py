@@ -1,12 +1,13 @@
 """The event log of a run, live and in the history, and the certificates listed with their run."""
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from PySide6.QtCore import Qt, QUrl
 from PySide6.QtGui import QDesktopServices
-from PySide6.QtWidgets import QTableView
+from PySide6.QtWidgets import QLabel, QTableView
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.history import HistoryPage
@@ -115,7 +116,16 @@ def test_certificates_are_listed_with_their_run_and_opened(
     pdf = tmp_path / "N-1-R1.pdf"
     issued = IssuedPdf(pdf, frozenset({hashlib.sha256(b"issued").hexdigest()}))
     page.record._show_certificates([IssuedCertificate(first, None), IssuedCertificate(second, issued, intact=True)])
-    table = page.findChild(QTableView, "certificates_table")
+    table, note = page.findChild(QTableView, "certificates_table"), page.findChild(QLabel, "certificates_note")
+    assert not note.isVisible()
+    assert page.record._run is not None
+    page.record._run = replace(page.record._run, altered=True)
+    page.record._show_texts()
+    assert note.isVisible()
+    assert str(table.model().index(1, 2).data()) == "issued, result changed since"
+    page.record._run = replace(page.record._run, altered=False)
+    page.record._show_texts()
+    table.selectRow(1)
     model = table.model()
     cells = [[str(model.index(row, column).data()) for column in range(5)] for row in range(2)]
     assert cells[0] == ["N-1", "2026-11-20", "replaced", "Li Na", "–"] or cells[0][4] == ""
@@ -137,19 +147,22 @@ def test_certificates_are_listed_with_their_run_and_opened(
 
 
 @pytest.mark.parametrize(
-    ("intact", "exists", "last", "state"),
+    ("intact", "exists", "last", "altered", "state"),
     [
-        (True, True, True, ("good", "history.certificate_valid")),
-        (None, False, True, ("good", "history.certificate_valid")),
-        (None, True, True, ("caution", "history.certificate_unverified")),
-        (False, True, True, ("bad", "history.certificate_changed")),
-        (False, True, False, ("bad", "history.certificate_changed")),
-        (True, True, False, ("none", "history.certificate_replaced")),
+        (True, True, True, False, ("good", "history.certificate_valid")),
+        (None, False, True, False, ("good", "history.certificate_valid")),
+        (None, True, True, False, ("caution", "history.certificate_unverified")),
+        (False, True, True, False, ("bad", "history.certificate_changed")),
+        (False, True, False, False, ("bad", "history.certificate_changed")),
+        (True, True, True, True, ("caution", "history.certificate_result_changed")),
+        (None, False, True, True, ("caution", "history.certificate_result_changed")),
+        (False, True, True, True, ("bad", "history.certificate_changed")),
+        (True, True, False, False, ("none", "history.certificate_replaced")),
     ],
 )
 def test_state_of_a_certificate_is_that_of_its_file(
-    intact: bool | None, exists: bool, last: bool, state: tuple[str, str], tmp_path: Path
+    intact: bool | None, exists: bool, last: bool, altered: bool, state: tuple[str, str], tmp_path: Path
 ) -> None:
     report = IssuedReport("N-1", 0, "2026-11-20", None, "0" * 64, "0.1")
     pdf = IssuedPdf(tmp_path / "N-1.pdf", frozenset()) if exists else None
-    assert _state(IssuedCertificate(report, pdf, intact), last=last) == state
+    assert _state(IssuedCertificate(report, pdf, intact), last=last, altered=altered) == state

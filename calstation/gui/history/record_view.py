@@ -44,6 +44,7 @@ class RecordView(JobView):
         self.table.selectionModel().currentRowChanged.connect(lambda *_: self._update())
         self.table.doubleClicked.connect(lambda _: self._open())
         self._no_certificates = label(kind="muted", wrap=True, name="no_certificates_label")
+        self._note = label(wrap=True, name="certificates_note")
         self._open_button = button("open_certificate_button", "history.open_certificate", self._open)
         self.certificate_button = CertificateButton(self.app, "record_certificate_button", self.notice, self.setFocus)
         self.certificate_button.watch.done.connect(lambda _: self._read_certificates())
@@ -52,6 +53,7 @@ class RecordView(JobView):
             label("history.certificates", "section"),
             self._no_certificates,
             (self.table, 1),
+            self._note,
             row(self._open_button, self.certificate_button, None),
             self.certificate_button.panel,
             None,
@@ -111,7 +113,7 @@ class RecordView(JobView):
         cells = {}
         for number, each in enumerate(self._certificates):
             report = each.report
-            state, code = _state(each, last=number == last)
+            state, code = _state(each, last=number == last, altered=run.altered)
             cells[str(number)] = {
                 "number": report.identification,
                 "issued": report.issued,
@@ -123,16 +125,19 @@ class RecordView(JobView):
             }
         self.table.show_cells(cells)
         self.table.setVisible(bool(cells))
+        show_text(self._note, say("history.about_certificate_result_changed") if cells and run.altered else "")
         show_text(self._no_certificates, "" if cells else say("history.no_certificates"))
         self._update()
 
 
-def _state(certificate: IssuedCertificate, *, last: bool) -> tuple[str, str]:
-    """Return the symbol of the state of a certificate and the code of its text."""
+def _state(certificate: IssuedCertificate, *, last: bool, altered: bool) -> tuple[str, str]:
+    """Return the symbol of the state of a certificate and the code of its text; `altered` as in `RunRecord`."""
     if certificate.intact is False:
         return "bad", "history.certificate_changed"
     if not last:
         return "none", "history.certificate_replaced"
+    if altered:
+        return "caution", "history.certificate_result_changed"
     if certificate.intact is None and certificate.pdf is not None:
         return "caution", "history.certificate_unverified"
     return "good", "history.certificate_valid"
