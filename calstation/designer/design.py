@@ -104,6 +104,7 @@ class Design(Reached):
     searched: bool  #: Whether the search found the schedule; otherwise it is a random walk that reaches the targets.
     front: tuple[tuple[float, float], ...]  #: Durations, s, and the smallest worst ratio found for each.
     variations: tuple[Variation, ...]
+    undetermined: tuple[str, ...]  #: Parameters that the planned moves do not determine, so that a run fails.
     hidden: tuple[EffectLimit, ...]  #: Size of each effect that the planned moves cannot detect.
     rests: tuple[float, ...]  #: Durations of the planned rests, s.
     gravity_rest: float | None  #: Shortest rest, s, suitable for the product's gravity check; None without this check.
@@ -149,6 +150,7 @@ class Design(Reached):
             "gravity_rest_s": self.gravity_rest,
             "latitude_sigma_rad": self.latitude_sigma,
             "noise_seen": self.noise_seen,
+            "undetermined": list(self.undetermined),
             "hidden": [{**vars(h), "size": h.size if np.isfinite(h.size) else None} for h in self.hidden],
             "search_s": self.seconds,
         }

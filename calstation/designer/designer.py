@@ -26,7 +26,7 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.common import without_gravity
 from calstation.estimation.effects import drifts_before_end
 from calstation.jobs import ProgressCallback
-from calstation.physics import COUNT, DISPLAY, EFFECTS, NAMES, PARAMETERS, FloatArray, Move
+from calstation.physics import COUNT, DISPLAY, EFFECTS, NAMES, OBSERVABLE, PARAMETERS, FloatArray, Move
 from calstation.records import context_from_meta, prior_from_meta
 from calstation.results import compute_preview, one_blas_thread
 from calstation.sequencer import check_limits
@@ -102,6 +102,7 @@ class _Designer:
         #: Fraction of their limits that the sigmas should not exceed.
         self._margin = request.margin if request.duration is None and not request.as_present else 1.0
         self._goal = self._target_sigmas()
+        self._determined = {} if request.as_present else self._determined_sigmas(prior.sigma)
         self._front = Front()
         self._searched = request.duration is not None  #: Whether a beam has found a result.
         rest = gravity_rest(self._product, self._context)
@@ -132,6 +133,13 @@ class _Designer:
             self._refuse("design.gravity", int(i), relative)
         return targets
 
+    def _determined_sigmas(self, prior: FloatArray) -> dict[int, float]:
+        """Return the sigmas at which parameters are determined, by their index, if they are below the target sigmas."""
+        names, sigmas = method(STAGE).estimates(self._context), self._request.margin * OBSERVABLE * prior
+        return {
+            i: float(sigmas[i]) for i, name in enumerate(NAMES) if name in names and 0.0 < sigmas[i] < self._goal[i]
+        }
+
     def _problem(self, factor: float = 1.0) -> Problem:
         """Return the problem with targets multiplied by `factor`."""
         limits = self._geometry.limits
@@ -142,7 +150,10 @@ class _Designer:
         rests = (self._gravity_rest or 0, _GRAVITY_RESTS) if shortest else (0, 0)
         required = self._required_sizes(), self._required_errors()
         targets = factor * self._goal
-        problem = Problem(self._library, targets, low, high, turns, factor * self._margin, *rests, *required)
+        margin = factor * self._margin
+        problem = Problem(
+            self._library, targets, low, high, turns, margin, *rests, *required, determined=self._determined
+        )
         if not any(problem.next_positions((0, 0))):
             raise ConfigurationError("design.no_travel", table=self._table, step_deg=LATTICE_DEG)
         return problem
@@ -188,7 +199,7 @@ class _Designer:
         min_moves = self._min_moves(stops[:planned])
         reached = (k for k, (_, sigma) in enumerate(times, 1) if k >= min_moves and np.all(sigma <= goal))
         planned = next(reached, planned)
-        solution, hidden = self._trial.solve(moves[:planned])
+        solution, undetermined, hidden = self._trial.solve(moves[:planned])
         consistency, latitude = solution.consistency, solution.latitude
         targets = {name: float(s) for name, s in zip(NAMES, goal, strict=True) if np.isfinite(s)}
         return Design(
@@ -207,6 +218,7 @@ class _Designer:
             front=tuple((float(seconds), float(worst)) for seconds, worst, _ in self._front.points()),
             searched=self._searched,
             variations=tuple(self._variations(moves, self._goal)),
+            undetermined=undetermined,
             hidden=hidden,
             gravity_rest=None if self._gravity_rest is None else self._gravity_rest * REST_UNIT,
             rests=tuple(stop.rest * REST_UNIT for stop in stops[:planned]),
@@ -216,11 +228,14 @@ class _Designer:
         )
 
     def _min_moves(self, stops: Stops) -> int:
-        """Return the number of moves that detect the product's effects and contain enough rests for its check."""
+        """Return the number of moves that every run executes, because its limits do not include what they reveal.
+
+        They detect the product's effects, determine every parameter, and contain enough rests for the gravity check.
+        """
         problem, ends = self._problem(), np.array(states(self._library, stops))
-        detects_effects = np.all(problem.ratios(ends)[:, COUNT:] <= _MAX_DETECTION_RATIO, axis=1)
+        reveals = np.all(problem.ratios(ends)[:, COUNT:] <= _MAX_DETECTION_RATIO, axis=1)
         enough_rests = np.array([problem.has_long_rests(stops[:k]) for k in range(1, len(stops) + 1)])
-        sufficient = np.flatnonzero(detects_effects & enough_rests)
+        sufficient = np.flatnonzero(reveals & enough_rests)
         return int(sufficient[0]) + 1 if len(sufficient) else len(stops)
 
     def _variations(self, moves: Moves, goal: FloatArray) -> Iterator[Variation]:
@@ -256,6 +271,8 @@ class _Designer:
         components = ((cause, component) for cause, c in self._effects.items() for component in c.components)
         names = ["_".join(filter(None, each)) for each in components]
         worst = int(np.argmax(ratios[COUNT:]))
+        if worst >= len(names):
+            raise ConfigurationError("design.undetermined", parameter=NAMES[[*self._determined][worst - len(names)]])
         raise ConfigurationError("design.effect_unreachable", effect=names[worst], times=float(ratios[COUNT + worst]))
 
     def _beams(self) -> Iterator[int]:

@@ -5,7 +5,7 @@ time, only the best are continued. They are compared by the sum of the positive 
 The exchanges then change, insert, remove or swap moves and rests (simulated annealing).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import cycle, pairwise
@@ -63,15 +63,19 @@ class Problem:
     sizes: FloatArray = field(default_factory=lambda: np.zeros(0))
     #: Errors of parameters at which effects must be detected, SI, shape (30, k); infinite where none is required.
     errors: FloatArray = field(default_factory=lambda: np.zeros((COUNT, 0)))
+    #: Sigmas at which parameters are determined, SI, by the index of the parameter.
+    determined: Mapping[int, float] = field(default_factory=dict)
 
     def ratios(self, information: FloatArray) -> FloatArray:
-        """Return the ratios of n schedules to their targets, shape (n, 30 + k), from their information.
+        """Return the ratios of n schedules to their targets, shape (n, 30 + k + d), from their information.
 
-        They are the ratios of the sigmas, and of the size of each effect that is detected to the required one.
+        They are the ratios of the sigmas, of the size of each effect that is detected to the required one, and of the
+        sigmas to those at which parameters are determined.
         """
         sigma, size_sigma, error = precision(information, self.library.states)
         required = np.maximum(1.0 / self.sizes, np.max(np.abs(error) / self.errors, axis=1))
-        return np.hstack([sigma / self.targets, DETECTION * size_sigma * required])
+        determined = sigma[:, [*self.determined]] / [*self.determined.values()]
+        return np.hstack([sigma / self.targets, DETECTION * size_sigma * required, determined])
 
     def allowed(self, position: Position) -> bool:
         """Return whether a position is within the travel."""
@@ -248,9 +252,9 @@ class Beam:
         states = library.advance(starts, np.array(segments), np.array(durations_s))
         ratios = self._problem.ratios(states)
         remaining = remaining_log_ratio(ratios)
-        # A schedule that does not detect all effects is not a point of the front.
-        detects_effects = np.all(ratios[:, COUNT:] <= 1.0, axis=1)
-        worst = np.where(detects_effects, ratios[:, :COUNT].max(axis=1), np.inf)
+        # A schedule that does not detect all effects and determine all parameters is not a point of the front.
+        sufficient = np.all(ratios[:, COUNT:] <= 1.0, axis=1)
+        worst = np.where(sufficient, ratios[:, :COUNT].max(axis=1), np.inf)
         for node in nodes:
             node.information = None
         for k, (to, time, rest) in enumerate(after):

@@ -80,6 +80,7 @@ class _Shortening:
         self._speeds = dict(zip(("rate_dps", "acceleration_dps2"), speeds(setup, request), strict=True))
         self._product = setup.product.name
         first = self._preview({})
+        self._undetermined = set(first.undetermined)
         self._present, sigma = first.duration, self._sigma(first)
         limits = setup.sigma_limits()
         estimated = np.array([any(name in stage.estimated for stage in first.stages) for name in NAMES])
@@ -146,7 +147,9 @@ class _Shortening:
 
     def _reached(self, preview: Preview) -> bool:
         sigma = preview.stages[-1].sigma
-        return sigma is not None and bool(np.all(sigma <= self._margin * self._limits))
+        if sigma is None or not self._undetermined.issuperset(preview.undetermined):
+            return False
+        return bool(np.all(sigma <= self._margin * self._limits))
 
     def _sigma(self, preview: Preview) -> FloatArray:
         """Return the sigmas after the last stage. Raises ConfigurationError if the table cannot execute the stages."""

@@ -11,6 +11,7 @@ from calstation.estimation import Solution
 from calstation.estimation.common import PlannedSamples, SampleBlock, SolveContext, stage_data
 from calstation.estimation.effects import MAX_EXCESS, EffectLimit, EffectTests, known_effects, plausible_changes
 from calstation.estimation.navigation import result_sensitivity, solve_navigation
+from calstation.judgement import undetermined
 from calstation.physics import NAMES, Dwell, FloatArray, Move, RoundEnd, TableGeometry
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
 from calstation.results import StageChain
@@ -90,14 +91,19 @@ class Trial:
                 for block in samples.run(step, seconds, STAGE):
                     yield time, block
 
-    def solve(self, moves: Moves) -> tuple[Solution, tuple[EffectLimit, ...]]:
-        """Solve the moves as in a run; also return the size of each effect that the moves cannot detect."""
+    def solve(self, moves: Moves) -> tuple[Solution, tuple[str, ...], tuple[EffectLimit, ...]]:
+        """Solve the moves as in a run.
+
+        Also return the parameters that the moves do not determine, and the size of each effect that they cannot detect.
+        """
         chain = StageChain(self._meta)
         chain.start(STAGE)
         blocks = [block for _, block in self._blocks(moves, self._context, self.mount) if block is not None]
         for block in blocks:
             chain.feed(block)
-        return chain.finish(), self._hidden(blocks)
+        solution = chain.finish()
+        names = undetermined(chain.prior, [solution], self._meta.calibrated)
+        return solution, tuple(names), self._hidden(blocks)
 
     def _hidden(self, blocks: Sequence[SampleBlock]) -> tuple[EffectLimit, ...]:
         """Return the undetectable size of every constant effect, and of every group that may drift.

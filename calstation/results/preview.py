@@ -13,7 +13,7 @@ from calstation.config import RunConfiguration, RunRequest, check_manual_rig, lo
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common import PlannedSamples, profile
 from calstation.jobs import ProgressCallback
-from calstation.judgement import is_partial
+from calstation.judgement import is_partial, undetermined
 from calstation.messages import Text
 from calstation.physics import (
     JOINTS,
@@ -97,6 +97,8 @@ class Preview:
     travel: tuple[tuple[float, float], tuple[float, float]]
     #: Labels of the moves, by the number of the step in `observability`.
     step_labels: Mapping[int, tuple[str | float, ...]] = field(default_factory=dict)
+    #: Parameters whose check the run fails, because its data do not determine them.
+    undetermined: tuple[str, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -129,7 +131,7 @@ class _Previewer:
     def __init__(self, report: ProgressCallback, setup: RunConfiguration) -> None:
         self._report = report
         self._setup = setup
-        meta = _expected_meta(setup)
+        meta = self._meta = _expected_meta(setup)
         self._plans = table_task(setup).stages
         self._geometry = setup.table.geometry()
         self._context = context_from_meta(meta)
@@ -152,6 +154,7 @@ class _Previewer:
             solve = solve and stage.error is None
             stages.append(stage)
         trajectory, limits = np.array(self._trajectory), self._geometry.limits
+        chain, calibrated = self._chain, self._meta.calibrated
         return Preview(
             stages=tuple(stages),
             time=trajectory[:, 0],
@@ -163,6 +166,7 @@ class _Previewer:
             targets=self._targets(),
             travel=((limits.low[0], limits.high[0]), (limits.low[1], limits.high[1])),
             step_labels=self._labels,
+            undetermined=tuple(undetermined(chain.prior, chain.solutions, calibrated)) if solve else (),
         )
 
     def _check(self, plan: StagePlan, violations: list[Violation]) -> float:

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.config import check, library, load_product, read_text
+from calstation.config import RunRequest, check, library, load_product, read_text
 from calstation.designer import DesignRequest, design_schedule, designed_product, shorten_stages, shorter_product
 from calstation.errors import ConfigurationError
 from calstation.physics import NAMES
+from calstation.results import compute_preview
 from calstation.runs import execute
 from calstation.sequencer import Control, Finalized, StageEnded
 from tests.helpers import raises_code
@@ -60,6 +61,19 @@ def test_product_with_the_designed_schedule_is_valid(mems):
     assert check("products", text) == []
     assert 'stages = ["designed"]' in text
     assert "improvement_at_rest" not in text
+
+
+def test_design_determines_the_parameters_for_which_the_product_has_no_limit(tmp_path):
+    limit = "[limits.accel_quadratic] # s²/m\nwithin = 1.8e-05\nsigma_below = 8.0e-06\n"
+    product = changed(tmp_path, "products", "mems_c", (limit, ""), ("sigma_below = 0.0001", "sigma_below = 0.001"))
+    result = design_schedule(ignore, DesignRequest(product=product, time_limit=1.0))
+    assert result.undetermined == ()
+    i = NAMES.index("accel_quadratic_x")
+    assert result.limits[i] == np.inf
+    path = tmp_path / "designed.toml"
+    path.write_text(designed_product(read_text(product), result), encoding="utf-8")
+    preview = compute_preview(ignore, RunRequest("M-1", None, path, out=tmp_path / "runs"))
+    assert preview.undetermined == ()
 
 
 @pytest.mark.parametrize(
@@ -117,8 +131,6 @@ def test_search_starts_with_the_moves_of_a_designed_stage_which_reveal_what_the_
     ],
 )
 def test_schedules_for_other_tables_run_on_the_bench(tmp_path, monkeypatch, table):
-    from calstation.config import RunRequest
-
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
     changed(tmp_path, "tables", "bench", *table)
     station = changed(tmp_path, "stations", "virtual_bench", ('profile = "bench"', 'profile = "bench_changed"'))

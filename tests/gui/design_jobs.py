@@ -1,6 +1,7 @@
 """Fake schedule searches that end immediately, wait for their stop file, or fail."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -50,6 +51,7 @@ def design() -> Design:
             Variation("heading", float(np.pi / 2), None, 1.25),
             Variation("noise", 1.5, 48.0, 0.99),
         ),
+        undetermined=(),
         hidden=(
             EffectLimit("g_sensitivity", "yy", "", "", 8e-5, "rad·s/m", "gyro_scale_y", 2.77),
             EffectLimit("drift_throughout", "", "gyro_bias_z", "", 4.3e-4, "rad/s", "gyro_bias_z", 10.1),
@@ -66,6 +68,11 @@ def design() -> Design:
 def found(report: ProgressCallback, request: DesignRequest) -> Design:
     """End immediately."""
     return design()
+
+
+def incomplete(report: ProgressCallback, request: DesignRequest) -> Design:
+    """End immediately with a design that does not determine a parameter."""
+    return replace(design(), undetermined=("gyro_bias_z",))
 
 
 def searching(report: ProgressCallback, request: DesignRequest) -> Design:

@@ -122,6 +122,19 @@ def test_design_is_shown_with_path_parameters_and_robustness(designer: Designer)
     assert hidden[2][1:] == ["∞", "ms", "–", "–"]
 
 
+@pytest.mark.parametrize(
+    ("code", "verdict", "names"), [("en", "a run would fail", "gyro bias z"), ("zh_CN", "运行将不合格", "陀螺零偏 z")]
+)
+def test_design_that_leaves_a_parameter_undetermined_is_not_called_sufficient(
+    designer: Designer, monkeypatch: pytest.MonkeyPatch, code: str, verdict: str, names: str
+) -> None:
+    use(monkeypatch, "incomplete")
+    designer.window.app.set_language(code)
+    designer.design()
+    assert verdict in designer.says()
+    assert names in designer.headline
+
+
 def test_sphere_shows_the_direction_of_gravity_and_can_be_rotated(designer: Designer, tmp_path: Path) -> None:
     designer.design()
     designer.show_answer(1)

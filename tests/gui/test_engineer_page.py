@@ -570,6 +570,23 @@ def test_preview_without_limits_does_not_call_them_reached(
     assert any(text in label.text() for label in view.findChildren(QLabel))
 
 
+def test_preview_of_a_run_that_leaves_a_parameter_undetermined_does_not_call_it_reached(
+    app: AppContext, qtbot: QtBot
+) -> None:
+    sigma, none = np.ones(30), np.zeros(0)
+    stage = StagePreview("rate", 0.0, 1.0, "plan", 1, 1, ("gyro_bias_x", "gyro_bias_y"), sigma)
+    view, travel = PreviewView(app, lambda: RunRequest("")), ((-1.0, 1.0), (-1.0, 1.0))
+    qtbot.addWidget(view)
+    limits = {"gyro_bias_x": 2.0}
+    view._done(Preview((stage,), none, none, none, (), sigma, limits, {}, travel, undetermined=("gyro_bias_y",)))
+    texts = [label.text() for label in view.findChildren(QLabel)]
+    assert "a run would fail" in texts
+    assert "A run would fail, because its data do not determine gyro bias y." in texts
+    cells = view.findChild(CellTable, "preview_table").cells
+    assert cells["gyro_bias_y"]["verdict"] == "not determined"
+    assert cells["gyro_bias_x"]["verdict"] == "reached"
+
+
 def ask_to_write(engineer: Engineer, *, of: Mapping[str, Any] | None = None, **bench: Any) -> None:
     """Show a result with the changes `of`, read the unit and press Write."""
     engineer.site_folder.write(flash_file=str(engineer.site_folder.folder / "flash.bin"), **bench)

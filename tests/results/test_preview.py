@@ -76,6 +76,12 @@ def test_a_changed_schedule_changes_duration_and_sigma(site_folder: SiteFolder) 
     assert long.stages[0].sigma[i] < short.stages[0].sigma[i]
 
 
+def test_preview_names_the_parameters_whose_check_the_run_would_fail(site_folder: SiteFolder) -> None:
+    preview = preview_of(site_folder, "azimuth_flip")
+    result = site_folder.run("azimuth_flip").result
+    assert list(preview.undetermined) == result["unobservable"] == ["gyro_bias_z"]
+
+
 def test_every_violated_limit_is_reported_with_its_step(site_folder: SiteFolder) -> None:
     preview = preview_of(site_folder, "rate", "six_position", six_position={"rate_dps": 150.0})
     (violation,) = preview.violations

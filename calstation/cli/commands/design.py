@@ -66,7 +66,7 @@ def design(
     The schedule of a product with `[temperature]` is one over temperature.
 
     Ctrl-C ends the search with the best schedule found so far. Returns 1 if a sigma exceeds its limit, which can
-    happen if the duration is given. Raises ConfigurationError.
+    happen if the duration is given, or if the moves do not determine a parameter. Raises ConfigurationError.
     """
     request = DesignRequest(station, product, margin, duration, as_present, time_limit, seed, rate, acceleration)
     if duration is not None and as_present:
@@ -106,7 +106,7 @@ def design(
         return 0
     write_atomic(out, designed_product(present, designed))
     emit(designed.to_json(), json, _lines(designed, out))
-    return 0 if designed.worst <= 1.0 else 1
+    return 0 if designed.worst <= 1.0 and not designed.undetermined else 1
 
 
 def _refuse(options: Mapping[str, object], code: str) -> None:
@@ -138,6 +138,8 @@ def _lines(design: Design, out: Path) -> Iterator[str]:
     yield say(
         "design.found", seconds=design.duration, moves=design.planned, worst=design.worst, parameter=design.limiting
     )
+    if design.undetermined:
+        yield say("engineer.undetermined", names=", ".join(design.undetermined))
     if not design.searched:
         yield say("design.not_searched")
     if design.present is not None:

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QWidget
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext
-from calstation.gui.text import duration_text, on_language_change, say, step_sentence, term
+from calstation.gui.text import duration_text, on_language_change, parameter_text, say, step_sentence, term
 from calstation.gui.widgets import (
     Band,
     Cell,
@@ -176,6 +176,8 @@ def _verdict(preview: Preview) -> tuple[str, str]:
         return "bad", say("engineer.preview_violations")
     if any(stage.sigma is None for stage in preview.stages):
         return "bad", say("engineer.preview_unsolved")
+    if preview.undetermined:
+        return "bad", say("engineer.preview_undetermined")
     missed = sum(_reached(preview, name) is False for name in _names(preview))
     if missed:
         return "caution", say("engineer.preview_missed", missed=missed)
@@ -187,6 +189,9 @@ def _verdict(preview: Preview) -> tuple[str, str]:
 def _problem_texts(preview: Preview) -> list[str]:
     """Return the violated limits, the errors of stages, and the stages that have too few rounds."""
     problems = [_violation_text(violation) for violation in preview.violations]
+    if preview.undetermined:
+        names = ", ".join(parameter_text(name) for name in preview.undetermined)
+        problems.append(say("engineer.undetermined", names=names))
     for stage in preview.stages:
         if stage.error:
             problems.append(say("common.named", name=term("stage", stage.stage), text=say(stage.error)))
@@ -229,6 +234,8 @@ def _cells(preview: Preview, name: str) -> dict[str, str]:
     verdict = "unknown" if name in preview.limits else "no_limit"
     if reached is not None:
         verdict = "reached" if reached else "missed"
+    if name in preview.undetermined:
+        verdict, reached = "undetermined", False
     cells = {
         "unit": display(name, 0.0)[1],
         "before": _sigma_text(name, float(preview.before[INDEX[name]])),

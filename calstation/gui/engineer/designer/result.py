@@ -172,6 +172,8 @@ class DesignResult(QWidget):
 
 def _verdict(design: Design) -> tuple[str, str]:
     """Return the shape and the text of the badge."""
+    if design.undetermined:
+        return "bad", say("engineer.preview_undetermined")
     if design.worst > 1.0:
         return "caution", say("engineer.design_missed")
     if not design.searched:
@@ -190,6 +192,9 @@ def _headline(design: Design) -> str:
         times = design.present / design.duration
         first += " " + say("engineer.design_present", present=duration_text(design.present), times=times)
     limiting = say("engineer.design_limiting", parameter=design.limiting, worst=design.worst)
+    if design.undetermined:
+        names = ", ".join(parameter_text(name) for name in design.undetermined)
+        limiting = f"{say('engineer.undetermined', names=names)}\n{limiting}"
     return f"{first}\n{limiting}"
 
 
