@@ -95,6 +95,23 @@ def check(kind: str, text: str, path: Path | None = None) -> list[Problem]:
     return [replace(problem, line=line_of(text, problem.key_path), data=data) for problem in problems]
 
 
+def warnings(kind: str, text: str) -> list[Problem]:
+    """Return what is probably wrong in a valid text: limits of a value that are narrower than those of its sigma."""
+    if kind != "products":
+        return []
+    data = parse_toml(text)
+    problems = []
+    for name, limit in ProductConfig.model_validate(data).limits.items():
+        if limit.interval is None or limit.sigma_below is None:
+            continue
+        half = (limit.interval[1] - limit.interval[0]) / 2.0
+        if half < limit.sigma_below:
+            key_path: KeyPath = ("limits", name, "within")
+            what = Text.of("limits.narrower_than_sigma", half=half, sigma=limit.sigma_below)
+            problems.append(Problem(key_path, "warning", what, line_of(text, key_path), data))
+    return problems
+
+
 def check_data(kind: str, data: Mapping[str, Any], path: Path | None = None) -> list[Problem]:
     """Return all errors in the data of the file at `path`, without line numbers."""
     model = MODELS[kind]

@@ -209,6 +209,16 @@ def test_invalid_limit_is_marked_and_cannot_be_saved(forms: FormDriver) -> None:
     assert forms.problems() == []
 
 
+def test_value_limit_below_its_sigma_limit_is_pointed_out_and_may_be_saved(forms: FormDriver) -> None:
+    forms.open("products", "mems_c", "Limits")
+    forms.enter("gyro bias", "Highest", "2")
+    (sentence,) = forms.problems()
+    assert sentence.startswith("Gyro bias (°/h): The limit of the value, ±2, is below the limit of its sigma, 3.919;")
+    assert "within = 9.6" in forms.save()
+    language.use("zh_CN")
+    assert "小于其标准差限差" in forms.problems()[0]
+
+
 def test_limit_beyond_the_register_range_is_explained_in_display_units(forms: FormDriver) -> None:
     forms.open("products", "mems_c", "Limits")
     forms.enter("gyro bias", "Highest", "30000")

@@ -42,6 +42,11 @@ class Draft(FormValues):
         return self.text != self.saved
 
     @property
+    def warnings(self) -> list[Problem]:
+        """Entries that are probably wrong; [] while the text has problems."""
+        return [] if self.problems or self.path is None else editing.warnings(self.kind, self.text)
+
+    @property
     def judges_differently(self) -> bool:
         """Whether the limits of a product, or other entries that decide whether a unit passes, have changed."""
         return self.kind == "products" and any(self.differs((name,)) for name in versions.JUDGING)

@@ -128,6 +128,7 @@ class ProfilesSection(QWidget):
         self.editor.textChanged.connect(self._typed)
         self.diff.setReadOnly(True)
         self._problems = QListWidget()
+        self._listed: list[Problem] = []  #: The problems of the draft, or its warnings.
         self._problems.setObjectName("problems_list")
         self._problems.setWordWrap(True)
         for signal in (self._problems.itemClicked, self._problems.itemActivated):
@@ -230,9 +231,10 @@ class ProfilesSection(QWidget):
         if isinstance(view, FormView):
             view.show_draft(draft)
         self._problems.clear()
-        self._problems.addItems([self._problem_line(problem) for problem in draft.problems])
-        self._problems.setVisible(bool(draft.problems))
-        self._problems.setFixedHeight((min(len(draft.problems), 3) * 5 + 1) * theme.GRID)
+        self._listed = draft.problems or draft.warnings
+        self._problems.addItems([self._problem_line(problem) for problem in self._listed])
+        self._problems.setVisible(bool(self._listed))
+        self._problems.setFixedHeight((min(len(self._listed), 3) * 5 + 1) * theme.GRID)
         shipped = any(entry.path == draft.path and entry.shipped for entry in editing.list_files(draft.kind))
         self._about.setText(say("setting.file_shipped" if shipped else "setting.file_own"))
         self._about.setToolTip(plain_tip(str(draft.path)))
@@ -291,10 +293,10 @@ class ProfilesSection(QWidget):
             self._draft.rewrite(self.editor.toPlainText())
 
     def _go_to_problem(self) -> None:
-        draft, number = self._draft, self._problems.currentRow()
-        if draft is None or not 0 <= number < len(draft.problems):
+        number = self._problems.currentRow()
+        if not 0 <= number < len(self._listed):
             return
-        view, problem = self.views.currentWidget(), draft.problems[number]
+        view, problem = self.views.currentWidget(), self._listed[number]
         if not (isinstance(view, FormView) and view.go_to(problem)):
             self.views.setCurrentWidget(self.editor)
             self.editor.go_to(problem.line)
