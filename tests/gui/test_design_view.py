@@ -84,7 +84,7 @@ def test_design_is_shown_with_path_parameters_and_robustness(designer: Designer)
     assert "The shortest schedule for short" not in designer.says()
     assert designer.headline == (
         "0:33 planned, 0:48 at most. The current stages take 5:30, 10 times as long.\n"
-        "Limited by accel bias y: σ is 0.78 of its limit."
+        "Limited by accel bias y: σ is 0.78 of its limit. Effects that shift gyro bias z by up to 10.1 σ remain hidden."
     )
     assert "limits reached" in designer.says()
     assert "short on test bench: 4 moves and 2 in reserve at 60 °/s and 60 °/s²" in designer.says()

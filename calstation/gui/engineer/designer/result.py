@@ -195,6 +195,9 @@ def _headline(design: Design) -> str:
     if design.undetermined:
         names = ", ".join(parameter_text(name) for name in design.undetermined)
         limiting = f"{say('engineer.undetermined', names=names)}\n{limiting}"
+    hidden = max((limit for limit in design.hidden if np.isfinite(limit.size)), key=lambda h: h.move, default=None)
+    if hidden is not None and hidden.moved in INDEX:
+        limiting += " " + say("engineer.design_hides", shift=hidden.move, parameter=hidden.moved)
     return f"{first}\n{limiting}"
 
 
