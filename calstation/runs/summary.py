@@ -49,6 +49,11 @@ class RunSummary:
     omitted: tuple[str, ...] = ()  #: Stages of the product that the run omits; a run that omits any is partial.
 
     @property
+    def over_temperature(self) -> bool:
+        """Whether the run is over temperature, in a chamber."""
+        return any(stage.name == "temperature" for stage in self.stages)
+
+    @property
     def virtual(self) -> bool:
         """Whether the station is a virtual bench."""
         return self.bench is not None

@@ -8,9 +8,11 @@ from PySide6.QtWidgets import QComboBox, QPushButton
 from calstation.config import RunRequest, library
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator.live import TemperaturePanel
+from calstation.gui.operator.loading import Loading
 from calstation.gui.state import ChamberNotice, RunStrip, run_badge
 from calstation.gui.state.engine_link import EngineLink
 from calstation.records import Verdict
+from calstation.runs import run_summary
 from calstation.sequencer import (
     ChamberChanged,
     Event,
@@ -57,7 +59,7 @@ class ThermalRun:
 
     @property
     def notice(self) -> ChamberNotice:
-        notice: ChamberNotice = self.operator.widget("chamber_notice", ChamberNotice)
+        notice: ChamberNotice = self.operator.widget("operator_page_chamber_notice", ChamberNotice)
         return notice
 
 
@@ -111,7 +113,7 @@ def test_run_at_one_temperature_shows_no_chamber(operator: Operator, monkeypatch
     monkeypatch.setattr(EngineLink, "running", False)
     link.running_changed.emit(False)
     assert operator.run.chamber.access == ""
-    assert not operator.widget("chamber_notice").isVisible()
+    assert not operator.widget("operator_page_chamber_notice").isVisible()
 
 
 def test_chamber_must_stay_closed_after_stop_until_it_may_be_opened(thermal: ThermalRun) -> None:
@@ -123,7 +125,7 @@ def test_chamber_must_stay_closed_after_stop_until_it_may_be_opened(thermal: The
     thermal.emit(replace(SOAK, limit=None, rates={}, air_c=-20.0, units={"": -12.0}, target_c=23.0))
     operator.until(thermal.notice.isVisible)
     assert thermal.notice.title_label.text() == "Keep the chamber closed"
-    cold = "Air at −20.0 °C, 35 °C below the dew point of the room (15 °C)"
+    cold = "Air at −20.0 °C, 35.0 °C below the dew point of the room (15 °C)"
     assert thermal.notice.text_label.text() == cold
     assert not thermal.notice.asking, "it cannot be closed"
     assert run_badge(operator.run) == ("caution", "KEEP CHAMBER CLOSED  ·  STOPPING")
@@ -132,17 +134,22 @@ def test_chamber_must_stay_closed_after_stop_until_it_may_be_opened(thermal: The
     strip = next(strip for strip in operator.window.findChildren(RunStrip) if strip.isVisible())
     assert strip._badge.text() == "KEEP CHAMBER CLOSED  ·  STOPPING"
     assert cold in strip._text.text()
+    for page in ("engineer_page", "station_page"):
+        operator.window.show_page(page)
+        notice = operator.widget(f"{page}_chamber_notice", ChamberNotice)
+        assert notice.isVisible()
+        assert notice.text_label.text() == cold
     operator.window.show_page("operator_page")
     operator.window.app.set_language("zh_CN")
     assert thermal.notice.title_label.text() == "请勿打开温箱"
-    assert "比室内露点（15 °C）低 35 °C" in thermal.notice.text_label.text()
+    assert "比室内露点（15 °C）低 35.0 °C" in thermal.notice.text_label.text()
     thermal.emit(Message("chamber_may_be_opened", {**RETURNING, "air_c": 23.0, "unit_c": 20.0}))
     operator.until(lambda: thermal.notice.title_label.text() == "可以打开温箱")
     thermal.emit(StateChanged("stopped", "stopping"))
     thermal.emit(Finalized(Verdict.STOPPED, "log.h5", "result.json", {**RESULT, "outcome": "stopped"}))
     thermal.set_running(running=False)
     operator.until(lambda: run_badge(operator.run) == ("stopped", "已停止"))
-    operator.press("chamber_notice_close")
+    operator.press("operator_page_chamber_notice_close")
     operator.until(lambda: not thermal.notice.isVisible())
 
 
@@ -155,7 +162,7 @@ def test_chamber_must_stay_closed_after_its_fault_was_read(thermal: ThermalRun) 
     operator.until(lambda: operator.run.fault is None)
     assert thermal.app.engine_link.running, "the chamber is still watched"
     assert thermal.panel.isVisible()
-    assert "Air at 80.0 °C, 37 °C too hot to touch (limit 43 °C)" in operator.says()
+    assert "Air at 80.0 °C, 37.0 °C too hot to touch (limit 43 °C)" in operator.says()
     assert run_badge(operator.run) == ("caution", "KEEP CHAMBER CLOSED")
     start = operator.widget("start_button", QPushButton)
     assert not start.isEnabled()
@@ -178,9 +185,27 @@ def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun) -> Non
     assert "look at its display before you open it" in thermal.notice.text_label.text()
     thermal.operator.press("acknowledge_button")
     assert thermal.notice.isVisible(), "it is not part of the fault"
-    thermal.operator.press("chamber_notice_close")
+    thermal.operator.press("operator_page_chamber_notice_close")
     thermal.operator.until(lambda: not thermal.notice.isVisible())
     assert run_badge(thermal.operator.run)[0] != "caution"
+
+
+def test_loading_ends_with_the_closed_chamber(operator: Operator) -> None:
+    loading, summary = (
+        Loading(),
+        run_summary(
+            RunRequest("-", library.find("stations", "virtual_chamber"), library.find("products", "mems_c_thermal"))
+        ),
+    )
+    operator.qtbot.addWidget(loading)
+    loading.set_next_run(summary)
+    assert loading._texts[2].text() == "A calibration over temperature takes several minutes here."
+    loading.set_next_run(replace(summary, bench=None))
+    assert loading._titles[3].text() == "Close the chamber, then press START"
+    operator.window.app.set_language("zh_CN")
+    assert loading._titles[3].text() == "关好温箱，再按“开始”按钮"
+    loading.set_next_run(replace(summary, bench=None, stages=()))
+    assert "温箱" not in loading._titles[3].text()
 
 
 def test_product_over_temperature_is_greyed_where_there_is_no_chamber(operator: Operator) -> None:
@@ -189,7 +214,7 @@ def test_product_over_temperature_is_greyed_where_there_is_no_chamber(operator: 
     assert not enabled
     assert "the station has none" in tip
     operator.window.app.set_language("zh_CN")
-    assert "（需要温箱）" in entry(operator, "mems_c_thermal")[0] or "需要温箱" in entry(operator, "mems_c_thermal")[0]
+    assert "需要温箱" in entry(operator, "mems_c_thermal")[0]
     operator.window.app.set_product(library.find("products", "mems_c_thermal"))
     assert not operator.widget("start_button", QPushButton).isEnabled()
     operator.window.app.set_station(library.find("stations", "virtual_chamber"))

@@ -17,7 +17,7 @@ from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.registers_view import UNNAMED, RegistersView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
 from calstation.gui.operator import LiveView, SlotsPanel, StartDialog
-from calstation.gui.state import AppContext, ChamberNotice, Page
+from calstation.gui.state import AppContext, Page
 from calstation.gui.text import on_language_change, product_text, say
 from calstation.gui.widgets import (
     Choice,
@@ -101,9 +101,7 @@ class EngineerPage(Page):
         open_button = button("open_result_button", "common.open", self._ask_file, tip="engineer.open_tip")
         self.choice.setFixedWidth(_PANEL_WIDTH)
         tabs = row(self._tabs, (self._source, 1), open_button)
-        right = column(
-            ChamberNotice(self.app.run, "engineer_"), tabs, self.notice, self._start_dialog.people, (self._views, 1)
-        )
+        right = column(tabs, self.notice, self._start_dialog.people, (self._views, 1))
         wide = 2 * theme.GRID
         row(self.choice, (right, 1), on=self, spacing=wide, margins=(wide, 0, wide, theme.GRID))
 

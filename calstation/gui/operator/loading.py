@@ -14,6 +14,9 @@ from calstation.gui.widgets import PlainLabel, column, grid, label, row, theme
 from calstation.messages import Text
 from calstation.runs import RunSummary
 
+#: Number of the step that differs in a chamber, by situation.
+_CHAMBER_STEPS = {"driven": 4, "virtual_driven": 3}
+
 
 class FixturePicture(QWidget):
     """A picture from an SVG, PNG or JPEG file, drawn as large as possible on a white background in both themes."""
@@ -59,7 +62,7 @@ class Loading(QFrame):
     def __init__(self) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
-        self._situation = "driven"
+        self._situation, self._in_chamber = "driven", False
         self.picture, self.rails, self.fixture = TablePicture(), PositionPicture(), FixturePicture()
         for picture in (self.picture, self.rails, self.fixture):
             picture.setMinimumSize(30 * theme.GRID, 30 * theme.GRID)
@@ -87,6 +90,7 @@ class Loading(QFrame):
     def set_next_run(self, run_summary: RunSummary | None) -> None:
         """Show how to load a unit for the next run."""
         self._situation = "driven"
+        self._in_chamber = run_summary is not None and run_summary.over_temperature
         by_hand = run_summary is not None and run_summary.by_hand
         picture_file = None if run_summary is None else run_summary.picture
         self.fixture.show_file(picture_file)
@@ -104,6 +108,7 @@ class Loading(QFrame):
 
     def _refresh(self) -> None:
         for number, (title, text) in enumerate(zip(self._titles, self._texts, strict=True), start=1):
-            step = rendered(Text(f"loading.{self._situation}_{number}"))
+            chamber = self._in_chamber and number == _CHAMBER_STEPS.get(self._situation)
+            step = rendered(Text(f"loading.{self._situation}_{'chamber' if chamber else number}"))
             title.setText(step.text)
             text.setText(step.remedy)

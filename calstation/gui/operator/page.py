@@ -27,7 +27,7 @@ from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.units import SlotsPanel, VerdictGrid
 from calstation.gui.operator.verdict import VerdictPanel
-from calstation.gui.state import AppContext, ChamberNotice, EventLog, ExchangeLabel, Page, chamber_reason, run_badge
+from calstation.gui.state import AppContext, EventLog, ExchangeLabel, Page, chamber_reason, run_badge
 from calstation.gui.text import (
     fault_text,
     offered_products,
@@ -97,7 +97,7 @@ class OperatorPage(Page):
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
         right = column(
-            *(ChamberNotice(app.run), self.closing, self._failing, self._claimed, self._validation, self.notice),
+            *(self.closing, self._failing, self._claimed, self._validation, self.notice),
             *(self._starting.dialog.people, (self._views, 1)),
         )
         counts = row(self._shift, None, ExchangeLabel(app), spacing=3 * theme.GRID)

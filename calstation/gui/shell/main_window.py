@@ -17,7 +17,7 @@ from calstation.config import load_station
 from calstation.errors import CalstationError
 from calstation.gui.operator import OperatorPage
 from calstation.gui.shell.stop_guard import StopGuard
-from calstation.gui.state import AppContext, Page, RolePanel, RunStrip, run_title
+from calstation.gui.state import AppContext, ChamberNotice, Page, RolePanel, RunStrip, run_title
 from calstation.gui.text import bind, language, on_language_change, say, station_text
 from calstation.gui.widgets import PANEL, PageArea, button, column, label, padlock_icon, row, theme, theme_icon
 
@@ -77,7 +77,12 @@ class _Tab(QWidget):
 
     def create_page(self) -> Page:
         self._page = page = self._create(self._app)
-        column((PageArea(page), 1), on=self, margins=(0, _STRIP_HEIGHT, 0, 0))
+        notice = row(margins=(2 * theme.GRID, 0, 2 * theme.GRID, 0))
+        column(notice, (PageArea(page), 1), on=self, margins=(0, _STRIP_HEIGHT, 0, 0))
+        if page.header is not None:  # other pages show the chamber in the strip
+            chamber = ChamberNotice(self._app.run, f"{self.objectName()}_")
+            notice.addWidget(chamber)
+            chamber.show_state()
         column((page.header or RunStrip(self._app.run), 1), on=self.header)
         return page
 

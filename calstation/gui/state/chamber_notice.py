@@ -11,12 +11,13 @@ _KINDS = {"closed": "caution", "unknown": "bad", "open": "good"}
 class ChamberNotice(NoticeBar):
     """Says from the end of a run over temperature whether the chamber may be opened."""
 
-    def __init__(self, run: RunStatus, prefix: str = "") -> None:
+    def __init__(self, run: RunStatus, prefix: str) -> None:
         super().__init__(f"{prefix}chamber_notice")
         self._run, self._access = run, ""
-        run.changed.connect(self._run_changed)
+        run.changed.connect(self.show_state)
 
-    def _run_changed(self) -> None:
+    def show_state(self) -> None:
+        """Show the state of the chamber, or hide if there is nothing to say."""
         access = self._run.chamber.access
         if access == self._access:
             self.refresh()
