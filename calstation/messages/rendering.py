@@ -244,11 +244,16 @@ def values_from_json(values: Mapping[str, Any]) -> dict[str, Value]:
     return {name: _from_json(value) for name, value in values.items()}
 
 
+#: Functions that return the display name of a value, by the format of a placeholder.
+_NAMES = {"parameter": parameter_name, "product": product_name, "station": station_name}
+
+
 class _Formatter(string.Formatter):
     """A `str.format` that also renders nested messages, the terms of a family (``{axis:@joint}``), times and names.
 
-    ``{utc:local_time}`` shows a UTC time in this computer's time zone, and ``{name:parameter}`` a parameter
-    by its display name in the window, otherwise by its name in files. In the window, times have no seconds and no zone.
+    ``{utc:local_time}`` shows a UTC time in this computer's time zone. ``{name:parameter}``, ``{name:product}`` and
+    ``{name:station}`` show the display name in the window, otherwise the name in files. In the window, times have no
+    seconds and no zone.
     """
 
     def __init__(self, language: Language, window: bool, operator: bool, options: Mapping[str, Value]) -> None:
@@ -278,8 +283,8 @@ class _Formatter(string.Formatter):
             return separator.join(self.format_field(item, format_spec) for item in value) or "–"
         if format_spec == "local_time":
             return local_time(str(value), zone=not self._window)
-        if format_spec == "parameter":
-            return parameter_name(str(value), self._language) if self._window else str(value)
+        if format_spec in _NAMES:
+            return _NAMES[format_spec](str(value), self._language) if self._window else str(value)
         if format_spec.startswith("@"):
             return term(format_spec[1:], str(value), self._language)
         if value is None:

@@ -2,10 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 from calstation.config import RunConfiguration, RunRequest, SignInSection, check_station, library, load_configuration
+from calstation.messages import Text
 from calstation.physics import GROUPS, NAMES, ManualMove, Orientation, TableGeometry, group_indices, orientation_matrix
+from calstation.quality import due_certificates
 from calstation.sequencer import DURATION, plan_time, table_task
 
 
@@ -46,6 +49,9 @@ class RunSummary:
     slots: tuple[str, ...] = ()  #: Names of the slots for units on the table, in order; () for a single unit.
     #: Rotation from the unit's axes to the table's axes, by slot; () if all units are aligned with the table.
     orientations: tuple[Orientation, ...] = ()
+    #: Overdue calibrations of table and site, which refuse production unless an engineer permits it.
+    overdue: tuple[Text, ...] = ()
+    check_standards: tuple[str, ...] = ()  #: Serial numbers of the check standards, whose runs are never refused.
     omitted: tuple[str, ...] = ()  #: Stages of the product that the run omits; a run that omits any is partial.
 
     @property
@@ -92,6 +98,8 @@ def run_summary(request: RunRequest) -> RunSummary:
         picture=None if picture is None else library.find_beside(setup.sources["product"].path, picture),
         slots=setup.station.slot_names,
         orientations=tuple(orientation_matrix(slot.orientation) for slot in setup.station.slots),
+        overdue=tuple(due.cause for due in due_certificates(setup.station, datetime.now(UTC))),
+        check_standards=tuple(standard.serial for standard in setup.product.check_standards),
         omitted=tuple(stage for stage in setup.product.stages if stage not in setup.stages),
     )
 

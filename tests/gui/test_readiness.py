@@ -1,11 +1,15 @@
 """The operator page says what is missing before a start, and shows nothing of another station or product."""
 
+from datetime import date
+
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtWidgets import QLabel, QLineEdit, QPushButton
 
 from calstation.config import library
 from calstation.jobs import JobQueue
+from calstation.messages import Language
+from calstation.messages.rendering import render
 from calstation.sequencer import StateChanged
 from tests.gui.conftest import Operator
 from tests.gui.test_operator_events import end_run, simulated_run
@@ -34,6 +38,30 @@ def test_refused_serial_number_is_not_ready_and_named_below(operator: Operator) 
     operator.scan("SN-000042")
     assert operator.message == "Load a unit, scan its serial number, and press START."
     assert "READY" in operator.says().split("\n")
+
+
+def test_overdue_calibration_of_the_table_is_not_ready(operator: Operator) -> None:
+    overdue = [{"name": "Rate table A", "kind": "table", "due": date(2021, 3, 2)}]
+    operator.site_folder.write(station={"instruments": overdue})
+    operator.window.app.set_station(operator.site_folder.station)
+    assert "NOT READY" in operator.says().split("\n")
+    assert "the calibration of 'Rate table A' was due on 2021-03-02" in operator.message
+    operator.window.app.set_language("zh_CN")
+    assert "“Rate table A”应于 2021-03-02 前送检" in operator.message
+    assert "未就绪" in operator.says()
+    operator.window.app.set_language("en")
+    assert operator.widget("start_button", QPushButton).isEnabled()
+    operator.site_folder.write(station={"instruments": [{**overdue[0], "due": date(2999, 3, 2)}]})
+    operator.window.app.set_station(operator.site_folder.station)
+    assert "READY" in operator.says().split("\n")
+
+
+def test_refusal_names_product_and_station_as_the_list_does() -> None:
+    values = {"product": "Navigation grade A", "station": "x", "name": "T", "since": "2021-03-02"}
+    names: dict[Language, str] = {"en": "Navigation grade A", "zh_CN": "导航级 A"}
+    for code, name in names.items():
+        assert name in render("quality.standard_certificate", values, code, window=True).text
+    assert "“Navigation grade A”" in render("quality.standard_certificate", values, "zh_CN").text
 
 
 def test_question_before_a_start_replaces_the_message_about_enter(

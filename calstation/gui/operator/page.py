@@ -429,12 +429,21 @@ class OperatorPage(Page):
         self._show_readiness()
 
     def _show_readiness(self) -> None:
-        """Show the message and the state of the run; the page is not ready while a badge or a valid scan is missing."""
+        """Show the message and the state of the run.
+
+        The page is not ready while a badge or a valid scan is missing, or a calibration is overdue.
+        """
         run = self.app.run
-        missing = self.header.badge_field.required or self._starting.refused is not None
+        missing = self.header.badge_field.required or self._starting.refused is not None or bool(self._overdue())
         waits = run.display_state == "idle" and run.elsewhere is None and missing
         self._badge.show_state(*(("none", term("badge", "not_ready")) if waits else run_badge(run)))
         self._message.setText(self._message_text())
+
+    def _overdue(self) -> tuple[Text, ...]:
+        """Return the overdue calibrations for which START asks an engineer, none for a check standard."""
+        summary = self._starting.run_summary
+        is_standard = summary is not None and self.header.serial in summary.check_standards
+        return () if summary is None or is_standard else summary.overdue
 
     def _choose_view(self) -> None:
         """Show the view for the state of the run, and hide the list of stages next to the verdicts on several units."""
@@ -488,6 +497,8 @@ class OperatorPage(Page):
             return say("operator.sign_in")
         if run.display_state == "idle" and self._starting.refused is not None:
             return rendered(self._starting.refused).text
+        if run.display_state == "idle" and (causes := self._overdue()):
+            return say("operator.message_overdue", causes=causes)
         if run.display_state == "monitoring" and run.monitoring is not None:
             return say("operator.message_monitoring", state=say(run.monitoring[1]))
         if run.state in ("idle", "starting"):
