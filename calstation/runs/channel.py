@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from queue import Empty, Full, Queue
 from typing import Any
@@ -45,7 +46,8 @@ class Channel:
         self._alive, self._silent_after = alive, silent_after
         self._queue: Queue[dict[str, Any] | None] = Queue(_MAX_QUEUED)
         self._unanswered_since: float | None = None
-        self._lost = threading.Event()
+        self._blocked_since: float | None = None  #: Time since which the pipe accepts no message; None if it does.
+        self._lost, self._reporting = threading.Event(), threading.Lock()
         self._closing = False
         self._sender = threading.Thread(target=self._send, name="events", daemon=True)
         self._receiver = threading.Thread(target=self._receive, name="commands", daemon=True)
@@ -62,11 +64,13 @@ class Channel:
             self._report_loss()
 
     def close(self) -> None:
-        """Send all queued events, then close the connection."""
+        """Send all queued events, then close the connection; a listener that does not read them has 5 s."""
         self._closing = True
         if not self._lost.is_set():
-            self._queue.put(None)
-            self._sender.join(_FLUSH_TIMEOUT)
+            end = time.monotonic() + _FLUSH_TIMEOUT
+            with suppress(Full):
+                self._queue.put(None, timeout=_FLUSH_TIMEOUT)
+            self._sender.join(max(0.0, end - time.monotonic()))
         self._connection.close()
 
     def _send(self) -> None:
@@ -77,18 +81,23 @@ class Channel:
                 if now >= due:
                     due = now + HEARTBEAT_INTERVAL
                     if self._alive():
-                        self._connection.send(HEARTBEAT)
                         if self._unanswered_since is None:
-                            self._unanswered_since = now
+                            self._unanswered_since = now  # before the reply can arrive
+                        self._transmit(HEARTBEAT)
                 try:
                     message = self._queue.get(timeout=due - now)
                 except Empty:
                     continue
                 if message is None:
                     return
-                self._connection.send(message)
+                self._transmit(message)
         except Exception:  # noqa: BLE001 - after any error, the listener is lost
             self._report_loss()
+
+    def _transmit(self, message: Any) -> None:
+        self._blocked_since = time.monotonic()
+        self._connection.send(message)
+        self._blocked_since = None
 
     def _receive(self) -> None:
         while True:
@@ -96,9 +105,9 @@ class Channel:
                 if not self._connection.poll(HEARTBEAT_INTERVAL):
                     # Only if there is nothing to read, because after a delay of the engine the reply may be in the
                     # pipe.
-                    since = self._unanswered_since
-                    if since is not None and time.monotonic() - since > self._silent_after:
-                        self._unanswered_since = None
+                    times = [t for t in (self._unanswered_since, self._blocked_since) if t is not None]
+                    if times and time.monotonic() - min(times) > self._silent_after:
+                        self._unanswered_since = self._blocked_since = None
                         self._on_silent()
                     continue
                 text = self._connection.recv()
@@ -110,6 +119,8 @@ class Channel:
             self._unanswered_since = None
 
     def _report_loss(self) -> None:
-        if not self._lost.is_set() and not self._closing:
+        with self._reporting:  # both threads notice the end of the listener
+            if self._lost.is_set() or self._closing:
+                return
             self._lost.set()
-            self._on_lost()
+        self._on_lost()

@@ -67,7 +67,7 @@ class Scheduler:
 
     _active: "Scheduler | None" = None
 
-    def __init__(self, seed: int, traced: tuple[ModuleType, ...] = (), max_steps: int = 2_000_000) -> None:
+    def __init__(self, seed: int, traced: tuple[ModuleType, ...] = (), max_steps: int = 100_000) -> None:
         self.random = random.Random(seed)
         self._files = {module.__file__ for module in traced}
         self._max_steps = max_steps
@@ -139,6 +139,11 @@ class Scheduler:
         _start(bootstrap, ())
         self.switch()
         return task
+
+    @property
+    def ends(self) -> bool:
+        """Whether the threads are being ended, so that a context may end without the lock that it waited for."""
+        return self._ending or self._failure is not None
 
     def switch(self) -> None:
         """Let another thread run."""
@@ -241,10 +246,10 @@ class Lock:
         return True
 
     def release(self) -> None:
-        if not self._held:
-            raise RuntimeError("release unlocked lock")
-        self._held = False
         found = Scheduler.current()
+        if not self._held:
+            raise _End if found is not None and found[0].ends else RuntimeError("release unlocked lock")
+        self._held = False
         if found is not None:
             found[0].switch()
 
@@ -303,7 +308,7 @@ class Pipe:
 
     @classmethod
     def pair(cls, capacity: int) -> "tuple[Pipe, Pipe]":
-        condition = threading.Condition(threading.Lock())
+        condition = threading.Condition(threading.Lock())  # cooperative only in a thread of the scheduler
         one, other = cls(condition, capacity), cls(condition, capacity)
         one.peer, other.peer = other, one
         return one, other

@@ -100,7 +100,7 @@ def write_log(seed: int, folder: Path) -> None:
         assert log.events == [{"number": number + 1} for number in range(events)]
 
 
-@with_seeds(40)
+@with_seeds(25)
 def test_log_has_every_sample_and_a_failed_disk_is_reported_once(seeds: range, tmp_path: Path) -> None:
     run_seeds(seeds, lambda seed: write_log(seed, tmp_path))
 
@@ -125,6 +125,7 @@ PLANTED = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", PLANTED)
 def test_seeds_find_a_fault_of_the_writer(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     method, plant = PLANTED[name]
