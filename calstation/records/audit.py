@@ -237,7 +237,9 @@ def audit_writer(folder: Path) -> Iterator[AuditWriter]:
     except OSError as exc:
         raise ConfigurationError("audit.unwritable", file=writer.path, reason=os_reason(exc)) from exc
     except InputError as exc:
-        code = "audit.unwritable" if exc.code == "result.unreadable" else exc.code
+        code = {"result.unreadable": "audit.unwritable", "audit.head_unreadable": "audit.head_unreadable"}.get(exc.code)
+        if code is None:
+            raise
         raise ConfigurationError(code, **exc.values) from exc
 
 

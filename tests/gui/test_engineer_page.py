@@ -764,7 +764,7 @@ def test_guard_band_shows_acceptance_limits_and_risk_of_wrong_decisions(engineer
         engineer.until(lambda: not engineer.page.analysis.loading.busy)
         engineer.show_view(1)
         table = engineer.widget("result_table", QTableView)
-        assert table.isColumnHidden(7) == (name == "plain")
+        assert table.isColumnHidden(8) == (name == "plain")
     cells = engineer.cells("result_table")["gyro_scale_x"]
     assert (cells["Value limit"], cells["Accepted"]) == ("±1000", "±900")
     assert "decision rule: guard band of 2 σ" in engineer.says()

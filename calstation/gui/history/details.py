@@ -197,6 +197,7 @@ class RunDetails(QFrame):
             asking.connect(self._make_room)
         release.open_changed.connect(self._offer_documents)
         self._lay_out()
+        self._make_room()
         on_language_change(self, self._show)
 
     @property
