@@ -156,8 +156,9 @@ class RunStarter(QObject):
         if accepted and self._app.run.fault is not None:
             ask(self._notice, "caution", Text("operator.fault_open"), {})
         summary = self.run_summary
-        asks = summary is not None and accepted and not self.slots and not header.badge_field.required
-        if asks and resumable_run(self._app.runs_folder, header.serial, summary.station) is not None:
+        if summary is None or not accepted or self.slots or header.badge_field.required:
+            return
+        if resumable_run(self._app.runs_folder, header.serial, summary.station) is not None:
             self.start()
 
     def _refuse_scan(self) -> None:
