@@ -65,7 +65,9 @@ class Preparation(QFrame):
         on_language_change(self, self._refresh)
 
     def _refresh(self) -> None:
-        steps: tuple[str, ...] = _MANUAL_STEPS if self._run.by_hand else _GIMBAL_STEPS if self._run.joint_order else _STEPS
+        steps: tuple[str, ...] = (
+            _MANUAL_STEPS if self._run.by_hand else _GIMBAL_STEPS if self._run.joint_order else _STEPS
+        )
         if self._run.register_operation:
             steps = steps[:-1]  # nothing is solved
         message = self._run.latest[1] if self._run.latest is not None else ""
