@@ -86,6 +86,36 @@ def test_details_say_which_entry_of_a_file_changed_in_the_language_of_the_window
     language.use("en")
 
 
+@pytest.mark.parametrize(
+    ("code", "certificate", "validation"),
+    [
+        (
+            "en",
+            "serial number SN-1, certificate N-1, verdict PASS, files N-1.pdf, number N-1",
+            "validation V-1, verdict INCOMPLETE, files V-1.json",
+        ),
+        ("zh_CN", "序列号 SN-1、证书 N-1、结论 合格、文件 N-1.pdf、编号 N-1", "确认 V-1、结论 未完成、文件 V-1.json"),
+    ],
+)
+def test_details_begin_with_the_unit_and_contain_no_raw_data(
+    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, certificate: str, validation: str
+) -> None:
+    reports = {"folder": "/runs", "lines": 2, "digest": "ab"}
+    values = {"reports": reports, "files": {"N-1.pdf": "cd"}, "log_sha256": "ef", "number": "N-1", "verdict": "passed"}
+    append_audit(site_folder.home, "certificate", "Li Na", **values, certificate="N-1", serial="SN-1")
+    identity = {f"package {number}": "1.0" for number in range(70)}
+    about = {"identity": identity, "files": {"V-1.json": "cd"}}
+    append_audit(site_folder.home, "validation", "", **about, verdict="incomplete", validation="V-1")
+    language.use(code)
+    model = open_trail(page, qtbot).model()
+    assert [model.index(row, 5).data() for row in range(2)] == [validation, certificate]
+    hints = [model.index(row, 5).data(Qt.ItemDataRole.ToolTipRole) for row in range(2)]
+    assert not any("{" in hint for hint in hints)
+    assert "package 6" not in hints[0]
+    assert "N-1.pdf cd" in hints[1]
+    language.use("en")
+
+
 def test_a_changed_line_is_found_by_verification(page: HistoryPage, trail: Path, qtbot: QtBot) -> None:
     open_trail(page, qtbot)
     state = page.audit.findChild(QLabel, "audit_state_label")

@@ -25,7 +25,7 @@ from calstation.gui.widgets import (
     row,
     theme,
 )
-from calstation.messages import Text, local_time
+from calstation.messages import Text, known, local_time
 from calstation.records import AUDIT_EVENTS, AuditEvent, select_audit
 
 _COLUMNS = (
@@ -42,17 +42,20 @@ _PERIODS: dict[int | None, Words] = {
 }
 #: Symbol of the state of the trail: not yet read, intact, damaged.
 _STATES = {None: "none", True: "good", False: "bad"}
-#: Value of an event that its line shows only in the tooltip.
-_DIGEST = "sha256"
-#: Name of the versions of all packages, which only the hint shows.
-_VERSIONS = "identity"
+#: Values that come first, in this order.
+_FIRST = ("serial", "certificate", "validation", "verdict")
+#: Ends of the names of values that only the hint shows: digests, versions of all packages, heads of files.
+_IN_HINT = ("sha256", "identity", "reports", "trail")
+#: Maximum number of parts of a value, such as versions, that the hint shows.
+_MAX_PARTS = 6
 #: Value with the changed entries of a file.
 _CHANGED = "changed"
 #: Families of the terms of the program among the values.
-_FAMILIES = {
+_FAMILIES: dict[str, Callable[[str], str]] = {
     "kind": partial(term, "file_kind"),
     "pin": partial(term, "audit_pin"),
     "what": partial(term, "audit_registers"),
+    "verdict": lambda name: term("report_verdict" if known(f"report_verdict.{name}") else "badge", name),
 }
 
 
@@ -146,7 +149,7 @@ class AuditView(JobView):
         enable(self._export_button, "" if rows else say("history.nothing_to_export"))
 
     def _cells(self, each: AuditEvent) -> dict[str, str]:
-        values = {name: value for name, value in each.values.items() if not name.endswith((_DIGEST, _VERSIONS))}
+        values = {name: value for name, value in each.values.items() if not name.endswith(_IN_HINT)}
         lines = (local_time(each.utc, zone=True), *_value_lines(each.values))
         return {
             "time": local_time(each.utc),
@@ -154,7 +157,7 @@ class AuditView(JobView):
             "by": each.by or say("history.audit_program"),
             "confirmed_by": each.confirmed_by or "",
             "why": each.why,
-            "values": _values_text(values),
+            "values": say("common.comma").join(_value_lines(values, names_only=True)),
             "hint": "\n".join(lines),
         }
 
@@ -165,16 +168,15 @@ class AuditView(JobView):
         self.exports.ask(say("history.audit_export"), proposed, kinds, lambda target: (export_trail, events, target))
 
 
-def _values_text(values: Mapping[str, Any]) -> str:
-    """Return the values of an event on one line."""
-    return say("common.comma").join(_value_lines(values))
+def _value_lines(values: Mapping[str, Any], *, names_only: bool = False) -> list[str]:
+    """Return the values of an event, and the entries of a file that changed, each with its name.
 
-
-def _value_lines(values: Mapping[str, Any]) -> list[str]:
-    """Return the values of an event, and the entries of a file that changed, each with its name."""
+    Of a value with parts, such as the SHA-256 of files by name, only the names are shown with `names_only`.
+    """
+    ordered = {name: values[name] for name in (*_FIRST, *values) if name in values}
     lines = [
-        f"{term('audit_value', name)} {_value_text(name, value)}"
-        for name, value in values.items()
+        f"{term('audit_value', name)} {_value_text(name, value, names_only=names_only)}"
+        for name, value in ordered.items()
         if name != _CHANGED and value not in (None, "", [])
     ]
     changed = values.get(_CHANGED)
@@ -185,13 +187,22 @@ def _value_lines(values: Mapping[str, Any]) -> list[str]:
     return lines
 
 
+def _part_text(name: str, part: Any) -> str:
+    """Return a part of a value with its name, which is a term of the program or for example the name of a file."""
+    title = term("audit_value", name) if known(f"audit_value.{name}") else name
+    return f"{title} {part}".rstrip()
+
+
 def _changed_text(value: Any) -> str:
     """Return a value of a file; a missing one is shown as a dash."""
     return "–" if value is None else str(value)
 
 
-def _value_text(name: str, value: Any) -> str:
+def _value_text(name: str, value: Any, *, names_only: bool) -> str:
     """Return a value of an event, in the current language if it is a term of the program."""
+    if isinstance(value, dict):
+        parts = [_part_text(key, "" if names_only else part) for key, part in list(value.items())[:_MAX_PARTS]]
+        return say("common.comma").join(parts) + ("…" if len(value) > _MAX_PARTS else "")
     if isinstance(value, list):
         return say("common.comma").join(map(str, value))
     return _FAMILIES[name](str(value)) if name in _FAMILIES else str(value)
