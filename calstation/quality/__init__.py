@@ -21,6 +21,7 @@ from calstation.quality.gauge import (
     Variation,
     gauge_study,
     range_limits,
+    ranges_beyond,
 )
 from calstation.quality.gauge_plan import GaugePlan, Measurement, StudyState, evaluate_study
 from calstation.quality.gravity_shift import COMMON_SCALE, GravityShift, common_step, gravity_shift

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.special import fdtrc, gammaincinv, ndtr
 
 from calstation.errors import InputError
-from calstation.physics import FloatArray
+from calstation.physics import BoolArray, FloatArray
 
 #: Factor whose variation is measured.
 UNIT = "unit"
@@ -113,6 +113,12 @@ def range_limits(values: FloatArray) -> tuple[float, float, float]:
     mean, deviation = _range_moments(values.shape[-1])
     width = 3.0 * deviation / mean * center
     return max(center - width, 0.0), center, center + width
+
+
+def ranges_beyond(values: FloatArray) -> BoolArray:
+    """Return whether each range of `values`, shape (..., trials), is beyond the control limits of all ranges."""
+    ranges, (low, _, high) = np.ptp(values, axis=-1), range_limits(values)
+    return np.asarray((ranges > high) | (ranges < low))
 
 
 @lru_cache(maxsize=8)

@@ -6,7 +6,7 @@ from scipy import stats
 
 from calstation.errors import InputError
 from calstation.physics import FloatArray
-from calstation.quality import gauge_study
+from calstation.quality import gauge_study, ranges_beyond
 from calstation.quality.gauge import _Model, _sums_of_squares, crossed, range_limits, verdict
 
 #: AIAG, Measurement Systems Analysis, 4th ed., 2010, figure III-B 6: ten parts (columns) measured by appraisers A, B
@@ -219,3 +219,8 @@ def test_limits_of_ranges_are_those_of_the_tables() -> None:
         low, center, high = range_limits(values)
         assert center == 2.0
         np.testing.assert_allclose((low / center, high / center), factors, atol=1e-3)
+
+
+def test_range_beyond_the_control_limits_of_the_aiag_study_is_found() -> None:
+    """The manual's range chart shows appraiser B out of control at part 4: 1.02, with an upper limit of 0.88."""
+    assert np.argwhere(ranges_beyond(AIAG)).tolist() == [[3, 1]]

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QWidget
 from calstation.gui.text import parameter_text, say
 from calstation.gui.widgets import DataView, ElidedLabel, PlotNote, ThemedPlot, column, dashed, row, set_subject, theme
 from calstation.physics import FloatArray
-from calstation.quality import ACCEPTABLE, MARGINAL, GaugeStudy, range_limits
+from calstation.quality import ACCEPTABLE, MARGINAL, GaugeStudy, range_limits, ranges_beyond
 
 #: Height of a parameter in the chart of all parameters, and width of the axis with their names, px.
 _ROW_HEIGHT, _NAMES_WIDTH = 4 * theme.GRID, 24 * theme.GRID
@@ -103,12 +103,12 @@ class StudyCharts(QWidget, DataView[StudyValues]):
         for value, pen in zip(limits, (dashed(c.bad), theme.pen(c.line, 1), dashed(c.bad)), strict=True):
             plot.addItem(pg.InfiniteLine(value, 0, pen=pen))
         ranges = np.ptp(data.values, axis=-1)
-        count = len(data.units)
+        count, all_beyond = len(data.units), ranges_beyond(data.values)
         ticks = []
         for number, name in enumerate(data.appraisers):
             x = np.arange(count, dtype=np.float64) + number * (count + _GAP)
             _draw_points(plot, x, ranges[:, number], joined=True)
-            beyond = (ranges[:, number] > limits[2]) | (ranges[:, number] < limits[0])
+            beyond = all_beyond[:, number]
             style = {"symbol": "s", "size": 9, "pen": theme.pen(c.bad, 2), "brush": None}
             plot.addItem(pg.ScatterPlotItem(x[beyond], ranges[beyond, number], **style))
             ticks.append((float(x.mean()), name))

@@ -37,7 +37,16 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.physics import display, number
-from calstation.quality import AnovaRow, GaugePlan, GaugeStudy, ParameterQuality, StudyState, Variation, evaluate_study
+from calstation.quality import (
+    AnovaRow,
+    GaugePlan,
+    GaugeStudy,
+    ParameterQuality,
+    StudyState,
+    Variation,
+    evaluate_study,
+    ranges_beyond,
+)
 
 #: Symbol of each verdict.
 _STATES = {"acceptable": "good", "marginal": "caution", "unacceptable": "bad"}
@@ -194,7 +203,13 @@ class StudyView(QWidget):
     def _show_overview(self, state: StudyState) -> None:
         """List the results of all parameters, and keep the selected one."""
         names, current = list(state.studies), self.overview.current_name
-        cells = {name: _overview_cells(study, self._capability.get(name)) for name, study in state.studies.items()}
+        shape = len(state.plan.units), -1, state.plan.trials
+        cells = {
+            name: _overview_cells(
+                study, int(ranges_beyond(state.values[name].reshape(shape)).sum()), self._capability.get(name)
+            )
+            for name, study in state.studies.items()
+        }
         self.overview.show_cells(cells, ("tolerance", "study", "cpk"))
         self.shares.show_data(state.studies)
         if names:
@@ -207,16 +222,17 @@ class StudyView(QWidget):
             return
         self._name_label.setText(parameter_text(name))
         study, (size, unit) = state.studies[name], display(name, 1.0)
-        self.badge.show_state(_STATES[study.verdict], say(f"gauge.{study.verdict}"))
+        values = state.values[name].reshape(len(state.plan.units), -1, state.plan.trials)
+        beyond = int(ranges_beyond(values).sum())
+        self.badge.show_state(_state(study, beyond), say(f"gauge.{study.verdict}"))
         sizes = " × ".join(say(f"gauge.count_{factor}", count=count) for factor, count in study.levels.items())
         about = say("gauge.answer", sizes=sizes, trials=study.trials, categories=study.categories, unit=unit)
-        self.about_label.setText("\n".join([about, *_order_notes(state)]))
+        self.about_label.setText("\n".join([about, *_range_notes(beyond), *_order_notes(state)]))
         digits = size * study.gauge.sigma
         cells = {key: {"name": _source(key), **_cells(each, size, digits)} for key, each in _components(study).items()}
         self.components.show_cells(cells, ("sigma",))
-        plan, values = state.plan, size * state.values[name]
-        values = values.reshape(len(plan.units), -1, plan.trials)
-        self.charts.show_data(StudyValues(name, unit, plan.units, plan.appraisers, values))
+        plan = state.plan
+        self.charts.show_data(StudyValues(name, unit, plan.units, plan.appraisers, size * values))
         self.anova.show_cells({line.source: _anova_cells(line) for line in study.anova})
 
 
@@ -274,11 +290,22 @@ def _cells(variation: Variation, size: float, digits: float) -> dict[str, str]:
     return cells
 
 
-def _overview_cells(study: GaugeStudy, cpk: float | None) -> dict[str, str]:
+def _state(study: GaugeStudy, beyond: int) -> str:
+    """Return the symbol of a verdict; a study with ranges `beyond` the control limits deserves no tick."""
+    kind = _STATES[study.verdict]
+    return "caution" if beyond and kind == "good" else kind
+
+
+def _range_notes(beyond: int) -> list[str]:
+    """Return a sentence about ranges beyond their control limits, if there are any."""
+    return [say("quality.ranges_beyond", count=beyond)] if beyond else []
+
+
+def _overview_cells(study: GaugeStudy, beyond: int, cpk: float | None) -> dict[str, str]:
     gauge = study.gauge
     cells = {
         "verdict": say(f"gauge.{study.verdict}"),
-        "kind": _STATES[study.verdict],
+        "kind": _state(study, beyond),
         "study": f"{gauge.percent_study:.1f}",
         "categories": str(study.categories),
     }
