@@ -14,7 +14,7 @@ from pytestqt.qtbot import QtBot
 from calstation.gui.engineer import EngineerPage
 from calstation.gui.history.details import Actions, RunDetails
 from calstation.gui.logs.comparison import Comparison
-from calstation.gui.operator import CertificateButton, LabelButton
+from calstation.gui.operator import CertificateButton, LabelButton, advice
 from calstation.gui.state import ReleaseBar
 from calstation.gui.text import language, say
 from calstation.gui.widgets import NoticeBar, TemperatureCurves, theme
@@ -133,7 +133,10 @@ def test_offline_comparison_shows_table_or_curves(qtbot: QtBot, result: Result) 
     qtbot.addWidget(view)
     view.show()
     assert not view.tabs.isVisible()
-    view._solved = Resolved(result, ())
+    view._online = result
+    view._fill()
+    assert view.note_label.text().startswith("Values and sigmas are the worst from "), "also before it is solved"
+    view._online, view._solved = None, Resolved(result, ())
     view._fill()
     assert view.tabs.isVisible()
     assert view.table.isVisible()
@@ -144,6 +147,13 @@ def test_offline_comparison_shows_table_or_curves(qtbot: QtBot, result: Result) 
     qtbot.mouseClick(view.tabs, Qt.MouseButton.LeftButton, pos=view.tabs.tabRect(1).center())
     assert view.curves.isVisible()
     assert not view.table.isVisible()
+
+
+def test_figures_of_a_result_name_the_temperature_of_the_worst_value(result: Result) -> None:
+    names = [figure.name for figure in advice.figures(result)]
+    worst = next(name for name in names if "gyro bias" in name)
+    parameter = f"gyro_bias_{worst.removeprefix('gyro bias ')[0]}"
+    assert worst.endswith(f", worst at {result.worst(parameter)[1]:.0f} °C".replace("-", "−"))
 
 
 def test_history_shows_the_curves_of_a_run(operator: Operator, result: Result, qtbot: QtBot) -> None:

@@ -98,7 +98,7 @@ class Comparison(QWidget):
         self.online_badge.show_state(*self._online_verdict())
         if self._solved is None or self._log_index is None:
             self.offline_badge.show_state("none", say("logs.not_solved_yet"))
-            notes = []
+            notes = _worst_note(self._online)
         else:
             self.offline_badge.show_state(*self._offline_verdict(self._solved.result))
             notes = self._notes(self._solved, self._log_index)
@@ -146,10 +146,7 @@ class Comparison(QWidget):
     def _notes(self, solved: Resolved, log_index: LogIndex) -> list[str]:
         result, facts = solved.result, log_index.facts
         first, last = result.log.first_seq, result.log.last_seq
-        notes = []
-        if result.temperature is not None:
-            low, high = result.temperature.range_c
-            notes.append(say("logs.worst_over_range", low=low, high=high))
+        notes = _worst_note(result)
         if (first, last) != (facts.first_seq, facts.last_seq):
             notes.append(say("logs.part_of_log", first=first, last=last))
         if self._online is not None and self._online.stages not in ([], result.stages):
@@ -158,3 +155,11 @@ class Comparison(QWidget):
             notes.append(say("logs.parameters_lost", lost=undetermined, count=len(result.parameters)))
         notes += [say(reason) for reason in solved.missing_data]
         return notes + [say(event_text(key, values)) for key, values in solved.messages]
+
+
+def _worst_note(result: Result | None) -> list[str]:
+    """Return a sentence that the values of a result over temperature are the worst ones; [] for another result."""
+    if result is None or result.temperature is None:
+        return []
+    low, high = result.temperature.range_c
+    return [say("logs.worst_over_range", low=low, high=high)]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from calstation.gui.text import (
     about,
@@ -130,9 +130,9 @@ def figures(result: Result) -> list[Figure]:
         group = PARAMETERS[INDEX[name]].group
         if any(check is not None and not check.passed for check in (within, below)):
             if judged:
-                failing.append((ratio, _figure(name, row, within, below)))
+                failing.append((ratio, replace(_figure(name, row, within, below), name=_worst_name(result, name))))
         elif (within or below) and ratio >= passing.get(group, (-1.0, None))[0]:
-            passing[group] = (ratio, _figure(name, row, within, below))
+            passing[group] = (ratio, replace(_figure(name, row, within, below), name=_worst_name(result, name)))
     parameters = [passing[group][1] for group in GROUPS if group in passing]
     rows = list(parameters)
     for check in result.checks:
@@ -150,6 +150,12 @@ def figures(result: Result) -> list[Figure]:
     failed = [figure for _, figure in sorted(failing, key=lambda item: -item[0])][:maximum]
     order = sorted(range(len(rows)), key=lambda k: (not rows[k].near, k >= len(parameters)))
     return failed + [rows[k] for k in sorted(order[: maximum - len(failed)])]
+
+
+def _worst_name(result: Result, name: str) -> str:
+    """Return the name of a parameter and, if its value is the worst over temperature, the temperature."""
+    at = result.worst(name)[1]
+    return parameter_text(name) if at is None else say("operator.worst_at", parameter=name, at=at)
 
 
 def failed_check_text(check: Check, result: Result) -> str:
