@@ -319,7 +319,6 @@ class EngineerPage(Page):
         if run.result.temperature is None and self._tabs.currentIndex() == curves:
             self._tabs.setCurrentIndex(1)
         self._tabs.setTabVisible(curves, run.result.temperature is not None)
-        self._tabs.updateGeometry()
         if self._views.currentWidget() in (self.preview, self._live):
             self._tabs.setCurrentIndex(1)
         self.analysis.prepare(self._views.currentWidget())

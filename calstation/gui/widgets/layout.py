@@ -177,6 +177,11 @@ class ViewTabs(QTabBar):
         bind(partial(self.setTabText, index), title)
         return index
 
+    def setTabVisible(self, index: int, visible: bool) -> None:
+        """Show or hide a tab, and adapt the width of the bar."""
+        super().setTabVisible(index, visible)
+        self.updateGeometry()
+
 
 def label(
     words: Words = "",
