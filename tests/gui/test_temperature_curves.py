@@ -128,6 +128,10 @@ def test_engineer_page_has_a_view_and_the_worst_values(operator: Operator, resul
     assert page.analysis.result.view._table.isColumnHidden(2)
 
 
+def test_lower_plot_states_what_is_subtracted(curves: TemperatureCurves) -> None:
+    assert curves.plots[1].getAxis("left").labelText == "point − curve, °/h"
+
+
 def test_offline_comparison_shows_table_or_curves(qtbot: QtBot, result: Result) -> None:
     view = Comparison()
     qtbot.addWidget(view)
