@@ -74,8 +74,10 @@ def _libraries() -> list[Distribution]:
 
 
 def _licence_name(each: Distribution) -> str:
-    """Return the short name of the licence of a library, or a dash if its metadata do not contain it."""
+    """Return the short name of the licence of a library, or the title of its text; a dash if there is neither."""
     metadata = each.metadata
     names = [name for field in ("License-Expression", "License") for name in metadata.get_all(field) or []]
     names += [entry.rpartition(" :: ")[2] for entry in metadata.get_all("Classifier") or [] if "License ::" in entry]
-    return next((name for name in names if name and len(name) <= _LONGEST and "\n" not in name), "–")
+    short = next((name for name in names if name and len(name) <= _LONGEST and "\n" not in name), None)
+    title = next((line.strip() for name in names for line in name.splitlines() if line.strip()), "–")
+    return short or (title if len(title) <= _LONGEST else "–")
