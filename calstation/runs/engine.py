@@ -31,6 +31,8 @@ from calstation.sequencer import (
 
 #: Maximum duration of an uninterruptible wait for a message, s.
 _MAX_WAIT = 0.2
+#: Largest number of messages read at once, so that a window serves STOP also if they arrive faster than it shows them.
+_MAX_MESSAGES = 500
 
 #: Host time without a message, while the listener polls, after which the engine is considered frozen, s.
 FROZEN_AFTER = 2.0
@@ -87,7 +89,7 @@ class Engine:
         return self.process.is_alive()
 
     def poll(self) -> list[Event]:
-        """Return all events since the last call without waiting.
+        """Return the events since the last call without waiting; many that arrive at once are left to the next call.
 
         If the engine ended without a final event or has sent nothing for `FROZEN_AFTER` s, a `Fault` of kind
         DeviceFaultError is returned once. If a frozen engine recovers, its events follow.
@@ -136,10 +138,10 @@ class Engine:
         self.close()
 
     def _read(self, frozen_after: float, wait: float = 0.0) -> list[Event]:
-        """Return the complete messages, after waiting at most `wait` s for the first one."""
+        """Return at most `_MAX_MESSAGES` complete messages, after waiting at most `wait` s for the first one."""
         events: list[Event] = []
         received = False
-        while not self.ended:
+        for _ in range(0 if self.ended else _MAX_MESSAGES):
             try:
                 message = self._child.take(0.0 if received else wait)
             except Empty:

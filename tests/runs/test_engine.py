@@ -17,7 +17,17 @@ from calstation.errors import DeviceFaultError
 from calstation.records import open_log
 from calstation.results.handover import CSV_NAME
 from calstation.runs import Engine, finish_incomplete
-from calstation.sequencer import Command, Event, Fault, Finalized, Message, StageStarted, StateChanged, StepStarted
+from calstation.sequencer import (
+    Command,
+    Event,
+    Fault,
+    Finalized,
+    Message,
+    StageStarted,
+    StateChanged,
+    StepStarted,
+    to_json,
+)
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
@@ -101,6 +111,16 @@ def test_window_polls_a_run_to_its_end(site_folder: SiteFolder) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+def test_poll_returns_although_messages_arrive_faster_than_they_are_read(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Engine.start(site_folder.request("rate")) as engine:
+        event = next(engine.events())
+        with monkeypatch.context() as patched:
+            patched.setattr(engine._child, "take", lambda wait: to_json(event))
+            assert all(each == event for each in engine.poll())
+
+
 def test_terminated_engine_gives_a_polling_window_one_fault(site_folder: SiteFolder) -> None:
     with Engine.start(site_folder.request("rate")) as engine:
         polled(engine, moving)
