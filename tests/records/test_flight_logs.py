@@ -55,7 +55,7 @@ def sensor(rows: np.ndarray, columns: slice, shift: int = 0) -> list[tuple]:
 
 
 def test_ulog(tmp_path: Path) -> None:
-    pytest.importorskip("pyulog", reason="pyulog is not installed")
+    pyulog = pytest.importorskip("pyulog", reason="pyulog is not installed")
     rows = microseconds()
     topics = {
         ("sensor_gyro", 0): (FIELDS, sensor(rows, slice(1, 4))),
@@ -64,6 +64,8 @@ def test_ulog(tmp_path: Path) -> None:
     write_ulog(path := tmp_path / "rec.ulg", topics)
     assert_same_as_csv(path, rows, units=MICROSECONDS)
     assert set(open_log(path).topics) == {"sensor_gyro/0 (sensor_gyro, 298)", "sensor_accel/0 (sensor_accel, 298)"}
+    pyulog.ULog(str(path)).write_ulog(str(tmp_path / "by_library.ulg"))
+    assert_same_as_csv(tmp_path / "by_library.ulg", rows, units=MICROSECONDS)
     second = {(name, 1): content for (name, _), content in topics.items()}
     write_ulog(path, topics | second)
     with raises_code(InputError, "foreign.several_imus"):
