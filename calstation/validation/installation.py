@@ -1,6 +1,7 @@
 """The installation: files of all packages as released, versions as required, and nothing loaded from elsewhere."""
 
 import base64
+import csv
 import hashlib
 import json
 import os
@@ -38,12 +39,17 @@ class Package:
 
     @cached_property
     def hashed(self) -> list[tuple[str, Path, str, str]]:
-        """Recorded name, path, algorithm and hash of the files; without those that the installer creates."""
-        files = [] if self.installed is None else self.installed.files or []
+        """Recorded name, path, algorithm and hash of the files; without those that the installer creates.
+
+        The record is read itself, because `Distribution.files` of some versions of Python omits missing files.
+        """
+        if self.installed is None:
+            return []
+        rows = csv.reader((self.installed.read_text("RECORD") or "").splitlines())
         return [
-            (str(file), Path(str(file.locate())), file.hash.mode, file.hash.value)
-            for file in files
-            if file.hash is not None and file.suffix != ".pyc" and ".." not in file.parts
+            (name, Path(str(self.installed.locate_file(name))), mode, value)
+            for name, (mode, _, value) in ((row[0], row[1].partition("=")) for row in rows)
+            if value and not name.endswith(".pyc") and ".." not in PurePosixPath(name).parts
         ]
 
     @property
