@@ -317,9 +317,10 @@ def test_product_and_operator_are_visible_in_every_width(
             "common.product", "common.operator", "history.attempt", "history.duration", "common.stages"
         )
     )  # fmt: skip
-    for width, wide in ((900, code == "zh_CN"), (1280, True), (1366, True), (1920, True)):
+    for width in (900, 1280, 1366, 1920):
         page.resize(width, 640)
-        qtbot.waitUntil(lambda expected=wide: table.isColumnHidden(attempt) != expected, timeout=WAIT)
+        if width > 900:  # in Chinese, it depends on the font whether the attempts fit there
+            qtbot.waitUntil(lambda: not table.isColumnHidden(attempt), timeout=WAIT)
         assert table.isColumnHidden(duration) or not table.isColumnHidden(attempt)
         assert not table.isColumnHidden(product)
         assert not table.isColumnHidden(operator)
