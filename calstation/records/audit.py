@@ -237,10 +237,11 @@ def audit_writer(folder: Path) -> Iterator[AuditWriter]:
     except OSError as exc:
         raise ConfigurationError("audit.unwritable", file=writer.path, reason=os_reason(exc)) from exc
     except InputError as exc:
-        code = {"result.unreadable": "audit.unwritable", "audit.head_unreadable": "audit.head_unreadable"}.get(exc.code)
-        if code is None:
-            raise
-        raise ConfigurationError(code, **exc.values) from exc
+        if exc.code == "result.unreadable":
+            raise ConfigurationError("audit.unwritable", **exc.values) from exc
+        if exc.code == "audit.head_unreadable":
+            raise ConfigurationError("audit.head_unreadable", **exc.values) from exc
+        raise
 
 
 def append_audit(

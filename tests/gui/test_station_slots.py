@@ -14,7 +14,7 @@ from tests.gui.test_forms import FormDriver
 
 pytestmark = pytest.mark.long
 
-STATION, IMU_LINK = 0, 2
+STATION, IMU_LINK = 0, 3
 
 
 @pytest.fixture

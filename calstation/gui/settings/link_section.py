@@ -111,7 +111,8 @@ class LinkSection(Section):
         keys = ("ambient_c", "dew_point_c", "agreement_c") if device == "chamber" else ()
         self._room = box(*(Field(draft, (device, key)) for key in keys), None)
         self._choice = Row(self.profile_box, "chamber_profile")
-        self._choice.setVisible(device == "chamber")
+        if device != "chamber":
+            self._choice.hide()
 
     def lock(self, reason: str) -> None:
         """Disable changes and show `reason` in tooltips; "" enables them."""

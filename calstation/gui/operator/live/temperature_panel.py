@@ -56,7 +56,7 @@ class TemperaturePanel(QFrame):
         self._plot = ThemedPlot()
         self._plot.getAxis("left").setWidth(5 * theme.GRID)
         bind(self._plot.setAccessibleName, "common.over_temperature")
-        self._air, self._set_point = (pg.PlotCurveItem(name=name) for name in ("air", "set point"))
+        self._air, self._set_point = (pg.PlotCurveItem(name=name) for name in ("air", "set_point"))
         for curve in (self._set_point, self._air):
             self._plot.addItem(curve)
         box = self._plot.getViewBox()

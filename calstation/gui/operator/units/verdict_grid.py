@@ -175,8 +175,8 @@ class VerdictGrid(QFrame):
             self._summary.show_state(*run_badge(self._run))
             verdicts = {unit.verdict for unit in self._failed}
             both = len(verdicts) > 1
-            code = "again_both" if both else "again_faults" if Verdict.FAULT in verdicts else "again"
-            self._again.setText(say(f"operator.{code}", count=len(self._failed)))
+            again = "operator.again_faults" if Verdict.FAULT in verdicts else "operator.again"
+            self._again.setText(say("operator.again_both" if both else again, count=len(self._failed)))
             self._again.setVisible(bool(self._failed))
             for tile in self._tiles:
                 tile.show_verdict(self._run.display_state_of(tile.unit))
