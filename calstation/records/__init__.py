@@ -29,7 +29,15 @@ from calstation.records.columns import RecordingMeta
 from calstation.records.convert import Correction, export_corrected, export_csv
 from calstation.records.csv_log import CSV_SUFFIXES
 from calstation.records.facts import LogFacts
-from calstation.records.files import FILE_MODE, acquire_lock, locked, partial_path, sync_folder, write_atomic
+from calstation.records.files import (
+    FILE_MODE,
+    acquire_lock,
+    free_space,
+    locked,
+    partial_path,
+    sync_folder,
+    write_atomic,
+)
 from calstation.records.foreign import FOREIGN_FORMATS, foreign_format
 from calstation.records.indexed_run import (
     LATEST_FIRST,
@@ -84,7 +92,7 @@ from calstation.records.product import (
     TemperatureSection,
     check_limit_names,
 )
-from calstation.records.raw_log import RESERVED_SPACE, SUFFIX, RawLogWriter, free_space, write_log
+from calstation.records.raw_log import RESERVED_SPACE, SUFFIX, RawLogWriter, write_log
 from calstation.records.raw_read import (
     END_FAILING,
     being_written,

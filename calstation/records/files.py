@@ -1,8 +1,9 @@
-"""Atomic replacement of files, and file locks that the operating system releases when the process ends."""
+"""Atomic replacement of files, space on the disk, and file locks that the system releases when the process ends."""
 
 import errno
 import os
 import secrets
+import shutil
 import sys
 import time
 from collections.abc import Iterator
@@ -18,6 +19,9 @@ _LOCKED_ERRORS = (errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK)
 
 #: Error numbers of a file system without locks.
 NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
+
+#: Error numbers of a file system that cannot allocate space.
+_CANNOT_ALLOCATE = (errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP)
 
 #: Time between two attempts, s.
 _RETRY_INTERVAL = 0.02
@@ -149,3 +153,23 @@ def sync_folder(folder: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
+
+
+def free_space(path: Path) -> int:
+    """Return the free space on the disk of a file, bytes."""
+    return shutil.disk_usage(path.parent).free
+
+
+def allocate(handle: int, size: int) -> None:
+    """Extend a file to at least `size` bytes of allocated space. Raises OSError."""
+    present = os.fstat(handle).st_size
+    if size <= present:
+        return
+    try:
+        os.posix_fallocate(handle, present, size - present)
+    except AttributeError:  # Windows and macOS
+        os.ftruncate(handle, size)
+    except OSError as exc:
+        if exc.errno not in _CANNOT_ALLOCATE:
+            raise
+        os.ftruncate(handle, size)

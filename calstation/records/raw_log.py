@@ -12,12 +12,10 @@ M. Dietzfelbinger, *Universal hashing and k-wise independent random variables vi
 STACS 1996: multiply, add, and use the upper half. The multipliers are from splitmix64 by S. Vigna.
 """
 
-import errno
 import itertools
 import json
 import os
 import re
-import shutil
 import time
 import zlib
 from collections.abc import Iterator, Mapping
@@ -36,7 +34,7 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text, os_reason
 from calstation.records.facts import FactsBuilder, LogFacts
-from calstation.records.files import FILE_MODE, acquire_lock
+from calstation.records.files import FILE_MODE, acquire_lock, allocate, free_space
 from calstation.records.meta import LogMeta
 from calstation.records.superblock import SUPERBLOCK, superblock_end
 
@@ -116,15 +114,8 @@ def _multiplier(column: int) -> np.uint64:
     return np.uint64((z ^ (z >> 31)) | 1)
 
 
-def free_space(path: Path) -> int:
-    """Return the free space on the disk of a file, bytes."""
-    return shutil.disk_usage(path.parent).free
-
-
 #: Space that is always allocated at the end of an open log, bytes, so that its last records fit on a full disk.
 _HEADROOM = 1_000_000
-#: Error numbers of a file system that cannot allocate space.
-_NOT_SUPPORTED = (errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP)
 #: Largest size of HDF5's metadata for one flush, bytes, in addition to one chunk of each dataset.
 _METADATA = 200_000
 
@@ -159,7 +150,7 @@ class RawLogWriter:
         except OSError as exc:
             raise ConfigurationError("log.not_created", file=path, reason=_os_reason(exc)) from exc
         try:
-            _allocate(self._sync_handle, len(content) + _METADATA + _HEADROOM)
+            allocate(self._sync_handle, len(content) + _METADATA + _HEADROOM)
             # HDF5 would release its own lock when SWMR mode is switched on.
             self._file = h5py.File(path, "w", libver="latest", locking=False)
             self._hdf5_handle: int = self._file.id.get_vfd_handle()
@@ -266,7 +257,7 @@ class RawLogWriter:
         end = self._file.id.get_filesize() + size
         if end + headroom > self._allocated:
             try:
-                _allocate(self._sync_handle, end + 2 * headroom)
+                allocate(self._sync_handle, end + 2 * headroom)
             except OSError as exc:
                 raise _NoSpaceError(exc.errno, exc.strerror) from exc
             self._allocated = end + 2 * headroom
@@ -439,21 +430,6 @@ def _extend(dataset: h5py.Dataset, text: str) -> None:
     end = dataset.shape[0]
     dataset.resize((end + len(data),))
     dataset[end:] = data
-
-
-def _allocate(handle: int, size: int) -> None:
-    """Extend a file to at least `size` bytes of allocated space. Raises OSError."""
-    present = os.fstat(handle).st_size
-    if size <= present:
-        return
-    try:
-        os.posix_fallocate(handle, present, size - present)
-    except AttributeError:  # Windows and macOS
-        os.ftruncate(handle, size)
-    except OSError as exc:
-        if exc.errno not in _NOT_SUPPORTED:
-            raise
-        os.ftruncate(handle, size)
 
 
 class _ReplacedError(OSError):

@@ -68,6 +68,15 @@ def calibrated(grade: GradeName, **sigma_limits: float) -> ExportSource:
     return ExportSource.of(Result.from_json(result), Log(Path("turns"), meta, lambda: iter([block])))
 
 
+def output_of_c(folder: Path, rows: FloatArray) -> FloatArray:
+    """Compile ``main.c`` of a folder as C99, and return its output for rows of numbers, shape (n, m)."""
+    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "main.c", "-o", "main"]
+    subprocess.run(command, cwd=folder, check=True, timeout=60)
+    text = "\n".join(" ".join(map(repr, row)) for row in rows.tolist())
+    done = subprocess.run([folder / "main"], input=text, capture_output=True, text=True, check=True, timeout=60)
+    return np.loadtxt(io.StringIO(done.stdout))
+
+
 @pytest.mark.parametrize("grade", get_args(GradeName))
 @pytest.mark.parametrize("to", FORMATS)
 def test_formula_of_the_reading_program_gives_our_corrected_data(to: str, grade: GradeName) -> None:
@@ -143,13 +152,10 @@ def test_c_function_compiles_and_corrects(tmp_path: Path) -> None:
         'printf("%.17g %.17g %.17g %.17g %.17g %.17g\\n", w[0], w[1], w[2], f[0], f[1], f[2]); } return 0; }\n',
         encoding="utf-8",
     )
-    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "main.c", "-o", "main"]
-    subprocess.run(command, cwd=tmp_path, check=True, timeout=60)
     raw = np.random.default_rng(1).normal(0.0, [1, 1, 1, 9, 9, 9], (50, 6))
-    text = "\n".join(" ".join(map(repr, row)) for row in raw.tolist())
-    done = subprocess.run([tmp_path / "main"], input=text, capture_output=True, text=True, check=True, timeout=60)
+    found = output_of_c(tmp_path, raw)
     expected = np.hstack(compensate(compensation(source.parameters), raw[:, :3], raw[:, 3:]))
-    np.testing.assert_allclose(np.loadtxt(io.StringIO(done.stdout)), expected, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
 
 
 def test_kalibr_receives_a_rotation_and_lower_triangular_matrices() -> None:
@@ -233,13 +239,9 @@ def test_c_function_over_temperature_compiles_and_corrects(tmp_path: Path) -> No
         'printf("%.17g %.17g %.17g\\n", f[0], f[1], f[2]); } return 0; }\n',
         encoding="utf-8",
     )
-    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "main.c", "-o", "main"]
-    subprocess.run(command, cwd=tmp_path, check=True, timeout=60)
     random = np.random.default_rng(1)
     raw, temperature = random.normal(0.0, [1, 1, 1, 9, 9, 9], (52, 6)), np.linspace(-36.0, 86.0, 52)
-    text = "\n".join(" ".join(map(repr, row)) for row in np.column_stack([raw, temperature]).tolist())
-    done = subprocess.run([tmp_path / "main"], input=text, capture_output=True, text=True, check=True, timeout=60)
-    found = np.loadtxt(io.StringIO(done.stdout))
+    found = output_of_c(tmp_path, np.column_stack([raw, temperature]))
     covered = (temperature >= -35.0) & (temperature <= 85.0)
     assert (found[:, 0] == np.where(covered, 0, -1)).all()
     ours = source.corrected(raw[:, :3], raw[:, 3:], temperature)

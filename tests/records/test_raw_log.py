@@ -318,14 +318,14 @@ def test_full_disk_at_the_start_of_a_stage_is_reported(
 def test_log_that_cannot_be_created_leaves_no_file(
     tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch, calls: int
 ) -> None:
-    remaining, allocate = iter(range(calls)), raw_log._allocate
+    remaining, allocate = iter(range(calls)), raw_log.allocate
 
     def full(handle: int, size: int) -> None:
         if next(remaining, None) is None:
             raise OSError(errno.ENOSPC, "No space left on device")
         allocate(handle, size)
 
-    monkeypatch.setattr(raw_log, "_allocate", full)
+    monkeypatch.setattr(raw_log, "allocate", full)
     with raises_code(ConfigurationError, "log.not_created"):
         RawLogWriter(tmp_path / "a.h5", meta)
     assert not list(tmp_path.iterdir())
@@ -397,7 +397,7 @@ if limit:
     import resource
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 if sys.argv[4] == "HDF5":
-    raw_log._allocate = lambda handle, size: None
+    raw_log.allocate = lambda handle, size: None
 kept = 0
 try:
     while True:

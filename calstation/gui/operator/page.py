@@ -9,20 +9,22 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.config import (
-    DEFAULT_PRODUCT,
-    ManualRigError,
-    RunRequest,
-    compatible_products,
-    load_station,
-    product_error,
-)
+from calstation.config import DEFAULT_PRODUCT, ManualRigError, RunRequest, compatible_products, load_station
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live import LiveView
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.production import ShiftCounter
-from calstation.gui.operator.questions import ClaimNotice, FailingNotice, ValidationNotice, ask, refusal
+from calstation.gui.operator.questions import (
+    ClaimNotice,
+    FailingNotice,
+    ValidationNotice,
+    ask,
+    has_pair,
+    refusal,
+    unsuitable_products,
+    wrong_rig,
+)
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.units import SlotsPanel, VerdictGrid
@@ -56,14 +58,6 @@ from calstation.gui.widgets import (
 from calstation.messages import Text, event_text
 from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
-
-#: Code of the text for a station that is incompatible with the product, by the code of the error, and the default.
-_BY_HAND = "window.manual_station"
-_WRONG_RIGS = {
-    "product.needs_manual_table": "window.driven_station",
-    "plan.needs_gimbal": "window.not_gimbal_station",
-    "product.needs_table": "window.gimbal_station",
-}
 
 
 class OperatorPage(Page):
@@ -249,7 +243,7 @@ class OperatorPage(Page):
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
         summary, choices = self._summarise()
-        self._watch.setVisible(self._has_pair())
+        self._watch.setVisible(has_pair(self.app.station_path))
         app.run.set_runnable(self._problem is None)
         self._starting.set_next_run(summary)
         self._stages.set_next_run(summary)
@@ -284,7 +278,7 @@ class OperatorPage(Page):
             compatible = compatible_products(app.station_path, app.product_path)
             display_names = {path: name for name, path in self._products}
             names = ", ".join(f"“{display_names[path]}”" for _, path in compatible)
-            why = Text("window.pair_station") if self._has_pair() else Text(_WRONG_RIGS.get(error.code, _BY_HAND))
+            why = Text("window.pair_station") if has_pair(app.station_path) else Text(wrong_rig(error))
             products = Text.of(
                 "window.compatible_products" if compatible else "window.no_compatible_product", names=names
             )
@@ -298,26 +292,9 @@ class OperatorPage(Page):
             self._problem = refusal("cannot_run", error, engineer=app.role.engineer)
             return None, []
 
-    def _has_pair(self) -> bool:
-        """Return whether the IMUs of the station are on one body, so that they can be monitored live."""
-        try:
-            return bool(load_station(self.app.station_path)[1].secondaries)
-        except CalstationError:
-            return False
-
     def _mark_products(self) -> None:
         """Grey the products that the station cannot calibrate."""
-        reasons: dict[Path, tuple[str, str]] = {}
-        for _, path in self._products:
-            error = product_error(self.app.station_path, path)
-            if isinstance(error, ManualRigError):
-                code = _WRONG_RIGS.get(error.code, _BY_HAND)
-                reasons[path] = (term("unsuitable", code.partition(".")[2]), say(code))
-            elif error is not None:
-                problem = refusal("cannot_run", error, engineer=self.app.role.engineer)
-                short = "no_chamber" if error.code == "temperature.no_chamber" else "settings"
-                reasons[path] = (term("unsuitable", short), rendered(problem).remedy)
-        self.header.mark_products(reasons)
+        self.header.mark_products(unsuitable_products(self.app, [path for _, path in self._products]))
 
     # ---- during the run
 

@@ -1,14 +1,15 @@
-"""Questions in notice bars, and the dialog before the start of a run."""
+"""Questions in notice bars, the dialog before the start of a run, and why products cannot be calibrated here."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
-from calstation.config import Person, RunRequest
+from calstation.config import ManualRigError, Person, RunRequest, load_station, product_error
 from calstation.database import Claim
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, PeoplePanel, RunStatus
-from calstation.gui.text import for_operator, rendered, say
+from calstation.gui.text import for_operator, rendered, say, term
 from calstation.gui.widgets import Choice, NoticeBar
 from calstation.messages import Text, event_text
 from calstation.runs import Question, Role, RunStart
@@ -220,3 +221,40 @@ class ClaimNotice(NoticeBar):
     def _claim_text(self) -> str:
         messages = [claim.message for claim in self._claims]
         return "\n".join(say(event_text(message.id, message.values)) for message in messages)
+
+
+#: Code of the text for a station that is incompatible with the product, by the code of the error, and the default.
+_BY_HAND = "window.manual_station"
+_WRONG_RIGS = {
+    "product.needs_manual_table": "window.driven_station",
+    "plan.needs_gimbal": "window.not_gimbal_station",
+    "product.needs_table": "window.gimbal_station",
+}
+
+
+def wrong_rig(error: ManualRigError) -> str:
+    """Return the code of the text for a station that is incompatible with a product."""
+    return _WRONG_RIGS.get(error.code, _BY_HAND)
+
+
+def has_pair(station: Path | None) -> bool:
+    """Return whether the IMUs of a station are on one body, so that they can be monitored live."""
+    try:
+        return bool(load_station(station)[1].secondaries)
+    except CalstationError:
+        return False
+
+
+def unsuitable_products(app: AppContext, products: Sequence[Path]) -> dict[Path, tuple[str, str]]:
+    """Return a short and a long reason for the products that the station cannot calibrate."""
+    reasons: dict[Path, tuple[str, str]] = {}
+    for path in products:
+        error = product_error(app.station_path, path)
+        if isinstance(error, ManualRigError):
+            code = wrong_rig(error)
+            reasons[path] = (term("unsuitable", code.partition(".")[2]), say(code))
+        elif error is not None:
+            problem = refusal("cannot_run", error, engineer=app.role.engineer)
+            short = "no_chamber" if error.code == "temperature.no_chamber" else "settings"
+            reasons[path] = (term("unsuitable", short), rendered(problem).remedy)
+    return reasons
