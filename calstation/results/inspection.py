@@ -56,6 +56,7 @@ class Inspection:
         invalid = "look.damaged_are" if facts.damaged else "look.invalid_are"
         return [
             ("look.unit", text("look.unit_is", serial=self.serial)),
+            *(("look.fault", text("look.fault_is", fault=fault)) for fault in self.faults),
             ("look.samples", text("look.samples_are", **samples, seconds=seconds)),
             ("look.rate", text("look.rate_is", rate=self.rate, configured=self.configured_rate, times=times)),
             ("look.gaps", text("look.gaps_are", gaps=facts.gaps, missing=self.missing)),
@@ -65,7 +66,6 @@ class Inspection:
             *(("", text("look.column_is", name=name, source=source)) for name, source in self.columns.items()),
             ("look.stages", text("look.stages_are", stages=stages)),
             *([("look.tested", text("look.tested_are", samples=self.tested))] if self.tested is not None else []),
-            *(("look.fault", text("look.fault_is", fault=fault)) for fault in self.faults),
         ]
 
 

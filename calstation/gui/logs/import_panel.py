@@ -118,8 +118,10 @@ class ImportPanel(JobView):
         self._title.setText("" if self.path is None else say("logs.about_recording", name=self.path.name))
         if self.inspection is not None:
             lines = [(name and say(name), say(text)) for name, text in self.inspection.summary]
-            for method, reason in self.inspection.methods.items():
-                lines.append((term("stage", method), say("look.solvable") if reason is None else say(reason)))
+            lines[1:1] = [  # before the columns, so that a reason such as a wrong unit is seen without scrolling
+                (term("stage", method), say("look.solvable") if reason is None else say(reason))
+                for method, reason in self.inspection.methods.items()
+            ]
             for number, line in enumerate(lines):
                 for place, text in enumerate(line):
                     cell = label(kind="" if place else "muted", wrap=bool(place), selectable=bool(place))
