@@ -108,21 +108,23 @@ def app(site_folder: SiteFolder, job_queue: SharedJobQueue, qapp: QApplication) 
 
 
 @pytest.fixture
-def late_engineer_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The engineer page is created with a run or a change of the page, not with the window, which takes time."""
-    monkeypatch.setattr(MainWindow, "_after_first_paint", MainWindow._join_windows)
+def engineer_page(window: MainWindow) -> None:
+    """The engineer page is created with the window, as in a station, not with a run or a change of the page."""
+    window.create_engineer_page()
 
 
 @pytest.fixture
 def window(
-    request: pytest.FixtureRequest, site_folder: SiteFolder, job_queue: SharedJobQueue, qtbot: QtBot
+    site_folder: SiteFolder, job_queue: SharedJobQueue, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[MainWindow]:
-    """The window with the test station, English, light theme, shown at 1366x768."""
+    """The window with the test station, English, light theme, shown at 1366x768.
+
+    Other pages are created when they are shown, because their creation in idle time takes longer than most tests.
+    """
+    monkeypatch.setattr(MainWindow, "_after_first_paint", MainWindow._join_windows)
     made = create_window(site_folder.station)
     assert isinstance(made, MainWindow)
     qtbot.addWidget(made)
-    if "late_engineer_page" not in request.fixturenames:
-        made.create_engineer_page()
     made.setWindowState(Qt.WindowState.WindowNoState)  # the screen of the offscreen platform is small
     made.resize(1366, 768)
     made.show()

@@ -17,8 +17,6 @@ from calstation.sequencer import Message
 from tests.gui.conftest import Operator, result_with
 from tests.gui.test_units import FAILED, begin, click, end_unit, serials, started, tile, use_slots
 
-pytestmark = pytest.mark.usefixtures("late_engineer_page")
-
 __all__ = ["started"]  # fixture
 
 #: Ends of the object names of tiles.

@@ -27,8 +27,6 @@ from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.gui.test_history_page import write_dead_log
 from tests.site_folder import STATION, SiteFolder
 
-pytestmark = pytest.mark.usefixtures("late_engineer_page")
-
 ENDED: dict[str, Any] = {**RESULT, "attempt": 1, "duration_s": 60.0, "advice": "resume"}
 
 

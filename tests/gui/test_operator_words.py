@@ -19,8 +19,6 @@ from tests.gui.conftest import Operator, result_with
 from tests.gui.station_driver import PIN
 from tests.site_folder import SiteFolder
 
-pytestmark = pytest.mark.usefixtures("late_engineer_page")
-
 #: Names of files and keys of entries.
 _TECHNICAL = re.compile(r"\.toml|[a-z]+\.[a-z]+_|[a-z]+_(?:deg|mps2|m)\b|/")
 

@@ -24,8 +24,6 @@ from calstation.jobs import JobQueue
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.site_folder import STATION
 
-pytestmark = pytest.mark.usefixtures("late_engineer_page")
-
 ONE_STAGE = {"stages": ["six_position"]}
 NAMES = {"B1234": "Li Na", "B5678": "Wang Wei"}
 ZPL = "^XA^CI28^FO16,16^FD$serial^FS^FO16,64^FD$product $station $operator $verdict^FS^XZ\n"

@@ -22,8 +22,6 @@ from tests.check_rows import check_row
 from tests.gui.conftest import Operator
 from tests.gui.test_operator_events import end_run, simulated_run
 
-pytestmark = pytest.mark.usefixtures("late_engineer_page")
-
 __all__ = ["simulated_run"]  # fixture
 LIMIT = 3.0 * DEGREE_PER_HOUR
 FAILED = {

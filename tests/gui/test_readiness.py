@@ -15,8 +15,6 @@ from tests.gui.conftest import Operator
 from tests.gui.test_operator_events import end_run, simulated_run
 from tests.gui.test_units import FAILED, NO_ANSWER, use_slots
 
-pytestmark = pytest.mark.usefixtures("late_engineer_page")
-
 __all__ = ["simulated_run"]  # fixture
 
 

@@ -14,7 +14,6 @@ from tests.gui.test_operator_events import scan_into_focus, simulated_run
 
 __all__ = ["simulated_run"]  # fixture
 
-pytestmark = pytest.mark.usefixtures("late_engineer_page")
 
 SCANNED = "SN-000077"
 

@@ -21,8 +21,6 @@ from tests.gui.conftest import SERIAL, Operator
 from tests.gui.test_history_page import write_dead_log
 from tests.site_folder import STATION, SiteFolder
 
-pytestmark = pytest.mark.usefixtures("late_engineer_page")
-
 PIN = "246813"
 OVERDUE = [{"name": "Rate table A", "kind": "table", "due": date(2021, 3, 2)}]
 SLOTS = [{"name": name, "port": f"socket://127.0.0.1:{port}"} for name, port in (("A", 7), ("B", 8))]
