@@ -16,7 +16,7 @@ from calstation.jobs import ProgressCallback
 from calstation.parsing import parse_toml
 from calstation.physics import NAMES, FloatArray
 from calstation.schema import KeyPath
-from calstation.sequencer import plan_time, table_task
+from calstation.sequencer import stage_times, table_task
 
 #: Name of the stage.
 STAGE = "designed"
@@ -189,7 +189,7 @@ def gravity_rest(product: ProductConfig, context: SolveContext) -> float | None:
 def stages_duration(setup: RunConfiguration) -> float | None:
     """Return the duration of all stages if no target ends them early, s; None if this table cannot execute them."""
     try:
-        return sum(plan_time(s.steps(), s.rule, (0.0, 0.0), setup.table.settle_s) for s in table_task(setup).stages)
+        return sum(stage_times(table_task(setup).stages, setup.table.settle_s))
     except ConfigurationError:
         return None
 

@@ -9,7 +9,7 @@ from calstation.config import RunConfiguration, RunRequest, SignInSection, check
 from calstation.messages import Text
 from calstation.physics import GROUPS, NAMES, ManualMove, Orientation, TableGeometry, group_indices, orientation_matrix
 from calstation.quality import due_certificates
-from calstation.sequencer import DURATION, plan_time, table_task
+from calstation.sequencer import DURATION, stage_times, table_task
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,8 @@ def run_summary(request: RunRequest) -> RunSummary:
         serial_pattern=setup.product.serial_pattern,
         serial_example=setup.product.example,
         stages=tuple(
-            StageSummary(p.name, float(plan_time(p.steps(), p.rule, (0.0, 0.0), setup.table.settle_s))) for p in plans
+            StageSummary(plan.name, seconds)
+            for plan, seconds in zip(plans, stage_times(plans, setup.table.settle_s), strict=True)
         ),
         transfer=DURATION if setup.register_map.parameters else None,
         targets=_targets(setup),

@@ -49,7 +49,7 @@ from calstation.sequencer.events import (
     to_json,
 )
 from calstation.sequencer.guard import check_limits, check_power
-from calstation.sequencer.plan import StagePlan, StopRule, plan_time, planned, step_time
+from calstation.sequencer.plan import StagePlan, StopRule, plan_time, planned, stage_times, step_time
 from calstation.sequencer.sequencer import Sequencer
 from calstation.sequencer.tasks import chamber_limits, corrected_output, table_task, unit_task
 from calstation.sequencer.units import NO_DATA, SOLVER_THREADS

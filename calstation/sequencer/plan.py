@@ -190,9 +190,32 @@ def planned(
 
 def plan_time(steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE_TIME) -> float:
     """Return the duration of the steps from `planned`, s, up to the usual number of rounds of the rule."""
-    total = 0.0
+    return sum(seconds for _, seconds in _usual_steps(steps, rule, start, settle))
+
+
+def stage_times(stages: Iterable[StagePlan], settle: float = SETTLE_TIME) -> list[float]:
+    """Return the duration of each stage of a run, s; each starts at the angles at which the one before it ends.
+
+    Parameters
+    ----------
+    stages : stages in the order of their execution; the first starts at angles of zero
+    settle : settling time after a move, s
+    """
+    times, position = [], (0.0, 0.0)
+    for stage in stages:
+        total = 0.0
+        for step, seconds in _usual_steps(stage.steps(), stage.rule, position, settle):
+            total += seconds
+            if isinstance(step, Move | ManualMove):
+                position = (step.outer, step.inner)
+        times.append(float(total))
+    return times
+
+
+def _usual_steps(
+    steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float
+) -> Iterator[tuple[Step, float]]:
     for step, seconds in planned(steps, rule, start, settle):
-        total += seconds
+        yield step, seconds
         if isinstance(step, RoundEnd) and rule.usual is not None and step.rounds >= rule.usual:
-            break
-    return total
+            return

@@ -5,12 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calstation.config import load_configuration
+from calstation.designer.design import stages_duration
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import profile
 from calstation.messages import sentence
 from calstation.physics import INDEX
 from calstation.results import Preview, compute_preview
 from calstation.results.preview import MAX_ROUNDS
+from calstation.runs import run_summary
 from calstation.sequencer import StageStarted
 from tests.helpers import Progress
 from tests.site_folder import PRODUCT, QUICK, SiteFolder
@@ -47,6 +50,16 @@ def test_preview_of_a_single_stage_excludes_information_of_other_stages(site_fol
     assert after.stages[0].observability["states"]["gyro_scale_x"]["step"] is not None
     flips = [segment["step"] for segment in after.stages[1].observability["segments"]]
     assert [after.step_labels[step][0] for step in flips] == ["start", *["flip"] * (len(flips) - 1)]
+
+
+def test_preview_designer_and_operator_page_state_the_same_durations(site_folder: SiteFolder) -> None:
+    request = site_folder.request()
+    preview = compute_preview(Progress(), request)
+    listed = run_summary(request).stages
+    assert [(s.stage, s.end - s.begin) for s in preview.stages] == [
+        (stage.name, pytest.approx(stage.duration)) for stage in listed
+    ]
+    assert stages_duration(load_configuration(request)) == pytest.approx(preview.duration)
 
 
 def test_previewed_trajectory_follows_the_plan(site_folder: SiteFolder) -> None:
