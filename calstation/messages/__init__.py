@@ -13,6 +13,7 @@ from calstation.messages.rendering import (
     local_time,
     os_reason,
     parameter_name,
+    plain_number,
     product_name,
     render,
     schedule_name,

@@ -33,6 +33,9 @@ _ENDS = (".", "?", "!", ".)", "。", "？", "！", "。）")
 #: Directions of axes, such as ``-x`` and ``+x-y``, whose hyphens are minus signs.
 _AXES = re.compile(r"([+-][xyz])+")
 
+#: Smallest number that is shown with an exponent.
+_LARGEST_PLAIN = 1e6
+
 _NO_DIGITS = str.maketrans("", "", string.digits)
 
 _OS_REASONS = {
@@ -219,6 +222,14 @@ def schedule_name(name: str, language: Language = "en") -> str:
     return name.rsplit("_", 1)[0].replace("_", " ").capitalize()
 
 
+def plain_number(value: float, form: str) -> str:
+    """Format a number; a large one has no exponent, such as 1234 instead of 1.23e+03 for the format ``.3g``."""
+    text = format(value, form)
+    if "e+" not in text or abs(value) >= _LARGEST_PLAIN:
+        return text
+    return format(value, "+.0f" if form.startswith("+") else ".0f")
+
+
 def with_minus(text: str) -> str:
     """Return the text of a number with a minus sign, U+2212, instead of the hyphen."""
     return text.replace("-", "−")
@@ -253,7 +264,7 @@ class _Formatter(string.Formatter):
 
     ``{utc:local_time}`` shows a UTC time in this computer's time zone. ``{name:parameter}``, ``{name:product}`` and
     ``{name:station}`` show the display name in the window, otherwise the name in files. In the window, times have no
-    seconds and no zone.
+    seconds and no zone. ``{count:# run}`` shows a number with an English noun, which is in the singular after 1.
     """
 
     def __init__(self, language: Language, window: bool, operator: bool, options: Mapping[str, Value]) -> None:
@@ -289,8 +300,15 @@ class _Formatter(string.Formatter):
             return term(format_spec[1:], str(value), self._language)
         if value is None:
             return "–"
-        text_of_value = str(super().format_field(value, format_spec))
+        if format_spec.startswith("# "):
+            return f"{value} {format_spec[2:] if str(value) == '1' else _plural(format_spec[2:])}"
+        number = isinstance(value, float) and format_spec.endswith("g")
+        text_of_value = plain_number(value, format_spec) if number else str(super().format_field(value, format_spec))
         return with_minus(text_of_value) if self._window and isinstance(value, float | int) else text_of_value
+
+
+def _plural(noun: str) -> str:
+    return f"{noun}es" if noun.endswith("s") else f"{noun}s"
 
 
 def _to_json(value: Value) -> Any:

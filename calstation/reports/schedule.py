@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from pydantic import JsonValue
 
 from calstation.config import schedule_fields
-from calstation.messages import Language, schedule_name, term
+from calstation.messages import Language, plain_number, schedule_name, term
 from calstation.physics import DISPLAY
 
 #: Kinds of entries that are shown; lists of moves are only in the product file.
@@ -35,4 +35,4 @@ def _target(group: str, sigma: JsonValue, language: Language) -> str:
     if not isinstance(sigma, int | float):
         return name
     unit, size = DISPLAY.get(group) or ("", 1.0)
-    return f"{name} {sigma / size:.3g} {unit}".rstrip()
+    return f"{name} {plain_number(sigma / size, '.3g')} {unit}".rstrip()

@@ -68,7 +68,7 @@ def test_gap_during_a_rotation_is_reported_as_the_cause(calstation: Run, tmp_pat
     rows = [row.replace("six_position", "rate") for row in six_position_rows()]
     text = refusal(calstation("resolve", write_log(tmp_path, rows[:500] + rows[520:])))
     assert "No whole turn about +x" in text
-    assert "1 gaps or invalid stretches" in text
+    assert "1 gap or invalid stretches" in text
 
 
 def test_encoder_angles_survive_a_write_and_read(calstation: Run, tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ def test_capture_is_imported_as_a_log(calstation: Run, tmp_path: Path) -> None:
     raw, log = capture(tmp_path / "x.raw"), tmp_path / "x.h5"
     done = calstation("import", raw, "--imu", "novatel_rawimu", "-o", log)
     assert done.code == 0, done.err
-    assert "478 samples, 1 gaps, 0 packets failed their check" in done.err
+    assert "478 samples, 1 gap, 0 packets failed their check" in done.err
     found = calstation("check", log, "--json", "-").json
     assert (found["serial"], found["sample_rate_hz"], found["missing"]) == ("x", 100.0, 20)
     (tmp_path / "x.toml").write_text(f'{META.split("[imu]")[0]}[imu]\nserial = "SPAN-7"\n')

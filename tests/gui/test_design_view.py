@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.config import library, versions
-from calstation.gui.engineer.designer import DesignView, result
+from calstation.gui.engineer.designer import DesignView
 from calstation.gui.engineer.designer.form import DesignForm
 from calstation.gui.engineer.designer.plots import FrontPlot, Sphere
 from calstation.gui.engineer.designer.result import DesignResult
@@ -133,11 +133,6 @@ def test_design_that_leaves_a_parameter_undetermined_is_not_called_sufficient(
     designer.design()
     assert verdict in designer.says()
     assert names in designer.headline
-
-
-@pytest.mark.parametrize(("value", "text"), [(1730.0, "1730"), (999.7, "1000"), (100.0, "100"), (0.01234, "0.0123")])
-def test_numbers_of_a_design_have_no_exponent_if_they_are_large(value: float, text: str) -> None:
-    assert result._digits(value) == text
 
 
 def test_sphere_shows_the_direction_of_gravity_and_can_be_rotated(designer: Designer, tmp_path: Path) -> None:

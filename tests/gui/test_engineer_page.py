@@ -629,9 +629,9 @@ def test_registers_of_the_previous_run_are_not_offered_for_the_next(engineer: En
 @pytest.mark.parametrize(
     ("changes", "title"),
     [
-        ({}, f"Write 1 registers of unit {SERIAL}?"),
-        ({"outcome": "failed"}, "The result is FAIL. Write its 1 registers to unit"),
-        ({"partial": True}, "The result is PARTIAL: Six positions. Write its 1 registers to unit"),
+        ({}, f"Write 1 register of unit {SERIAL}?"),
+        ({"outcome": "failed"}, "The result is FAIL. Write its 1 register to unit"),
+        ({"partial": True}, "The result is PARTIAL: Six positions. Write its 1 register to unit"),
         ({"outcome": "resolved", "passed": False}, "The result is solved offline, outside the limits. Write its"),
     ],
 )
@@ -647,7 +647,7 @@ def test_write_confirmation_shows_the_verdict_of_the_result(
 def test_write_to_another_unit_is_refused_with_a_reason_at_the_button(engineer: Engineer) -> None:
     ask_to_write(engineer)
     engineer.type("engineer_serial_edit", "SN-000007")
-    assert "Write 1 registers" not in engineer.says(), "the question was about the unit in the fixture"
+    assert "Write 1 register" not in engineer.says(), "the question was about the unit in the fixture"
     reason = f"Unit SN-000007 is in the fixture, but the result is for {SERIAL}."
     assert engineer.why_not("write_registers_button") == reason
     assert engineer.widget("write_reason_label", QLabel).isVisible()

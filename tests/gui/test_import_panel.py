@@ -71,7 +71,7 @@ def test_recording_is_shown_and_imported(page: OfflinePage, qtbot: QtBot, tmp_pa
     choose(page, qtbot, "log_import_button", path)
     texts = looked(page, qtbot)
     assert "299, from 0 to 299, 6.0 s" in texts
-    assert "1 (1 samples missing)" in texts
+    assert "1 (1 sample missing)" in texts
     assert "accel_x from 'ax', g" in texts
     assert not list(tmp_path.glob("*.h5")), "nothing is written before it is seen"
     language.use("zh_CN")

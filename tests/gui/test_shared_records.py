@@ -111,7 +111,7 @@ def test_pending_records_are_shown_until_sent(
     away: None, operator: Operator, site_folder: SiteFolder, tmp_path: Path
 ) -> None:
     label = operator.widget("exchange_label", QLabel)
-    waiting = "1 run waits for the database  ·  1 log waits for the archive"
+    waiting = "1 run waiting for the database  ·  1 log waiting for the archive"
     operator.until(lambda: label.text() == waiting)
     assert label.isVisible()
     assert "is not reachable" in label.toolTip()

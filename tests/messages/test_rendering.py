@@ -17,6 +17,7 @@ from calstation.messages import (
     catalogue,
     local_time,
     os_reason,
+    plain_number,
     render,
     sentence,
     step_text,
@@ -140,3 +141,28 @@ def test_time_is_shown_in_the_time_zone_of_the_computer() -> None:
 def test_directions_of_axes_have_minus_signs(language: Language, text: str) -> None:
     step = step_text("move", ("face_up", "-x"))
     assert render(step.code, step.values, language).text == text
+
+
+@pytest.mark.parametrize(("count", "text"), [(0, "0 runs"), (1, "1 run"), (2, "2 runs")])
+def test_nouns_after_numbers_are_in_the_singular_after_one(count: int, text: str) -> None:
+    assert sentence(Text.of("history.run_count", count=count)) == text
+    assert sentence(Text.of("history.run_count", count=count), "zh_CN") == f"共 {count} 次"
+
+
+def test_nouns_that_end_with_s_have_their_own_plural() -> None:
+    assert sentence(Text.of("logs.passed_near", count=1)) == "Passed, 1 near-miss"
+    assert sentence(Text.of("logs.passed_near", count=2)) == "Passed, 2 near-misses"
+
+
+@pytest.mark.parametrize(
+    ("value", "form", "text"),
+    [
+        (999.7, ".3g", "1000"),
+        (1730.4, ".3g", "1730"),
+        (1730.4, "+.2g", "+1730"),
+        (0.01234, ".3g", "0.0123"),
+        (2e7, ".2g", "2e+07"),
+    ],
+)
+def test_large_numbers_have_no_exponent(value: float, form: str, text: str) -> None:
+    assert plain_number(value, form) == text

@@ -352,8 +352,7 @@ class HistoryPage(Page):
     def _show_texts(self) -> None:
         """Show the number of runs, the possible actions, and the text of an empty list."""
         chosen = len(self.table.selected_runs)
-        code = "history.one_run" if self._match_count == 1 else "history.run_count"
-        self._count_label.setText(say(code, count=self._match_count))
+        self._count_label.setText(say("history.run_count", count=self._match_count))
         filtered = self._filters.conditions != RunFilter()
         self._clear_button.setVisible(filtered)
         enable(self._compare_button, self._why_not_compare(), say("history.compare_tip"))

@@ -30,7 +30,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
-from calstation.messages import Text
+from calstation.messages import Text, plain_number
 from calstation.physics import CHANNELS, NOISE_DISPLAY, FloatArray
 from calstation.results.plots import FLOOR, AllanCurve, AllanDeviation, allan_deviation
 
@@ -202,7 +202,8 @@ class AllanView(QWidget, DataView[AllanDeviation]):
         parts = []
         for name, value in self._values.items():
             _, unit, size = NOISE_DISPLAY[name]
-            parts.append(f"{term('form', name)} {data.noise[name] / size:.3g} → {value / size:.3g} {unit}")
+            before, after = (plain_number(each / size, ".3g") for each in (data.noise[name], value))
+            parts.append(f"{term('form', name)} {before} → {after} {unit}")
         text = "; ".join(parts) + "\n" + say("logs.largest_of_axes")
         unchanged = [term("form", name) for name in NOISE_DISPLAY if name not in self._values]
         return text + (" " + say("logs.kept_values", names=", ".join(unchanged)) if unchanged else "")
@@ -240,11 +241,12 @@ def _cells(data: AllanDeviation, channel: str, curve: AllanCurve) -> dict[str, s
     """Return the cells of a channel: the derived values, and the values in the profile with their units."""
     sensor, _, axis = channel.partition("_")
     cells = {"channel": say(f"logs.{sensor}_axis", axis=axis)}
-    bound = f"≤ {curve.largest_instability / SENSOR_UNITS[sensor][1]:.2g}"
+    bound = f"≤ {plain_number(curve.largest_instability / SENSOR_UNITS[sensor][1], '.2g')}"
     for number, (name, value, fallback) in enumerate(
         zip(_ENTRIES[sensor], (curve.random_walk, curve.instability), ("–", bound), strict=True)
     ):
         _, unit, size = NOISE_DISPLAY[name]
-        cells[f"value{number}"] = fallback if value is None else f"{value / size:.3g}"
-        cells[f"profile{number}"] = f"{data.noise[name] / size:.3g} {unit}" if data.noise[name] else f"– {unit}"
+        cells[f"value{number}"] = fallback if value is None else plain_number(value / size, ".3g")
+        stated = plain_number(data.noise[name] / size, ".3g") if data.noise[name] else "–"
+        cells[f"profile{number}"] = f"{stated} {unit}"
     return cells

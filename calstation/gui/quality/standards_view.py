@@ -26,7 +26,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.judgement import POWER
-from calstation.messages import Text, local_time
+from calstation.messages import Text, local_time, plain_number
 from calstation.physics import ARCSECOND, display
 from calstation.quality import BASELINE, StandardHistory, StationQuality, TableChart
 
@@ -296,5 +296,5 @@ def _power_cells(standard: StandardHistory, k: int) -> dict[str, dict[str, str]]
         share = f"{100.0 * error / standard.half_limits[name]:.0f} %" if name in standard.half_limits else "–"
         e_n = with_minus(f"{verdict.e_n[name]:.2f}")
         named = {"parameter": parameter_text(name), "e_n": e_n}
-        cells[name] = {**named, "error": f"{value:.3g}", "unit": unit, "share": share}
+        cells[name] = {**named, "error": plain_number(value, ".3g"), "unit": unit, "share": share}
     return cells

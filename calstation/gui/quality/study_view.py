@@ -36,6 +36,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
+from calstation.messages import plain_number
 from calstation.physics import display, number
 from calstation.quality import (
     AnovaRow,
@@ -342,6 +343,6 @@ def _source(source: str) -> str:
 
 
 def _anova_cells(line: AnovaRow) -> dict[str, str]:
-    tested = {} if line.f is None or line.p is None else {"f": f"{line.f:.3g}", "p": f"{line.p:.3g}"}
+    tested = {} if line.f is None or line.p is None else {"f": plain_number(line.f, ".3g"), "p": f"{line.p:.3g}"}
     name = say("gauge.pooled", source=_source(line.source)) if line.pooled else _source(line.source)
     return {"name": name, "dof": str(line.dof), **tested}

@@ -163,15 +163,14 @@ class ExchangeLabel(PlainLabel):
         count, since = state.pending, state.contact_utc
         if state.error is None or not count:
             return ""
-        waiting = "one_run" if count == 1 else "runs"
         if since is None:
-            return say(f"window.waiting_{waiting}", count=count)
+            return say("window.waiting_runs", count=count)
         today = since.astimezone().date() == datetime.now().astimezone().date()
         since_text = f"{since.astimezone():%H:%M}" if today else local_time(since.isoformat())
-        return say(f"window.waiting_{waiting}_since", count=count, since=since_text)
+        return say("window.waiting_runs_since", count=count, since=since_text)
 
     def _logs(self, state: ExchangeState) -> str:
         count = state.logs_pending
         if state.archive_error is None or not count:
             return ""
-        return say("window.one_log_waits" if count == 1 else "window.logs_wait", count=count)
+        return say("window.logs_wait", count=count)

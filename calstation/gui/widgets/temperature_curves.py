@@ -11,6 +11,7 @@ from calstation.gui.widgets.file_dialog import set_subject
 from calstation.gui.widgets.layout import ElidedLabel, column, combo_box, fill_combo, label, row
 from calstation.gui.widgets.plot import PlotNote, ThemedPlot, fit_below_note
 from calstation.gui.widgets.stacked_plots import StackedPlots, dashed
+from calstation.messages import plain_number
 from calstation.physics import FloatArray, display, number
 from calstation.results import Result, TemperatureResult
 
@@ -189,7 +190,8 @@ class TemperatureCurves(StackedPlots[Result]):
         for check in data.checks:
             if check.subject == name and check.kind == "within" and isinstance(check.limit, tuple):
                 low, high = sorted(display(name, bound)[0] for bound in check.limit)
-                text = f"±{high:.4g}" if low == -high else f"{low:.4g} … {high:.4g}"
+                below, above = (plain_number(bound, ".4g") for bound in (low, high))
+                text = f"±{above}" if low == -high else f"{below} … {above}"
                 parts.append((say("common.limit_dashed", limit=with_minus(text)), c.caution))
         return parts
 

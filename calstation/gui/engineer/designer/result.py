@@ -36,6 +36,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
+from calstation.messages import plain_number
 from calstation.physics import DEGREE, INDEX, NAMES, display, display_by_unit
 from calstation.results import Preview
 
@@ -225,18 +226,13 @@ def _parameter_cells(design: Design) -> dict[str, dict[str, str]]:
         sigma, unit = display(name, float(design.sigma[i]))
         cells[name] = {
             "unit": unit,
-            "sigma": _digits(sigma),
-            "limit": _digits(display(name, float(design.limits[i]))[0]),
+            "sigma": plain_number(sigma, ".3g"),
+            "limit": plain_number(display(name, float(design.limits[i]))[0], ".3g"),
             "ratio": f"{ratio:.3f}",
             "state": "good" if ratio <= 1.0 else "bad",
             "bar": "",
         }
     return cells
-
-
-def _digits(value: float) -> str:
-    """Format a positive number with three digits, without an exponent if it is large."""
-    return f"{value:.0f}" if value >= 999.5 else f"{value:.3g}"
 
 
 def _variation_cells(design: Design) -> dict[str, dict[str, str]]:
@@ -268,7 +264,7 @@ def _hidden_cells(design: Design) -> dict[str, dict[str, str]]:
         detectable = bool(np.isfinite(limit.size))
         cells[str(number)] = {
             "effect": effect,
-            "size": _digits(size) if detectable else "∞",
+            "size": plain_number(size, ".3g") if detectable else "∞",
             "unit": unit,
             "parameter": parameter_text(limit.moved) if limit.moved in INDEX else _NONE,
             "shift": f"{limit.move:.1f}" if detectable else _NONE,
