@@ -21,4 +21,4 @@ from calstation.reports.issued_pdf import IssuedPdf
 from calstation.reports.label import label_template, print_label, print_labels
 from calstation.reports.pdf import compile_template
 from calstation.reports.time_stamp import stamp_trail, verify_time_stamp
-from calstation.reports.verification import CertificateState, verify_certificate, verify_reports
+from calstation.reports.verification import CertificateState, read_verified_trail, verify_certificate, verify_reports

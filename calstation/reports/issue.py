@@ -101,12 +101,8 @@ def station_request(
 
     By default, the PDF is written to the folder ``certificates`` next to the folder of the runs, in `language`.
     """
+    folder = report_folder(station, section) or default_report_folder(result_file.absolute().parent)
     section, station_folder = section or ReportSection(), station.absolute().parent
-    folder = (
-        result_file.absolute().parent.parent / "certificates"
-        if section.folder is None
-        else _resolve_path(station_folder, section.folder)
-    )
     if section.language is not None:
         language = "zh_CN" if section.language == "zh" else "en"
     return ReportRequest(
@@ -116,6 +112,18 @@ def station_request(
         templates=None if section.template is None else _resolve_path(station_folder, section.template),
         signing=None if section.signing is None else _resolve_path(station_folder, section.signing.certificate),
     )
+
+
+def report_folder(station: Path, section: ReportSection | None) -> Path | None:
+    """Return the folder for reports in the section `[report]` of a station file; None if it names none."""
+    return (
+        None if section is None or section.folder is None else _resolve_path(station.absolute().parent, section.folder)
+    )
+
+
+def default_report_folder(runs: Path) -> Path:
+    """Return the folder for reports next to a folder of runs."""
+    return runs.parent / "certificates"
 
 
 def _resolve_path(folder: Path, name: str) -> Path:
@@ -188,7 +196,7 @@ def issue_certificate(report: ProgressCallback, request: ReportRequest) -> Path:
 
     The folder ``certificates`` next to the runs is created if it is missing.
     """
-    if request.out == request.source.parent.parent / "certificates":
+    if request.out == default_report_folder(request.source.parent):
         try:
             request.out.mkdir(exist_ok=True)
         except OSError as exc:

@@ -1,11 +1,14 @@
 """Verification of the files of a certificate with the audit trail of the site."""
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from calstation.config import site_folder
-from calstation.errors import InputError
+from calstation.config import SiteTrail, load_station, read_site_trail, site_folder
+from calstation.errors import ConfigurationError, InputError
+from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
 from calstation.records import (
     find_heads,
@@ -18,7 +21,11 @@ from calstation.records import (
     site_trails,
     verify_trail,
 )
+from calstation.reports.issue import default_report_folder, report_folder
 from calstation.reports.issued_pdf import file_digests
+
+#: Maximum number of missing files that are named.
+_MAX_NAMES = 5
 
 
 @dataclass(frozen=True)
@@ -63,6 +70,63 @@ def verify_certificate(path: Path) -> CertificateState:
     if not heads:
         found.append(Text.of("audit.no_head", file=path))
     return CertificateState(tuple(found), intact)
+
+
+def read_verified_trail(report: ProgressCallback, station: Path | None) -> SiteTrail:
+    """Job: read and verify the audit trail of the site, and compare the files of its certificates with it.
+
+    They are sought in the folder for reports of the station, in the one next to the runs, and with the runs. A file
+    that is missing is only stated. Raises InputError if a file cannot be read.
+    """
+    site = read_site_trail(lambda *_, **__: None)
+    folder: Path | None = None
+    with suppress(ConfigurationError):
+        path, config = load_station(station)
+        folder = report_folder(path, config.report)
+    issued = list(_issued_files(folder))
+    intact, missing, changed = 0, [], []
+    for number, (certificate, name, digests, folders) in enumerate(issued, 1):
+        file = next((each / name for each in folders if (each / name).is_file()), None)
+        if file is None:
+            missing.append(name)
+        elif _digest_of(file) in digests:
+            intact += 1
+        else:
+            changed.append(Text.of("audit.file_changed", file=file, certificate=certificate))
+        report(number / len(issued))
+    report(1.0)
+    found = [*changed]
+    if intact:
+        found.append(Text.of("audit.files_intact", count=intact))
+    if missing:
+        names = [*missing[:_MAX_NAMES], *(["…"] if len(missing) > _MAX_NAMES else [])]
+        found.append(Text.of("audit.files_missing", count=len(missing), names=names))
+    return replace(site, state=(*site.state, *found), intact=site.intact and not changed)
+
+
+def _issued_files(folder: Path | None) -> Iterator[tuple[str, str, set[object], list[Path]]]:
+    """Yield number, name, recorded SHA-256 and possible folders of every file of the certificates of the site."""
+    digests: dict[tuple[str, str], set[object]] = {}
+    folders: dict[str, list[Path]] = {}
+    for values in (each.values for each in site_events(site_folder())):
+        files, certificate, reports = values.get("files"), values.get("certificate"), values.get("reports")
+        if not isinstance(certificate, str) or not isinstance(files, dict):
+            continue
+        for name, digest in files.items():
+            digests.setdefault((certificate, Path(name).name), set()).add(digest)
+        if isinstance(reports, dict):
+            runs = Path(str(reports.get("folder")))
+            folders[certificate] = [default_report_folder(runs), runs]
+    for (certificate, name), recorded in digests.items():
+        yield certificate, name, recorded, [*([folder] if folder else []), *folders.get(certificate, [])]
+
+
+def _digest_of(file: Path) -> str:
+    """Return the SHA-256 of a file. Raises InputError."""
+    try:
+        return hashlib.sha256(file.read_bytes()).hexdigest()
+    except OSError as exc:
+        raise InputError("result.unreadable", file=file, reason=os_reason(exc)) from exc
 
 
 def verify_reports(folder: Path) -> CertificateState:

@@ -1,5 +1,6 @@
 """`calstation audit` lists events at a site; `calstation check` detects a modified audit trail."""
 
+import hashlib
 import re
 from pathlib import Path
 
@@ -80,3 +81,20 @@ def test_check_reports_the_first_modified_line(calstation, home: Path) -> None:
     dated.rename(path)
     assert calstation("check", "--json", "-").json["first_bad"] == 1
     assert calstation("audit").code == 2
+
+
+def test_check_compares_the_files_of_certificates(calstation, home: Path) -> None:
+    runs, pdf = home / "runs", home / "certificates" / "N-1.pdf"
+    pdf.parent.mkdir()
+    pdf.write_bytes(b"issued")
+    files = {pdf.name: hashlib.sha256(b"issued").hexdigest()}
+    append_audit(home, "certificate", "li", certificate="N-1", files=files, reports={"folder": str(runs)})
+    done = calstation("check")
+    assert (done.code, "agree with the audit trail: 1." in done.out) == (0, True)
+    pdf.write_bytes(b"changed")
+    done = calstation("check")
+    assert (done.code, f"{pdf} is not the file that was issued as certificate N-1" in done.out) == (2, True)
+    assert not calstation("check", "--json", "-").json["intact"]
+    pdf.unlink()
+    done = calstation("check")
+    assert (done.code, "not compared: 1 (N-1.pdf)." in done.out) == (0, True)

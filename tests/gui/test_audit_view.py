@@ -1,6 +1,7 @@
 """The audit trail in the window: filter, verification and export."""
 
 import csv
+import hashlib
 import json
 from pathlib import Path
 
@@ -124,6 +125,52 @@ def test_a_changed_line_is_found_by_verification(page: HistoryPage, trail: Path,
     qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: "was changed at line 2" in state.text(), timeout=WAIT)
     assert state.property("kind") == "error"
+
+
+@pytest.mark.parametrize(
+    ("code", "agreeing", "missing", "changed"),
+    [
+        (
+            "en",
+            "agree with the audit trail: 1.",
+            "not found, and so not compared: 1 (N-3.pdf).",
+            "issued as certificate N-2",
+        ),
+        (
+            "zh_CN",
+            "与审计记录一致的证书文件：1 个。",
+            "未找到、因此未比对的证书文件：1 个（N-3.pdf）。",
+            "证书 N-2 签发的文件",
+        ),
+    ],
+)
+def test_files_of_certificates_are_compared_with_the_trail(
+    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, agreeing: str, missing: str, changed: str
+) -> None:
+    runs = page.app.runs_folder.absolute()
+    folder = runs.parent / "certificates"
+    folder.mkdir(exist_ok=True)
+    for number in ("N-1", "N-2", "N-3"):
+        content = number.encode()
+        files = {f"{number}.pdf": hashlib.sha256(content).hexdigest()}
+        append_audit(
+            site_folder.home, "certificate", "Li Na", certificate=number, files=files, reports={"folder": str(runs)}
+        )
+        if number != "N-3":
+            (folder / f"{number}.pdf").write_bytes(content)
+    language.use(code)
+    open_trail(page, qtbot)
+    state = page.audit.findChild(QLabel, "audit_state_label")
+    assert missing in state.text()
+    assert state.property("kind") == ""
+    with (folder / "N-2.pdf").open("ab") as file:
+        file.write(b" ")
+    qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: changed in state.text(), timeout=WAIT)
+    assert str(folder / "N-2.pdf") in state.text()
+    assert agreeing in state.text()
+    assert state.property("kind") == "error"
+    language.use("en")
 
 
 @pytest.mark.parametrize("suffix", ["csv", "json"])

@@ -14,7 +14,6 @@ from calstation.config import (
     SiteTrail,
     access,
     computer_user,
-    read_site_trail,
     read_trail_copy,
     restart_site_trail,
     site_folder,
@@ -22,7 +21,7 @@ from calstation.config import (
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
 from calstation.records import AUDIT_EVENTS, AuditEvent, audit_path, select_audit
-from calstation.reports import CertificateState, stamp_trail, verify_time_stamp
+from calstation.reports import CertificateState, read_verified_trail, stamp_trail, verify_time_stamp
 from calstation.validation import validation_due
 
 app = command_group()
@@ -83,7 +82,7 @@ def check_audit(file: Path | None, json: str | None) -> int:
 
 def _read(file: Path | None) -> tuple[Path, SiteTrail]:
     if file is None:
-        return audit_path(site_folder()), read_site_trail(ignore_progress)
+        return audit_path(site_folder()), read_verified_trail(ignore_progress, None)
     if not file.exists():
         raise InputError("audit.not_found", file=file)
     return file, read_trail_copy(file)
@@ -94,6 +93,7 @@ def _row(path: Path, site: SiteTrail, events: list[AuditEvent]) -> dict[str, Any
     return {
         **{"file": str(path), "kind": "audit", "lines": len(trail.entries), "interrupted": list(trail.incomplete)},
         **{"first_bad": trail.damage and trail.damage.number, "digest": trail.head[1], "intact": site.intact},
+        "found": _verified(site),
         "events": [each.model_dump() for each in events],
     }
 

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 from functools import partial
 from typing import Any
 
-from calstation.config import SiteTrail, export_trail, read_site_trail
+from calstation.config import SiteTrail, export_trail
 from calstation.gui.state import AppContext, FileExport, JobView
 from calstation.gui.text import Words, bind, on_language_change, say, term
 from calstation.gui.widgets import (
@@ -27,6 +27,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import Text, known, local_time
 from calstation.records import AUDIT_EVENTS, AuditEvent, select_audit
+from calstation.reports import read_verified_trail
 
 _COLUMNS = (
     Cell("common.time", "time", number=False, hint="hint"),
@@ -66,7 +67,7 @@ class AuditView(JobView):
         super().__init__(app, "audit")
         self._trail: SiteTrail | None = None
         self._shown: list[AuditEvent] = []
-        self._reader = self.job(read_site_trail, self._show_trail, failure="history.audit_not_read")
+        self._reader = self.job(read_verified_trail, self._show_trail, failure="history.audit_not_read")
         self.exports = FileExport(self)
         self.back_button = button("audit_back_button", "history.back_to_list", back)
         self.setFocusProxy(self.back_button)
@@ -113,7 +114,7 @@ class AuditView(JobView):
         self.back_button.setFocus()
 
     def _read(self) -> None:
-        self._reader.start()
+        self._reader.start(self.app.station_path)
 
     def _show_trail(self, trail: SiteTrail) -> None:
         self._trail = trail
