@@ -19,7 +19,7 @@ from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.parsing import MAX_JSON, read_limited
 from calstation.physics import NAMES, FloatArray, further_parameter
-from calstation.quality.gauge import GaugeStudy, check_size, crossed, gauge_study
+from calstation.quality.gauge import GaugeStudy, check_size, crossed, gauge_study, ranges_beyond
 from calstation.quality.runs import judged_runs, product_runs
 from calstation.quality.summary import known_products, limit_interval
 from calstation.records import Categories, RunColumns, write_atomic
@@ -226,6 +226,14 @@ class StudyState:
     out_of_order: int  #: Number of runs that were not made in the planned order.
     studies: Mapping[str, GaugeStudy]  #: By parameter, SI; empty while runs are missing.
     values: Mapping[str, FloatArray]  #: By parameter, SI; see `GaugePlan.values`.
+
+    def by_appraiser(self, name: str) -> FloatArray:
+        """Return the values of a parameter, SI, shape (units, appraisers, trials)."""
+        return self.values[name].reshape(len(self.plan.units), -1, self.plan.trials)
+
+    def beyond(self, name: str) -> int:
+        """Return the number of ranges of a parameter beyond their control limits."""
+        return int(ranges_beyond(self.by_appraiser(name)).sum())
 
 
 def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: Path | None) -> StudyState:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from calstation.physics import NAMES
+from calstation.quality import StudyState
 from tests.cli.conftest import Done
 from tests.synthetic.run_history import synthesise_runs
 from tests.synthetic.test_run_history import ignore
@@ -148,3 +149,13 @@ def test_gauge_study_is_planned_and_evaluated_from_stored_runs(calstation: Run, 
     other = calstation(*study, "--parameter", "clock_offset")
     assert (other.code, "not every run of the study solved the parameter" in other.err.lower()) == (2, True)
     assert [*calstation(*study, "--parameter", "gyro_bias_y").json["parameters"]] == ["gyro_bias_y"]
+
+
+def test_gauge_study_names_parameters_whose_ranges_are_not_in_control(
+    calstation: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = ("quality", "gauge", folder / "studies" / "gauge.json", "--out", folder)
+    monkeypatch.setattr(StudyState, "beyond", lambda _, name: 2 * (name == "gyro_bias_y"))
+    assert "gyro_bias_y: Ranges beyond the control limits: 2." in calstation(*study).out
+    rows = calstation(*study, "--json", "-").json["parameters"]
+    assert [name for name, row in rows.items() if row["ranges_beyond"]] == ["gyro_bias_y"]

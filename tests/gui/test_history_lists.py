@@ -218,6 +218,21 @@ def test_value_missing_in_one_run_has_no_difference(page: HistoryPage, folder: P
     assert "2 runs of SN-000001, SN-000002" in visible_texts(page)
 
 
+@pytest.mark.parametrize(("code", "said"), [("en", "No run has limits"), ("zh_CN", "这些标定都没有限差")])
+def test_runs_without_limits_are_compared_without_a_plot(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str, said: str
+) -> None:
+    row = {"gyro_bias_x": {"value": 0.0, "unit": "rad/s", "stage": "rate", "sigma": 1e-8}}
+    for hours in (1, 2):
+        write_run(folder, "SN-000001", "passed", timedelta(hours=hours), checks=[], parameters=row)
+    listed_runs(page, qtbot)
+    language.use(code)
+    compare(page, (0, 1), qtbot)
+    assert not page._comparison.plot.isVisible()
+    assert said in " ".join(visible_texts(page))
+    language.use("en")
+
+
 def test_incomplete_run_is_not_compared(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     base.write_dead_log(runs["new"].parent)
     listed_runs(page, qtbot)

@@ -12,7 +12,7 @@ import numpy as np
 import pyqtgraph as pg
 import pytest
 import tomli_w
-from PySide6.QtCore import QPoint, Qt
+from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTabBar, QTableView
 from synthetic.run_history import synthesise_runs
 
@@ -207,16 +207,24 @@ def test_study_is_charted_by_unit_by_appraiser_and_for_all_parameters(operator: 
     assert not shares.isVisible()
     click_tab(operator, "All parameters", "study_views")
     assert shares.isVisible()
-    bars = [item for item in shares.getPlotItem().items if isinstance(item, pg.BarGraphItem)]
+    assert "limits 10 % and 30 %" in shares._note.textItem.toPlainText()
+    axis = shares.axis
+    assert axis.parentWidget() is shares, "legend and numbers do not scroll"
+    ends = [
+        shares.plot.getViewBox().mapFromView(QPointF(100.0, 0.0)),
+        axis.getViewBox().mapFromView(QPointF(100.0, 0.0)),
+    ]
+    assert ends[0].x() == pytest.approx(ends[1].x(), abs=1.0)
+    bars = [item for item in shares.plot.getPlotItem().items if isinstance(item, pg.BarGraphItem)]
     tolerance = [each.gauge.percent_tolerance for each in page.study._state.studies.values()]
     assert bars[0].opts["width"] == tolerance
     colours = [bar.opts["brush"].name() for bar in bars]
     theme.apply("dark")
-    bars = [item for item in shares.getPlotItem().items if isinstance(item, pg.BarGraphItem)]
+    bars = [item for item in shares.plot.getPlotItem().items if isinstance(item, pg.BarGraphItem)]
     assert all(bar.opts["brush"].name() != colour for bar, colour in zip(bars, colours, strict=True))
     theme.apply("light")
     language.use("zh_CN")
-    assert shares.getAxis("left")._tickLevels[0][4][1] == parameter_text(name)
+    assert shares.plot.getAxis("left")._tickLevels[0][4][1] == parameter_text(name)
     click_tab(operator, "图表", "study_views")
     assert "各产品的测量值及其均值" in operator.says()
 

@@ -18,6 +18,7 @@ from calstation.gui.operator import CertificateButton, LabelButton, advice
 from calstation.gui.state import ReleaseBar
 from calstation.gui.text import language, say
 from calstation.gui.widgets import NoticeBar, TemperatureCurves, theme
+from calstation.judgement import Check
 from calstation.physics import display
 from calstation.records import RunRecord, Verdict
 from calstation.results import FinishedRun, Resolved, Result
@@ -96,6 +97,27 @@ def test_parameter_is_chosen_by_keys_in_both_languages(
     assert f"{abs(display('gyro_bias_y', worst.value)[0]):.1f}" in curves._worst.text()
     assert f"{at:.0f} °C".replace("-", "−") in curves._worst.text()
     assert word in curves._note.toPlainText()
+    language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "drawn", "outside"),
+    [("en", "- - limit", "(outside the plot)"), ("zh_CN", "- - 限差", "（在图外）")],
+)
+def test_legend_says_if_the_limits_are_outside_the_plot(
+    qtbot: QtBot, result: Result, code: str, drawn: str, outside: str
+) -> None:
+    language.use(code)
+    low, high = (float(each) for each in np.sort(result.curve("gyro_bias_x", np.array([-40.0, 85.0]))[0]))
+    made = TemperatureCurves("curves_combo")
+    qtbot.addWidget(made)
+    made.resize(900, 600)
+    made.show()
+    for limit, shown in (((low, high), drawn), ((-1.0, 1.0), outside)):
+        check = Check("within", "gyro_bias_x", limit, low, "rad/s", passed=True)
+        made.show_result(replace(result, checks=[check]))
+        assert shown in made._note.toPlainText()
+        assert ({drawn, outside} - {shown}).pop() not in made._note.toPlainText()
     language.use("en")
 
 

@@ -163,7 +163,12 @@ def _evaluate(path: Path, product: Path | None, parameter: str | None, out: Path
     if not studies:
         raise InputError("quality.not_measured")
     rows = {
-        name: {**asdict(study), "categories": study.categories, "verdict": study.verdict}
+        name: {
+            **asdict(study),
+            "categories": study.categories,
+            "verdict": study.verdict,
+            "ranges_beyond": state.beyond(name),
+        }
         for name, study in studies.items()
     }
     head = {"schema": "calstation.gauge_study/1", "plan": path.name, "product": state.plan.product}
@@ -171,6 +176,9 @@ def _evaluate(path: Path, product: Path | None, parameter: str | None, out: Path
     if json != "-":
         console = plain_console(file=sys.stdout, width=_WIDTH)
         _show_study(console, state.plan, studies)
+        for name, row in rows.items():
+            if count := row["ranges_beyond"]:
+                show_line(console, f"{name}: {say('quality.ranges_beyond', count=count)}")
         if state.out_of_order:
             runs = len(state.plan.order)
             show_line(console, say("quality.order_not_kept", count=state.out_of_order, runs=runs))

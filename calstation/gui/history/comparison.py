@@ -67,6 +67,7 @@ class RunComparison(QWidget):
             ]
         )
         self.plot.show_results(self.table.names, results)
+        self.plot.setVisible(bool(self.plot.limits))
         self._refresh()
 
     def _heading(self, k: int) -> Callable[[], str]:

@@ -5,16 +5,29 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyqtgraph as pg
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.text import parameter_text, say
-from calstation.gui.widgets import DataView, ElidedLabel, PlotNote, ThemedPlot, column, dashed, row, set_subject, theme
+from calstation.gui.widgets import (
+    DataView,
+    ElidedLabel,
+    PlotNote,
+    ThemedPlot,
+    column,
+    dashed,
+    row,
+    scroll_area,
+    set_subject,
+    theme,
+)
 from calstation.physics import FloatArray
 from calstation.quality import ACCEPTABLE, MARGINAL, GaugeStudy, range_limits, ranges_beyond
 
-#: Height of a parameter in the chart of all parameters, and width of the axis with their names, px.
-_ROW_HEIGHT, _NAMES_WIDTH = 4 * theme.GRID, 24 * theme.GRID
+#: Height of a parameter in the chart of all parameters, width of the axis with their names, and height of the axis
+#: with the legend, px.
+_ROW_HEIGHT, _NAMES_WIDTH, _AXIS_HEIGHT = 4 * theme.GRID, 24 * theme.GRID, 11 * theme.GRID
 #: Components by the abbreviation of their name.
 _PARTS = {"GRR": "gauge", "EV": "repeatability", "AV": "reproducibility", "PV": "part"}
 #: Share of a row that its bars fill, and end of the horizontal axis, %.
@@ -34,35 +47,47 @@ class StudyValues:
     values: FloatArray
 
 
-class ComponentsPlot(ThemedPlot, DataView[Mapping[str, GaugeStudy]]):
-    """The components of variation of all parameters as bars, with the limits of the verdict."""
+class ComponentsView(QWidget, DataView[Mapping[str, GaugeStudy]]):
+    """The components of variation of all parameters as bars, below a legend and an axis that do not scroll."""
 
     def __init__(self) -> None:
-        super().__init__(zoom=False)
-        self.getAxis("left").setWidth(_NAMES_WIDTH)
-        self.getViewBox().invertY(True)
-        self._note = PlotNote(self.getViewBox())
+        super().__init__()
+        self.plot, self.axis = ThemedPlot(zoom=False), ThemedPlot(zoom=False)
+        for plot in (self.plot, self.axis):
+            plot.getAxis("left").setWidth(_NAMES_WIDTH)
+        self.plot.getViewBox().invertY(True)
+        self.plot.hideAxis("bottom")
+        self.axis.getAxis("left").setTicks([[]])
+        self.axis.setFixedHeight(_AXIS_HEIGHT)
+        self.axis.setXLink(self.plot)
+        self._note = PlotNote(self.axis.getViewBox())
+        bars = scroll_area(self.plot, wide=False)
+        bars.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOn)
+        width = bars.verticalScrollBar().sizeHint().width()
+        column(row((self.axis, 1), width, spacing=0), (bars, 1), on=self, spacing=0)
         theme.on_appearance_change(self, self.refresh)
 
     def draw(self, data: Mapping[str, GaugeStudy]) -> None:
         """Draw the shares of the tolerance or, without one, of the variation of the study."""
-        c = theme.colours()
-        self.getPlotItem().clear()
-        self.getAxis("left").setTicks([[(k, parameter_text(name)) for k, name in enumerate(data)]])
-        height, rows, note = _BARS_HEIGHT / len(_PARTS), np.arange(len(data)), []
+        c, plot = theme.colours(), self.plot
+        plot.getPlotItem().clear()
+        plot.getAxis("left").setTicks([[(k, parameter_text(name)) for k, name in enumerate(data)]])
+        height, rows, parts = _BARS_HEIGHT / len(_PARTS), np.arange(len(data)), []
         colours = c.text, c.accent, c.partial, c.track
         for number, ((name, part), colour) in enumerate(zip(_PARTS.items(), colours, strict=True)):
             shares = [_share(study, part) for study in data.values()]
             y = rows + (number + 0.5) * height - 0.5 * _BARS_HEIGHT
             style = {"brush": QColor(colour), "pen": pg.mkPen(None)}
-            self.addItem(pg.BarGraphItem(x0=0, y=y, height=height, width=shares, **style))
-            note += [("■", colour), (name, c.text)]
+            plot.addItem(pg.BarGraphItem(x0=0, y=y, height=height, width=shares, **style))
+            parts += [("■", colour), (name, c.text)]
         for limit in (ACCEPTABLE, MARGINAL):
-            self.addItem(pg.InfiniteLine(limit, 90, pen=dashed(c.bad)))
-        self._note.say(note)
-        self.setXRange(0.0, _MAX_SHARE, padding=0)
-        self.setYRange(-2.0, len(data) - 0.5, padding=0)
-        self.setMinimumHeight(_ROW_HEIGHT * (len(data) + 3))
+            plot.addItem(pg.InfiniteLine(limit, 90, pen=dashed(c.bad)))
+        limits = say("quality.limits_of_verdict", acceptable=ACCEPTABLE, marginal=MARGINAL)
+        self._note.say([*parts, (f"┆ {limits}", c.bad)])
+        self.axis.setLabel("bottom", say("quality.shares"))
+        plot.setXRange(0.0, _MAX_SHARE, padding=0)
+        plot.setYRange(-0.5, len(data) - 0.5, padding=0)
+        plot.setMinimumHeight(_ROW_HEIGHT * len(data))
 
 
 class StudyCharts(QWidget, DataView[StudyValues]):

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QSpinBox, QWidget
 from calstation.config import load_product
 from calstation.errors import CalstationError
 from calstation.gui.quality.capability_view import cpk_state
-from calstation.gui.quality.study_plots import ComponentsPlot, StudyCharts, StudyValues
+from calstation.gui.quality.study_plots import ComponentsView, StudyCharts, StudyValues
 from calstation.gui.state import Page
 from calstation.gui.text import on_language_change, parameter_text, say
 from calstation.gui.widgets import (
@@ -30,7 +30,6 @@ from calstation.gui.widgets import (
     line_edit,
     panel,
     row,
-    scroll_area,
     show_text,
     split,
     stack,
@@ -46,7 +45,6 @@ from calstation.quality import (
     StudyState,
     Variation,
     evaluate_study,
-    ranges_beyond,
 )
 
 #: Symbol of each verdict.
@@ -107,11 +105,10 @@ class StudyView(QWidget):
         self._next_label = label(kind="section", name="study_left_label", wrap=True)
         self._empty, self._missing_runs = EmptyState(), box(self._next_label, (self.order, 1))
         self._name_label = label(kind="section", name="study_parameter_label")
-        self.charts, self.shares = StudyCharts(), ComponentsPlot()
+        self.charts, self.shares = StudyCharts(), ComponentsView()
         tables = box((self.components, 5), (self.anova, 4))
         self.tabs = ViewTabs("study_views", "quality.charts", "quality.analysis_of_variance", "quality.all_parameters")
-        shares = box(label("quality.shares", "muted"), (scroll_area(self.shares, wide=False), 1))
-        views = stack(self.charts, tables, shares)
+        views = stack(self.charts, tables, self.shares)
         self.tabs.currentChanged.connect(views.setCurrentIndex)
         head = row(self._name_label, 2 * theme.GRID, self.badge, None)
         selected = box(head, self.about_label, row(self.tabs, None), (views, 1))
@@ -204,11 +201,8 @@ class StudyView(QWidget):
     def _show_overview(self, state: StudyState) -> None:
         """List the results of all parameters, and keep the selected one."""
         names, current = list(state.studies), self.overview.current_name
-        shape = len(state.plan.units), -1, state.plan.trials
         cells = {
-            name: _overview_cells(
-                study, int(ranges_beyond(state.values[name].reshape(shape)).sum()), self._capability.get(name)
-            )
+            name: _overview_cells(study, state.beyond(name), self._capability.get(name))
             for name, study in state.studies.items()
         }
         self.overview.show_cells(cells, ("tolerance", "study", "cpk"))
@@ -223,8 +217,7 @@ class StudyView(QWidget):
             return
         self._name_label.setText(parameter_text(name))
         study, (size, unit) = state.studies[name], display(name, 1.0)
-        values = state.values[name].reshape(len(state.plan.units), -1, state.plan.trials)
-        beyond = int(ranges_beyond(values).sum())
+        values, beyond = state.by_appraiser(name), state.beyond(name)
         self.badge.show_state(_state(study, beyond), say(f"gauge.{study.verdict}"))
         sizes = " × ".join(say(f"gauge.count_{factor}", count=count) for factor, count in study.levels.items())
         about = say("gauge.answer", sizes=sizes, trials=study.trials, categories=study.categories, unit=unit)

@@ -149,7 +149,7 @@ class ReleaseBar(QWidget):
         self._error = label(kind="error", name=f"{name}_error_label", wrap=True)
         self._button = button(f"{name}_button", "window.release_button", self._ask, tip="window.release_tip")
         self.open_changed.connect(lambda asking: self._button.setVisible(not asking))
-        column(self._button, self._panel, self._error, on=self)
+        column(row(self._button, None), self._panel, self._error, on=self)
         self.hide()
 
     def offer(self, result: Result | None, path: Path | None) -> None:

@@ -101,8 +101,8 @@ class TemperatureCurves(StackedPlots[Result]):
         low, high = over.range_c
         beyond = _BEYOND * (high - low)
         self.plots[0].setXRange(low - beyond, high + beyond, padding=0.0)
-        self._note.say(self._legend(data, over, name))
         self._fit()
+        self._note.say(self._legend(data, over, name))
 
     def _combo_texts(self, result: Result) -> None:
         """Show the names of the parameters in the current language."""
@@ -192,7 +192,10 @@ class TemperatureCurves(StackedPlots[Result]):
                 low, high = sorted(display(name, bound)[0] for bound in check.limit)
                 below, above = (plain_number(bound, ".4g") for bound in (low, high))
                 text = f"±{above}" if low == -high else f"{below} … {above}"
-                parts.append((say("common.limit_dashed", limit=with_minus(text)), c.caution))
+                shown_from, shown_to = self.plots[0].getViewBox().viewRange()[1]
+                outside = high < shown_from or low > shown_to or (low < shown_from and high > shown_to)
+                code = "common.limit_outside" if outside else "common.limit_dashed"
+                parts.append((say(code, limit=with_minus(text)), c.caution))
         return parts
 
     def _fit(self) -> None:
