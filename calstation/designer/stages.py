@@ -34,6 +34,8 @@ class ShorterStages(Reached):
     present: float  #: Duration of the product's current stages, s.
     gravity_rest: float | None  #: Shortest rest, s, suitable for the product's gravity check; None without this check.
     seconds: float  #: Duration of the search, s.
+    #: Parameters that the stages do not determine, so that every run fails; those of the current stages, too.
+    undetermined: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the result as JSON data."""
@@ -43,6 +45,7 @@ class ShorterStages(Reached):
             "default_duration_s": self.present,
             "worst_sigma_over_limit": self.worst,
             "limiting": self.limiting,
+            "undetermined": list(self.undetermined),
             "schedule": self.schedule,
             "search_s": self.seconds,
         }
@@ -107,7 +110,8 @@ class _Shortening:
                 saved = 1.0 - best.duration / self._present
                 self._report((number + saved) / len(_FACTORS), note=f"{best.duration:.1f}")
         spent = time.monotonic() - self._start_time
-        return ShorterStages(self._sigma(best), self._limits, values, best.duration, self._present, self._rest, spent)
+        found = self._sigma(best), self._limits, values, best.duration, self._present, self._rest, spent
+        return ShorterStages(*found, best.undetermined)
 
     def _improve(
         self, values: Values, factor: float, attempted: set[tuple[str, str, float]]

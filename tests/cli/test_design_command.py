@@ -4,9 +4,11 @@ import json
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from calstation.config import check
+from calstation.designer.stages import ShorterStages
 
 
 @pytest.mark.long
@@ -36,6 +38,17 @@ def test_product_with_the_shortest_schedule_over_temperature_is_written_and_show
     assert tomllib.loads(written)["schedule"]["temperature"]["points_c"] == found["soak"]["points_c"]
     for words in ("min of chamber time", "270 s", "two temperatures more", "ramp", "accel_quadratic", str(out)):
         assert words in done.out
+
+
+@pytest.mark.parametrize(("undetermined", "code"), [((), 0), (("accel_quadratic_x",), 1)])
+def test_shorter_stages_that_leave_a_parameter_undetermined_are_said_to_fail(
+    calstation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, undetermined: tuple[str, ...], code: int
+) -> None:
+    found = ShorterStages(np.full(30, 0.5), np.ones(30), {}, 60.0, 90.0, None, 1.0, undetermined)
+    monkeypatch.setattr("calstation.cli.commands.design.shorten_stages", lambda report, request: found)
+    done = calstation("design", "--product", "mems_c", "--keep-stages", "-o", tmp_path / "short.toml")
+    assert done.code == code, done.err
+    assert ("its data do not determine accel_quadratic_x" in done.out) is bool(undetermined)
 
 
 @pytest.mark.parametrize(

@@ -34,8 +34,9 @@ from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.result_analysis import ResultView
 from calstation.gui.state import AppContext, ReleaseBar
 from calstation.gui.text import language, say
-from calstation.gui.widgets import CellTable, ComparisonTable, JobWatch, ParameterSet
+from calstation.gui.widgets import CellTable, ComparisonTable, JobWatch, ParameterSet, StateBadge
 from calstation.jobs import Job
+from calstation.judgement import Check
 from calstation.messages import Text
 from calstation.records import audit_path, open_log, read_audit
 from calstation.registers import journal as register_journal
@@ -652,6 +653,54 @@ def test_write_to_another_unit_is_refused_with_a_reason_at_the_button(engineer: 
     assert engineer.why_not("write_registers_button") == reason
     assert engineer.widget("write_reason_label", QLabel).isVisible()
     assert engineer.widget("write_reason_label", QLabel).text() == reason
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("en", "Result of SN-000009, not of the entered unit SN-000007"),
+        ("zh_CN", "这是 SN-000009 的结果，不是所输入的 SN-000007"),
+    ],
+)
+def test_result_of_another_unit_is_marked_until_that_unit_is_scanned(engineer: Engineer, code: str, said: str) -> None:
+    engineer.window.app.set_language(code)
+    engineer.page.analysis._loaded(finished_run({}, unit={"serial": "SN-000009"}))
+    engineer.type("engineer_serial_edit", "SN-000009")
+    badge = engineer.widget("other_unit_badge", StateBadge)
+    assert not badge.isVisible()
+    engineer.type("engineer_serial_edit", "SN-000007")
+    assert badge.isVisible()
+    assert badge.text() == said
+    engineer.show_view(0)
+    assert not badge.isVisible()
+    engineer.show_view(1)
+    edit = engineer.widget("engineer_serial_edit", QLineEdit)
+    engineer.qtbot.keyClick(edit, Qt.Key.Key_Return)
+    assert not badge.isVisible()
+    assert engineer.page.analysis.serial == ""
+    assert not engineer.run.in_progress
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("en", "failed: gyro bias x, gyro bias y σ, innovations of Rate and 1 more"),
+        ("zh_CN", "不合格：陀螺零偏 x、陀螺零偏 y σ、速率新息，另有 1 项"),
+    ],
+)
+def test_headline_names_the_failed_checks(engineer: Engineer, code: str, said: str) -> None:
+    engineer.window.app.set_language(code)
+    found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
+    checks = [
+        Check("within", "gyro_bias_x", 9.0, (-1.0, 1.0), "rad/s", passed=False),
+        Check("sigma_below", "gyro_bias_y", 7.0, 1.0, "rad/s", passed=False),
+        Check("consistency", "rate", 5.0, 1.0, "1", passed=False),
+        Check("unobservable", "", 2.0, 1.0, "1", passed=False),
+        Check("sigma_below", "gyro_bias_z", 0.5, 1.0, "rad/s", passed=True),
+    ]
+    engineer.page.analysis._loaded(finished_run(found, outcome="failed", checks=[check.to_json() for check in checks]))
+    engineer.show_view(1)
+    assert said in engineer.says()
 
 
 @pytest.mark.long

@@ -114,8 +114,8 @@ def test_legend_says_if_the_limits_are_outside_the_plot(
     made.resize(900, 600)
     made.show()
     for limit, shown in (((low, high), drawn), ((-1.0, 1.0), outside)):
-        check = Check("within", "gyro_bias_x", limit, low, "rad/s", passed=True)
-        made.show_result(replace(result, checks=[check]))
+        check = Check("within", "gyro_bias_x", low, limit, "rad/s", passed=True)
+        made.show_result(Result.from_json({**result.to_json(), "checks": [check.to_json()]}))
         assert shown in made._note.toPlainText()
         assert ({drawn, outside} - {shown}).pop() not in made._note.toPlainText()
     language.use("en")

@@ -103,7 +103,7 @@ def design(
     if keep_stages:
         write_atomic(out, shorter_product(present, stages))
         emit(stages.to_json(), json, _shorter_lines(stages, out))
-        return 0
+        return 1 if stages.undetermined else 0
     write_atomic(out, designed_product(present, designed))
     emit(designed.to_json(), json, _lines(designed, out))
     return 0 if designed.worst <= 1.0 and not designed.undetermined else 1
@@ -166,6 +166,8 @@ def _shorter_lines(shorter: ShorterStages, out: Path) -> Iterator[str]:
         worst=shorter.worst,
         parameter=shorter.limiting,
     )
+    if shorter.undetermined:
+        yield say("engineer.undetermined", names=", ".join(shorter.undetermined))
     for stage, values in shorter.schedule.items():
         yield f"  {stage}: " + ", ".join(f"{name} = {value:g}" for name, value in values.items())
     yield say("design.written", path=out)

@@ -22,6 +22,7 @@ from calstation.gui.text import on_language_change, product_text, say
 from calstation.gui.widgets import (
     Choice,
     ElidedLabel,
+    StateBadge,
     ViewTabs,
     ask_open,
     button,
@@ -98,10 +99,11 @@ class EngineerPage(Page):
         self._tabs.setTabVisible(self._views.indexOf(self._live), False)
         self._source = ElidedLabel("muted")
         self._source.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self._other_unit = StateBadge(name="other_unit_badge")
         open_button = button("open_result_button", "common.open", self._ask_file, tip="engineer.open_tip")
         self.choice.setFixedWidth(_PANEL_WIDTH)
         tabs = row(self._tabs, (self._source, 1), open_button)
-        right = column(tabs, self.notice, self._start_dialog.people, (self._views, 1))
+        right = column(tabs, self._other_unit, self.notice, self._start_dialog.people, (self._views, 1))
         wide = 2 * theme.GRID
         row(self.choice, (right, 1), on=self, spacing=wide, margins=(wide, 0, wide, theme.GRID))
 
@@ -123,6 +125,7 @@ class EngineerPage(Page):
         self.registers.changed.connect(self._update)
         self._tabs.currentChanged.connect(self._views.setCurrentIndex)
         self._views.currentChanged.connect(lambda _: self.analysis.prepare(self._views.currentWidget()))
+        self._views.currentChanged.connect(lambda _: self._show_other_unit())
         app.engine_link.event.connect(self._follow)
         app.engine_link.running_changed.connect(self._running_changed)
         app.windows.changed.connect(self._update)
@@ -197,6 +200,7 @@ class EngineerPage(Page):
         """Show a run live; after it, clear the serial number, restore the product's stages, and show its remarks."""
         self._start_dialog.drop()
         if running and not self.app.run.register_operation:
+            self.analysis.close()
             live = self._views.indexOf(self._live)
             self._tabs.setTabVisible(live, True)
             self._tabs.setCurrentIndex(live)
@@ -267,7 +271,11 @@ class EngineerPage(Page):
     def _scan(self) -> None:
         """At a station with several slots, assign the entered serial number to the next slot."""
         slots, serial = self.app.slots, self._header.serial
-        if not slots or self.app.engine_link.running:
+        if self.app.engine_link.running:
+            return
+        if not slots:
+            if serial != self.analysis.serial and self._why_no_serial() is None:
+                self.analysis.close()
             return
         if slots.units and not serial:
             self._header.start_button.setFocus()
@@ -330,6 +338,7 @@ class EngineerPage(Page):
         """Enable the possible actions, and explain in the tooltips why the others are not possible."""
         self._source.setText(self.analysis.source())
         self._show_next()
+        self._show_other_unit()
         options, role = self._options, ""
         if not self.app.role.engineer:
             role = say("engineer.new_pin_needed" if self.app.role.new else "engineer.pin_needed")
@@ -376,6 +385,13 @@ class EngineerPage(Page):
         self._header.show_next(
             run.ended or run.fault is not None or other, "" if slot is None or run.in_progress else slot.name
         )
+
+    def _show_other_unit(self) -> None:
+        """Say if the displayed result is not of the unit whose serial number is entered."""
+        shown, entered = self.analysis.serial, self._header.serial
+        differs = bool(shown and entered) and shown != entered and self._why_no_serial() is None
+        self._other_unit.setVisible(differs and self._views.currentWidget() not in (self.preview, self.design))
+        self._other_unit.show_state("caution", say("engineer.result_of_other_unit", shown=shown, entered=entered))
 
     def _why_no_unit(self) -> str:
         slots, serial = self.app.slots, self._header.serial

@@ -168,6 +168,8 @@ class ResultView(QWidget):
         if count := len(result.checks):
             passed = count - len(result.failed_checks)
             texts.append(say("engineer.checks_passed", passed=passed, count=count))
+            if result.failed_checks:
+                texts.append(say("engineer.checks_failed", names=advice.failed_names(result)))
         if near := sum(check.near_miss for check in result.checks):
             texts.append(say("engineer.near_misses", count=near))
         if result.conformity is not None:
@@ -356,6 +358,20 @@ class ResultAnalysis(QObject):
             self._diagnosing.start(run.log, stages, log.first_seq, log.last_seq)
             for lazy in self._computed:
                 lazy.show_work()
+
+    @property
+    def serial(self) -> str:
+        """Serial number of the displayed run, or ""."""
+        return "" if self._run is None else self._run.result.serial
+
+    def close(self) -> None:
+        """Close the displayed run."""
+        self.loading.cancel()
+        self._diagnosing.cancel()
+        self._run = self._path = self._diagnosed_log = None
+        for lazy in (self.result, *self._computed, self.cycle):
+            lazy.show_empty()
+        self.changed.emit()
 
     def source(self) -> str:
         """Return a line with the serial number, time and verdict of the displayed run."""

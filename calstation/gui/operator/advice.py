@@ -24,6 +24,8 @@ from calstation.results import Parameter, Result
 
 #: Maximum number of figures below the verdict on a small screen, without and with a long reason.
 _MAX_FIGURES, _MAX_BELOW_REASON = 9, 7
+#: Maximum number of failed checks in a headline.
+_MAX_NAMES = 3
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,21 @@ def brief_reason(outcome: str, result: Result | None) -> str:
     worst, count = failing[0], len(result.failed_checks)
     text = f"{worst.name} σ" if worst.by_sigma else worst.name
     return text if count == 1 else say("advice.and_more", names=text, more=count - 1)
+
+
+def failed_names(result: Result) -> str:
+    """Return the names of up to three failed checks, those furthest outside their limits, and the number of others."""
+    failed = sorted((check for check in result.failed_checks), key=_ratio, reverse=True)
+    names = list(dict.fromkeys(_brief_name(check) for check in failed))
+    text = say("common.comma").join(names[:_MAX_NAMES])
+    return text if len(names) <= _MAX_NAMES else say("advice.and_more", names=text, more=len(names) - _MAX_NAMES)
+
+
+def _brief_name(check: Check) -> str:
+    """Return the name of a check, or the parameter that it compares, followed by σ for its sigma."""
+    if not is_parameter_check(check):
+        return check_name(check)
+    return f"{parameter_text(check.subject)}{' σ' if check.kind == 'sigma_below' else ''}"
 
 
 def brief_action(outcome: str, result: Result | None) -> str:
