@@ -25,7 +25,7 @@ from calstation.messages import known
 
 _NAME = "calstation"
 
-#: What Typer returns after Ctrl-C.
+#: Exit code that Typer returns after Ctrl-C.
 _INTERRUPTED = 130
 
 logger = logging.getLogger(__name__)

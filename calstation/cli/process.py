@@ -118,7 +118,7 @@ class _StandardError(io.TextIOWrapper):
 class _StandardOutput(io.TextIOWrapper):
     """Standard output, whose first failure raises BrokenPipeError or ConfigurationError; later text is discarded.
 
-    Who writes may ignore the failure, so that the next flush raises it again.
+    The writer may ignore the failure; the next flush therefore raises it again.
     """
 
     _unseen: Exception | None = None

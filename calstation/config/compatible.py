@@ -37,11 +37,11 @@ def compatible_products(station: Path | None, instead_of: Path | None) -> list[t
 
 
 def with_product(request: RunRequest) -> RunRequest:
-    """Return a request without a product with that of the station file or the first that the station can calibrate.
+    """Complete a request without a product by the station file's product or the first that the station can calibrate.
 
-    A request remains without a product, which means `DEFAULT_PRODUCT`, unless the station is of another kind than this
-    product needs: an error in its files must not start a run of another product. A request that resumes a run has the
-    product of the log. Raises ConfigurationError if the station file cannot be used.
+    The first product that the station can calibrate is used only if `DEFAULT_PRODUCT`, the product of a request without
+    one, needs another kind of station: an error in the files of the station must not start a run of another product. A
+    request that resumes a run has the product of the log. Raises ConfigurationError if the station file cannot be used.
     """
     if request.product is not None or request.resume is not None:
         return request

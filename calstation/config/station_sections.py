@@ -39,7 +39,7 @@ class ChamberLinkSection(DeviceSection):
     """`[chamber]` of a station: chamber profile and link, and the room outside the chamber.
 
     ambient_c : temperature to which the chamber returns, °C
-    dew_point_c : dew point of the room, °C; the default belongs to 75 % of humidity
+    dew_point_c : dew point of the room, °C; by default that of 75 % relative humidity
     agreement_c : largest difference of a unit's sensor from the chamber's after a soak, K
     """
 

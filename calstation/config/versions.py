@@ -178,7 +178,7 @@ def _add(version: Version, content: str) -> None:
 
 
 def changed_entries(before: str, after: str) -> dict[str, list[JsonValue]]:
-    """Return the entries that differ between two texts of a file, as dotted keys, with both values; None for none."""
+    """Return the entries that differ between two texts of a file: dotted keys with both values, None if missing."""
     old, new = (dict(_entries(tomllib.loads(each))) for each in (before, after))
     keys = [*old, *(key for key in new if key not in old)]
     return {key: [old.get(key), new.get(key)] for key in keys if old.get(key) != new.get(key)}
@@ -196,7 +196,7 @@ def _entries(value: Any, key: str = "") -> Iterator[tuple[str, JsonValue]]:
 
 
 def _audit(event: AuditEventName, version: Version, earlier: Sequence[Version], content: str) -> None:
-    """Record a version with its text, and what differs from the latest earlier version."""
+    """Record a version with its text and its differences from the latest earlier version."""
     changed: dict[str, list[JsonValue]] = {}
     with suppress(ConfigurationError, tomllib.TOMLDecodeError):  # a damaged version must not prevent a new one
         if earlier:

@@ -92,9 +92,9 @@ def with_assumed_orders(model: TemperatureModel) -> TemperatureModel:
 
 
 def optimal_nodes(count: int) -> FloatArray:
-    """Return the nodes in [-1, 1] with the smallest largest sigma of a polynomial of `count` coefficients.
+    """Return the nodes in [-1, 1] that minimise the largest sigma of a polynomial of `count` coefficients.
 
-    At them, no sigma of the polynomial exceeds that of a measurement (Guest, Ann. Math. Stat. 29, 1958).
+    In [-1, 1], no sigma of the polynomial then exceeds that of a measurement (Guest, Ann. Math. Stat. 29, 1958).
     """
     inner = np.polynomial.legendre.Legendre.basis(count - 1).deriv().roots()
     return np.concatenate([[-1.0], np.sort(inner.real), [1.0]])

@@ -1,4 +1,4 @@
-"""Temperatures and duration of a stage `temperature`: a chamber of constant rate, and a unit that follows its air.
+"""Temperatures and duration of a stage `temperature`, for a chamber that heats and cools at constant rate.
 
 The temperature of the unit approaches that of the air plus the self-heating exponentially, with one time constant.
 """
@@ -16,11 +16,11 @@ from calstation.physics import Dwell, FloatArray, Move, Ramp, Soak, Step
 from calstation.records import Log
 from calstation.sequencer import step_time
 
-#: Assumed time by which the air follows the set point of a soak later, s.
+#: Assumed delay of the air behind the set point of a soak, s.
 _LAG = 60.0
 #: Interval of the temperatures from which the properties of a unit are measured, s, and bounds of its time constant, s.
 _INTERVAL, _TIME_CONSTANTS = 2.0, (5.0, 20_000.0)
-#: Smallest change of the air from which they can be measured, K.
+#: Smallest change of the air temperature from which these properties can be measured, K.
 _LEAST_CHANGE = 10.0
 
 
@@ -30,13 +30,13 @@ class Thermal:
 
     rate: float  #: Largest rate of the air, K/s.
     ambient: float  #: Temperature of air and unit at the start, °C.
-    time_constant: float  #: Of the unit, s.
-    self_heating: float  #: Difference of the unit from the air in the end, K.
+    time_constant: float  #: Time constant of the unit, s.
+    self_heating: float  #: Steady-state difference of the unit from the air, K.
 
 
 @dataclass(frozen=True)
 class Course:
-    """Temperatures of the unit, °C, and their rates, K/s, at the mean of every cycle of moves; durations, s."""
+    """Mean temperature of the unit, °C, and its rate, K/s, in every cycle of moves; durations, s."""
 
     cycles: tuple[tuple[float, float], ...]
     duration: float
@@ -103,7 +103,7 @@ class _Air:
         return self.unit - self._air - self._thermal.self_heating
 
     def soak(self, step: Soak) -> float:
-        """Go to a temperature at the largest rate and stay until the unit is steady; return the duration, s."""
+        """Go to a temperature at the largest rate and wait until the unit is steady; return the duration, s."""
         begin = self.time
         self.advance(_LAG)
         self.target, self.rate = step.temperature, self._thermal.rate

@@ -26,15 +26,17 @@ from procedures import method
 _STAGE = "temperature"
 #: Assumed time constant of a unit, s.
 TIME_CONSTANT = 600.0
-#: Temperatures beyond the order: one to determine the polynomial, and one to test its order; smallest number of them.
+#: Number of temperatures in addition to the order of the polynomial, of which one tests the order; smallest number of
+#: temperatures.
 _BEYOND_ORDER, _LEAST = 2, 3
 #: Largest numbers of cycles at a temperature and of further temperatures.
 _MAX_CYCLES, _MAX_FURTHER = 16, 6
-#: Largest distance of a set point from the end of the range, K, and factor on the longest soak.
+#: Largest distance of a set point from the end of the range, K, and factor by which the longest soak is extended.
 _TOLERANCE, _RESERVE = 2.0, 1.5
 #: Smallest distance of a temperature from one that is held out, K.
 _APART = 5.0
-#: Largest rate of a ramp, relative to that of the chamber, which needs a reserve; lower rates, relative to the largest.
+#: Largest rate of a ramp, relative to the largest rate of the chamber, which needs a reserve; and all tried rates,
+#: relative to this one.
 _FASTEST, _RATES = 0.8, (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1, 0.05)
 
 
@@ -51,12 +53,12 @@ class TemperatureSchedule(Reached):
 
 @dataclass(frozen=True)
 class TemperatureDesign:
-    """The shortest schedule with soaks and the shortest ramp, and what other numbers of temperatures would change."""
+    """The shortest schedule with soaks, the shortest ramp, and schedules with other numbers of temperatures."""
 
     soak: TemperatureSchedule
     ramp: TemperatureSchedule
-    fewer: TemperatureSchedule | None  #: Two temperatures less with the same moves; None if they are too few.
-    more: TemperatureSchedule  #: Two temperatures more with the same moves.
+    fewer: TemperatureSchedule | None  #: With two temperatures less and the same moves; None if too few.
+    more: TemperatureSchedule  #: With two temperatures more and the same moves.
     is_ramp: bool  #: Whether the ramp is chosen.
     margin: float
     thermal: Thermal
@@ -115,7 +117,7 @@ def design_temperature(
     report : callback for the progress
     request : product, station, margin and speeds
     time_constant : that of the temperature of the unit in the air of the chamber, s
-    self_heating : difference of the unit from the air in the end, K
+    self_heating : steady-state difference of the unit from the air, K
     """
     with one_blas_thread():
         return _Designer(report, request, time_constant, self_heating).run()
@@ -214,7 +216,7 @@ class _Designer:
     def _is_shorter(self, ramp: TemperatureSchedule, soak: TemperatureSchedule) -> bool:
         """Return whether a ramp is preferred, which the product must state.
 
-        What a unit does while its temperature changes, such as a hysteresis, may not suit the model at any useful rate.
+        Effects of a changing temperature, such as a hysteresis, may not agree with the model at any useful rate.
         """
         return self._values["ramp_c_per_min"] is not None and ramp.course.duration < soak.course.duration
 
@@ -231,7 +233,7 @@ class _Designer:
                 shortest = schedule.course.duration
 
     def _soak(self, count: int, cycles: int | None = None) -> TemperatureSchedule:
-        """Return the schedule for a number of temperatures, by default with the least cycles that meet the limits."""
+        """Return the schedule for a number of temperatures, by default with the fewest cycles that meet the limits."""
         temperatures = self._temperatures(count)
         if cycles is not None:
             return self._evaluated(temperatures, cycles)
@@ -268,8 +270,8 @@ class _Designer:
     def _temperatures(self, count: int) -> FloatArray:
         """Return `count` temperatures over the range, ends and reference included, °C.
 
-        They are those with the smallest largest sigma of a polynomial of this many coefficients, shifted so that one is
-        the reference, and apart from those that are held out.
+        They minimise the largest sigma of a polynomial with this number of coefficients, and are then shifted so that
+        one is the reference and none is close to a held-out temperature.
         """
         (low, high), reference = self._model.range, self._model.reference
         temperatures = low + (high - low) * 0.5 * (1.0 + optimal_nodes(count))

@@ -170,7 +170,7 @@ class Chamber(Protocol):
     """A thermal chamber. Every call has a time limit and raises DeviceFaultError if it fails."""
 
     def identify(self) -> str:
-        """Return what the chamber says about itself, or the model in the profile if it cannot be asked."""
+        """Return the identity that the chamber reports, or the model in the profile if it has no such query."""
 
     def status(self) -> ChamberStatus:
         """Poll the state of the chamber."""

@@ -13,11 +13,11 @@ from calstation.records import context_from_meta
 
 #: Largest difference of an export from the same parameters in our correction, as a fraction of the largest sample.
 TOLERANCE = 1e-9
-#: Samples that turn and accelerate every axis alone and together, so that no wrong element remains hidden in a
-#: recording at rest: angular rates, rad/s, and specific forces, m/s².
+#: Samples that turn and accelerate every axis alone and together, which show every wrong element, unlike a recording at
+#: rest: angular rates, rad/s, and specific forces, m/s².
 _DIRECTIONS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 2, 3], [2, -3, 1], [3, 1, -2]], dtype=np.float64)
 _PROBES = np.hstack([_DIRECTIONS, 10.0 * np.roll(_DIRECTIONS, 1, axis=0)])
-#: Samples that do not hide an error of the bias either.
+#: Small samples, beside which an error of the bias is not negligible.
 _SMALL_PROBES = 1e-6 * _PROBES
 
 
@@ -32,8 +32,8 @@ class ExportCheck:
     gyro_sigmas: float  #: `gyro` in standard deviations of the noise of a sample.
     accel_sigmas: float  #: `accel` in standard deviations of the noise of a sample.
     not_expressed: Mapping[str, float]  #: What the format cannot express, see `ExportSource.not_expressed`, SI.
-    of_limit: Mapping[str, float]  #: The sizes of it as multiples of the product's limits, as far as there are limits.
-    exceeding: tuple[str, ...]  #: Those of them that exceed the product's limits.
+    of_limit: Mapping[str, float]  #: Sizes of `not_expressed` relative to the product's limits, if it has any.
+    exceeding: tuple[str, ...]  #: Names in `not_expressed` whose sizes exceed the product's limits.
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of the check's file."""

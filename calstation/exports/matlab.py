@@ -46,7 +46,7 @@ def _write(source: ExportSource) -> Files:
         }
         inverse = np.linalg.inv(source.matrix(name)).T
         matrices |= {f"{name}_A": inverse, f"{name}_b": -bias[None, :] @ inverse}
-    mat: Any = io.BytesIO()  # the types of SciPy know no binary streams
+    mat: Any = io.BytesIO()  # SciPy's type stubs do not accept binary streams
     savemat(mat, {"serial": source.serial, "sample_rate": source.imu.sample_rate_hz, **matrices})
     return {"": json.dumps({source.serial: sensors}, indent=1).encode() + b"\n", _MAT: mat.getvalue()}
 
@@ -59,7 +59,7 @@ def _read(files: Files) -> Corrector:
     matrices = loadmat(mat)
 
     def corrected(name: str, measured: FloatArray) -> FloatArray:
-        """Invert the simulation; the result is NaN if the matrices of the ``.mat`` file give another one."""
+        """Invert the simulation; the result is NaN if it differs from that of the matrices in the ``.mat`` file."""
         section = sensors[_SENSORS[name]]
         gain = np.array(section["AxesMisalignment"]) / _PERCENT
         readings = _SIGNS[name] * measured

@@ -14,7 +14,7 @@ from calstation.results import Result, TemperatureResult, compensate_samples, fi
 #: Time, s, at which a random walk of the bias has the Allan deviation of the bias instability, K √(T/3) = B; programs
 #: that model no flicker noise ask for K (IEEE Std 952-2020, annex C).
 BIAS_TIME = 1000.0
-#: The lever arm of the mounting on the table is no property of the unit.
+#: The lever arm of the mounting on the table is not a property of the unit.
 _NOT_OF_UNIT = "outer_lever"
 #: Ending of a name that denotes the change of a parameter over the range of temperatures.
 _OVER_TEMPERATURE = "(T)"
@@ -121,7 +121,7 @@ class ExportSource:
         return matrix
 
     def not_expressed(self, export_format: ExportFormat) -> dict[str, float]:
-        """Return what is other than 0 and a format cannot express, SI: parameters by name, and their terms.
+        """Return the nonzero values that a format cannot express, SI, by name.
 
         ``NAME(T)`` is the largest change of a parameter over the range of temperatures, ``NAME(dT/dt)`` its coefficient
         of the rate of change, per K/s.
@@ -143,7 +143,7 @@ class ExportSource:
         return left | {f"{name}(dT/dt)": value for name, value in self.temperature.rate_terms.items()}
 
     def limit(self, name: str) -> float:
-        """Return the largest error that the product permits of what `not_expressed` names, SI; infinite if unknown."""
+        """Return the largest permitted error of a value in `not_expressed`, SI; infinite if the product has none."""
         return self.limits.get(name.removesuffix(_OVER_TEMPERATURE), np.inf)
 
     def corrected(

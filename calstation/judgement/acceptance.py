@@ -28,7 +28,8 @@ from calstation.records import (
 
 #: Smallest rotation of a motion that is sensitive to a scale factor error, rad.
 MIN_TURN = np.deg2rad(10.0)
-#: Sigmas of noise by which a limit increases: of noise above the profiles' for a rest, of all noise for a motion.
+#: Number of sigmas by which noise increases a limit: for a rest, noise in excess of the profiles'; for a motion, all
+#: noise.
 NOISE_SIGMAS = 4.0
 
 
@@ -181,7 +182,7 @@ class _Acceptance:
             yield self._beyond_noise(_FLOORS[kind], floor, unit, rest)
 
     def _beyond_noise(self, kind: CheckKind, limit: float, unit: str, rows: list[tuple[float, float, Where]]) -> Check:
-        """Compare each error with the limit plus its noise; return the check of the largest in proportion."""
+        """Compare each error with the limit plus its noise; return the check with the largest ratio of both."""
         smallest = np.finfo(float).tiny
         value, noise, where = max(
             rows, key=lambda row: _value_then_where((row[0] / max(limit + row[1], smallest), row[2]))

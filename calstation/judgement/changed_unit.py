@@ -1,4 +1,4 @@
-"""A unit, mounting or table that changes in a run: rests and motions that are repeated yield other outputs.
+"""A unit, mounting or table that changes in a run, so that repeated rests and motions yield different outputs.
 
 Outputs are compared with those at the same angles of the table, without a model. Only changes that exceed all drifts
 of a unit are found here; smaller ones are left to the tests of the model.
@@ -28,8 +28,8 @@ _SHOWN_BY = 2
 class _Output:
     """The outputs of gyros and accelerometers in a rest, or the rotation that the gyros measure in a motion."""
 
-    time: float  #: Begin, s.
-    angles: FloatArray  #: Angles at the rest, shape (2,), or at the begin of a motion and their changes, (4,), rad.
+    time: float  #: Start, s.
+    angles: FloatArray  #: Angles at the rest, shape (2,), or at the start of a motion and their changes, (4,), rad.
     values: FloatArray  #: Rates, °/s, and forces, m/s², shape (6,); or rotations relative to the table's, shape (3,).
     tolerances: FloatArray  #: Largest change of each value.
 
@@ -54,7 +54,7 @@ class ChangedUnit:
     gravity
         Local gravity, m/s².
     over_temperature
-        Whether the samples are of a calibration over temperature, in which the biases of sound gyros change by any
+        Whether the samples are of a calibration over temperature, in which the biases of good gyros change by any
         amount.
     """
 
@@ -63,7 +63,7 @@ class ChangedUnit:
         self._repeated: list[list[_Output]] = []
 
     def find(self, motion: TableMotion, data: StageData) -> Diagnosis | None:
-        """Add the motion of a stage, and return how the outputs have changed since the first stage; None if not."""
+        """Add the motion of a stage; return how the outputs have changed since the first stage, or None."""
         for output in self._outputs(motion, data):
             same = next((each for each in self._repeated if each[0].equals(output)), None)
             if same is None:

@@ -85,7 +85,7 @@ class Check:
         near
             Fraction of the limit above which a value is a near miss.
         where
-            Place in the data to which the value belongs.
+            Rest, motion or parameter to which the value belongs.
         acceptance
             Lower and upper limit narrowed by the decision rule, in `unit`.
         """

@@ -80,7 +80,7 @@ class _Angles:
         return np.asarray(signed[:, ::-1] if self.exchanged else signed)
 
     def texts(self) -> list[Text]:
-        """Return what is wrong."""
+        """Return descriptions of the errors."""
         texts = [Text.of("setup.angles_exchanged")] if self.exchanged else []
         texts += [
             Text.of("setup.angle_reversed", column=f"{joint}_deg")
@@ -201,7 +201,7 @@ def _expected(angles: _Angles, motion: TableMotion, context: SolveContext) -> tu
     """Return the up directions in b at the rests, shape (k, 3), and rotations of the unit, rad, shape (u, 3).
 
     The rotations are those of the corrected angles: of single joints between two rests, and of parts of other motions.
-    The last value are the rotations that the gyros measure.
+    The third array contains the rotations that the gyros measure.
     """
     geometry, joints = context.table.geometry, angles.corrected(motion.angles)
     up = np.array([geometry.body_to_home(*pair)[2] for pair in joints])
@@ -237,7 +237,7 @@ def _fits(measured: FloatArray, expected: FloatArray) -> list[_Fit | None]:
 
 
 def _axis_texts(candidate: _Candidate, context: SolveContext) -> list[Text]:
-    """Return what is wrong with angles and axes."""
+    """Return descriptions of the errors of angles and axes."""
     texts = candidate.angles.texts()
     if candidate.mounted and candidate.gyro is not None:
         return [*texts, Text.of("setup.mounted", orientation=_orientation(candidate.gyro.axes, context))]

@@ -164,7 +164,7 @@ def _with_cause(meta: LogMeta, check: Check) -> Check:
 
 
 def _with_noise(checks: list[Check], solutions: Sequence[Solution]) -> list[Check]:
-    """Return the checks, the failed ones of a sigma with the measured noise as the cause if no other is known.
+    """Return the checks, with the measured noise as the cause of each failed check of a sigma that has no other cause.
 
     With the noise of the profiles, such a sigma would be within its limit.
     """

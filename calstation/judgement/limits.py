@@ -17,7 +17,7 @@ COVERAGE_FACTOR = 2.0
 #: Largest change of a parameter for which the unit agrees with its current calibration, in standard deviations.
 _CHANGED = 6.0
 #: Largest change of a parameter for which the data agree with a prior that a profile states, in standard deviations.
-#: One of 30 changes of a sound unit is larger in one of 60,000 runs.
+#: One of 30 changes of a good unit is larger in one of 60,000 runs.
 _UNLIKE_PRIOR = 5.0
 #: Largest ratio of the variances after and before the data of a parameter that is compared with its prior.
 _DETERMINED = 0.25

@@ -22,7 +22,7 @@ _RESIDUAL, _SLOPES = 3.0, 0.1
 _MAX_SIGMA, _SIGMAS = 1.0 / 12.0, 9.0
 #: Change of a force over both lines, in sigmas, below which the sigma of a shift is certainly larger than that.
 _STEEP = 50.0
-#: Smallest rate near a shift that the angles show, relative to the largest one nearby: a filter delays the begin of a
+#: Smallest rate near a shift that the angles show, relative to the largest one nearby: a filter delays the start of a
 #: rotation by more than its middle.
 _SLOWEST = 0.3
 #: Largest deviation of a shift from a whole number of samples.
@@ -36,7 +36,7 @@ class SampleFault:
     """Samples with a fault of one kind."""
 
     cause: str  #: Code of the cause.
-    samples: IntArray  #: Their indices.
+    samples: IntArray  #: Indices of the samples.
     channel: int | None = None  #: Index of the channel; None for whole samples.
     size: float = 0.0  #: Size in counts, or in samples.
 

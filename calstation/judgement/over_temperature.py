@@ -17,7 +17,7 @@ _UP_DOWN_SIGMAS = 6.0
 
 
 def fit_over_temperature(solutions: Sequence[Solution]) -> TemperatureFit | None:
-    """Return the parameters as functions of the temperature; None if there are none."""
+    """Return the parameters as functions of the temperature; None if they are constant."""
     return next((s.temperature for s in reversed(solutions) if s.temperature is not None), None)
 
 
@@ -31,7 +31,7 @@ def worst_estimate(
     solutions : solutions of the stages, in order
     name : name of the parameter
     interval : limits of its value, SI; None if there are none
-    estimate : estimate at the reference, which is returned if the parameters are no functions of the temperature; its
+    estimate : estimate at the reference, which is returned if the parameters do not depend on the temperature; its
         sigma includes the uncertainty of gravity, which is the same at all temperatures
     """
     fit = fit_over_temperature(solutions)

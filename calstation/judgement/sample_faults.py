@@ -44,7 +44,7 @@ _CONSTANT_WINDOWS, _NOISY, _GAP = 3, 0.7, 10.0
 #: Smallest fraction of the samples near a spike with one value, if a channel keeps this value.
 _KEPT = 0.7
 #: Smallest number of rests, and smallest variation of the earth rate in sigmas of the rests, for the test of a gyro's
-#: response to it; largest response that is none.
+#: response to it; largest response that counts as none.
 _MIN_RESTS, _EARTH_SIGMAS, _EARTH_SHARE = 4, 8.0, 0.3
 #: Smallest rotation, rad, that a gyro with a lock-in zone measures.
 _TURNED = 0.5
@@ -135,7 +135,7 @@ def _faults(
     motion: TableMotion | None,
     context: SolveContext,
 ) -> Iterator[SampleFault]:
-    """Yield the faults, those first that cause others."""
+    """Yield the faults; those that cause others come first."""
     yield from _wraps(counts, broken, noise)
     yield from _repeated_rows(counts, broken, noise)
     yield from _sticking(counts, noise)

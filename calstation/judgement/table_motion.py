@@ -36,7 +36,7 @@ class TableMotion:
     links: tuple[tuple[int, int], ...]  #: Indices of the rests before and after each motion.
     joints: tuple[int | None, ...]  #: The only joint that moves in each motion; None if both do.
     rotation: FloatArray  #: Integral of the rate minus its mean at the adjacent rests, rad, shape (m, 3).
-    part_angles: FloatArray  #: Angles of the joints at begin and end of the parts, rad, shape (p, 2, 2).
+    part_angles: FloatArray  #: Angles of the joints at the start and the end of the parts, rad, shape (p, 2, 2).
     part_rotation: FloatArray  #: The same integral in the parts, rad, shape (p, 3).
 
 

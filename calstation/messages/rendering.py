@@ -211,7 +211,7 @@ def station_name(name: str, language: Language = "en") -> str:
 
 
 def _key(name: str) -> str:
-    """Return a name in small letters with `_` for all else."""
+    """Return a name in lower case, with `_` for all characters other than letters and digits."""
     return re.sub(r"[^a-z0-9]+", "_", name.lower())
 
 

@@ -172,9 +172,8 @@ class QualitySummary:
     product: str | None  #: The selected product; None for all.
     yields: Yields
     parameters: tuple[ParameterQuality, ...]  #: One value per unit.
-    serial: (
-        str | None
-    )  #: Unit that is charted individually and excluded from `yields` and `parameters`; None without one.
+    #: Unit that is charted individually and excluded from `yields` and `parameters`; None without one.
+    serial: str | None
     single_unit: tuple[ParameterQuality, ...]  #: All runs of the unit `serial`.
     chartable: int  #: Number of runs for charts: all full runs of the unit `serial`, or the last one of each unit.
 

@@ -131,7 +131,7 @@ def damage_text(path: Path, damage: Damage) -> Text:
 def verify_trail(folder: Path, *, every_signature: bool = False) -> TrailState:
     """Read and verify the audit trail of a site.
 
-    The signed head next to the key vouches for the lines before it, so that their signatures are verified only if
+    The signed head next to the key covers the lines before it, so that their signatures are verified only if
     `every_signature` is set. Raises InputError if the trail or its head cannot be read.
     """
     path, head_path = audit_path(folder), head_file(folder)
@@ -323,7 +323,7 @@ def site_trails(folder: Path) -> list[tuple[Path, AuditTrail]]:
 
 
 def _present_trail(folder: Path) -> AuditTrail:
-    """Return the present trail of the site, all of whose signatures are verified unless its head vouches for them."""
+    """Return the present trail of the site, all of whose signatures are verified unless its signed head covers them."""
     with suppress(InputError):  # the head cannot be read
         state = verify_trail(folder)
         if not state.faults:

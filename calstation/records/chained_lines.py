@@ -66,7 +66,7 @@ class Chain(Generic[T]):
     def head(self) -> tuple[int, str]:
         """Number and digest of the last complete line; (0, START) without one.
 
-        An incomplete line after it is no part of the head, because the next append changes it.
+        An incomplete line after it is not part of the head, because the next append changes it.
         """
         number = len(self.digests)
         while number in self.incomplete:

@@ -20,7 +20,7 @@ _JUMP = 0.5
 
 @dataclass
 class TimeReport:
-    """What is irregular in the time stamps of a recording; known after all samples have been read."""
+    """Irregularities of the time stamps of a recording; known after all samples have been read."""
 
     wraps: int = 0  #: Number of wraps, which do not interrupt the time.
     steps_back: int = 0  #: Number of steps back of the clock.
@@ -34,7 +34,7 @@ class TimeReport:
         self.__init__()  # type: ignore[misc]
 
     def add(self, other: "TimeReport") -> None:
-        """Add what another file of the same log contains."""
+        """Add the irregularities of another file of the same log."""
         for name in ("wraps", "steps_back", "jumps", "repeated"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         self.counted |= other.counted
@@ -42,7 +42,7 @@ class TimeReport:
 
     @property
     def irregularities(self) -> list[Text]:
-        """Sentences about what is irregular, except the jitter."""
+        """Sentences about the irregularities, except the jitter."""
         counts = {name: getattr(self, name) for name in ("wraps", "steps_back", "jumps", "repeated")}
         texts = [Text.of(f"recording.time_{name}", count=count) for name, count in counts.items() if count]
         return [*([Text("recording.time_counted")] if self.counted else []), *texts]
@@ -91,7 +91,7 @@ class ClockUnwrapper:
         return np.asarray(time + offsets), set_back
 
     def _change(self, row: int, before: float, now: float, counted: int, has_counter: bool) -> float:
-        """Return what to add to the time from a row on, s, at which the time does not continue."""
+        """Return the correction of the time, s, from a row on at which it does not continue."""
         if now > before:
             if self._fall is not None and row - self._fall[0] <= _RETURN_ROWS and now > self._fall[1]:
                 first = self._fall

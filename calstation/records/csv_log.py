@@ -33,7 +33,7 @@ from calstation.schema import read_toml, validate
 _TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
 #: Suffixes of CSV logs and text recordings.
 CSV_SUFFIXES = tuple(suffix + compressed for suffix in _TEXT_SUFFIXES for compressed in ("", ".gz"))
-#: Number of samples in which the step of the output, and output that is not whole, are looked for.
+#: Number of samples that are searched for the step of the output and for output that is not whole.
 _FIRST_ROWS = 1024
 #: Relative error of a count size of six digits, due to which counts are not quite whole numbers.
 _LSB_ERROR = 1e-6
@@ -88,7 +88,7 @@ def with_quantisation(meta: LogMeta, tables: Callable[[], Iterator[SampleTable]]
 
 
 def _first_rows(tables: Callable[[], Iterator[SampleTable]]) -> list[SampleTable]:
-    """Return the first rows of a recording, whatever the parts in which it is read. Raises InputError."""
+    """Return the first rows of a recording, regardless of the parts in which it is read. Raises InputError."""
     parts, wanted = list[SampleTable](), _FIRST_ROWS
     for table in tables():
         parts.append(table.select(np.arange(len(table)) < wanted))

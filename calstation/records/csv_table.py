@@ -156,7 +156,7 @@ def _rows(lines: Iterable[str]) -> Iterator[list[str]]:
 
 
 def _integers(cells: list[str]) -> tuple[IntArray | FloatArray, BoolArray]:
-    """Return a column of whole numbers, shape (n,), and the mask of cells that are none."""
+    """Return a column of whole numbers, shape (n,), and the mask of the other cells."""
     try:
         return np.fromiter(map(int, cells), np.int64, len(cells)), np.zeros(len(cells), np.bool_)
     except (ValueError, OverflowError):
@@ -204,7 +204,7 @@ def _clock_time(cell: str) -> float:
 
 
 def _wrong_cell(name: str, cell: str) -> str:
-    """Return the code of the error of a cell that is not what its column requires."""
+    """Return the code of the error of a cell that does not meet the requirement of its column."""
     value = _float(cell)
     if not cell.strip():
         return "csv.cell_empty"

@@ -1,4 +1,4 @@
-"""Text of CSV files in chunks of whole lines, whatever the encoding and the line ends."""
+"""Text of CSV files in chunks of whole lines, regardless of encoding and line ends."""
 
 import codecs
 import gzip

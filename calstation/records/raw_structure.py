@@ -1,6 +1,6 @@
 """Check of the structure of an HDF5 file before any data are read from it.
 
-Another program, or somebody with intent, may write an HDF5 file whose objects have the names of a raw log but other
+Another program, or an attacker, may write an HDF5 file whose objects have the names of a raw log but other
 types, ranks or sizes, or which are links to other files. Reading them would fail in unforeseen ways or use all memory.
 """
 
@@ -52,7 +52,7 @@ def check_structure(file: h5py.File) -> None:
             raise
         except (OSError, RuntimeError, KeyError):
             if name not in TEXTS:
-                raise  # the reader does without damaged events and results
+                raise  # the reader does not need the events and results
     check = file.attrs.get_id("meta_crc32") if "meta_crc32" in file.attrs else None
     if check is None or check.shape != () or check.dtype.kind not in "iu":
         raise StructureError("meta_crc32", Text("log.part_type"))

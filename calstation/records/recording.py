@@ -31,7 +31,8 @@ _MAX_STAGE = 64
 _MAX_QUOTED = 40
 #: Largest magnitudes that an IMU can measure, rad/s and m/s².
 _MAX_RATE, _MAX_FORCE = 1e3, 1e5
-#: Smallest median angle between successive rows, rad, and largest relative scatter of their length, of means.
+#: Rows are taken for means of positions above this median angle between successive ones, rad, and below this relative
+#: scatter of their magnitudes.
 _MEANS_ANGLE, _MEANS_SCATTER = 0.2, 0.03
 
 
@@ -46,7 +47,7 @@ class _Timed(NamedTuple):
 
 @dataclass(frozen=True)
 class Recording:
-    """Samples of a file, and what was found in it while they were read."""
+    """Samples of a file, and the irregularities and damaged rows found while reading it."""
 
     path: Path
     meta: LogMeta
@@ -201,7 +202,7 @@ class Recording:
                 raise InputError("csv.cell_implausible", **where, cell=cell, value=value, unit=unit)
 
     def _refuse_means(self, counts: FloatArray) -> None:
-        """Raise InputError if gravity points elsewhere in nearly every row: the rows are means of positions."""
+        """Raise InputError if the direction of gravity changes in nearly every row: the rows are means of positions."""
         force = counts[np.isfinite(counts[:, 3:]).all(axis=1), 3:]
         length = np.linalg.norm(force, axis=1)
         if len(force) < 4 or np.std(length) > _MEANS_SCATTER * np.mean(length):

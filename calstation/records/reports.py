@@ -79,7 +79,7 @@ def reports_head(folder: Path) -> dict[str, JsonValue]:
 
 
 def report_faults(folder: Path, state: TrailState) -> list[Text]:
-    """Return what is wrong with the reports of a folder and with their agreement with the audit trail of the site.
+    """Return the faults of the reports of a folder, and their contradictions to the audit trail of the site.
 
     Raises InputError if the file cannot be read.
     """

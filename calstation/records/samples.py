@@ -22,14 +22,14 @@ _MAX_INTEGER = 2**53
 
 
 def damages(name: str, values: FloatArray) -> BoolArray:
-    """Return the mask of the values of a column, shape (n,), that damage their rows: they are not what it requires."""
+    """Return the mask of the values of a column, shape (n,), that are not permitted in it and damage their rows."""
     if name in INTEGERS:
         return np.asarray(~np.isfinite(values) | (values != np.rint(values)))
     return ~np.isfinite(values) if name in _REQUIRED else np.isinf(values)
 
 
 def is_excessive(name: str, values: _FloatOrInt) -> BoolArray:
-    """Return the mask of the values of a column, shape (n,), that are larger than a computation can bear."""
+    """Return the mask of the values of a column, shape (n,), that are too large for the computations."""
     limit = _MAX_INTEGER if name in INTEGERS else LARGEST_VALUE
     return np.asarray((values > limit) | (values < -limit))
 

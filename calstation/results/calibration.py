@@ -76,7 +76,7 @@ def current_calibration(
             continue
         if registers is None or not registers.verified or not registers.new or registers.estimate is None:
             continue
-        if not same_imu or result.temperature is not None:  # a polynomial is no prior at an unknown temperature
+        if not same_imu or result.temperature is not None:  # at an unknown temperature, polynomials give no prior
             continue
         if registers_read is not None and entries.differing(registers.new, registers_read):
             reason = Message("prior_other_registers", {"serial": serial})

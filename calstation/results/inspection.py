@@ -47,7 +47,7 @@ class Inspection:
 
     @property
     def summary(self) -> list[tuple[str, Text]]:
-        """Code of the name, "" for more of the row above, and text of what was understood, for a person to read."""
+        """The interpretation as rows of text: code of the name, "" to continue the row above, and text."""
         facts, text = self.facts, Text.of
         seconds = (facts.last_seq - facts.first_seq + 1) / self.configured_rate
         samples = {"samples": facts.samples, "first_seq": facts.first_seq, "last_seq": facts.last_seq}

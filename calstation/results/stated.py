@@ -23,8 +23,8 @@ ADDED_LATER = ("override", "closed_utc", "closed_by")
 def load_run_result(path: Path, *, require_log: bool = False) -> Result:
     """Read a result file, and compare that of a run with its log, if the log is next to it or where the run wrote it.
 
-    Raises InputError, also if the file differs from the result in the log. With `require_log`, nothing but the log
-    vouches for the result, which must therefore exist and be readable.
+    Raises InputError, also if the file differs from the result in the log. With `require_log`, the log must exist and
+    be readable, because nothing else proves the result.
     """
     content = read_content(path)
     result = result_from(content, path)

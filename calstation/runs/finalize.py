@@ -243,7 +243,7 @@ class Finalization:
 
 
 def _over_temperature(solutions: tuple[Solution, ...]) -> TemperatureResult | None:
-    """Return the parameters as functions of the temperature; None if they are none."""
+    """Return the parameters as functions of the temperature; None if they are constant."""
     for s in solutions:
         if s.temperature is not None:
             return TemperatureResult.of(s.temperature, s.estimated, s.posterior.covariance)

@@ -29,10 +29,11 @@ _LEAST_STEP = 0.1
 #: Largest excess of the air beyond the range of a device, K.
 _OVERSHOOT = 5.0
 
-#: Change of the air that shows that the chamber follows its set point, K.
+#: Change of the air temperature that shows that the chamber follows its set point, K.
 _PROGRESS = 0.5
 
-#: Factor between the largest rate and a measured rate of the air that no chamber reaches, and time of measurement, s.
+#: Measured rate of the air that no chamber reaches, relative to the largest rate in the profile, and time of
+#: measurement, s.
 _RATE_FACTOR, _RATE_TIME = 3.0, 30.0
 
 #: Station time between two messages while the chamber returns to ambient, s.
@@ -41,7 +42,7 @@ _REPORT_INTERVAL = 60.0
 #: Station time at ambient after which a unit whose temperature is unknown or no longer changes may be touched, s.
 _BLIND_SOAK = 1800.0
 
-#: Largest change of the temperature of a unit in this time that counts as none, K.
+#: Largest change of the temperature of a unit in this time that is negligible, K.
 _SETTLED = 1.0
 
 #: Number of polls in a row that the chamber may leave unanswered on its way to ambient.
@@ -115,7 +116,7 @@ class _Poll:
 
 
 class ChamberControl:
-    """Leads the temperature of a chamber, and checks it at every poll.
+    """Controls the temperature of a chamber, and checks it at every poll.
 
     A thread of its own exchanges data with the chamber, so that a slow answer delays neither the watchdog of the table
     nor a stop.
@@ -181,7 +182,7 @@ class ChamberControl:
         self._aim(temperature, rate)
 
     def update(self, units: Mapping[str, float]) -> None:
-        """Lead the set point and poll the chamber if it is time to; `units` are the units' temperatures by slot, °C.
+        """Move the set point and poll the chamber when due; `units` are the units' temperatures by slot, °C.
 
         An answer that is late is checked at the next call after its arrival.
         """
@@ -221,7 +222,7 @@ class ChamberControl:
         return failures
 
     def wait_until_safe(self, units: Callable[[], Mapping[str, float]], tick: Callable[[], None]) -> list[Text]:
-        """Wait until the chamber may be opened, say so every minute, then switch it off; return any failures.
+        """Wait until the chamber may be opened, with a message every minute, then switch it off; return any failures.
 
         Parameters
         ----------
@@ -344,7 +345,7 @@ class ChamberControl:
             raise DeviceFaultError("chamber.no_temperature")
 
     def _check_air(self, now: float) -> None:
-        """Check the course of the air. Raises DeviceFaultError."""
+        """Check that the temperature of the air follows the set point plausibly. Raises DeviceFaultError."""
         limits, air = self.limits, self.status.air_c
         if not abs(self.status.set_point_c - self._expected) <= limits.tolerance:
             values = {"sent_c": self._expected, "found_c": self.status.set_point_c}

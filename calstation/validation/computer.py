@@ -74,7 +74,7 @@ def clock_lines() -> Generator[Line]:
 
 
 def _synchronisation() -> tuple[bool | None, float]:
-    """Return whether a time server has set the clock, and its largest error, s; None where it is unknown."""
+    """Return whether a time server has set the clock, and its largest error, s; None for what is unknown."""
     if platform.system() != "Linux":
         return None, 0.0
     fields = (ctypes.c_long * 64)()  # struct timex: modes, offset, freq, maxerror, ...; modes 0 changes nothing

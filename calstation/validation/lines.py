@@ -1,4 +1,4 @@
-"""One line of a validation: what was checked, what was expected, what was found, and the conclusion."""
+"""One line of a validation: what was checked, the expectation, the finding and the conclusion."""
 
 import logging
 from collections.abc import Callable, Generator
@@ -14,7 +14,7 @@ State = Literal["ok", "failed", "not_checked"]
 Verdict = Literal["passed", "failed", "incomplete"]
 #: Called often; raises StoppedError after Ctrl-C.
 CheckStopped = Callable[[], None]
-#: What is expected or found: a message, or a value that is the same in every language.
+#: An expectation or a finding: a message, or a value that is the same in every language.
 Content = Text | str
 
 #: Areas of a validation in their order, each with the clause of ISO/IEC 17025:2017 that it serves.

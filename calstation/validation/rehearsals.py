@@ -1,4 +1,4 @@
-"""Faults rehearsed on the virtual bench: each run must end with its code, and never with an unearned verdict.
+"""Faults rehearsed on the virtual bench: each run must end with its code, and no fault may lead to a wrong verdict.
 
 The runs use the engine, the drivers and the protocols of a real run, with the shipped profiles and a separate site.
 """
@@ -50,8 +50,8 @@ class Case:
     outcome: str
     code: str | None = None
     value: float | None = None
-    from_start: bool = False  #: The fault is there before the run.
-    real_time: bool = False  #: The bench runs in real time, and STOP is sent while the table turns.
+    from_start: bool = False  #: Whether the fault exists before the run.
+    real_time: bool = False  #: Whether the bench runs in real time, and STOP is sent while the table turns.
 
 
 #: Name of the run without a fault.
@@ -81,7 +81,7 @@ class Ending:
 
 
 def rehearsal_lines(check_stopped: CheckStopped) -> Generator[Line]:
-    """Run all cases, two at a time, the one in real time last and alone, and yield their lines."""
+    """Run all cases, two at a time and the real-time case alone at the end, and yield their lines."""
     stopped = threading.Event()
     with (
         tempfile.TemporaryDirectory(prefix="calstation-validate-") as temporary,

@@ -120,7 +120,7 @@ def differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[dic
 
 
 def _compared(line: Mapping[str, Any]) -> Any:
-    """Return what a comparison takes from a line."""
+    """Return the entries of a line that are compared."""
     return line["state"] if line["measured"] else {n: v for n, v in line.items() if n not in _NOT_COMPARED}
 
 

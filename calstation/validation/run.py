@@ -24,7 +24,7 @@ OUTSIDE = ("devices", "uncertainty", "network", "configuration", "people", "inte
 
 
 def validate_installation(report: ProgressCallback, check_stopped: CheckStopped, runs: Path) -> Validation:
-    """Make all checks and return them. Raises StoppedError.
+    """Run all checks and return their results. Raises StoppedError.
 
     Parameters
     ----------

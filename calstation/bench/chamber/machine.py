@@ -1,4 +1,4 @@
-"""The controller of a chamber, which leads the temperature of its sensor to the set point."""
+"""The controller of a chamber, which brings the temperature of its sensor to the set point."""
 
 from typing import Annotated
 

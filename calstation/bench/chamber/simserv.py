@@ -1,4 +1,4 @@
-"""Simserv: requests that end with CR, of fields that are separated by 0xB6; replies begin with 1, or with an error."""
+"""The protocol Simserv: a request is fields separated by 0xB6 and a CR; a reply begins with 1 or an error code."""
 
 from collections.abc import Callable
 

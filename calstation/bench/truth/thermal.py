@@ -1,7 +1,7 @@
 """Temperatures of a chamber's air and wall and of a unit in it, and the unit's parameters as functions of them.
 
-Each thermal mass approaches its neighbours exponentially. The parameters follow the temperature of their own place in
-the unit, not that of its temperature sensor. The functions are no polynomials.
+Each thermal mass approaches its neighbours exponentially. The parameters depend on the temperature of the gyros or the
+accelerometers, which differs from that of the temperature sensor. The functions are not polynomials.
 """
 
 from collections.abc import Mapping
@@ -19,14 +19,14 @@ GRID = 0.5
 #: Temperature at which the parameters have the values of the unit without a chamber, °C.
 REFERENCE = 25.0
 
-#: Time constants of the air and the wall with each other, of the wall with the room, and of the air with the room
-#: through an open door, s.
+#: Time constants of the air and of the wall for heat exchanged between them, of the wall for heat exchanged with the
+#: room, and of the air for heat exchanged with the room through an open door, s.
 _AIR, _WALL, _LEAK, _DOOR = 300.0, 900.0, 5400.0, 60.0
 
-#: Power of heating and cooling relative to what the largest rate needs, and its time constant, s.
+#: Power of heating and cooling relative to the power needed for the largest rate, and its time constant, s.
 _POWER, _EXCHANGER = 2.0, 20.0
 
-#: Time constants of the places of temperature sensor, gyros and accelerometers with the case, s.
+#: Time constants with which temperature sensor, gyros and accelerometers follow the case, s.
 _PLACES = np.array([20.0, 45.0, 35.0])
 #: Time constant of the gradient after a change of the attitude, s.
 _GRADIENT = 30.0
@@ -43,7 +43,7 @@ _SHARES = {
 }
 #: Bias at 1 K/min and half the width of the bias hysteresis, relative to the size of the dependence.
 _RATE_SHARE, _HYSTERESIS_SHARE = 0.02, 0.005
-#: Half the change of temperature after which the hysteresis has its other value, K.
+#: Half the temperature change that reverses the hysteresis, K.
 _PLAY = 8.0
 
 NonNegative = Annotated[float, Field(ge=0.0)]
@@ -64,7 +64,7 @@ class ThermalSettings(BaseModel):
 
 
 class ChamberAir:
-    """Air and wall of a chamber in a room of `room`, °C, whose air changes by at most `max_rate`, K/s."""
+    """Air and wall of a chamber in a room at `room`, °C, whose air changes by at most `max_rate`, K/s."""
 
     def __init__(self, room: float, max_rate: float) -> None:
         self.room, self._max_rate = room, max_rate
@@ -85,7 +85,7 @@ class ChamberAir:
 class UnitThermal:
     """Temperatures and parameters of one unit.
 
-    `sensor`, `gyro` and `accel` are the temperatures of their places, °C.
+    `sensor`, `gyro` and `accel` are the temperatures of temperature sensor, gyros and accelerometers, °C.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class UnitThermal:
         self._play = np.clip(self._play, self._places - _PLAY, self._places + _PLAY)
 
     def sensed(self, time: float) -> float:
-        """Return what the temperature sensor measures at device time `time`, s, °C."""
+        """Return the output of the temperature sensor at device time `time`, s, in °C."""
         if self.stuck is not None:
             return self.stuck
         return float(self._places[0]) + self.offset if time >= self.jumps_until else -128.0
@@ -158,7 +158,7 @@ class UnitThermal:
         Parameters
         ----------
         base : parameters at 25 °C, SI, shape (30,)
-        temperature : temperature of all places, or of the place of each parameter, shape (30,)
+        temperature : temperature of all sensors, or of the sensor of each parameter, °C, shape (30,)
         """
         shape = self._shape(np.broadcast_to(temperature, COUNT)) - self._shape(np.full(COUNT, REFERENCE))
         return np.asarray(base + self._size * shape)

@@ -28,7 +28,7 @@ def import_(
 ) -> int:
     """Convert a recording, or a raw capture with the profile `imu` and the site of `station`, to a raw log.
 
-    With `look`, show what was understood of a recording and write nothing.
+    With `look`, show how the recording is interpreted, and write nothing.
     """
     if look and imu is None:
         return show_recording(source, inspect_log(open_log(source, meta, topic)), None)

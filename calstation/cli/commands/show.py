@@ -1,4 +1,4 @@
-"""`show`: shows a result in the terminal, with bars of what it uses of its limits."""
+"""`show`: shows a result in the terminal, with bars that show how much of its limits it uses."""
 
 import sys
 from pathlib import Path
@@ -17,7 +17,7 @@ from calstation.results import Result, TemperatureResult, result_of
 
 #: Length of a bar whose share of the limit is 1, characters.
 _BAR = 16
-#: Block characters of a course over temperature, from low to high, and their number.
+#: Block characters of a curve over temperature, from low to high, and the number of characters of a curve.
 _BARS, _COURSE = "".join(map(chr, range(0x2581, 0x2589))), 16
 
 app = command_group()
@@ -27,7 +27,7 @@ app = command_group()
 def show(result_file: Annotated[Path, typer.Argument(metavar="RESULT.json|LOG")]) -> None:
     """Show parameters, checks and verdict of a result, and how much of its limits every parameter uses.
 
-    Of a result over temperature, it also shows the course of every parameter.
+    For a result over temperature, also show the curve of every parameter.
     """
     result = result_of(result_file)
     out = plain_console(file=sys.stdout)
@@ -39,7 +39,7 @@ def show(result_file: Annotated[Path, typer.Argument(metavar="RESULT.json|LOG")]
 
 
 def _show_courses(out: Console, result: Result, over: TemperatureResult) -> None:
-    """Show every parameter that depends on the temperature at the ends of the range, with its course between them."""
+    """Show the values at the ends of the range, and the curve, of every parameter that depends on temperature."""
     low, high = over.range_c
     columns = ("cli.column_parameter", "cli.column_unit", "cli.column_low", "cli.column_course", "cli.column_high")
     table = new_table(say("cli.courses_title", low=low, high=high), *columns, "cli.column_largest_sigma")

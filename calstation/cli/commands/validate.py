@@ -36,7 +36,7 @@ def validate(
     runs: Annotated[Path, typer.Option("--runs", metavar="FOLDER")] = Path("runs"),
     json: JsonOption = None,
 ) -> int:
-    """Make all checks, write the record as JSON and PDF, and show it.
+    """Run all checks, write the record as JSON and PDF, and show it.
 
     Returns 0 if everything that is required was checked and in order, otherwise 1. Raises StoppedError after Ctrl-C.
     """
@@ -70,9 +70,9 @@ def _require_writable(folder: Path) -> None:
 
 
 def _validate(runs: Path) -> Validation:
-    """Make all checks and show the progress with the remaining time; the first stop signal ends them."""
+    """Run all checks and show the progress with the remaining time; the first stop signal ends them."""
     signals: list[bool] = []
-    shown: list[str] = []  # areas, where there is no terminal
+    shown: list[str] = []  # areas already shown if there is no terminal
 
     def check_stopped() -> None:
         if signals:

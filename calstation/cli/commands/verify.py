@@ -16,7 +16,7 @@ def verify(
     log: Annotated[Path | None, typer.Option(metavar="LOG")] = None,
     json: JsonOption = None,
 ) -> None:
-    """Solve the log of a certificate by the independent program and compare them; exit with its code."""
+    """Compare a certificate with the solution of its log by the independent program; exit with that program's code."""
     from calstation.verify import main
 
     options = [*(("--log", str(log)) if log else ()), *(("--json", json) if json else ())]

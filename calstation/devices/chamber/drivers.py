@@ -61,7 +61,7 @@ class TextChamber(Chamber):
         self._patterns = {name: re.compile(query.answer) for name, query in self._text.queries.items()}
 
     def identify(self) -> str:
-        """Return what the chamber says about itself, and ask the queries that are asked only once."""
+        """Return the identity that the chamber reports, and send the queries that are sent only once."""
         with _as_chamber():
             found = self._ask("identity")["model"]
         if self._profile.model not in found:

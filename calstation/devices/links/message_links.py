@@ -25,7 +25,7 @@ _DATAGRAM, _ANCILLARY = 65536, 64
 #: Option and type of the kernel's time stamp in ns (Linux, socket(7)), which Python does not name.
 _TIMESTAMPNS = 35
 _RECEIVE_BUFFER = 1 << 20
-#: Age of a time stamp above which it is of another clock, s.
+#: Age above which a time stamp is taken to be from another clock, s.
 _MAX_AGE = 1.0
 _LARGEST_STANDARD_ID, _LARGEST_ID = 0x7FF, 0x1FFFFFFF
 
@@ -34,7 +34,7 @@ class Link(Protocol):
     """An open port from which the bytes of an IMU are read."""
 
     port: str
-    received_at: float  #: Time at which the last bytes were received, of the monotonic clock of the host, s.
+    received_at: float  #: Time at which the last bytes were received, by the monotonic clock of the host, s.
 
     def read(self, wait: float) -> bytes:
         """Return the bytes received, waiting at most `wait` s for the first one. Raises PortLostError."""
@@ -55,20 +55,20 @@ class CanPort(NamedTuple):
 
 
 def udp_address(port: str) -> tuple[str, int] | None:
-    """Return host, "" for any, and port number of ``udp://host:port``; None if it is no such address."""
+    """Return host, "" for any, and port number of ``udp://host:port``; None for any other text."""
     host, _, number = port.removeprefix(UDP).rpartition(":")
     return (host, int(number)) if number.isdecimal() and 0 < int(number) < 65536 else None
 
 
 def can_port(port: str) -> CanPort | None:
-    """Return the bus and the identifiers of ``can://interface/channel/ids``; None if it is no such port."""
+    """Return the bus and the identifiers of ``can://interface/channel/ids``; None for any other text."""
     match = re.fullmatch(r"([\w.-]+)/(.+)/([0-9A-Fa-f]{1,8}(?:,[0-9A-Fa-f]{1,8})*)", port.removeprefix(CAN))
     ids = tuple(int(each, 16) for each in match[3].split(",")) if match else (_LARGEST_ID + 1,)
     return CanPort(match[1], match[2], ids) if match and max(ids) <= _LARGEST_ID else None
 
 
 def _monotonic(stamp: float) -> float:
-    """Convert a time stamp of the system clock, s, to the monotonic clock; one of another clock counts as now."""
+    """Convert a time stamp of the system clock, s, to the monotonic clock; return now for one from another clock."""
     age = time.time() - stamp
     return time.monotonic() - (age if 0.0 <= age < _MAX_AGE else 0.0)
 

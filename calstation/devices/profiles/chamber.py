@@ -46,7 +46,7 @@ class ChamberFlags(StrictModel):
 
 
 class ChamberTextSection(LineSection):
-    """`[text]` of a chamber; queries that no flag and no value needs are asked once, when it is identified."""
+    """`[text]` of a chamber; queries that no flag and no value needs are sent once, at identification."""
 
     decimals: int = Field(default=1, ge=0, le=9)
     commands: ChamberLines

@@ -1,6 +1,6 @@
 """Plausible changes of biases and scale factors within a run, from the stability of the unit.
 
-A size that no unit can have is no explanation: data that hardly depend on a change would otherwise be fitted by it.
+An impossible size does not explain data; without this bound, a change on which the data hardly depend would fit them.
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ import numpy as np
 from calstation.estimation.common import ImuModel
 from calstation.physics import COUNT, NAMES, STANDARD_GRAVITY, FloatArray, entry_of, group_indices
 
-#: Prior sigma of a change within a run, in changes of a sound unit from one power-up to the next.
+#: Prior sigma of a change within a run, relative to the change of a good unit from one power-up to the next.
 _FAULTY = 100.0
 #: Averaging time after which bias instability exceeds the random walk, s.
 _AVERAGING = 100.0

@@ -17,13 +17,13 @@ _OFFSET = next(effect for effect in EFFECTS if effect.cause == "axis_offset")
 
 
 def plausible(effect: Effect) -> EffectPrior:
-    """Return the prior of an effect of which nothing is known."""
+    """Return the prior of an effect about which nothing is known."""
     count = len(effect.components)
     return EffectPrior(count * (0.0,), count * (effect.plausible or float("nan"),))
 
 
 def known_effects(before: FloatArray, context: SolveContext) -> dict[str, EffectPrior]:
-    """Return the priors of the effects of which the profiles of table and IMU state something, by cause.
+    """Return the priors of the effects for which the profiles of table and IMU give values, by cause.
 
     Without a state `axis_offset`, the profile of the table bounds the offset. If the outer lever arm is estimated, it
     is measured from the point of the inner axis that the profile states, and the offset along that axis is fixed. A
@@ -44,10 +44,10 @@ def known_effects(before: FloatArray, context: SolveContext) -> dict[str, Effect
 
 
 def possible_signs(context: SolveContext) -> dict[str, int]:
-    """Return the signs of the sizes that cannot have the other one, by cause.
+    """Return the only possible sign of each size that cannot have both signs, by cause.
 
-    Only a low-pass that the profile of the IMU states can be stronger than the real one. A compensation for coning is
-    either missing in the data or in the profile.
+    The size of a low-pass is negative only if the profile of the IMU states one that is stronger than the real one. A
+    compensation for coning is either missing in the data or in the profile.
     """
     coning = {"coning": -1 if context.imu.coning_compensated else 1}
     return coning if context.imu.half_variance else {"low_pass": 1, **coning}

@@ -95,7 +95,7 @@ class EffectTests:
         states : effects that are estimated without a test
         priors : sizes of effects that are known before the calibration, by cause; effects that are not in `states` are
             then tested for a deviation from them
-        signs : signs of the sizes that cannot have the other one, by cause
+        signs : only possible signs of the sizes that cannot have both, by cause
         """
         self._changes, self._states, self._priors, self._signs = changes, tuple(states), priors, signs
         self._candidates: list[_Candidate] = []

@@ -38,7 +38,7 @@ class StageEffects:
 
     begin: float  #: Time at which the stage begins, s.
     duration: float  #: s
-    on_table: bool = True  #: Whether a table turned the unit; a hand has none of the effects of a table.
+    on_table: bool = True  #: Whether a table turned the unit; the effects of a table do not occur in manual motion.
 
     @cached_property
     def parameter_changes(self) -> tuple[Effect, ...]:

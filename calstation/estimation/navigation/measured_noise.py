@@ -47,9 +47,9 @@ def solve_with_measured_noise(
 ) -> tuple[NavigationResult, SolveContext]:
     """Solve a stage, and solve it again if its innovations indicate more noise than the profiles specify.
 
-    Return the result and the context with that noise; for a quieter table, see `pass_with_actual_noise`. What effects
-    explain is no noise: `effects` returns their tests up to this stage. Raises InsufficientDataError if no segment
-    contains a rest, numpy.linalg.LinAlgError if the solution diverges.
+    Return the result and the context with that noise; for a quieter table, see `pass_with_actual_noise`. Innovations
+    explained by effects do not count as noise: `effects` returns their tests up to this stage. Raises
+    InsufficientDataError if no segment contains a rest, numpy.linalg.LinAlgError if the solution diverges.
     """
     result, slow = solve_navigation(data, context, prior, estimated, progress), 1.0
     for _ in range(MAX_ADJUSTMENTS):

@@ -106,7 +106,7 @@ class TemperatureStage(StageSolver):
         return self._solution(fit, solutions, block)
 
     def _require_range(self, points: Sequence[TemperaturePoint]) -> None:
-        """Raise InsufficientDataError unless the points determine the polynomials over the range, and hold out."""
+        """Raise InsufficientDataError unless the points determine the polynomials and include those held out."""
         (low, high), margin = self._model.range, _MARGIN * (self._model.range[1] - self._model.range[0])
         for held_out in self._model.held_out:
             nearest = nearest_temperature(points, held_out)
@@ -190,7 +190,7 @@ class _Part:
         return reduced(self._data, fit, self._temperature, fit.at(self.mean, self._rate).mean)
 
     def point(self, posterior: Posterior, prior: Posterior) -> TemperaturePoint:
-        """Return the solution of the part; its way is determined later."""
+        """Return the solution of the part; whether the temperature rose or fell is determined later."""
         seq = self._block.seq
         times, extent = (self.mean, self._rate, self._time), (self._temperature.min(), self._temperature.max())
         point = TemperaturePoint(*times, "soak", int(seq[0]), int(seq[-1]), prior, posterior)

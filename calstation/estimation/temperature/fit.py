@@ -26,7 +26,7 @@ _INFORMATIVE = 1.0
 HELD_OUT_SIGMAS = 5.0
 #: Difference of temperatures up to which they count as one, K.
 _SAME = 1.0
-#: Smallest number of temperatures of each way at which hysteresis is tested.
+#: Smallest number of temperatures in each direction at which hysteresis is tested.
 _MIN_OF_WAY = 2
 #: Largest probability with which scatter is taken for a cause.
 _SCATTER_PROBABILITY = 0.005
@@ -39,7 +39,7 @@ class TemperaturePoint:
 
     temperature: float  #: Mean temperature, °C.
     rate: float  #: Mean rate of change, K/s.
-    time: float  #: Mean time since the begin of the stage, s.
+    time: float  #: Mean time since the start of the stage, s.
     way: Way  #: Change of the temperature towards this one.
     first_seq: int
     last_seq: int
@@ -321,7 +321,7 @@ class _Projector:
         return np.asarray(observed - self._basis @ (self._basis.T @ observed))
 
     def explained(self, observed: FloatArray, added: FloatArray) -> tuple[float, int]:
-        """Return the decrease of the sum of squares by further columns, shape (n, k), and their number that counts."""
+        """Return the decrease of the sum of squares by further columns, shape (n, k), and their effective number."""
         columns = self.remaining(added)
         u, values, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(added, axis=0), 1e-300), full_matrices=False)
         kept = u[:, values > 1e-8]
@@ -380,7 +380,7 @@ def _candidates(
     model : orders of the polynomials
     equations : observations
     projector : removes what the coefficients explain
-    ways : direction of every point, shape (points,); None if a hysteresis is no cause
+    ways : direction of every point, shape (points,); None to exclude a hysteresis
     """
     points = [p for p, _ in equations.points]
     times = np.array([p.time for p in points])

@@ -285,7 +285,7 @@ def _cells(variation: Variation, size: float, digits: float) -> dict[str, str]:
 
 
 def _state(study: GaugeStudy, beyond: int) -> str:
-    """Return the symbol of a verdict; a study with ranges `beyond` the control limits deserves no tick."""
+    """Return the symbol of a verdict; a study with ranges `beyond` the control limits gets no tick."""
     kind = _STATES[study.verdict]
     return "caution" if beyond and kind == "good" else kind
 

@@ -9,7 +9,7 @@ from calstation.sequencer import ChamberChanged, Event, Fault, Message, StateCha
 #: Maximum number of points of a track; when it is exceeded, every second point is removed.
 _MAX_POINTS = 2000
 
-#: Whether the operator may open the chamber after the run: it must stay closed, it may be opened, or nobody knows.
+#: Whether the operator may open the chamber after the run: it must stay closed, it may be opened, or this is unknown.
 Access = Literal["", "closed", "open", "unknown"]
 
 #: Access after a message of the engine.
@@ -93,7 +93,7 @@ class ChamberStatus:
             self.access = ""
 
     def end(self) -> None:
-        """Process the end of the engine, after which nobody knows the state of a chamber that must stay closed."""
+        """Process the end of the engine, after which the state of a chamber that must stay closed is unknown."""
         if self.access == "closed" or (self.access == "" and self.latest is not None):
             self.access = "unknown"
 

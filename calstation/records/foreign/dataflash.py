@@ -1,6 +1,6 @@
 """ArduPilot DataFlash logs: `IMU`, or `GYR` with `ACC` of the same instance, of binary and text logs.
 
-The batches `ISBH` and `ISBD` are no recording of an IMU, because gyros and accelerometers alternate in them. A message
+The batches `ISBH` and `ISBD` are not read, because gyros and accelerometers alternate in them. A message
 of a binary log begins with its type, which a message FMT describes (ArduPilot, LogStructure.h); it has no checksum.
 """
 
@@ -109,7 +109,7 @@ def _messages(path: Path, names: tuple[str, ...]) -> Iterator[tuple[str, int, Ma
 
 
 def _binary(stream: BinaryIO, wanted: set[str]) -> Iterator[tuple[str, Mapping[str, float]]]:
-    """Yield names and fields of the wanted messages of a binary log; a message must end where the next one begins."""
+    """Yield names and fields of `selected` messages of a binary log; a message must end where the next one begins."""
     formats = {_FMT_TYPE: ("FMT", _FMT, _FMT_LABELS, dict[str, float]())}
     with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
         at = data.find(_HEAD)
@@ -142,7 +142,7 @@ def _decoded(text: bytes) -> str:
 
 
 def _text(stream: BinaryIO, wanted: set[str]) -> Iterator[tuple[str, Mapping[str, float]]]:
-    """Yield names and fields of the wanted messages of a text log; a cell that is no number is NaN."""
+    """Yield names and fields of the `selected` messages of a text log; a cell that is not a number is NaN."""
     labels: dict[str, list[str]] = {}
     while line := stream.readline(_LONGEST_LINE):
         name, *cells = [cell.strip() for cell in line.decode("latin-1").split(",")]

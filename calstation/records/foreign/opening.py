@@ -25,7 +25,7 @@ _Part = TypeVar("_Part", list[Topic], Columns)
 FOREIGN_FORMATS: tuple[ForeignFormat, ...] = (
     mcap.FORMAT, rosbag.FORMAT, ulog.FORMAT, dataflash.FORMAT, novatel.FORMAT, mat.FORMAT, tdms.FORMAT
 )  # fmt: skip
-#: Number of bytes in which the format of a file is looked for.
+#: Number of bytes that are searched for the signature of a format.
 _BEGIN = 4096
 
 

@@ -63,7 +63,7 @@ def vector_columns(gyro: str, accel: str, units: tuple[str, str], time: tuple[st
 
 
 def joined_sensors(path: Path, gyro: Columns, accel: Columns, time: str) -> Columns:
-    """Join gyros and accelerometers that were recorded apart, by their times; a sample without a partner is damaged.
+    """Join separately recorded gyros and accelerometers by their times; a sample without a partner is damaged.
 
     A sample of the gyros has the sample of the accelerometers that is nearest, within half a sample period. Raises
     InputError if there is none for more than a tenth of the samples.
@@ -92,5 +92,5 @@ def joined_sensors(path: Path, gyro: Columns, accel: Columns, time: str) -> Colu
 
 
 def silence(module: ModuleType) -> None:
-    """Let a library not print: of a damaged file, it prints up to a line per byte, even to standard output."""
+    """Suppress the output of a library, which may print a line per byte of a damaged file, even to standard output."""
     vars(module)["print"] = lambda *_, **__: None

@@ -21,13 +21,14 @@ _GYROS = ("sensor_gyro", f"sensor_gyro{_FIFO}")
 _NAMES = [*_GYROS, *(name.replace("gyro", "accel") for name in _GYROS), "sensor_combined"]
 _TIME = ("timestamp_sample", "us")
 _SAMPLED = vector_columns("sensor_gyro.{}", "sensor_accel.{}", ("rad/s", "m/s2"), _TIME)
-#: Number of bytes of a damaged file that pyulog may read again in its search for messages, and what a step back costs.
+#: Number of bytes of a damaged file that pyulog may read again in its search for messages, and bytes counted per step
+#: back.
 _MAX_REPEATED, _STEP = 1 << 30, 1000
 _COUNTED = vector_columns("sensor_gyro.{}", "sensor_accel.{}", (COUNTS, COUNTS), _TIME)
 
 
 class _Stream(io.BufferedReader):
-    """A file that ends the search for messages, in which pyulog goes back byte by byte, and forever near the end."""
+    """A file that limits pyulog's search for messages, which steps back byte by byte and may never end."""
 
     _repeated = 0
 

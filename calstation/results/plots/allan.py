@@ -44,9 +44,8 @@ class AllanCurve:
     deviation: FloatArray  #: Shape (k,).
     low: FloatArray  #: Lower end of the 95 % confidence interval, shape (k,).
     high: FloatArray  #: Upper end of the 95 % confidence interval, shape (k,).
-    random_walk: (
-        float | None
-    )  #: Random walk from the slope −1/2, rad/√s or m/s/√s; None if the curve has no such slope.
+    #: Random walk from the slope −1/2, rad/√s or m/s/√s; None if the curve has no such slope.
+    random_walk: float | None
     instability: float | None  #: Bias instability from the flat minimum, rad/s or m/s²; None if it is not reached.
     #: Upper end of the confidence interval of the bias instability at the lowest point.
     largest_instability: float
