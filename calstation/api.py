@@ -350,11 +350,11 @@ def design(
         The moves, their duration and the sigmas at their end
     """
     stored, chosen = library.locate("stations", Path(station)), _product(product)
-    found = design_schedule(_report(progress), DesignRequest(stored, chosen, margin, time_limit=time_limit))
+    design = design_schedule(_report(progress), DesignRequest(stored, chosen, margin, time_limit=time_limit))
     if out is not None:
         present = read_text(chosen or library.find("products", DEFAULT_PRODUCT))
-        Path(out).write_text(designed_product(present, found), encoding="utf-8")
-    return found
+        Path(out).write_text(designed_product(present, design), encoding="utf-8")
+    return design
 
 
 def simulate(

@@ -241,5 +241,5 @@ def _not_opened_finding(port: str, settings: SerialSettings, timeout: float, err
         values |= {"host": address[0], "number": address[1]}
     if reason == "bad_settings":
         values |= {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}
-    none_found = reason in ("no_port", "no_adapter") and not names
-    return Finding(reason, "error", values, f"{reason}_at_all" if none_found else "")
+    no_ports = reason in ("no_port", "no_adapter") and not names
+    return Finding(reason, "error", values, f"{reason}_at_all" if no_ports else "")

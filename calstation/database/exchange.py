@@ -24,13 +24,13 @@ from calstation.database.state import Claim
 from calstation.database.tables import claims, log_copies, outboxes, revisions, runs, trail_heads, upsert
 from calstation.errors import ConfigurationError, InputError
 from calstation.records import (
-    HeldHead,
+    DatabaseHead,
     IndexedRun,
     TrailHead,
     TrailState,
     audit_path,
     from_columns,
-    keep_held_heads,
+    store_database_heads,
     verify_trail,
 )
 
@@ -138,7 +138,7 @@ class Exchange:
             rows = connection.execute(query).all()
         heads = {TrailHead(row.key, row.lines, row.digest): row.station for row in rows} | self._contradicting
         with suppress(OSError):  # the next exchange tries again
-            keep_held_heads(self.outbox.folder, [HeldHead(head, station) for head, station in heads.items()])
+            store_database_heads(self.outbox.folder, [DatabaseHead(head, station) for head, station in heads.items()])
 
     def _send_head(self, engine: sa.Engine, state: TrailState) -> dict[TrailHead, str]:
         """Store the head of the site's audit trail, and return the stored heads that contradict it, with stations.
@@ -147,9 +147,9 @@ class Exchange:
         """
         if state.head is None or not state.head.key or state.faults:
             return {}
-        own = sa.select(trail_heads).where(trail_heads.c.key == state.head.key)
+        of_trail = sa.select(trail_heads).where(trail_heads.c.key == state.head.key)
         with engine.begin() as connection:
-            rows = connection.execute(own).all()
+            rows = connection.execute(of_trail).all()
             wrong = [row for row in rows if not state.trail.contains(row.lines, row.digest)]
             values = {"outbox": self.outbox.id, **asdict(state.head)}
             if not wrong and not any((row.outbox, row.lines) == (self.outbox.id, state.head.lines) for row in rows):

@@ -234,8 +234,8 @@ class _Designer:
         """
         problem, ends = self._problem(), np.array(states(self._library, stops))
         reveals = np.all(problem.ratios(ends)[:, COUNT:] <= _MAX_DETECTION_RATIO, axis=1)
-        enough_rests = np.array([problem.has_long_rests(stops[:k]) for k in range(1, len(stops) + 1)])
-        sufficient = np.flatnonzero(reveals & enough_rests)
+        has_rests = np.array([problem.has_long_rests(stops[:k]) for k in range(1, len(stops) + 1)])
+        sufficient = np.flatnonzero(reveals & has_rests)
         return int(sufficient[0]) + 1 if len(sufficient) else len(stops)
 
     def _variations(self, moves: Moves, goal: FloatArray) -> Iterator[Variation]:

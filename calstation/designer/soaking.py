@@ -144,8 +144,8 @@ def measured_thermal(recording: Log) -> tuple[float, float]:
         share = (1.0 - decay) * tau / _INTERVAL  # air is linear between two temperatures
         lagging = lfilter([1.0 - share, share - decay], [1.0, -decay], air - air[0])
         basis = np.stack([np.ones(len(grid)), np.exp(-(grid - grid[0]) / tau)], axis=1)
-        found, *_ = np.linalg.lstsq(basis, unit - air[0] - lagging, rcond=None)
-        return float(found[0]), float(np.sum((unit - air[0] - lagging - basis @ found) ** 2))
+        coefficients, *_ = np.linalg.lstsq(basis, unit - air[0] - lagging, rcond=None)
+        return float(coefficients[0]), float(np.sum((unit - air[0] - lagging - basis @ coefficients) ** 2))
 
     low, high = (log(each) for each in _TIME_CONSTANTS)
     tau = exp(float(minimize_scalar(lambda x: fitted(exp(x))[1], bounds=(low, high), method="bounded").x))

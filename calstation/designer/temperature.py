@@ -154,9 +154,9 @@ class _Designer:
         self._geometry, self._settle = setup.table.geometry(), setup.table.settle_s
         self._values = setup.schedules[_STAGE].model_dump()
         if "moves" not in setup.product.schedule.get(_STAGE, {}):
-            found = design_schedule(report, request)
-            speeds = {"rate_dps": found.rate_dps, "acceleration_dps2": found.acceleration_dps2}
-            self._values |= {"moves": found.moves[: found.planned], **speeds}
+            design = design_schedule(report, request)
+            speeds = {"rate_dps": design.rate_dps, "acceleration_dps2": design.acceleration_dps2}
+            self._values |= {"moves": design.moves[: design.planned], **speeds}
         for name, value in (("rate_dps", request.rate_dps), ("acceleration_dps2", request.acceleration_dps2)):
             if value is not None:
                 self._values[name] = value
@@ -174,10 +174,10 @@ class _Designer:
     def _set_point(self, temperature: float) -> float:
         """Return the set point for a temperature of the unit, °C. Raises ConfigurationError if it is not permitted."""
         low, high = self._chamber.range
-        wanted = temperature - self._thermal.self_heating
-        point = min(max(wanted, low), high)
-        if abs(point - wanted) > _TOLERANCE:
-            self._chamber.check(wanted)
+        ideal = temperature - self._thermal.self_heating
+        point = min(max(ideal, low), high)
+        if abs(point - ideal) > _TOLERANCE:
+            self._chamber.check(ideal)
         return round(float(point), 1)
 
     def _schedule(self, points: Sequence[float], cycles: int = 1, ramp: float | None = None) -> dict[str, Any]:

@@ -171,8 +171,8 @@ def _write_over(source: ExportSource) -> str:
 def _read_over(files: Files) -> TemperatureCorrector:
     text = files[""].decode()
     reference, low, high = (float(value) for _, value in _NUMBER.findall(text))
-    found = _TABLE.findall(text)
-    tables = {name: np.array(json.loads(rows.replace("{", "[").replace("}", "]"))) for name, rows in found}
+    tables_in_text = _TABLE.findall(text)
+    tables = {name: np.array(json.loads(rows.replace("{", "[").replace("}", "]"))) for name, rows in tables_in_text}
 
     def correct(gyro: FloatArray, accel: FloatArray, temperature: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Compute what the C function computes; a test compiles and runs the function itself."""
@@ -193,8 +193,10 @@ def _read_over(files: Files) -> TemperatureCorrector:
 
 
 def _read(files: Files) -> Corrector:
-    found = _CONSTANT.findall(files[""].decode())
-    constants = {name: np.array([float(number) for number in numbers.split(",")]) for name, numbers in found}
+    constants_in_text = _CONSTANT.findall(files[""].decode())
+    constants = {
+        name: np.array([float(number) for number in numbers.split(",")]) for name, numbers in constants_in_text
+    }
     gyro_matrix, accel_matrix = (constants[f"{sensor}_matrix"].reshape(3, 3) for sensor in ("gyro", "accel"))
 
     def correct(gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -61,8 +61,8 @@ def check_export(name: str, export_format: ExportFormat, files: Files, source: E
     files : content of the export
     source : the exported calibration
     """
-    left = source.not_expressed(export_format)
-    unexpressed = [i for i, parameter in enumerate(PARAMETERS) if parameter.name in left]
+    not_expressed = source.not_expressed(export_format)
+    unexpressed = [i for i, parameter in enumerate(PARAMETERS) if parameter.name in not_expressed]
     same = replace(source, parameters=source.parameters.copy())
     same.parameters[unexpressed] = 0.0
     theirs = _corrector(export_format, files, source)
@@ -78,10 +78,10 @@ def check_export(name: str, export_format: ExportFormat, files: Files, source: E
             samples += count
             largest = np.maximum(largest, _differences(corrected, (rate, force)))
     sigmas = largest / [source.gyro_noise.sample, source.accel_noise.sample]
-    of_limit = {n: abs(value) / source.limit(n) for n, value in left.items() if source.limit(n) < np.inf}
+    of_limit = {n: abs(value) / source.limit(n) for n, value in not_expressed.items() if source.limit(n) < np.inf}
     exceeding = tuple(n for n, share in of_limit.items() if share > 1.0)
     gyro, accel, gyro_sigmas, accel_sigmas = map(float, (*largest, *sigmas))
-    return ExportCheck(name, samples, gyro, accel, gyro_sigmas, accel_sigmas, left, of_limit, exceeding)
+    return ExportCheck(name, samples, gyro, accel, gyro_sigmas, accel_sigmas, not_expressed, of_limit, exceeding)
 
 
 def _corrector(export_format: ExportFormat, files: Files, source: ExportSource) -> TemperatureCorrector:

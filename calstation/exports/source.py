@@ -82,21 +82,22 @@ class ExportSource:
         log : recording for the check; None for the result's own log
         file : file of the result, next to which its log is searched
         """
-        own_path = find_log(result, file or Path(result.log.file))
-        own = open_log(own_path) if own_path is not None and (log is None or log.path != own_path) else log
-        recording = log or own
-        if recording is None or own is None:
+        path = find_log(result, file or Path(result.log.file))
+        own_log = log if path is None or (log is not None and log.path == path) else open_log(path)
+        recording = log or own_log
+        if recording is None or own_log is None:
             raise InputError("export.no_log", serial=result.serial, file=result.log.file)
-        if own.meta.registers and result.registers is not None and result.registers.new:
+        meta = own_log.meta
+        if meta.registers and result.registers is not None and result.registers.new:
             raise InputError("export.in_registers", serial=result.serial)
-        values = prior_from_meta(own.meta).mean.copy() if own.meta.imu.serial == result.serial else np.zeros(len(NAMES))
+        values = prior_from_meta(meta).mean.copy() if meta.imu.serial == result.serial else np.zeros(len(NAMES))
         for i, name in enumerate(NAMES):
             if name in result.parameters:
                 values[i] = result.parameters[name].value
-        product = own.meta.product or recording.meta.product
+        product = meta.product or recording.meta.product
         further = {name: row.value for name, row in result.parameters.items() if name not in NAMES}
         limits = {} if product is None else _largest_errors(result, product.limits)
-        return cls(result.serial, values, further, limits, own.meta.imu, recording, result.temperature)
+        return cls(result.serial, values, further, limits, meta.imu, recording, result.temperature)
 
     @property
     def gyro_noise(self) -> Noise:
@@ -126,21 +127,21 @@ class ExportSource:
         ``NAME(T)`` is the largest change of a parameter over the range of temperatures, ``NAME(dT/dt)`` its coefficient
         of the rate of change, per K/s.
         """
-        left = {
+        not_expressed = {
             p.name: float(value)
             for value, p in zip(self.parameters, PARAMETERS, strict=True)
             if p.group not in export_format.groups and p.group != _NOT_OF_UNIT and value != 0.0
         }
-        left |= {name: value for name, value in self.further.items() if value != 0.0}
+        not_expressed |= {name: value for name, value in self.further.items() if value != 0.0}
         if self.temperature is None:
-            return left
+            return not_expressed
         changes = {n: size for n, size in self.temperature.largest_changes.items() if not n.startswith(_NOT_OF_UNIT)}
         if export_format.read_over is not None:
             changes = {
                 n: size for n, size in changes.items() if PARAMETERS[NAMES.index(n)].group not in export_format.groups
             }
-        left |= {f"{name}{_OVER_TEMPERATURE}": size for name, size in changes.items()}
-        return left | {f"{name}(dT/dt)": value for name, value in self.temperature.rate_terms.items()}
+        not_expressed |= {f"{name}{_OVER_TEMPERATURE}": size for name, size in changes.items()}
+        return not_expressed | {f"{name}(dT/dt)": value for name, value in self.temperature.rate_terms.items()}
 
     def limit(self, name: str) -> float:
         """Return the largest permitted error of a value in `not_expressed`, SI; infinite if the product has none."""

@@ -204,8 +204,8 @@ def _measurement(
         estimate = next(s.estimates[name] for s in reversed(solutions) if name in s.estimates)
         return Measurement(estimate.value, estimate.sigma)
     i, posterior = INDEX[name], solutions[-1].posterior
-    found = Estimate(float(posterior.mean[i]), float(posterior.sigma[i]), PARAMETERS[i].unit)
-    worst = worst_estimate(solutions, name, limits, found)
+    estimate = Estimate(float(posterior.mean[i]), float(posterior.sigma[i]), PARAMETERS[i].unit)
+    worst = worst_estimate(solutions, name, limits, estimate)
     if name in meta.calibrated:
         return Measurement(worst.value, worst.sigma)
     return Measurement(worst.value, worst.sigma, float(prior.mean[i]), float(prior.sigma[i]))

@@ -74,5 +74,5 @@ def check_up_down(solution: Solution, limits: Mapping[str, Limit], near: float) 
     sigma = fit.at(fit.model.reference).sigma
     shifts = {row.parameter: 0.5 * row.difference / float(sigma[INDEX[row.parameter]]) for row in rows}
     values = {"parameter": worst.parameter, "group": PARAMETERS[i].group}
-    found = Diagnosis("temperature_hysteresis", worst.difference, worst.sigma, unit, shifts, values)
-    return [replace(check, diagnosis=found)]
+    hysteresis = Diagnosis("temperature_hysteresis", worst.difference, worst.sigma, unit, shifts, values)
+    return [replace(check, diagnosis=hysteresis)]

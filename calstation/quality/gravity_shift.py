@@ -54,10 +54,10 @@ def gravity_shift(station: StationConfig, runs: RunColumns) -> GravityShift | No
     if len(rows) < _MIN_RUNS:
         return None
     _, unit = np.unique(runs.serials.codes[rows], return_inverse=True)
-    found = common_step(common[rows], unit)
-    if found is None:
+    shift = common_step(common[rows], unit)
+    if shift is None:
         return None
-    k, step, sigma = found
+    k, step, sigma = shift
     at = int(rows[k])
     return GravityShift(runs.names[at], float(runs.started[at]), step, sigma, len(np.unique(unit[k:])))
 

@@ -108,7 +108,7 @@ from calstation.records.reports import (
     IssuedReport,
     audit_values,
     complete_reports,
-    held_faults,
+    database_contradictions,
     intact_trail,
     issued_reports,
     read_reports,
@@ -120,13 +120,13 @@ from calstation.records.reports import (
 from calstation.records.resolves import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolve_file
 from calstation.records.station_key import (
     KEY_VARIABLE,
-    HeldHead,
+    DatabaseHead,
     TrailHead,
+    database_heads,
     find_heads,
-    held_heads,
     is_signed,
-    keep_held_heads,
     key_file,
+    store_database_heads,
 )
 from calstation.records.verdict import Verdict
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.physics import FloatArray, IntArray
-from calstation.records.spool import Spool
+from calstation.records.temporary_rows import TemporaryRows
 
 #: Time over which the earliest samples before and after a possible gap are compared, s.
 _WINDOW = 1.0
@@ -29,7 +29,7 @@ _SCATTER_FACTOR = 6.0
 #: Multiple of the median deviation from a first line beyond which an arrival is excluded from the final line.
 _OUTLIER_FACTOR = 5.0
 #: Largest number of rows over which a median is taken.
-_MOST = 2**18
+_MAX_ROWS = 2**18
 
 #: Row of the times of a recording: time, s, number of the row, and whether it repeats the row before.
 TIMES = np.dtype([("time", "<f8"), ("row", "<i8"), ("repeated", "?")])
@@ -42,11 +42,11 @@ class SampleTimes:
     """Sample counter and clock that were derived from the times of a recording."""
 
     #: Rows `CLOCK`: continuous count from 0, and times as given, or on a line fitted to the arrival times.
-    clock: Spool
+    clock: TemporaryRows
     jitter: float  #: Rms deviation of the arrival times from the line, s; 0 if the times are clock times.
 
 
-def sample_period(times: Spool, nominal: float) -> float:
+def sample_period(times: TemporaryRows, nominal: float) -> float:
     """Return the period of samples in order, s, given their times as rows `TIMES`.
 
     The median of single steps is insensitive to gaps, the median over longer times to jitter; the candidate nearest to
@@ -70,7 +70,7 @@ def are_arrivals(seq: IntArray, time: FloatArray, period: float) -> bool:
     return bool(np.count_nonzero(irregular) > 3 + _MAX_FRACTION * len(irregular) and (steps >= 0.0).all())
 
 
-def sample_times(times: Spool, nominal: float) -> SampleTimes:
+def sample_times(times: TemporaryRows, nominal: float) -> SampleTimes:
     """Return counter and clock of a recording, in a temporary file that the caller closes.
 
     Parameters
@@ -79,7 +79,7 @@ def sample_times(times: Spool, nominal: float) -> SampleTimes:
     nominal : configured sample period, s
     """
     period = sample_period(times, nominal)
-    clock, smallest, irregular = Spool(CLOCK), np.inf, 0
+    clock, smallest, irregular = TemporaryRows(CLOCK), np.inf, 0
     for steps in _pairs(times, 1, "time"):
         steps = steps / period
         smallest = min(smallest, float(steps.min()))
@@ -95,27 +95,27 @@ def sample_times(times: Spool, nominal: float) -> SampleTimes:
     return SampleTimes(clock, 0.0)
 
 
-def _steps(rows: Spool, interval: int, name: str) -> FloatArray:
-    """Return the differences of a field over `interval` rows, at most `_MOST` of them, evenly spread."""
+def _steps(rows: TemporaryRows, interval: int, name: str) -> FloatArray:
+    """Return the differences of a field over `interval` rows, at most `_MAX_ROWS` of them, evenly spread."""
     return _thinned(_pairs(rows, interval, name), len(rows) - interval)
 
 
-def _pairs(rows: Spool, interval: int, name: str) -> Iterator[FloatArray]:
+def _pairs(rows: TemporaryRows, interval: int, name: str) -> Iterator[FloatArray]:
     """Yield the differences of a field over `interval` rows in parts."""
     for later, earlier in zip(rows.parts(interval), rows.parts(), strict=False):
         yield later[name] - earlier[name][: len(later)]
 
 
 def _thinned(parts: Iterator[FloatArray], count: int) -> FloatArray:
-    """Return at most `_MOST` of `count` values, evenly spread."""
-    stride, position, kept = -(-count // _MOST), 0, [np.empty(0)]
+    """Return at most `_MAX_ROWS` of `count` values, evenly spread."""
+    stride, position, kept = -(-count // _MAX_ROWS), 0, [np.empty(0)]
     for part in parts:
         kept.append(part[-position % stride :: stride])
         position += len(part)
     return np.concatenate(kept)
 
 
-def _count(times: Spool, clock: Spool, period: float | None) -> None:
+def _count(times: TemporaryRows, clock: TemporaryRows, period: float | None) -> None:
     """Append counter and time of the samples of a clock; without `period`, the samples are only numbered."""
     last: tuple[int, float] | None = None
     for part in times.parts():
@@ -128,13 +128,13 @@ def _count(times: Spool, clock: Spool, period: float | None) -> None:
         _append(clock, seq, part["time"])
 
 
-def _append(clock: Spool, seq: IntArray, time: FloatArray) -> None:
+def _append(clock: TemporaryRows, seq: IntArray, time: FloatArray) -> None:
     rows = np.empty(len(seq), CLOCK)
     rows["seq"], rows["time"] = seq, time
     clock.append(rows)
 
 
-def _count_arrivals(times: Spool, clock: Spool, period: float) -> None:
+def _count_arrivals(times: TemporaryRows, clock: TemporaryRows, period: float) -> None:
     """Append counter and time of arrival of the samples; the counter has gaps where samples are missing."""
     window = max(round(_WINDOW / period), 8)
     first = int(times.read(0, 1)["row"][0])
@@ -168,7 +168,7 @@ def _lateness(rows: np.ndarray, first: int, period: float) -> FloatArray:
     return np.asarray(rows["time"] - (rows["row"] - first) * period)
 
 
-def _fit(arrivals: Spool) -> SampleTimes:
+def _fit(arrivals: TemporaryRows) -> SampleTimes:
     """Return the clock on a line fitted to the times of arrival."""
     half = len(arrivals) // 2
     slope = float(np.median(_steps(arrivals, half, "time") / _steps(arrivals, half, "seq")))
@@ -179,7 +179,7 @@ def _fit(arrivals: Spool) -> SampleTimes:
     residuals = time - slope * seq - np.median(time - slope * seq)
     inliers = np.abs(residuals) <= _OUTLIER_FACTOR * np.median(np.abs(residuals))
     line = np.polynomial.Polynomial.fit(seq[inliers], time[inliers], 1)
-    clock, total, squares = Spool(CLOCK), 0.0, 0.0
+    clock, total, squares = TemporaryRows(CLOCK), 0.0, 0.0
     for part in arrivals.parts():
         fitted = line(part["seq"])
         late = part["time"] - fitted

@@ -249,10 +249,10 @@ def _heading(cell: str) -> tuple[str, str]:
     return (match[1].strip().rstrip("_ \t"), match[2].strip()) if match else (cell, "")
 
 
-def _header_units(path: Path, names: list[str], found: list[str]) -> dict[str, str]:
+def _header_units(path: Path, names: list[str], stated: list[str]) -> dict[str, str]:
     """Return the units of the header row by column. Raises InputError if the unit of a sensor is unknown."""
     units = {}
-    for name, unit in zip(names, found, strict=True):
+    for name, unit in zip(names, stated, strict=True):
         unit = _SPELLINGS.get(unit.lower(), unit)
         if unit in _units(name) or (unit == COUNTS and name.startswith(_SENSORS)):
             units[name] = unit

@@ -89,11 +89,11 @@ def with_quantisation(meta: LogMeta, tables: Callable[[], Iterator[SampleTable]]
 
 def _first_rows(tables: Callable[[], Iterator[SampleTable]]) -> list[SampleTable]:
     """Return the first rows of a recording, regardless of the parts in which it is read. Raises InputError."""
-    parts, wanted = list[SampleTable](), _FIRST_ROWS
+    parts, remaining = list[SampleTable](), _FIRST_ROWS
     for table in tables():
-        parts.append(table.select(np.arange(len(table)) < wanted))
-        wanted -= len(table)
-        if wanted <= 0:
+        parts.append(table.select(np.arange(len(table)) < remaining))
+        remaining -= len(table)
+        if remaining <= 0:
             break
     return parts
 

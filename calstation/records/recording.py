@@ -23,7 +23,7 @@ from calstation.records.clock import ClockUnwrapper, TimeReport
 from calstation.records.log import DamagedRows
 from calstation.records.meta import LogMeta
 from calstation.records.samples import SampleTable
-from calstation.records.spool import Spool
+from calstation.records.temporary_rows import TemporaryRows
 
 #: Size limit of a stage's name, bytes, which the raw log also has.
 _MAX_STAGE = 64
@@ -139,7 +139,7 @@ class Recording:
                 raise self._sequence_error(exc, table) from exc
             yield _Timed(table, seq, time, set_back)
 
-    def _sample_times(self, files: ExitStack) -> tuple[SampleTimes, Spool | None]:
+    def _sample_times(self, files: ExitStack) -> tuple[SampleTimes, TemporaryRows | None]:
         """Return counter and clock of the rows of the whole file without repeated rows, and `TIMES` if there are any.
 
         In a file without counter, a row with the time and the values of the row before is repeated, unless the time
@@ -147,7 +147,7 @@ class Recording:
         `files` closes the temporary files.
         """
         nominal = 1.0 / self.meta.imu.sample_rate_hz
-        rows = files.enter_context(Spool(TIMES))
+        rows = files.enter_context(TemporaryRows(TIMES))
         last, coarse = np.full((1, 1 + len(CHANNELS)), np.nan), False
         for table, seq, time, _ in self._timed(TimeReport()):
             values = np.vstack([last, np.column_stack([time, np.nan_to_num(table.counts())])])
@@ -215,9 +215,9 @@ class Recording:
         return InputError("csv.sequence", file=self.path, line=int(table.lines[error.row]), what=error.as_text)
 
 
-def _without_repeated(rows: Spool) -> Spool:
+def _without_repeated(rows: TemporaryRows) -> TemporaryRows:
     """Return the rows `TIMES` that are not repeated, with numbers that do not count the repeated ones."""
-    kept, repeated = Spool(TIMES), 0
+    kept, repeated = TemporaryRows(TIMES), 0
     for part in rows.parts():
         before = repeated + np.cumsum(part["repeated"])
         repeated = int(before[-1])

@@ -18,7 +18,7 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.messages import Text, os_reason
 from calstation.records.audit import AuditEvent, AuditEventName, TrailState, verify_trail
 from calstation.records.chained_lines import Chain, ChainedFile, SignedLine
-from calstation.records.station_key import HeldHead, StationKey, TrailHead, held_heads, is_signed
+from calstation.records.station_key import DatabaseHead, StationKey, TrailHead, database_heads, is_signed
 
 
 @dataclass(frozen=True)
@@ -123,10 +123,10 @@ def intact_trail(site: Path, runs: Path) -> TrailState:
 
 
 def _intact_trail(site: Path, runs: Path) -> TrailState:
-    held = held_heads(runs)
+    heads = database_heads(runs)
     state = verify_trail(site)
     state.require_intact()
-    contradictions = held_faults(state, held)
+    contradictions = database_contradictions(state, heads)
     if contradictions:
         raise ConfigurationError("audit.broken", fault=contradictions[0])
     faults = report_faults(runs, state)
@@ -135,11 +135,11 @@ def _intact_trail(site: Path, runs: Path) -> TrailState:
     return state
 
 
-def held_faults(state: TrailState, held: Iterable[HeldHead]) -> list[Text]:
+def database_contradictions(state: TrailState, heads: Iterable[DatabaseHead]) -> list[Text]:
     """Return the contradictions of an audit trail to heads that the shared database has."""
     return [
         Text.of("audit.contradicts_database", file=state.path, line=each.head.lines, digest=each.head.digest)
-        for each in held
+        for each in heads
         if each.head.key == state.public_key and not state.trail.contains(each.head.lines, each.head.digest)
     ]
 

@@ -237,8 +237,8 @@ class RunIndex:
         """Return at most `limit` runs that meet all conditions without their values, in this order from `offset`."""
         key = _sort_key(order.field)
         by = _latest_first if order == LATEST_FIRST else (key.desc() if order.descending else key, *_latest_first)
-        found = sa.select(_rowid).select_from(_runs).where(*_conditions(conditions)).order_by(*by)
-        part = _rowid.in_(found.limit(limit).offset(offset))
+        matching = sa.select(_rowid).select_from(_runs).where(*_conditions(conditions)).order_by(*by)
+        part = _rowid.in_(matching.limit(limit).offset(offset))
         query = sa.select(_runs.c.content).where(part).order_by(*by)
         contents = self._try(lambda connection: _rows(connection, query))
         return [self._located(record_from(content)) for (content,) in contents]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 KEY_VARIABLE = "CALSTATION_STATION_KEY"
 _FILE = "station.key"
 #: File in the folder of runs with the heads of audit trails in the shared database; the history ignores hidden files.
-HELD_FILE = ".trail_heads.json"
+_DATABASE_HEADS = ".trail_heads.json"
 _HEAD = re.compile(rb"calstation-trail:(\d{1,9}):([0-9a-f]{64}):([0-9a-f]{64}|-)")
 
 
@@ -39,44 +39,44 @@ class TrailHead:
     digest: str  #: Digest of the last line.
 
     def __str__(self) -> str:
-        """Return the text in certificates, which `find_heads` finds."""
+        """Return the text printed in certificates, for which `find_heads` searches."""
         return f"calstation-trail:{self.lines}:{self.digest}:{self.key or '-'}"
 
 
 def find_heads(content: bytes) -> list[TrailHead]:
-    """Return the heads of audit trails that a certificate states, each once: a PDF, or an XML document."""
+    """Return the heads of audit trails stated in a certificate, a PDF or an XML document, without repetitions."""
     matches = dict.fromkeys(_HEAD.findall(content))
     return [TrailHead("" if key == b"-" else key.decode(), int(n), digest.decode()) for n, digest, key in matches]
 
 
 @dataclass(frozen=True)
-class HeldHead:
+class DatabaseHead:
     """A head of an audit trail that the shared database has, and the name of the station that sent it."""
 
     head: TrailHead
     station: str
 
 
-def held_heads(runs: Path) -> list[HeldHead]:
+def database_heads(runs: Path) -> list[DatabaseHead]:
     """Return the heads in the shared database that the last exchange of a runs folder has received.
 
     Raises InputError if the file cannot be read.
     """
-    path = runs / HELD_FILE
+    path = runs / _DATABASE_HEADS
     try:
-        return [HeldHead(read_head(row["head"]), str(row["station"])) for row in json.loads(path.read_bytes())]
+        return [DatabaseHead(read_head(row["head"]), str(row["station"])) for row in json.loads(path.read_bytes())]
     except FileNotFoundError:
         return []
     except OSError as exc:
         raise InputError("result.unreadable", file=path, reason=os_reason(exc)) from exc
     except (ValueError, KeyError, TypeError) as exc:
-        raise InputError("audit.held_damaged", file=path) from exc
+        raise InputError("audit.database_heads_damaged", file=path) from exc
 
 
-def keep_held_heads(runs: Path, heads: Iterable[HeldHead]) -> None:
-    """Replace the heads of `held_heads`. Raises OSError."""
+def store_database_heads(runs: Path, heads: Iterable[DatabaseHead]) -> None:
+    """Replace the heads that `database_heads` returns. Raises OSError."""
     content = json.dumps([asdict(each) for each in heads]).encode() + b"\n"
-    path = runs / HELD_FILE
+    path = runs / _DATABASE_HEADS
     if not path.exists() or path.read_bytes() != content:
         write_atomic(path, content)
 
@@ -135,7 +135,7 @@ def _load(path: Path) -> StationKey | None:
 
 
 def new_key(folder: Path) -> StationKey:
-    """Make a key, which becomes that of the site in `finish_key`, after the trail has recorded it. Raises OSError.
+    """Create a key, which `finish_key` makes that of the site after the trail has recorded it. Raises OSError.
 
     Only the owner may read the first key of a site; a later one has the permissions of the key that it replaces.
     """

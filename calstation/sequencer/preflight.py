@@ -183,7 +183,7 @@ class _WarmUp:
         if self._limits.warm_up_slope is None:
             return now >= self.end
         self._track.add(now)
-        is_long = self._track.left(now) <= _SLOPE_PERIOD - _MIN_SLOPE_TIME  # lost samples may have ended the track
+        is_long = self._track.remaining(now) <= _SLOPE_PERIOD - _MIN_SLOPE_TIME  # lost samples may have ended the track
         return now >= self.end and is_long and abs(self._track.slope) <= self._limits.warm_up_slope
 
     def timeout_error(self, now: float) -> DeviceFaultError | None:

@@ -54,13 +54,13 @@ class TemperatureTrack:
         self._begin, self._sums = now, (0, 0.0, 0.0)
         self._means.clear()
 
-    def left(self, now: float) -> float:
+    def remaining(self, now: float) -> float:
         """Return the time until the track covers its whole period, s, at station time `now`, s."""
         return max(self._period - (now - self._begin), 0.0)
 
     def is_steady(self, limit: float, now: float) -> bool:
         """Return whether the slope over the whole period is at most `limit`, K/min, at station time `now`, s."""
-        return not self.left(now) and abs(self.slope) <= limit
+        return not self.remaining(now) and abs(self.slope) <= limit
 
     @property
     def latest(self) -> float:
@@ -171,13 +171,13 @@ class SoakLoop:
         """Estimate the time left of a soak, s: the change of a unit decreases exponentially until it is steady."""
         if not self._chamber.arrived:
             return self._chamber.remaining + step.hold
-        left = 0.0
+        remaining = 0.0
         for track in tracks.values():
             gap, slope = abs(step.temperature - track.latest), abs(track.slope)
             if step.slope < slope < math.inf:
-                left = max(left, 60.0 * gap / slope * math.log(slope / step.slope))
-            left = max(left, track.left(now))
-        return left
+                remaining = max(remaining, 60.0 * gap / slope * math.log(slope / step.slope))
+            remaining = max(remaining, track.remaining(now))
+        return remaining
 
     def _begin_step(self, kind: str, *values: float) -> None:
         tags = self._control_loop.tags

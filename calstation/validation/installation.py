@@ -67,20 +67,20 @@ class Package:
 
 def packages(extra: str = "") -> dict[str, Package]:
     """Return calstation and all packages that it needs on this computer, or that one of its optional parts needs."""
-    found = {ROOT: Package(_find(ROOT))}
+    packages_by_name = {ROOT: Package(_find(ROOT))}
     pending, done = [(ROOT, extra)], set[tuple[str, str]]()
     while pending:
         name, part = pending.pop()
-        installed = found[name].installed
+        installed = packages_by_name[name].installed
         if (name, part) in done or installed is None:
             continue
         done.add((name, part))
         for requirement in map(Requirement, installed.requires or []):
             if requirement.marker is None or requirement.marker.evaluate({"extra": part}):
                 needed = canonicalize_name(requirement.name)
-                found.setdefault(needed, Package(_find(needed))).required &= requirement.specifier
+                packages_by_name.setdefault(needed, Package(_find(needed))).required &= requirement.specifier
                 pending += [(needed, each) for each in ("", *requirement.extras)]
-    return found
+    return packages_by_name
 
 
 def _find(name: str) -> Distribution | None:
@@ -95,9 +95,9 @@ def identity() -> dict[str, str]:
 
     The version of calstation includes the digest of its files as they were installed.
     """
-    found = packages()
-    versions = {name: each.version for name, each in sorted(found.items())}
-    own = {ROOT: f"{found[ROOT].version} ({found[ROOT].digest[:16]})"}
+    installed = packages()
+    versions = {name: each.version for name, each in sorted(installed.items())}
+    own = {ROOT: f"{installed[ROOT].version} ({installed[ROOT].digest[:16]})"}
     return {"python": platform.python_version(), **versions, **own}
 
 

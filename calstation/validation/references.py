@@ -109,25 +109,25 @@ def _lines(folder: Path, name: str, answer: dict[str, Any], check_stopped: Check
 
 
 def _compared(name: str, result: Result, again: Result, answer: dict[str, Any]) -> Generator[Line]:
-    found, stored = _answer(result)["parameters"], answer["parameters"]
-    good = set(found) == set(stored) and result.passed == answer["passed"]
-    value = _largest((found[n][0] - stored[n][0]) / stored[n][1] for n in stored if n in found)
-    sigma = _largest(found[n][1] / stored[n][1] - 1.0 for n in stored if n in found)
+    solved, stored = _answer(result)["parameters"], answer["parameters"]
+    good = set(solved) == set(stored) and result.passed == answer["passed"]
+    value = _largest((solved[n][0] - stored[n][0]) / stored[n][1] for n in stored if n in solved)
+    sigma = _largest(solved[n][1] / stored[n][1] - 1.0 for n in stored if n in solved)
     good = good and value <= BOUND and sigma <= BOUND
-    bits = Text("validation.bits") if found == stored else Text("validation.other_bits")
+    bits = Text("validation.bits") if solved == stored else Text("validation.other_bits")
     text = Text.of(
-        "validation.difference", bits=bits, value=f"{value:.1e}", sigma=f"{sigma:.1e}", digest=_digest(found)
+        "validation.difference", bits=bits, value=f"{value:.1e}", sigma=f"{sigma:.1e}", digest=_digest(solved)
     )
     expected = Text.of("validation.within", bound=f"{BOUND:g}", count=len(stored))
     yield Line.compared(_AREA, "solution", name, expected, text, good)
-    same = _answer(again)["parameters"] == found
+    same = _answer(again)["parameters"] == solved
     bits = Text("validation.bits" if same else "validation.other_bits")
     yield Line.compared(_AREA, "repetition", name, Text("validation.bits"), bits, same)
     truth = answer["truth"]
     if not truth:
         yield Line.unchecked(_AREA, "truth", name, "", Text("validation.no_truth"))
         return
-    error = _largest((found[n][0] - truth[n]) / found[n][1] for n in truth)
+    error = _largest((solved[n][0] - truth[n]) / solved[n][1] for n in truth)
     limit = Text.of("validation.truth_within", bound=f"{TRUTH_BOUND:g}", count=len(truth))
     yield Line.compared(_AREA, "truth", name, limit, f"{error:.2f} σ", error <= TRUTH_BOUND)
 

@@ -35,7 +35,7 @@ def test_a_working_link_is_described_line_by_line(calstation: Run) -> None:
     assert "ok      bench-table, serial number T-0001." in done.out
     report = calstation("test", "imu", "--json", "-").json
     assert (report["device"], report["state"]) == ("imu", "ok")
-    assert {"id", "state", "values", "text", "mend"} == set(report["findings"][0])
+    assert {"id", "state", "values", "text", "remedy"} == set(report["findings"][0])
 
 
 @pytest.mark.long

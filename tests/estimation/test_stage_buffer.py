@@ -28,12 +28,12 @@ def block(count, first=0):
 
 @pytest.mark.parametrize("sizes", [[], [1], [10, 0, 3], [70_000, 1, 70_000], [400_000, 1, 300_000]])
 def test_stored_samples_are_read_back_unchanged(sizes):
-    spool = StageBuffer(IMU)
+    buffer = StageBuffer(IMU)
     parts = []
     for size in sizes:
         parts.append(block(size, sum(len(p) for p in parts)))
-        spool.append(parts[-1])
-    back = spool.block()
+        buffer.append(parts[-1])
+    back = buffer.block()
     assert len(back) == sum(sizes)
     for name in COLUMNS:
         if parts:
@@ -42,22 +42,22 @@ def test_stored_samples_are_read_back_unchanged(sizes):
 
 
 def test_samples_may_be_stored_after_reading():
-    spool = StageBuffer(IMU)
-    spool.append(block(5))
-    assert len(spool.block()) == 5
-    assert spool.block() is spool.block()
-    spool.append(block(5, 5))
-    assert spool.block().seq.tolist() == list(range(10))
+    buffer = StageBuffer(IMU)
+    buffer.append(block(5))
+    assert len(buffer.block()) == 5
+    assert buffer.block() is buffer.block()
+    buffer.append(block(5, 5))
+    assert buffer.block().seq.tolist() == list(range(10))
 
 
 def test_memory_does_not_grow_with_samples_of_a_long_stage():
-    spool, part = StageBuffer(IMU), block(2000)
+    buffer, part = StageBuffer(IMU), block(2000)
     tracemalloc.start()
     for _ in range(300):
-        spool.append(part)
+        buffer.append(part)
     before, _ = tracemalloc.get_traced_memory()
     for _ in range(300):
-        spool.append(part)
+        buffer.append(part)
     held, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert held < 60_000_000
@@ -65,9 +65,9 @@ def test_memory_does_not_grow_with_samples_of_a_long_stage():
 
 
 def test_physical_units_are_computed_once_until_more_samples_are_stored():
-    spool = StageBuffer(IMU)
-    spool.append(replace(block(400), valid=np.ones(400, dtype=bool)))
-    data = spool.data()
-    assert spool.data() is data
-    spool.append(replace(block(400, 400), valid=np.ones(400, dtype=bool)))
-    assert len(spool.data()) == 2 * len(data)
+    buffer = StageBuffer(IMU)
+    buffer.append(replace(block(400), valid=np.ones(400, dtype=bool)))
+    data = buffer.data()
+    assert buffer.data() is data
+    buffer.append(replace(block(400, 400), valid=np.ones(400, dtype=bool)))
+    assert len(buffer.data()) == 2 * len(data)

@@ -20,8 +20,8 @@ from calstation.records import (
     append_audit,
     audit,
     audit_path,
+    database_contradictions,
     files,
-    held_faults,
     intact_trail,
     read_audit,
     reports,
@@ -29,7 +29,14 @@ from calstation.records import (
     site_events,
     verify_trail,
 )
-from calstation.records.station_key import HeldHead, StationKey, head_file, keep_held_heads, key_file, store_head
+from calstation.records.station_key import (
+    DatabaseHead,
+    StationKey,
+    head_file,
+    key_file,
+    store_database_heads,
+    store_head,
+)
 from tests.helpers import raises_code
 
 
@@ -301,7 +308,7 @@ def test_head_stays_in_the_trail_after_an_interrupted_line_is_closed(tmp_path: P
     assert state.faults == ()
     assert head is not None
     append_audit(tmp_path, "pin_set", "li")
-    assert held_faults(verify_trail(tmp_path), [HeldHead(head, "station")]) == []
+    assert database_contradictions(verify_trail(tmp_path), [DatabaseHead(head, "station")]) == []
 
 
 def test_events_of_an_intact_trail_are_read_without_verifying_every_signature(
@@ -321,7 +328,7 @@ def test_an_event_appended_between_two_readings_is_no_change(tmp_path: Path, mon
     append_audit(tmp_path, "pin_set", "li")
     head = verify_trail(tmp_path).head
     assert head is not None
-    keep_held_heads(tmp_path, [HeldHead(head, "station")])
+    store_database_heads(tmp_path, [DatabaseHead(head, "station")])
     monkeypatch.setattr(reports, "verify_trail", lambda folder: earlier.pop() if earlier else verify_trail(folder))
     assert intact_trail(tmp_path, tmp_path).head == head
     audit_path(tmp_path).write_bytes(audit_path(tmp_path).read_bytes().replace(b'"li"', b'"lu"'))

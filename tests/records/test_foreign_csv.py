@@ -12,7 +12,7 @@ from records_samples import joined
 from calstation.errors import InputError
 from calstation.records import export_csv, open_log
 from calstation.records.arrival import TIMES, sample_times
-from calstation.records.spool import Spool
+from calstation.records.temporary_rows import TemporaryRows
 from tests.helpers import convert_log, raises_code
 
 G = 9.80665
@@ -208,7 +208,7 @@ def delayed(time: np.ndarray, seconds: float) -> np.ndarray:
 
 def derived(time: np.ndarray, nominal: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Return counter, clock and jitter that are derived from times."""
-    with Spool(TIMES) as times:
+    with TemporaryRows(TIMES) as times:
         rows = np.zeros(len(time), TIMES)
         rows["time"], rows["row"] = time, np.arange(len(time))
         times.append(rows)
@@ -228,7 +228,7 @@ def derived(time: np.ndarray, nominal: float) -> tuple[np.ndarray, np.ndarray, f
 def test_jitter_changes_neither_the_rate_nor_the_gaps(
     late: Callable[[np.ndarray], np.ndarray], lost: dict[int, int], part: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Spool, "part_rows", part)
+    monkeypatch.setattr(TemporaryRows, "part_rows", part)
     seq, time = clock(4000, 200.0 * (1.0 + 3e-4), lost)
     arrived = late(time)
     counted, fitted, jitter = derived(arrived, 1.0 / 200.0)

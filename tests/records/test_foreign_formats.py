@@ -9,7 +9,7 @@ from foreign_samples import COUNT, NAMES, TOML, UNITS, assert_same_as_csv, imu_m
 from records_samples import joined
 
 from calstation.errors import InputError
-from calstation.records import arrival, open_log, spool
+from calstation.records import arrival, open_log, temporary_rows
 from calstation.records.foreign import mcap
 from tests.helpers import raises_code
 
@@ -149,9 +149,9 @@ def peak_of_reading(path: Path, repetitions: int) -> int:
 
 @pytest.mark.long
 def test_memory_does_not_grow_with_the_length_of_a_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arrival, "_MOST", 500)
-    monkeypatch.setattr(spool, "_MEMORY", 1000)
-    monkeypatch.setattr(spool.Spool, "part_rows", 500)
+    monkeypatch.setattr(arrival, "_MAX_ROWS", 500)
+    monkeypatch.setattr(temporary_rows, "_MEMORY", 1000)
+    monkeypatch.setattr(temporary_rows.TemporaryRows, "part_rows", 500)
     write_mcap(path := tmp_path / "first.mcap", {"/imu": [imu_message(row, is_cdr=True) for row in samples()]})
     path.with_suffix(".toml").write_text(TOML)
     assert open_log(path).facts().samples == COUNT - 2, "imports all that is needed"

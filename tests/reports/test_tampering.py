@@ -69,7 +69,7 @@ def site(issued: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
 def test_intact_evidence_is_confirmed(site: Path) -> None:
     for name in ("first.pdf", "first.xml", "r1.pdf"):
         state = verify_certificate(site / name)
-        codes = [each.code for each in state.found]
+        codes = [each.code for each in state.findings]
         assert (state.intact, codes[0]) == (True, "audit.file_recorded")
         assert calstation("check", site / name) == 0
     # the first certificate precedes the first line of the trail
@@ -254,8 +254,8 @@ def test_trail_of_a_removed_site_contradicts_its_certificates(site: Path) -> Non
     shutil.rmtree(site_folder())
     state = verify_certificate(site / "r1.pdf")
     assert not state.intact
-    assert "audit.other_trail" in [each.code for each in state.found]
-    assert "report.of_others" in [each.code for each in verify_reports(site / "runs").found]
+    assert "audit.other_trail" in [each.code for each in state.findings]
+    assert "report.of_others" in [each.code for each in verify_reports(site / "runs").findings]
 
 
 def test_heads_in_the_shared_database_reveal_a_cut_with_the_station_s_own_key(
@@ -277,7 +277,7 @@ def test_heads_in_the_shared_database_reveal_a_cut_with_the_station_s_own_key(
         append_audit(site_folder(), "override", "li", "harmless")
     assert calstation("check") == 0, "all that the site has itself agrees"
     for folder in (runs, site / "other"):
-        assert "audit.contradicts_database" in [each.code for each in verify_reports(folder).found]
+        assert "audit.contradicts_database" in [each.code for each in verify_reports(folder).findings]
         assert calstation("check", folder) == 2
     assert calstation("report", runs / "run.h5", "-o", site / "r2.pdf", "--revise", "Once more") == 2
     assert "which the shared database has" in " ".join(capsys.readouterr().err.split())

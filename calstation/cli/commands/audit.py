@@ -63,7 +63,7 @@ def audit(
 
 def show_evidence(file: Path, state: CertificateState, json: str | None) -> int:
     """Show what the verification of a file has found; return the exit code of an input error if it was changed."""
-    lines = [say(each.code, **each.values) for each in state.found]
+    lines = [say(each.code, **each.values) for each in state.findings]
     emit({"file": str(file), "kind": "evidence", "intact": state.intact, "found": lines}, json, lines)
     return 0 if state.intact else InputError.exit_code
 

@@ -83,11 +83,11 @@ def design(
         tau, heating = (TIME_CONSTANT, 0.0) if measured is None else measured_thermal(open_log(measured))
         tau, heating = time_constant or tau, heating if self_heating is None else self_heating
         with job_progress(say("cli.designing"), _step) as progress:
-            found = design_temperature(progress, request, tau, heating)
-        write_atomic(out, temperature_product(present, found))
-        emit(found.to_json(), json, ())
+            design = design_temperature(progress, request, tau, heating)
+        write_atomic(out, temperature_product(present, design))
+        emit(design.to_json(), json, ())
         if json != "-":
-            _show_over_temperature(found, out)
+            _show_over_temperature(design, out)
         return 0
     _refuse(options, "design.without_temperature")
     with (

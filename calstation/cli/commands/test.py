@@ -72,7 +72,7 @@ def _findings(report: Report, options: Mapping[str, str]) -> tuple[list[dict[str
     findings, lines = [], []
     for finding in report.findings:
         text = render(finding.message.code, {**finding.message.values, **options}, LANGUAGE)
-        findings.append({**finding.to_json(), "text": text.text, "mend": text.remedy})
+        findings.append({**finding.to_json(), "text": text.text, "remedy": text.remedy})
         lines.append(f"{say(f'cli.finding_{finding.state}'):<7} {text.text}")
         lines += [f"        {text.remedy}"] if text.remedy else []
     return findings, [*lines, say(f"cli.link_{report.state}")]

@@ -89,9 +89,9 @@ def _validate(runs: Path) -> Validation:
         task = bar.add_task(say("cli.validating"), total=1.0, note="")
 
         def report(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-            left = "" if not remaining_s else say("cli.validation_left", seconds=remaining_s)
+            remaining_text = "" if not remaining_s else say("cli.validation_left", seconds=remaining_s)
             area = term("validation_area", note) if note else ""
-            bar.update(task, completed=fraction, note=f"{area} {left}".strip())
+            bar.update(task, completed=fraction, note=f"{area} {remaining_text}".strip())
             if not console.is_terminal and note and (not shown or shown[-1] != note):
                 shown.append(note)
                 show_line(console, f"{fraction:.0%} {area}")

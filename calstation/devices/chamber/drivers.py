@@ -63,14 +63,14 @@ class TextChamber(Chamber):
     def identify(self) -> str:
         """Return the identity that the chamber reports, and send the queries that are sent only once."""
         with _as_chamber():
-            found = self._ask("identity")["model"]
-        if self._profile.model not in found:
-            raise OtherModelError("chamber.other_model", found=found, expected=self._profile.model)
+            model = self._ask("identity")["model"]
+        if self._profile.model not in model:
+            raise OtherModelError("chamber.other_model", found=model, expected=self._profile.model)
         with _as_chamber():
             for name in self._text.queries:
                 if name not in ("identity", *self._text.polled):
                     self._ask(name)
-        return found
+        return model
 
     def status(self) -> ChamberStatus:
         """Poll the state of the chamber."""
@@ -145,9 +145,9 @@ class ModbusChamber(Chamber):
     def identify(self) -> str:
         """Compare the expected registers and return the model in the profile. Raises DeviceFaultError."""
         for name, expected in self._modbus.expected.items():
-            found = self._read(name)
-            if found != expected:
-                raise DeviceFaultError("chamber.unlike_profile", register=name, found=found, expected=expected)
+            value = self._read(name)
+            if value != expected:
+                raise DeviceFaultError("chamber.unlike_profile", register=name, found=value, expected=expected)
         return self._profile.model or self._profile.name
 
     def status(self) -> ChamberStatus:

@@ -78,8 +78,8 @@ def _read(path: Path, topic: Topic) -> Iterator[Columns]:
 
 
 def _concatenated(parts: Iterator[Columns]) -> Columns:
-    found = list(parts)
-    return {name: np.concatenate([part[name] for part in found]) for name in found[0]}
+    columns = list(parts)
+    return {name: np.concatenate([part[name] for part in columns]) for name in columns[0]}
 
 
 def _parts(path: Path, name: str, instance: int) -> Iterator[Columns]:
@@ -98,17 +98,17 @@ def _parts(path: Path, name: str, instance: int) -> Iterator[Columns]:
 
 def _messages(path: Path, names: tuple[str, ...]) -> Iterator[tuple[str, int, Mapping[str, float]]]:
     """Yield name, instance and fields of the messages with one of the names, with or without an instance."""
-    wanted = {f"{name}{number}" for name in names for number in ("", *range(1, 10))}
+    selected = {f"{name}{number}" for name in names for number in ("", *range(1, 10))}
     with path.open("rb") as stream:
         is_binary = stream.read(len(_HEAD)) == _HEAD
         stream.seek(0)
-        for name, fields in _binary(stream, wanted) if is_binary else _text(stream, wanted):
+        for name, fields in _binary(stream, selected) if is_binary else _text(stream, selected):
             instance = fields.get("I", int(name[3:] or 1) - 1)
             if 0 <= instance < _INSTANCES:
                 yield name[:3], int(instance), fields
 
 
-def _binary(stream: BinaryIO, wanted: set[str]) -> Iterator[tuple[str, Mapping[str, float]]]:
+def _binary(stream: BinaryIO, selected: set[str]) -> Iterator[tuple[str, Mapping[str, float]]]:
     """Yield names and fields of `selected` messages of a binary log; a message must end where the next one begins."""
     formats = {_FMT_TYPE: ("FMT", _FMT, _FMT_LABELS, dict[str, float]())}
     with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
@@ -120,7 +120,7 @@ def _binary(stream: BinaryIO, wanted: set[str]) -> Iterator[tuple[str, Mapping[s
             if not form.size or end > len(data) or not _HEAD.startswith(data[end : end + 2]):
                 at = data.find(_HEAD, at + 1)
                 continue
-            if kind == _FMT_TYPE or name in wanted:
+            if kind == _FMT_TYPE or name in selected:
                 fields = dict(zip(labels, form.unpack_from(data, at), strict=False))
                 if kind != _FMT_TYPE:
                     yield name, {n: x * scales.get(n, 1.0) for n, x in fields.items() if not isinstance(x, bytes)}
@@ -141,14 +141,14 @@ def _decoded(text: bytes) -> str:
     return text.partition(b"\0")[0].decode("latin-1")
 
 
-def _text(stream: BinaryIO, wanted: set[str]) -> Iterator[tuple[str, Mapping[str, float]]]:
+def _text(stream: BinaryIO, selected: set[str]) -> Iterator[tuple[str, Mapping[str, float]]]:
     """Yield names and fields of the `selected` messages of a text log; a cell that is not a number is NaN."""
     labels: dict[str, list[str]] = {}
     while line := stream.readline(_LONGEST_LINE):
         name, *cells = [cell.strip() for cell in line.decode("latin-1").split(",")]
         if name == "FMT" and len(cells) > _FMT_NAME:
             labels[cells[_FMT_NAME]] = cells[_FMT_NAME + 2 :]
-        elif name in wanted and name in labels and line.endswith(b"\n"):
+        elif name in selected and name in labels and line.endswith(b"\n"):
             yield name, dict(zip(labels[name], map(_number, cells), strict=False))
 
 

@@ -75,19 +75,19 @@ def joined_sensors(path: Path, gyro: Columns, accel: Columns, time: str) -> Colu
     time : name of the column of times
     """
     at, other = gyro[time], accel[time]
-    found = np.full(len(at), -1)
+    partners = np.full(len(at), -1)
     if len(at) > 1 and len(other) > 1:
         later = np.clip(np.searchsorted(other, at), 1, len(other) - 1)
         nearest = later - (at - other[later - 1] < other[later] - at)
-        found = np.where(np.abs(other[nearest] - at) <= 0.5 * float(np.median(np.diff(at))), nearest, -1)
-    joined = int(np.count_nonzero(found >= 0))
+        partners = np.where(np.abs(other[nearest] - at) <= 0.5 * float(np.median(np.diff(at))), nearest, -1)
+    joined = int(np.count_nonzero(partners >= 0))
     if joined < _MIN_JOINED * max(len(at), len(other)):
         raise InputError("foreign.sensors_apart", file=path, gyro=len(at), accel=len(other), joined=joined)
-    present = found >= 0
+    present = partners >= 0
     columns = dict(gyro)
     for name, values in accel.items():
         if name != time:
-            columns[name] = np.where(present, values[found], np.nan)
+            columns[name] = np.where(present, values[partners], np.nan)
     return columns
 
 

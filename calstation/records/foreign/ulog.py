@@ -73,8 +73,8 @@ def _load(path: Path) -> dict[tuple[str, int], dict[str, Any]]:
 
     silence(core)
     with _Stream(io.FileIO(path)) as stream:
-        found = core.ULog(stream, _NAMES).data_list
-    return {(each.name, each.multi_id): each.data for each in found if len(each.data["timestamp"])}
+        messages = core.ULog(stream, _NAMES).data_list
+    return {(each.name, each.multi_id): each.data for each in messages if len(each.data["timestamp"])}
 
 
 def _scale(fields: dict[str, Any]) -> float:

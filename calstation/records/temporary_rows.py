@@ -13,7 +13,7 @@ from calstation.messages import os_reason
 _MEMORY = 2**22
 
 
-class Spool:
+class TemporaryRows:
     """Rows of a dtype that are appended once and then read in parts; `close` removes the file."""
 
     part_rows = 2**16  #: Number of rows that are read at once.
@@ -26,7 +26,7 @@ class Spool:
     def __len__(self) -> int:
         return self._count
 
-    def __enter__(self) -> "Spool":
+    def __enter__(self) -> "TemporaryRows":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
