@@ -169,12 +169,18 @@ def _worst_clipping(samples: SampleBlock, context: SolveContext) -> ModelTest:
 
 
 def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: str = "") -> ModelTest:
-    """Test whether a channel of `counts`, shape (n, 6), is clipped at a value that its noise would exceed.
+    """Test whether a channel is clipped at a value that its noise would exceed.
 
     Samples are rounded to bins of width h. With Gaussian noise of standard deviation s, the fractions p of samples in
     neighbouring bins satisfy p[k-1] p[k+1] >= p[k]² exp(-h²/s²) for any signal (by Cauchy's inequality for one level of
     the signal, by Titu's lemma for a mixture). The two highest bins therefore give a lower bound of the number of
-    samples expected above the highest one. `time` is in s, shape (n,); `number` of a secondary IMU is displayed.
+    samples expected above the highest one.
+
+    Parameters
+    ----------
+    counts, time : raw output, counts, shape (n, 6), and its times, s, shape (n,)
+    imu : profile with the noise and the size of a count
+    number : displayed number of a secondary IMU, "" for the primary
     """
     size = imu.count_size
     noise = np.repeat([imu.gyro_arw, imu.accel_vrw], 3) * imu.sample_rate**0.5 / size

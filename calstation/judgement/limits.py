@@ -110,10 +110,16 @@ def check_limits(
 ) -> list[Check]:
     """Compare the result of a chain of stages with the limits of its product by a decision rule.
 
-    A value above the fraction `near` of its limit is a near miss. A parameter's limit overrides the limit of its group;
-    only parameters that were estimated and determined by the data are compared. The checks of the innovations and of
-    undetermined parameters have no near miss. The change of the parameters in `calibrated`, whose prior is the current
-    calibration, is compared with its sigma.
+    A parameter's limit overrides the limit of its group; only parameters that were estimated and determined by the data
+    are compared. The checks of the innovations and of undetermined parameters have no near miss.
+
+    Parameters
+    ----------
+    limits : limits by parameter or group, SI
+    prior, solutions : estimate before the first stage, and the solution of each stage
+    near : fraction of a limit above which a value is a near miss
+    calibrated : parameters whose prior is the current calibration; their change is compared with its sigma
+    rule : decision rule
     """
     if not solutions:
         return []

@@ -98,9 +98,15 @@ def sample_test(
 def clipped(
     counts: FloatArray, extreme: float, time: FloatArray, channel: int, imu: ImuModel, number: str = ""
 ) -> Diagnosis:
-    """Return the diagnosis of a channel whose `counts`, shape (n,), are clipped at `extreme`.
+    """Return the diagnosis of a channel that is clipped.
 
-    `time` is in s, shape (n,); `number` of a secondary IMU is displayed.
+    Parameters
+    ----------
+    counts, time : output of the channel, counts, and its times, s, shape (n,) each
+    extreme : value at which it is clipped, counts
+    channel : index of the channel, 0 to 5
+    imu : profile with the size of a count
+    number : displayed number of a secondary IMU, "" for the primary
     """
     at = np.flatnonzero(counts == extreme)
     level = float(extreme * imu.count_size[channel])

@@ -50,7 +50,12 @@ class Motion:
     def steady(
         cls, rate: FloatArray, force: FloatArray, time: FloatArray, turned: FloatArray | None = None
     ) -> "Motion":
-        """Return a motion with constant rate and force in every interval."""
+        """Return a motion with constant rate and force in every interval.
+
+        Parameters
+        ----------
+        rate, force, time, turned : as the attributes, shape (n, 3), (n, 3), (n,) and (3,)
+        """
         still = np.zeros_like(rate)
         return cls(rate, force, still, still, time, turned=turned)
 

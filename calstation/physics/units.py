@@ -102,9 +102,14 @@ def in_unit(value: float, size: float) -> str:
 
 
 def limit_number(limit: float, size: float, value: float = math.nan) -> str:
-    """Format an SI limit in a unit of `size` in SI, with as many digits as it was entered with, from two to four.
+    """Format a limit in a unit, with as many digits as it was entered with, from two to four.
 
-    It has more digits if the rounded limit contradicts the comparison of `value`, SI, with the limit.
+    It has more digits if the rounded limit contradicts the comparison of the value with the limit.
+
+    Parameters
+    ----------
+    limit, value : limit and the value compared with it, SI; NaN without a value
+    size : size of the unit in SI
     """
     shown, compared = limit / size, value / size
     entered = len(Decimal(repr(float(limit))).normalize().as_tuple().digits)

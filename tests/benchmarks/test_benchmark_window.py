@@ -35,7 +35,7 @@ MAY_BLOCK = 0.050
 #: Units on the table, and runs in the history.
 UNITS, OLD_RUNS = 16, 3000
 
-#: Of a run on hardware that the long stream is worth.
+#: Duration of the run on hardware to which the long stream corresponds.
 HOURS = 12.0
 
 

@@ -15,7 +15,7 @@ from tests.cli.conftest import META, Done, six_position_rows, write_log
 
 Run = Callable[..., Done]
 GRAVITY = normal_gravity(np.deg2rad(34.25), 400.0)
-#: What the unit reads: too much by its scale, on top of what `six_position_rows` has.
+#: Specific force measured by the unit, with a scale factor error in addition to those of `six_position_rows`.
 READS = 1.001 * 9.7969
 
 

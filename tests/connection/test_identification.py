@@ -166,7 +166,7 @@ def test_device_of_another_model_is_not_reset(work: Any, monkeypatch: pytest.Mon
     assert set(plc.functions) == {READ}
 
 
-# Who it is instead
+# Other devices than expected
 
 
 @needs_terminals
@@ -282,7 +282,7 @@ def test_reset_reports_swapped_ports(imu: str) -> None:
         read_table(ignore_progress, order(table={"port": line, "unit": 7}))
 
 
-# Why a connection does not come about
+# Failed connections
 
 
 @pytest.mark.parametrize("work", [read_table, reset_table])

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from imu_models import imu_model
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import GRADES, BenchTruth, Simulated, Simulator
-from calstation.estimation.common import ImuModel, Posterior, SampleBlock, Site, SolveContext, TableModel
+from calstation.estimation.common import Posterior, SampleBlock, Site, SolveContext, TableModel
 from calstation.physics import COUNT, EFFECTS, PARAMETERS, Motion, TableGeometry, compensate, compensation
 from calstation.records import LogMeta, RawLogWriter
 from procedures import method
@@ -28,17 +29,7 @@ def context_of(truth: BenchTruth) -> SolveContext:
     imu, table = truth.imu, truth.table
     return SolveContext(
         Site(table.latitude, 0.0, table.height, truth.azimuth, table.gravity),
-        ImuModel(
-            "SIM",
-            imu.sample_rate,
-            imu.output,
-            imu.gyro_lsb,
-            imu.accel_lsb,
-            imu.gyro_arw,
-            imu.accel_vrw,
-            imu.gyro_bias_instability,
-            imu.accel_bias_instability,
-        ),
+        imu_model(imu),
         TableModel(table.outer_axis, table.inner_axis, truth.outer_lever),
     )
 

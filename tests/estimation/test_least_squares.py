@@ -128,7 +128,7 @@ def test_every_tested_innovation_has_a_variance_of_one(unknowns):
     H, P, N, _ = redundancy_case(3, unknowns, width=1e4)
     H[0] = 0.0
     H[0, 0] = 1.0
-    H[1:, 0] = 0.0  # nothing else shows the first unknown
+    H[1:, 0] = 0.0  # only the first observation depends on the first unknown
     explained, noise = H @ P @ H.T, np.diag(np.diag(N))
     root = np.sqrt(noise)
     output = np.stack(

@@ -270,7 +270,7 @@ def test_attitude_error_of_a_pass_agrees_with_its_sigma(nav_stage, data):
     run = ClosedLoopFilter(nav_stage.context, known, known.mean)
     (start,) = starts(data, nav_stage.context, known)
     list(run.steps(data, start, start.attitude))
-    # the plan ends at rest: up as the unit feels it is up as the filter says
+    # the plan ends at rest, where the measured specific force points up in the attitude of the filter
     up_b = data.accel[-200:].mean(axis=0) - known.mean[[p.group == "accel_bias" for p in PARAMETERS]]
     tilt = np.cross(run.attitude @ up_b / np.linalg.norm(up_b), [0.0, 0.0, 1.0])
     # scale and misalignment of the uncompensated force add up to 1e-3
@@ -288,7 +288,7 @@ def test_navigation_restarts_after_a_gap_and_parameters_continue(nav_stage):
     assert (whole.details["segments"], broken.details["segments"]) == (1, 2)
     assert np.abs(errors_in_sigma(broken.posterior, nav_stage.truth)).max() < 4.0
     assert broken.consistency.passed
-    # one turn less leaves a little less known, and of nothing more
+    # without one of the turns, some sigmas are larger and none is smaller
     ratio = broken.posterior.sigma / whole.posterior.sigma
     assert ratio.min() > 0.99
     assert ratio.max() < 2.5

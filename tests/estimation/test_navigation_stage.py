@@ -143,7 +143,7 @@ def test_unknown_start_attitude_is_found_from_the_data(nav_stage, azimuth, angle
     assert np.abs(errors_in_sigma(result.posterior, nav_stage.truth)).max() < 4.0
     assert result.consistency.passed
     assert [key for key, _ in result.messages] == ["azimuth_from_data"]
-    # whether the start was given or found matters little once everything has been turned
+    # after all turns, an unknown start attitude hardly matters
     assert result.posterior.sigma == pytest.approx(solution.posterior.sigma, rel=0.5)
 
 

@@ -76,7 +76,7 @@ def test_segments_are_the_steps_of_the_stage_in_order(passed, labels):
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
 def test_gyro_scale_factor_becomes_observable_by_rotation_about_its_axis(passed, labels, axis):
     _, _, output = passed
-    # the inner axis also turns, about z, to bring x and y into place
+    # the inner axis also turns, about z, to point x and y along the outer axis
     turns = [n for n, label in labels.items() if label[0] == "into_place" and axis == "z"]
     first = first_turn_about(labels, axis)
     last = first + (abs(labels[first][2]) < 90.0)  # half a quarter turn shows too little

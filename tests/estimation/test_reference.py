@@ -48,7 +48,7 @@ def test_reference_follows_the_effect_of_gyro_noise(motion):
     result = reference(truth, data, attitudes[0])
     errors = Rotation.from_matrix(result.attitude @ attitudes.transpose(0, 2, 1)).as_rotvec()
     walked = truth.imu.gyro_arw * np.sqrt(len(data) / 200.0)
-    # levelled all the way by 1 mm/s of velocity every 0.1 s, while the heading walks off as its noise does
+    # the velocity, 1 mm/s every 0.1 s, keeps it level; the heading follows the random walk of the gyro noise
     assert np.sqrt(np.mean(errors[:, :2] ** 2)) < 0.3 * walked
     assert np.abs(errors[:, 2]).max() < 4.0 * walked
 

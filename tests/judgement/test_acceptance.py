@@ -61,7 +61,7 @@ def rests(*forces) -> Evidence:
 
 
 def test_gravity_check_uses_the_worst_compensated_rest():
-    # z reads 0.03 too much, which the bias found takes away but for 0.001; x is off by 0.004
+    # z measures 0.03 too much, of which the estimated bias leaves 0.001; x has an error of 0.004
     evidence = rests([0.0, 0.0, G + 0.031], [0.0, 0.0, -G + 0.03], [G + 0.004, 0.0, 0.03])
     check = checked({"gravity_at_rest": {"within": 5e-3}}, solution(evidence, accel_bias_z=0.03))
     checks = check["gravity_at_rest"]
@@ -87,7 +87,7 @@ def test_improvement_is_judged_by_its_ratio():
     evidence = rests([0.0, 0.0, G + 0.030], [0.0, 0.0, -G + 0.030], [0.0, G, 0.0])
     better = solution(evidence, accel_bias_z=0.02)
     rule = {"improvement_at_rest": {"below": 0.5}}
-    # 0.03 became 0.01 at both z rests; at the third nothing was wrong, and the bias now shows by 2e-5
+    # the error decreases from 0.03 to 0.01 at both z rests, and increases from 0 to 2e-5 at the third
     chosen = checked({"improvement_at_rest": {"below": 0.5, "positions": [0, 1]}}, better)["improvement_at_rest"]
     assert chosen.passed
     assert chosen.value == pytest.approx(1.0 / 3.0, abs=1e-6)
@@ -109,7 +109,7 @@ def test_improvement_floor_applies_only_to_small_errors_and_is_shown():
     assert floor.value == pytest.approx(2e-5, rel=0.05)
     assert (floor.limit, floor.unit) == (1e-4, "m/s²")
     assert floor.where == Where(stage="multi_position", rest=2)
-    # a floor above every error does not make an improvement of it
+    # an error that increases to more than the floor fails
     rule = {"improvement_at_rest": {"below": 0.5, "or_within": 0.02}}
     assert set(checked(rule, solution(evidence, accel_bias_z=0.02))) == {"improvement_at_rest_floor"}
     assert not checked(rule, solution(evidence, accel_bias_z=-0.02))["improvement_at_rest_floor"].passed

@@ -91,13 +91,13 @@ def test_steady_rotation_under_gravity_gives_no_velocity_and_keeps_its_axis(degr
     for dt in (0.01, 0.005):
         count = round(seconds / dt)
         gyro, accel = turning(omega, dt, count + 1, attitude)
-        # the first sample has no neighbour before it: it counts from the second on
+        # the integration begins at the second sample, because the first has no preceding one
         begin = attitude @ rotation_matrix(omega * dt)
         work = navigate(PERFECT, gyro, accel, dt, begin, span=(1, count + 1))
         exact = attitude @ rotation_matrix(omega * dt * (count + 1))
         assert np.abs(rotation_vector(work.attitude @ exact.T)).max() < 1e-10
         beta = np.linalg.norm(omega) * dt
-        # gravity across the axis is short by (ω dt)³/24 of itself, all else is of higher order
+        # gravity normal to the axis is too small by the factor (ω dt)³/24; other errors are of higher order
         assert np.linalg.norm(work.velocity) < 1.1 * G * seconds * beta**3 / 24.0 + 1e-12
         drifts.append(np.linalg.norm(work.velocity))
     assert drifts[1] < drifts[0] / 7.0 or drifts[0] < 1e-9
@@ -170,7 +170,7 @@ def test_true_parameters_reproduce_the_true_motion(motion):
 
 
 START_VELOCITY = np.array([0.1, -0.2, 0.05])
-# the force that the parameters act on leaves out what a changing rate demands of the lever arm: a hundredth of g
+# the parameters act on the force without the lever arm term of the angular acceleration, 0.01 g
 INTERVALS = {
     "rest": ((40, 60), 5e-3),
     "speeding up": ((105, 125), 0.2),
@@ -206,7 +206,7 @@ def test_transition_blocks_are_the_derivatives_of_the_navigation(motion, span, a
     for i, parameter in enumerate(PARAMETERS):
         step = np.zeros(COUNT)
         step[i] = parameter.prior_sigma * 1e-3
-        # the error of a parameter is what the truth has more of: computed with less, true with more
+        # the error of a parameter is the true minus the assumed value
         numeric[:, 9 + i] = difference(run(point - step), run(point + step)) / (2.0 * step[i])
     columns = {"attitude": [0, 1, 2], "velocity": [3, 4, 5]}
     columns |= {group: [9 + i for i in group_indices(group)] for group in GROUPS}

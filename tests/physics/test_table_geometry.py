@@ -91,7 +91,7 @@ def test_pose_up_points_the_axis_up_or_is_refused(table, direction, near_outer, 
     try:
         outer, inner = table.pose_up(direction, (near_outer, near_inner))
     except ConfigurationError:
-        # out of reach: the axes' angle leaves a cap about them that never points up
+        # unreachable: with this angle between the axes, directions near them never point up
         w1, w2 = np.array(table.outer_axis), np.array(table.inner_axis)
         polar = [angle_between(w1, UP), angle_between(w2, direction), angle_between(w1, w2)]
         low = max(abs(polar[2] - polar[1]), 0.0)
@@ -106,7 +106,7 @@ def test_orthogonal_table_with_a_level_outer_axis_points_any_direction_up(direct
     table = TableGeometry()
     outer, inner = table.pose_up(direction, (near_outer, near_inner))
     off = angle_between(table.body_to_home(outer, inner) @ direction, UP)
-    # within half a degree of the inner axis a direction counts as lying along it, and the inner joint stays
+    # a direction within 0.5° of the inner axis is regarded as parallel to it, and the inner joint does not move
     along = min(angle_between(direction, UP), angle_between(direction, -UP))
     assert off < 1e-7 or (off <= along < np.deg2rad(0.5) and inner == near_inner)
     assert abs(outer - near_outer) <= np.pi + 1e-9
@@ -122,7 +122,7 @@ def test_body_turn_rotates_the_body_about_its_axis_with_the_correct_sign(axis, n
     after = [outer, inner]
     after[result.joint] += result.sign * turn
     C0, C1 = table.body_to_level(outer, inner, azimuth), table.body_to_level(*after, azimuth)
-    # C1 = C0 Exp(turn · axis): a positive turn is right-handed about the body axis as the body sees it
+    # C1 = C0 Exp(turn · axis): a positive turn is right-handed about the body axis
     assert rotation_vector(C0.T @ C1) == pytest.approx(axis * turn, abs=1e-9)
     assert abs(inner - near) <= np.pi / 2 + 1e-9
 
@@ -133,7 +133,7 @@ def test_body_turn_works_for_any_reachable_axes(table, axis, near, turn):
         result = table.body_turn(axis, near)
     except ConfigurationError:
         w1, w2 = np.array(table.outer_axis), np.array(table.inner_axis)
-        # the inner joint carries the axis round a cone about w2; it meets neither +w1 nor −w1
+        # the inner joint moves the axis on a cone about w2 that contains neither +w1 nor −w1
         reach = [abs(angle_between(w2, axis) - angle_between(w2, sign * w1)) for sign in (1.0, -1.0)]
         assert min(reach) > np.deg2rad(5.0) - 1e-6
         assert min(angle_between(w2, axis), np.pi - angle_between(w2, axis)) > np.deg2rad(0.5) - 1e-6
@@ -201,7 +201,7 @@ def test_level_inner_makes_the_inner_axis_horizontal_if_possible(table, outer, i
     result = table.level_inner((outer, inner))
     w1, w2 = np.array(table.outer_axis), np.array(table.inner_axis)
     height = (table.body_to_home(result, inner) @ w2)[2]
-    # the inner axis sweeps heights cos(polar ± between); level is among them where they differ in sign
+    # the vertical component of the inner axis ranges between cos(polar ± between); it can be 0 if their signs differ
     polar, between = angle_between(w1, UP), angle_between(w1, w2)
     sweep = np.cos(polar + between), np.cos(polar - between)
     if sweep[0] < -1e-6 and sweep[1] > 1e-6:

@@ -2,10 +2,11 @@
 
 import numpy as np
 from hand_recordings import prior_of
+from imu_models import imu_model
 
 from calstation.bench.truth import GimbalBench, GimbalSamples, ImuTruth, draw_imu
 from calstation.estimation import Solution
-from calstation.estimation.common import ImuModel, SampleBlock, Site, SolveContext, TableModel, join_blocks
+from calstation.estimation.common import SampleBlock, Site, SolveContext, TableModel, join_blocks
 from calstation.estimation.gimbal import GimbalIteration
 from calstation.physics import group_matrix
 from calstation.simulation.bench_recordings import run_gimbal
@@ -42,18 +43,7 @@ def recorded(
 
 def context_of(imu: ImuTruth) -> SolveContext:
     """Return the context with the profile of the unit and the encoders of the gimbal."""
-    profile = ImuModel(
-        "G",
-        imu.sample_rate,
-        imu.output,
-        imu.gyro_lsb,
-        imu.accel_lsb,
-        imu.gyro_arw,
-        imu.accel_vrw,
-        imu.gyro_bias_instability,
-        imu.accel_bias_instability,
-    )
-    return SolveContext(Site(0.6, 0.0, 0.0, None, 9.8), profile, TableModel(encoder_sigma=ENCODER))
+    return SolveContext(Site(0.6, 0.0, 0.0, None, 9.8), imu_model(imu), TableModel(encoder_sigma=ENCODER))
 
 
 def solved(block: SampleBlock, imu: ImuTruth, grade: str = "mems", **schedule: object) -> Solution:

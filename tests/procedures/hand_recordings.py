@@ -1,10 +1,11 @@
 """Recordings of the simulated manual rig, with context and prior of the unit."""
 
 import numpy as np
+from imu_models import imu_model
 
 from calstation.bench.truth import GRADES, ImuTruth, ManualRig, Simulated, around, draw_imu, record
 from calstation.estimation import Solution
-from calstation.estimation.common import ImuModel, Posterior, SampleBlock, Site, SolveContext, TableModel
+from calstation.estimation.common import Posterior, SampleBlock, Site, SolveContext, TableModel
 from calstation.physics import COUNT, PARAMETERS
 from procedures import method
 
@@ -21,17 +22,7 @@ def context_of(imu: ImuTruth, rig: ManualRig = QUICK) -> SolveContext:
     """Return the context with site and profile of the unit, without a table."""
     return SolveContext(
         Site(rig.latitude, 0.0, rig.height, None, rig.gravity),
-        ImuModel(
-            "HAND",
-            imu.sample_rate,
-            imu.output,
-            imu.gyro_lsb,
-            imu.accel_lsb,
-            imu.gyro_arw,
-            imu.accel_vrw,
-            imu.gyro_bias_instability,
-            imu.accel_bias_instability,
-        ),
+        imu_model(imu),
         TableModel(),
     )
 

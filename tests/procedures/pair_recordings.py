@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from hand_recordings import prior_of
+from imu_models import imu_model
 
 from calstation.bench.truth import (
     ImuTruth,
@@ -19,7 +20,6 @@ from calstation.bench.truth import (
 )
 from calstation.estimation import Solution
 from calstation.estimation.common import (
-    ImuModel,
     Posterior,
     SampleBlock,
     Secondary,
@@ -42,21 +42,6 @@ def unit(grade: str, seed: int, **options: object) -> ImuTruth:
     for group in ("inner_lever", "outer_lever", "accel_quadratic"):
         parameters[group_indices(group)] = 0.0
     return replace(imu, parameters=parameters)
-
-
-def model(imu: ImuTruth, serial: str = "P") -> ImuModel:
-    """Return the profile of the unit."""
-    return ImuModel(
-        serial,
-        imu.sample_rate,
-        imu.output,
-        imu.gyro_lsb,
-        imu.accel_lsb,
-        imu.gyro_arw,
-        imu.accel_vrw,
-        imu.gyro_bias_instability,
-        imu.accel_bias_instability,
-    )
 
 
 def pair(seed: int, grade: str = "mems", **options: object) -> tuple[ImuTruth, SecondaryTruth]:
@@ -96,10 +81,10 @@ def context_of(
 ) -> SolveContext:
     """Return the context with site, profiles and stored calibrations of the secondaries."""
     further = tuple(
-        Secondary(number, model(s.imu, f"S{number}"), (stored or {}).get(number, StoredCrossCalibration()))
+        Secondary(number, imu_model(s.imu, f"S{number}"), (stored or {}).get(number, StoredCrossCalibration()))
         for number, s in enumerate(secondaries, 2)
     )
-    return SolveContext(Site(RIG.latitude, 0.0, RIG.height), model(primary), TableModel(), further)
+    return SolveContext(Site(RIG.latitude, 0.0, RIG.height), imu_model(primary), TableModel(), further)
 
 
 def primary_errors(primary: ImuTruth) -> Posterior:

@@ -24,7 +24,7 @@ def test_every_parameter_of_every_grade_agrees_with_the_truth(chain, stage):
 
 def test_short_excitation_approaches_the_accuracy_of_a_long_one(nav_chain):
     solution = dict(zip(NAMES, nav_chain.solutions["excitation"].posterior.sigma, strict=True))
-    # FACTS.md tells 0.4 ppm, 0.3″, 0.6 µg, 0.4 ppm, 0.2″, 0.15 mm of 11 to 14 min; this stage has 5.4 min of it
+    # a stage of 11 to 14 min reaches 0.4 ppm, 0.3″, 0.6 µg, 0.4 ppm, 0.2″, 0.15 mm; this one lasts 5.4 min
     assert 0.2e-6 < solution["gyro_scale_x"] < 2e-6
     assert 0.5e-6 < solution["gyro_misalign_xy"] < 4e-6
     assert 3e-6 < solution["accel_bias_x"] < 3e-5

@@ -72,7 +72,7 @@ def test_solution_without_azimuth_and_encoders_is_as_accurate(nav):
 
 @pytest.mark.long
 def test_excitation_is_solved_from_any_attitude_with_unknown_heading(nav):
-    # on its side, from the middle of the excitation, nothing known of a bias a hundred times the earth's rate
+    # the data begin within the excitation, with the unit on its side and an unknown bias of 100 times earth rate
     log = blind(nav, lambda block: block.stage == "excitation")
     first = int(log.blocks[0].step[0]) + 18
     tail = [b.part(int(b.step.searchsorted(first)), len(b)) for b in log.blocks if b.step[-1] >= first]

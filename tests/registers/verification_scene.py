@@ -13,7 +13,7 @@ from calstation.bench.truth import BenchTruth, Simulator
 from calstation.config import library
 from calstation.devices.imu import RegisterMap
 from calstation.devices.profiles import ImuProfile
-from calstation.estimation.common import ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common import Site, SolveContext, TableModel
 from calstation.physics import NAMES, PARAMETERS, Dwell, FloatArray, JointLimits, TableGeometry
 from calstation.registers import AppliedRegisters, verify_output
 from calstation.registers.verification import VerificationCheck
@@ -22,6 +22,7 @@ from calstation.sequencer import TurnData, VerificationData, mean_at_rest
 from calstation.sequencer.capture import TABLE_REST
 from calstation.sequencer.verification_path import verification_path
 from tests.devices.powered_unit import write_directly
+from tests.imu_models import imu_model
 
 GRADES = ("nav", "tactical", "mems")
 LIMITS = JointLimits((-19.0, -19.0), (19.0, 19.0), (2.0, 2.0), (3.0, 3.0))
@@ -90,14 +91,7 @@ class Captures:
         self.scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count
         self.unit = UNITS[protocol](BenchConfig(serial="SN-1"))
         self._recording, self._taken = recording, 0
-        self.context = SolveContext(
-            SITE,
-            ImuModel(
-                "SN-1", RATE, imu.output, imu.gyro_lsb, imu.accel_lsb, imu.gyro_arw, imu.accel_vrw,
-                imu.gyro_bias_instability, imu.accel_bias_instability,
-            ),
-            TableModel(),
-        )  # fmt: skip
+        self.context = SolveContext(SITE, imu_model(imu, "SN-1"), TableModel())
 
     def capture(self, *, corrected: bool) -> VerificationData:
         """Return rests and rotations, as captured by a verification."""

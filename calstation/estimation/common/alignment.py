@@ -127,8 +127,13 @@ def gyrocompass(
 ) -> tuple[FloatArray, float]:
     """Return C_bn from the mean specific force (level) and the mean rate (north), and the azimuth's sigma, rad.
 
-    The azimuth sigma equals the gyro bias sigma divided by Ω cos φ (IEEE Std 1780). `rate_b` is in rad/s, `up_b` in
-    m/s², shape (3,) each, and `latitude` in rad.
+    The azimuth sigma equals the gyro bias sigma divided by Ω cos φ (IEEE Std 1780).
+
+    Parameters
+    ----------
+    rate_b, up_b : mean rate, rad/s, and mean specific force, m/s², shape (3,) each
+    latitude : geodetic latitude, rad
+    posterior : estimate with the gyro bias and its sigma
     """
     level = level_attitude(up_b)
     attitude = axis_rotation((0.0, 0.0, 1.0), _heading_offset(level @ rate_b)) @ level

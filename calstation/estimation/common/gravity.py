@@ -33,7 +33,11 @@ def gravity_sensitivity(
 ) -> FloatArray:
     """Return the change of the estimate after a stage per relative gravity error, shape (30,).
 
-    `sensitivity` is this change before the stage; `estimated` are the names of the parameters that it estimates.
+    Parameters
+    ----------
+    before, after : estimates before and after the stage
+    estimated : names of the parameters that the stage estimates
+    sensitivity : change of the estimate before the stage per relative gravity error, shape (30,)
     """
     known = np.flatnonzero(before.sigma > 0.0)
     scale = before.sigma[known]

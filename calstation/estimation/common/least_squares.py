@@ -183,16 +183,20 @@ def _linearised(
 
 
 def redundant_part(explained: FloatArray, noise: FloatArray, innovation: FloatArray) -> Redundancy:
-    """Return the part of `innovation`, shape (m,), in the directions that the unknowns do not explain.
+    """Return the part of `innovation` in the directions that the unknowns do not explain.
 
-    `explained` = H P Hᵀ is the covariance due to the unknowns and their priors, `noise` the covariance of the
-    measurement, both of shape (m, m). In the other directions (`MAX_EXPLAINED`) the unknowns absorb any innovation, and
-    a test with a wide prior would always pass: twelve free tilts and six parameters leave no redundancy in 18
-    observations. The tested directions are independent, and their squares are χ² distributed. They are the classical
-    parity space (J. E. Potter, M. C. Suman, *Thresholdless redundancy management with arrays of skewed instruments*,
-    AGARDograph 224, 1977), in which an unknown with an accurate prior is treated as known. `normalised` contains the
-    statistics of the w-test (W. Baarda, *A testing procedure for use in geodetic networks*, 1968), each with a variance
-    of 1, but correlated.
+    In the other directions (`MAX_EXPLAINED`) the unknowns absorb any innovation, and a test with a wide prior would
+    always pass: twelve free tilts and six parameters leave no redundancy in 18 observations. The tested directions are
+    independent, and their squares are χ² distributed. They are the classical parity space (J. E. Potter, M. C. Suman,
+    *Thresholdless redundancy management with arrays of skewed instruments*, AGARDograph 224, 1977), in which an unknown
+    with an accurate prior is treated as known. `normalised` contains the statistics of the w-test (W. Baarda, *A
+    testing procedure for use in geodetic networks*, 1968), each with a variance of 1, but correlated.
+
+    Parameters
+    ----------
+    explained : covariance H P Hᵀ due to the unknowns and their priors, shape (m, m)
+    noise : covariance of the measurement, shape (m, m)
+    innovation : measured minus predicted values, shape (m,)
     """
     root = np.linalg.cholesky(noise)
     white = solve_triangular(root, innovation, lower=True)

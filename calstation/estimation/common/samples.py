@@ -49,7 +49,14 @@ class SampleBlock:
     def without_table(
         cls, stage: str, seq: IntArray, time: FloatArray, counts: FloatArray, **columns: np.ndarray
     ) -> "SampleBlock":
-        """Return a block of valid samples without moves, encoder angles and temperatures except those in `columns`."""
+        """Return a block of valid samples without moves, encoder angles and temperatures except those in `columns`.
+
+        Parameters
+        ----------
+        stage : name of the stage
+        seq, time, counts : as the attributes, shape (n,), (n,) and (n, 6)
+        columns : other columns of the block by name
+        """
         n = len(seq)
         defaults = {
             "angles": np.full((n, 2), np.nan),

@@ -97,10 +97,16 @@ class SequenceUnwrapper:
 
 
 def unwrap_counter(raw: Sequence[int] | IntArray, last: int | None, bits: int, last_raw: int | None = None) -> IntArray:
-    """Continue a live counter of `bits` bits after the continuous count `last`, which was received as `last_raw`.
+    """Continue a live counter and return the continuous counts, shape (n,).
 
     Forward steps are computed modulo 2^bits. A drop to the first eighth of the range that would imply a gap of more
     than half the range is a reset, counted as one missing sample. A repeated value is a full cycle of the counter.
+
+    Parameters
+    ----------
+    raw : received values of the counter, shape (n,)
+    last, last_raw : preceding continuous count, and the value that was received for it; None at the start
+    bits : width of the counter
     """
     received = np.asarray(raw, dtype=np.int64)
     if len(received) == 0:

@@ -260,7 +260,12 @@ def find_rests(
     noise, `REST_RATE`) and constant is the rate at rest, the sum of bias and earth rate. A rest is an interval in which
     no window differs from that rate by more than noise plus 0.03 °/s (earth rate is 0.004 °/s), which excludes table
     creep. A step of the specific force (`FORCE_STEP`) separates two rests even without a recorded rotation.
-    `gyro_bias` contains the biases, shape (3,), and their sigma, rad/s, see `Posterior.gyro_bias`.
+
+    Parameters
+    ----------
+    data, imu : samples of the stage, and the profile with their noise
+    gyro_bias : biases, shape (3,), and their sigma, rad/s, see `Posterior.gyro_bias`
+    segments : indices (start, stop) of samples without gaps; None for all of the stage
     """
     width = max(round(REST_WINDOW / data.dt), 2)
     margin = round(REST_MARGIN / data.dt)

@@ -139,11 +139,11 @@ class EffectTests:
         last, first, end = np.tile(drift_functions(times), 3)
         for candidate in self._drifts:
             self._change(candidate, first - last)
-        constants, own = _constants(), slice(changes[0].columns.start, changes[-1].columns.stop)
+        constants, within_stage = _constants(), slice(changes[0].columns.start, changes[-1].columns.stop)
         response = np.zeros((len(s.score), len(self._score)))
         response[:COUNT] = self._error
         response[COUNT : COUNT + constants, :constants] = np.eye(constants)
-        response[COUNT + constants :, own] = np.eye(own.stop - own.start)
+        response[COUNT + constants :, within_stage] = np.eye(within_stage.stop - within_stage.start)
         for candidate, within in zip(self._drifts, drifts, strict=True):
             response[:, candidate.columns] += response[:, within.columns] * (end - first)
         self._last = response.T @ s.score, response.T @ s.information @ response
@@ -216,9 +216,9 @@ class EffectTests:
         rows = []
         for state in (c for c in model if c.effect.cause in self._states):
             others, sigma = [c for c in model if c is not state], posterior.sigma
-            (own, _), ranked = self._ranked([state], others, sigma)[0], self._ranked(outside, others, sigma)
+            (evidence, _), ranked = self._ranked([state], others, sigma)[0], self._ranked(outside, others, sigma)
             likelihoods = [replace(e, excess=e.excess - _rarity(c, self._chances)) for e, c in ranked]
-            rows.append(StateEvidence(own, likelihoods))
+            rows.append(StateEvidence(evidence, likelihoods))
         return rows
 
     @property
@@ -300,12 +300,14 @@ class EffectTests:
 
     def _evaluate(self, candidate: _Candidate, given: _Solution, sigma: FloatArray) -> EffectEvidence:
         """Evaluate the test of an effect in addition to given ones; `sigma` is that of the 30 parameters."""
-        own, (at, given_size, given_covariance) = candidate.columns, given
+        columns, (at, given_size, given_covariance) = candidate.columns, given
         in_units, effect = self._in_units(candidate), candidate.effect
-        shared = self._information[own, at] * in_units[:, None]
-        score = self._score[own] * in_units - shared @ given_size
-        information = self._information[own, own] * np.outer(in_units, in_units) - shared @ given_covariance @ shared.T
-        error = self._error[:, own] * in_units - self._error[:, at] @ given_covariance @ shared.T
+        shared = self._information[columns, at] * in_units[:, None]
+        score = self._score[columns] * in_units - shared @ given_size
+        information = (
+            self._information[columns, columns] * np.outer(in_units, in_units) - shared @ given_covariance @ shared.T
+        )
+        error = self._error[:, columns] * in_units - self._error[:, at] @ given_covariance @ shared.T
         plausible = self._plausible(candidate)
         covariance = _covariance(information, plausible)
         size, sums = covariance @ score, _sums(effect)

@@ -171,9 +171,12 @@ def velocity_errors(motion: Motion, effects: Sequence[Effect]) -> tuple[FloatArr
 
 
 def effect_errors(sizes: Mapping[str, float], rate: FloatArray, force: FloatArray) -> FloatArray:
-    """Return the error of the six channels, shape (n, 6), at constant rate and force, SI, shape (n, 3).
+    """Return the error of the six channels, SI, shape (n, 6), at constant rate and force.
 
-    `sizes` are the sizes of effects by parameter; other names are ignored.
+    Parameters
+    ----------
+    sizes : sizes of effects by parameter, SI; other names are ignored
+    rate, force : rate, rad/s, and specific force, m/s², of n intervals, shape (n, 3) each
     """
     motion, errors = Motion.steady(rate, force, np.zeros(len(rate))), np.zeros((len(rate), 6))
     for effect in EFFECTS:
@@ -187,8 +190,12 @@ def last_turns(
 ) -> tuple[float, float, float]:
     """Return the sense of the last turn about each axis at the end of a stage, +1, −1, or 0 without one.
 
-    With `stop`, return that before this sample. `parameters` are those of the unit, SI, shape (30,), and `before` the
-    senses at the start of the stage.
+    Parameters
+    ----------
+    data : samples of the stage
+    parameters : parameters of the unit, SI, shape (30,)
+    before : senses at the start of the stage
+    stop : index of the sample before which turns count; None for all
     """
     stride = max(round(TURN_INTERVAL / data.dt), 1)
     rate = group_means(data.gyro[:stop], stride) - parameters[group_indices("gyro_bias")]

@@ -164,7 +164,15 @@ class GimbalFit:
 def fit_gimbal(
     data: StageData, motions: list[Motion], order: str, context: SolveContext, prior: Posterior, joint_sigma: float
 ) -> GimbalFit:
-    """Fit all motions; `joint_sigma` is the sigma of an attitude from the joints at a rest, per axis, rad."""
+    """Fit all motions of a gimbal to the turns of its joints.
+
+    Parameters
+    ----------
+    data, motions : samples, and the motions between their rests
+    order : names of the joints from the base to the unit
+    context, prior : noise of the profiles, and the estimate before the stage
+    joint_sigma : sigma of an attitude from the joints at a rest, per axis, rad
+    """
     noise = filter_noise(context)
     sigma = np.sqrt(np.repeat([noise.rate * m.duration for m in motions], 3))
     root = square_root(prior.covariance)

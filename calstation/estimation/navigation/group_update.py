@@ -41,7 +41,13 @@ class Updates(NamedTuple):
 
 
 def updates(groups: int, count: int, decay: FloatArray) -> Updates:
-    """Allocate the arrays for groups of `count` observations."""
+    """Allocate the arrays for the updates by groups of observations.
+
+    Parameters
+    ----------
+    groups, count : number of groups, and of observations in each
+    decay : decay of the bias drift over a group, shape (n − 39,) for n states
+    """
     rows, size = 3 * count, STATES + len(decay)
     return Updates(
         np.empty((groups, NAVIGATION, size)),
@@ -97,7 +103,13 @@ def process(
 
 @kernel
 def predict(group: VelocityGroup, state: State, FP: FloatArray) -> None:
-    """Predict the mean and covariance over a group; `FP`, shape (9, n), is overwritten by F P."""
+    """Predict the mean and covariance over a group.
+
+    Parameters
+    ----------
+    group, state : transition and noise of the group; mean and covariance of the n states, updated in place
+    FP : F P, shape (9, n), output
+    """
     x, P, F, Q = state.x, state.P, group.transition, group.noise
     size = len(x)
     covariance, mean = np.zeros((NAVIGATION, NAVIGATION)), np.zeros(NAVIGATION)
@@ -174,7 +186,13 @@ def _subtract_square(gain: FloatArray, P: FloatArray) -> None:
 
 @kernel
 def update(group: VelocityGroup, state: State, root: FloatArray, gain: FloatArray, innovation: FloatArray) -> None:
-    """Update the mean and covariance with a group; write L, W and the normalised innovations."""
+    """Update the mean and covariance with a group.
+
+    Parameters
+    ----------
+    group, state : m observed components; mean and covariance of the n states, updated in place
+    root, gain, innovation : L, shape (m, m), W, (m, n), and the normalised innovations, (m,); output
+    """
     x, P, H, M = state.x, state.P, group.H, group.M
     rows, size = H.shape
     S = np.empty((rows, rows))

@@ -47,9 +47,15 @@ def solve_with_measured_noise(
 ) -> tuple[NavigationResult, SolveContext]:
     """Solve a stage, and solve it again if its innovations indicate more noise than the profiles specify.
 
-    Return the result and the context with that noise; for a quieter table, see `pass_with_actual_noise`. Innovations
-    explained by effects do not count as noise: `effects` returns their tests up to this stage. Raises
+    Return the result and the context with that noise; for a quieter table, see `pass_with_actual_noise`. Raises
     InsufficientDataError if no segment contains a rest, numpy.linalg.LinAlgError if the solution diverges.
+
+    Parameters
+    ----------
+    data, context, prior : samples of the stage, noise of the profiles, estimate before the stage
+    estimated : mask of the estimated parameters, shape (30,)
+    effects : returns the tests for effects up to this stage; innovations that they explain do not count as noise
+    progress : callback with the solved fraction
     """
     result, slow = solve_navigation(data, context, prior, estimated, progress), 1.0
     for _ in range(MAX_ADJUSTMENTS):
@@ -119,11 +125,15 @@ def pass_with_actual_noise(
 ) -> NavigationResult:
     """Return a pass about a solution with the actual noise if the table is quieter than `context` specifies.
 
-    The innovations show the variance of the velocity over an interval; the noise is at least that with the density at
-    low frequencies, `slow_variance`, (m/s)².
-
     This pass is used to test the model. The estimate uses the profile's noise, which also covers disturbances that
-    occur only in some moves.
+    occur only in some moves. The innovations show the variance of the velocity over an interval.
+
+    Parameters
+    ----------
+    data, context, prior : samples of the stage, noise of the profiles, estimate before the stage
+    estimated : mask of the estimated parameters, shape (30,)
+    result : solution
+    slow_variance : variance of the velocity with the density at low frequencies, (m/s)², a lower bound of the noise
     """
     ratio = max(_ratio(result.history, data.dt), slow_variance / context.table.velocity_sigma**2)
     if ratio > 1.0 / MAX_VARIANCE_RATIO:

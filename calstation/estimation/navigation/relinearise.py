@@ -257,7 +257,14 @@ class _Relinearisation:
 def first_pass(
     data: StageData, context: SolveContext, prior: Posterior, estimated: BoolArray, point: FloatArray
 ) -> NavigationResult:
-    """Return one pass about parameters near the solution, SI, shape (30,), for its covariances."""
+    """Return one pass about parameters near the solution, for its covariances.
+
+    Parameters
+    ----------
+    data, context, prior : samples of the stage, noise of the profiles, estimate before the stage
+    estimated : mask of the estimated parameters, shape (30,)
+    point : parameters near the solution, SI, shape (30,)
+    """
     solver = _Relinearisation(data, context, prior, estimated, _PassProgress(None, USUAL_PASSES))
     segments = starts(data, context, prior)
     attitudes = [s.attitude for s in segments]

@@ -160,11 +160,17 @@ def _add_bias(A: FloatArray, bias_errors: FloatArray, out: FloatArray) -> None:
 
 
 def local_scores(spans: Sequence[tuple[int, int]], *, updates: Sequence[Updates], index: IntArray) -> LocalScores:
-    """Return the score tests for errors during spans (start, stop) of a stage's samples, in the same order.
+    """Return the score tests for errors during spans of a stage's samples, in the same order.
 
     A channel error during a span acts like an additional bias. Its effect on the innovations follows from the
     transitions and gains of the last pass (P. de Jong, J. Penzer, *Diagnosing shocks in time series*, JASA 93(442),
-    1998). `updates` are the updates of this pass, and `index` is the number of samples before each of its observations.
+    1998).
+
+    Parameters
+    ----------
+    spans : indices (start, stop) of the samples of each span
+    updates : updates of the last pass
+    index : number of samples before each of its n observations, shape (n,)
     """
     stops = np.array([stop for _, stop in spans])
     size, width = updates[0].H.shape[2], 6 * len(spans)

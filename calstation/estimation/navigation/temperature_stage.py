@@ -121,9 +121,9 @@ class TemperatureStage(StageSolver):
         different, fitted = different_temperatures(points), sum(not p.is_held_out for p in points)
         for group in GROUPS:
             needed, has_rate = self._model.order.get(group, 0) + 1, group in self._model.rate_term
-            for found, count in ((different, needed), (fitted, needed + has_rate)):
-                if found < count:
-                    raise InsufficientDataError("temperature.too_few", group=group, needed=count, found=found)
+            for count, minimum in ((different, needed), (fitted, needed + has_rate)):
+                if count < minimum:
+                    raise InsufficientDataError("temperature.too_few", group=group, needed=minimum, found=count)
 
     def _fit(self, parts: Sequence["_Part"], solutions: Sequence[Solution]) -> TemperatureFit:
         points = [part.point(s.posterior, self.prior) for part, s in zip(parts, solutions, strict=True)]

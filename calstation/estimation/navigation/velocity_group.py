@@ -161,6 +161,12 @@ def observation(work: IntervalWork, earth: FloatArray, c: Compensation, z: Float
     """Write the velocity observation z = u − v and its Jacobian, and return the arm velocity u = C(ω_nb × r), m/s.
 
     The blocks of H are [u×] for φ, I for δv, C [r×] ∂ω for the gyro parameters and −C [ω_nb×] for the outer lever.
+
+    Parameters
+    ----------
+    work, c : navigation state and Jacobians of the interval; constants of the assumed parameters
+    earth : earth rate in n, rad/s, shape (3,)
+    z, H : observation, m/s, shape (3,), and its Jacobian, shape (3, n) for n states; output
     """
     C, r, jacobian = work.attitude, c.outer_lever, work.rate_jacobian
     w, u = arm_motion(work, earth, r)

@@ -32,11 +32,15 @@ class Block:
 
 
 def jackknife(normals: FloatArray, gradient: FloatArray, prior: FloatArray | float = 0.0) -> FloatArray:
-    """Return the covariance of the solution, shape (k, k), from its changes if each block is omitted in turn.
+    """Return the covariance of the solution, shape (k, k), from its changes if each of b blocks is omitted in turn.
 
     This is the sandwich estimator with a correction for the leverage of every block (R. M. Bell and D. F. McCaffrey,
     Survey Methodology 28(2), 2002), without which the residuals of a block with strong motion would be too small.
-    `prior` is an information matrix in addition to the blocks.
+
+    Parameters
+    ----------
+    normals, gradient : normal matrices of the blocks, shape (b, k, k), and their right-hand sides, shape (b, k)
+    prior : information matrix in addition to the blocks, shape (k, k), or 0
     """
     normal, total = normals.sum(axis=0) + prior, gradient.sum(axis=0)
     solution = np.linalg.solve(normal, total)

@@ -149,9 +149,14 @@ def lagrange_weights(nodes: IntArray, at: FloatArray) -> FloatArray:
 
 
 def lever_matrix(omega: FloatArray, alpha: FloatArray, dt: float) -> FloatArray:
-    """Return the mean of [α×] + [ω×]² over a sample of mean rate ω, shape (n, 3, 3).
+    """Return the mean of [α×] + [ω×]² over a sample, 1/s², shape (n, 3, 3).
 
     For a rate that changes linearly, the mean of a product is the product of the means plus α α' dt²/12.
+
+    Parameters
+    ----------
+    omega, alpha : mean rate ω, rad/s, and angular acceleration α, rad/s², of n samples, shape (n, 3) each
+    dt : sample period, s
     """
     square = omega[:, :, None] * omega[:, None, :] + alpha[:, :, None] * alpha[:, None, :] * (dt * dt / 12.0)
     G = square - np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3)

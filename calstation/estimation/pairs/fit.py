@@ -102,8 +102,14 @@ def fit_pair(
 ) -> PairFit:
     """Fit the chosen pair parameters.
 
-    `start` contains the initial values, SI, shape (28,); parameters that are not fitted keep them. Raises
-    numpy.linalg.LinAlgError if the motion does not determine the parameters.
+    Raises numpy.linalg.LinAlgError if the motion does not determine the parameters.
+
+    Parameters
+    ----------
+    data, primary, secondary : samples of both IMUs and their profiles
+    c : compensation of the primary
+    choice : parameters to fit
+    start : initial values of the pair parameters, SI, shape (28,), kept where they are not fitted
     """
     value, fitted = start.copy(), choice.fitted
     if choice.offset:

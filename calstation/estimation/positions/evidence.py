@@ -92,9 +92,13 @@ def gather(
     parameters: FloatArray,
     noise: RestNoise | None = None,
 ) -> Evidence:
-    """Collect the evidence of a stage; `before` and `parameters` are as in `Evidence`, SI, shape (30,) each.
+    """Collect the evidence of a stage.
 
-    `noise` is that at the rests; without it, it is measured if there are gyros.
+    Parameters
+    ----------
+    stage, data, context : name of the stage, its samples, noise of the profiles
+    before, parameters : parameters before the stage and near its solution, SI, shape (30,) each
+    noise : noise at the rests; None to measure it, if there are gyros
     """
     still, noisy = find_stillness(data, context.imu), context
     if data.has_gyros:

@@ -222,9 +222,15 @@ def position_sensitivity(
 ) -> Sensitivity:
     """Return the sensitivity of a solution about a linearisation point.
 
-    `fitted` are the rows of the estimate, whose scatter may be caused by an effect. The tests therefore use rows with
-    the noise of the `profile`, and divide χ² by the remaining variance after fitting all constant effects and drifts,
-    or only the constant ones if too few degrees of freedom would remain.
+    The scatter of the estimate may be caused by an effect. The tests therefore use rows with the noise of the profile,
+    and divide χ² by the remaining variance after fitting all constant effects and drifts, or only the constant ones if
+    too few degrees of freedom would remain.
+
+    Parameters
+    ----------
+    fitted, profile : rows with the scatter of the estimate, and with the noise of the profile
+    at : linearisation point
+    estimated : mask of the estimated parameters, shape (30,)
     """
     time, observed = profile.data.time, slice(profile.observations)
     effects = StageEffects(float(time[0]), float(time[-1] - time[0]), profile.data.has_angles)

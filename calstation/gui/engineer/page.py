@@ -68,7 +68,7 @@ class EngineerPage(Page):
 
     @property
     def manual(self) -> str:
-        """The place of the manual about the current view."""
+        """The section of the manual about the current view."""
         analysis, view = self.analysis, self._views.currentWidget()
         places: dict[QWidget | None, str] = {
             self.preview: "explanation/estimation.md#partial-runs",

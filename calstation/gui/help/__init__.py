@@ -1,3 +1,3 @@
-"""The Help page: the manual, opened at the place that fits the current page, and facts about the program."""
+"""The Help page: the manual, opened at the section about the current page, and facts about the program."""
 
 from calstation.gui.help.page import HelpPage

@@ -92,7 +92,7 @@ class HistoryPage(Page):
 
     @property
     def manual(self) -> str:
-        """The place of the manual about the current view."""
+        """The section of the manual about the current view."""
         places: dict[QWidget | None, str] = {
             self._comparison: "how-to/history.md#compare",
             self.versions: "how-to/history.md#versions",

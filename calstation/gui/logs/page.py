@@ -72,7 +72,7 @@ class OfflinePage(Page):
 
     @property
     def manual(self) -> str:
-        """The place of the manual about the selected method or the solution of a log."""
+        """The section of the manual about the selected method or the solution of a log."""
         method = self.methods.method
         return f"explanation/methods.md#{method}" if method else "how-to/resolve-a-log.md"
 

@@ -118,7 +118,7 @@ class OperatorPage(Page):
 
     @property
     def manual(self) -> str:
-        """The place of the manual about a fault, a verdict, a batch or a calibration."""
+        """The section of the manual about a fault, a verdict, a batch or a calibration."""
         if self._problem is not None:
             return "reference/faults.md"
         if self.app.run.fault is not None:

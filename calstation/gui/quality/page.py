@@ -92,7 +92,7 @@ class QualityPage(Page):
 
     @property
     def manual(self) -> str:
-        """The place of the manual about the current view."""
+        """The section of the manual about the current view."""
         places: dict[QWidget, str] = {
             self.control: "how-to/quality.md#control-charts",
             self.capability: "how-to/quality.md#capability",

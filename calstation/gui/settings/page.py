@@ -105,7 +105,7 @@ class StationPage(Page):
 
     @property
     def manual(self) -> str:
-        """The place of the manual about the current section."""
+        """The section of the manual about the current section."""
         places: dict[type[QWidget], str] = {
             SiteSection: "how-to/connect.md#the-station-file",
             RecordsSection: "how-to/many-stations.md",

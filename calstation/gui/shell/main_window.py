@@ -230,7 +230,7 @@ class MainWindow(QMainWindow):
         self.page_tabs.setCurrentWidget(self._tabs[name])
 
     def show_help(self) -> None:
-        """Open the manual at the place that fits the current page; a page that must not be left stays."""
+        """Open the manual at the section about the current page; a page that must not be left stays."""
         target = list(self._tabs.values())[self._current].page.manual
         self.show_page("help_page")
         if target and self.page_tabs.currentWidget() is self._tabs["help_page"]:

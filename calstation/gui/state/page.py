@@ -78,7 +78,7 @@ class Page(JobView):
 
     @property
     def manual(self) -> str:
-        """The place of the manual that fits the current view, as ``path#anchor``; "" for the Help page."""
+        """The section of the manual about the current view, as ``path#anchor``; "" for the Help page."""
         return ""
 
     def __init__(self, app: AppContext, name: str = "") -> None:

@@ -156,9 +156,15 @@ def read_recording(path: Path, registers: Mapping[str, float]) -> ImuOutput:
 def apply_to_recording(
     report: ProgressCallback, path: Path, registers: Mapping[str, float], before: FloatArray, after: FloatArray
 ) -> Applied:
-    """Job: apply previous and new parameters (SI, shape (30,)) to all valid samples of a recording.
+    """Job: apply previous and new parameters to all valid samples of a recording.
 
-    `registers` as in `read_recording`. Raises InputError if the recording cannot be read, or if the unit never rests.
+    Raises InputError if the recording cannot be read, or if the unit never rests.
+
+    Parameters
+    ----------
+    report, path : progress, and the recording
+    registers : parameters with which the recorded output was corrected, SI, {} for none
+    before, after : previous and new parameters, SI, shape (30,) each
     """
     report(0.0)
     output = read_recording(path, registers)

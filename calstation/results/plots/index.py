@@ -115,7 +115,15 @@ def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
 def samples(
     report: ProgressCallback, path: Path, folder: Path, scale: FloatArray, start: int, stop: int, count: int
 ) -> Columns:
-    """Job: read rows `start` to `stop` of a log as at most `count` columns; see `_hold`."""
+    """Job: read rows of a log as columns; see `_hold`.
+
+    Parameters
+    ----------
+    report, path, folder : progress, the log, and the folder of its index
+    scale : units of `CHANNELS` per count, shape (6,)
+    start, stop : first row, and the row after the last
+    count : largest number of columns
+    """
     before = max(0, start - _LOOK_BACK)
     if path.suffix == SUFFIX:
         rows = raw_rows(path, before, stop, np.load(folder / _DAMAGED_ROWS))

@@ -38,7 +38,14 @@ class Columns:
 
 
 def merge_columns(seq: IntArray, low: Values, high: Values, group: int, samples: int) -> Columns:
-    """Merge each `group` of bins (`seq`, `low`, `high`) into a column; `samples` is the number of samples per bin."""
+    """Merge groups of bins into columns.
+
+    Parameters
+    ----------
+    seq : first sequence number of each of n bins, shape (n,)
+    low, high : lowest and highest values of the bins in the units of `CHANNELS`, shape (n, 9) each
+    group, samples : number of bins in a column, and of samples in a bin
+    """
     if group == 1 or len(seq) == 0:
         return Columns(seq, low, high, samples)
     complete = len(seq) // group * group
