@@ -218,23 +218,29 @@ class ChamberControl:
         failures: list[Text] = []
         attempt(lambda: self._send(self.limits.ambient), failures)
         if not failures:
-            self._emit(Message("chamber_to_ambient", self._temperatures()))
+            attempt(lambda: self._emit(Message("chamber_to_ambient", self._temperatures())), failures)
         return failures
 
     def wait_until_safe(self, units: Callable[[], Mapping[str, float]], tick: Callable[[], None]) -> list[Text]:
         """Wait until the chamber may be opened, with a message every minute, then switch it off; return any failures.
+
+        It first sends the chamber to ambient unless `safe` has. A second call does nothing.
 
         Parameters
         ----------
         units : function that returns the units' temperatures by slot, °C; without any, the wait is longer
         tick : function that lets one tick of station time pass
         """
-        failures: list[Text] = []
-        if self._has_begun:
-            attempt(lambda: self._wait_until_safe(units, tick), failures)
-        if failures:
+        if not self._has_begun:
+            return []
+        failures = [] if self.target == self.limits.ambient else self.safe()
+        emit, self._has_begun = self._emit, False
+        self._emit = lambda event: attempt(lambda: emit(event), failures)  # a full disk does not end the wait
+        unknown: list[Text] = []
+        attempt(lambda: self._wait_until_safe(units, tick), unknown)
+        if unknown:
             self._emit(Message("chamber_unknown", {"ambient_c": self.limits.ambient}))
-        return failures
+        return failures + unknown
 
     def _wait_until_safe(self, units: Callable[[], Mapping[str, float]], tick: Callable[[], None]) -> None:
         begin = reported_at = polled_at = self._clock.now()
@@ -263,7 +269,6 @@ class ChamberControl:
                 self._emit(Message("chamber_returning", self._temperatures()))
             tick()
         self._chamber.stop()
-        self._has_begun = False
         self._emit(Message("chamber_may_be_opened", self._temperatures()))
 
     def _ask_again(self, units: Mapping[str, float], unanswered: int) -> int:

@@ -83,9 +83,6 @@ class ControlLoop:
         self._show()
         with self.units.attributing_errors_to_table():
             self._check_table()
-            if self.chamber is not None and self._leads_chamber:
-                self.chamber.update(self.units.temperatures())
-                self.tags.chamber = self.chamber.status.air_c
         self.units.each(_check_channels)
         self.check_cancelled()
         if self.watchful and (reasons := {unit: unit.invalid_reason for unit in self.units if unit.invalid_reason}):
@@ -104,17 +101,20 @@ class ControlLoop:
             raise PauseRequested
 
     def feed_watchdog(self) -> None:
-        """Write the logs to disk if necessary, and feed the watchdog of the table."""
-        self.units.each(Unit.service)
-        self.feed_table()
+        """Feed the watchdog of the table, write the logs to disk if necessary, and lead and poll the chamber.
 
-    def feed_table(self) -> None:
-        """Feed the watchdog of the table if a quarter of its timeout has passed (host time)."""
+        The watchdog is fed if a quarter of its timeout has passed (host time), the chamber polled if it is time to.
+        """
         now = time.monotonic()
         if self.status.watchdog > 0.0 and now - self._fed_at > 0.25 * self.status.watchdog:
             with self.units.attributing_errors_to_table():
                 self.context.table.heartbeat()
             self._fed_at = now
+        self.units.each(Unit.service)
+        if self.chamber is not None and self._leads_chamber:
+            with self.units.attributing_errors_to_table():
+                self.chamber.update(self.units.temperatures())
+            self.tags.chamber = self.chamber.status.air_c
 
     def wait(
         self, condition: Callable[[], bool], timeout: float, failure: CalstationError | Callable[[], CalstationError]

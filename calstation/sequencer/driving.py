@@ -66,8 +66,14 @@ class RunDriver:
         """Run `work`, leave the table at rest with its axes off, and change to the state that `work` returns.
 
         After a CalstationError, the state is a fault and the error is returned. Any other exception is a programming
-        error, which is raised after the table has been stopped.
+        error, which is raised after the table has been stopped. In every case, the chamber has returned to ambient.
         """
+        try:
+            return self._run(work)
+        finally:
+            self._return_chamber()
+
+    def _run(self, work: Callable[[], State]) -> CalstationError | None:
         control = self._context.control
         try:
             try:
@@ -87,7 +93,6 @@ class RunDriver:
             self._stop_safely()
             self.go(State.FAULT)
             self._context.emit(Fault.of(error))
-            self._return_chamber()
             return error
         except BaseException:
             self._stop_safely()
@@ -221,7 +226,7 @@ class RunDriver:
     def run_in_background(self, work: Callable[[], Any]) -> Any:
         """Run `work`, which cannot be interrupted, in a thread while feeding the watchdog; return its result.
 
-        An error of the log or the table is raised only after the work is done.
+        An error of the log, the table or the chamber is raised only after the work is done.
         """
         errors: list[CalstationError] = []
         self._is_abandoned.clear()
@@ -231,8 +236,7 @@ class RunDriver:
                 while not job.done():
                     self._context.clock.idle(POLL)
                     try:
-                        self.control_loop.feed_table()
-                        self.units.each(Unit.service)
+                        self.control_loop.feed_watchdog()
                     except CalstationError as error:
                         errors.append(error)
                         self._is_abandoned.set()
@@ -286,7 +290,7 @@ class RunDriver:
         self._report_failures(failures)
 
     def _return_chamber(self) -> None:
-        """Wait until the chamber is at ambient and may be opened; commands do not end this wait."""
+        """Wait until the chamber is at ambient and may be opened; neither commands nor errors end this wait."""
         chamber = self.control_loop.chamber if self._has_begun else None
         if chamber is None:
             return
@@ -296,7 +300,7 @@ class RunDriver:
             self._context.clock.sleep(self._context.clock.tick)
             self._context.control.take()
             for unit in self.units:
-                with suppress(CalstationError):  # a silent unit has no temperature
+                with suppress(Exception):  # a unit that cannot be read has no temperature
                     unit.drain()
 
         self._report_failures(chamber.wait_until_safe(self.units.temperatures, tick))

@@ -243,3 +243,20 @@ def test_a_control_that_never_began_leaves_the_chamber_alone() -> None:
     station = Station()
     assert station.control.safe() + station.control.wait_until_safe(station.units, station.tick) == []
     assert station.chamber.commands == []
+
+
+def test_a_full_disk_does_not_end_the_return_to_ambient(monkeypatch: pytest.MonkeyPatch) -> None:
+    station = at(-40.0)
+    failing = iter([True])
+
+    def emit(event: Event) -> None:
+        if isinstance(event, Message) and event.id == "chamber_returning" and next(failing, False):
+            raise ConfigurationError("log.disk_nearly_full", file="log.h5", megabytes=100)
+        station.events.append(event)
+
+    monkeypatch.setattr(station.control, "_emit", emit)
+    station.control.safe()
+    failures = station.control.wait_until_safe(station.units, station.tick)
+    assert [failure.code for failure in failures] == ["log.disk_nearly_full"]
+    assert station.messages()[-1] == "chamber_may_be_opened"
+    assert not station.chamber.running

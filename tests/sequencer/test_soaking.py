@@ -1,5 +1,7 @@
 """Soaks and ramps with a fake chamber: the unit's own temperature ends a soak, and the chamber returns to ambient."""
 
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -293,3 +295,49 @@ class Drifting:
     @property
     def unit(self) -> float:
         return 35.0 + 0.01 * self._clock.now()
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    """Wait for at most 5 s of host time."""
+    deadline = time.monotonic() + 5.0
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.001)
+
+
+def test_a_fault_of_the_chamber_while_registers_are_written_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(FakeClock, "idle", lambda clock, _: clock.sleep(1.0))
+    scene = Thermal([40.0])
+    scene.passes = True
+
+    def transfer(run_in_background: Any) -> None:
+        scene.chamber.alarm = "compressor"
+        begin = scene.clock.now()
+        run_in_background(lambda: wait_until(lambda: scene.clock.now() > begin + 10.0))
+
+    scene.transfer = transfer  # type: ignore[method-assign]
+    ended = scene.run()
+    assert ended.error is not None
+    assert ended.error.code == "chamber.alarm"
+    assert scene.chamber.goal == 23.0
+
+
+@pytest.mark.parametrize("where", ["judge", "safe_stop", "drain"])
+def test_the_chamber_returns_to_ambient_after_a_programming_error(where: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Thermal([60.0])
+
+    def fail(*_: Any) -> Any:
+        raise RuntimeError(where)
+
+    if where == "safe_stop":
+        monkeypatch.setattr("calstation.sequencer.driving.safe_stop", fail)
+        scene.when("soak", 100.0, Command.STOP)
+    elif where == "drain":
+        scene.clock.at(100.0, lambda: monkeypatch.setattr("calstation.sequencer.units.Unit.drain", fail))
+    else:
+        scene.judge = fail  # type: ignore[method-assign]
+    with pytest.raises(RuntimeError, match=where):
+        scene.run()
+    assert ("set_point", 60.0) in scene.chamber.commands
+    assert scene.chamber.goal == 23.0
+    assert not scene.chamber.running
+    assert scene.messages()[-1] == "chamber_may_be_opened"
