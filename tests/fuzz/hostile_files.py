@@ -30,6 +30,10 @@ from calstation.estimation.common import SampleBlock
 from calstation.records import LogMeta, RawLogWriter
 from calstation.records.raw_log import CHECKSUM_COLUMN, row_checks
 
+sys.path.append(str(Path(__file__).parent))  # as pytest does
+
+from hostile_recordings import Recordings
+
 DATA = Path(__file__).parents[2] / "data"
 #: Limits of a command: time, s, and memory beyond that of the imported program, bytes.
 TIME_LIMIT, MEMORY_LIMIT = 10, 1 << 30
@@ -167,6 +171,7 @@ class Files:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         folder.mkdir(parents=True, exist_ok=True)
+        self._recordings = Recordings(folder)
         self._block = samples()
         path = folder / "base.h5"
         writer = RawLogWriter(path, LogMeta.model_validate(META))
@@ -185,8 +190,11 @@ class Files:
     def make(self, seed: int) -> list[str]:
         """Write the file of a seed, and return the arguments of the command that opens it."""
         chance = random.Random(seed)
-        kind = (self._raw_log, self._csv_rows, self._csv_configuration, self._toml, self._json)[seed % 5]
-        return [str(argument) for argument in kind(chance)]
+        own = (self._raw_log, self._csv_rows, self._csv_configuration, self._toml, self._json)
+        kind = seed % (len(own) + len(self._recordings.kinds))
+        if kind >= len(own):
+            return self._recordings.make(kind - len(own), chance)
+        return [str(argument) for argument in own[kind](chance)]
 
     def _command(self, chance: random.Random, log: Path) -> list[Any]:
         target = self.folder / "out"
@@ -387,7 +395,7 @@ def run_limited(arguments: list[str]) -> dict[str, Any]:
     if (pid := os.fork()) == 0:
         os.close(reader)
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY_LIMIT, used + MEMORY_LIMIT))
+        resource.setrlimit(resource.RLIMIT_AS, (used + 2 * MEMORY_LIMIT, used + 2 * MEMORY_LIMIT))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         signal.alarm(6 * TIME_LIMIT)
         os.dup2(writer, 2)

@@ -82,8 +82,8 @@ def test_altered_and_enormous_chunks_are_refused(tmp_path: Path, monkeypatch: py
     messages = [imu_message(row, is_cdr=True) for row in samples()]
     write_mcap(path := tmp_path / "rec.mcap", {"/imu": messages}, packed=False)
     (tmp_path / "rec.toml").write_text(TOML)
-    monkeypatch.setattr(mcap, "_MAX_CHUNK", 1000)
-    with raises_code(InputError, "foreign.damaged"):
+    monkeypatch.setattr(mcap, "MAX_CHUNK", 1000)
+    with raises_code(InputError, "foreign.too_large"):
         open_log(path)
     monkeypatch.undo()
     content = bytearray(path.read_bytes())

@@ -7,9 +7,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
+from calstation.errors import InputError
 from calstation.physics import FloatArray
+from calstation.records.foreign.mat_size import MAX_NUMBERS, check_size
 from calstation.records.foreign.topics import Columns, ForeignFormat, Topic
 
 _PSINS_WIDTH = 7
@@ -46,13 +49,12 @@ def _arrays(path: Path) -> dict[str, FloatArray]:
         is_hdf5 = stream.read(len(_HDF5)) == _HDF5
     arrays: dict[str, FloatArray] = {}
     if is_hdf5:
-        import h5py
-
         with h5py.File(path, "r") as file:
-            _collect_hdf5("", file, arrays)
+            _collect_hdf5("", file, arrays, max(MAX_NUMBERS, path.stat().st_size))
     else:
         from scipy.io import loadmat
 
+        check_size(path)
         for name, value in loadmat(path, simplify_cells=True).items():
             if not name.startswith("__"):
                 _collect(name, value, arrays)
@@ -67,13 +69,17 @@ def _collect(name: str, value: Any, arrays: dict[str, FloatArray]) -> None:
         arrays[name] = np.asarray(value.reshape(len(value), -1), np.float64)
 
 
-def _collect_hdf5(name: str, group: Any, arrays: dict[str, FloatArray]) -> None:
-    for key, item in group.items():
-        if key.startswith("#"):
+def _collect_hdf5(name: str, group: Any, arrays: dict[str, FloatArray], most: int) -> None:
+    """Collect the arrays of a group of at most so many numbers, without following links to other files and groups."""
+    for key in group:
+        if key.startswith("#") or not isinstance(group.get(key, getlink=True), h5py.HardLink):
             continue
-        if hasattr(item, "items"):
-            _collect_hdf5(f"{name}{key}.", item, arrays)
-        elif item.dtype.kind in "fiu" and item.ndim == 2:
+        item = group[key]
+        if isinstance(item, h5py.Group):
+            _collect_hdf5(f"{name}{key}.", item, arrays, most)
+        elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and item.ndim == 2:
+            if sum(array.size for array in arrays.values()) + item.size > most or item.external or item.is_virtual:
+                raise InputError("foreign.too_large", file=group.file.filename)
             value = item[:].T  # MATLAB stores columns first
             _collect(f"{name}{key}", value.T if len(value) == 1 else value, arrays)
 

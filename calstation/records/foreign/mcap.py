@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -10,12 +11,11 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.records.foreign.imu_message import IMU_COLUMNS, IMU_TYPES, Messages, imu_columns, messages_of
 from calstation.records.foreign.topics import CHUNK_ROWS, Columns, ForeignFormat, Topic
+from calstation.records.foreign.unpacking import MAX_CHUNK, Unpacking
 
 _ENCODINGS = ("cdr", "ros1")
 #: Sizes of the start of a record (kind and length), and of the fields of a message before its data.
 _RECORD, _MESSAGE = 1 + 8, 2 + 4 + 8 + 8
-#: Largest chunk, bytes; recorders write chunks of a few MB.
-_MAX_CHUNK = 1 << 28
 
 
 def _topics(path: Path) -> list[Topic]:
@@ -38,16 +38,21 @@ def _topics(path: Path) -> list[Topic]:
 
 
 def _read(path: Path, topic: Topic) -> Iterator[Columns]:
+    from mcap import stream_reader
     from mcap.reader import make_reader
 
+    unpacking = Unpacking(path)
+    vars(stream_reader).update(
+        lz4=SimpleNamespace(decompress=unpacking.lz4), zstandard=SimpleNamespace(decompress=unpacking.zstd)
+    )
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
         summary = reader.get_summary()
         channels = {k: c for k, c in summary.channels.items() if c.topic == topic.name} if summary else {}
         is_cdr = "cdr" in {channel.message_encoding for channel in channels.values()}
         chunks = sorted(summary.chunk_indexes, key=lambda index: index.message_start_time) if summary else []
-        if any(chunk.uncompressed_size > _MAX_CHUNK for chunk in chunks):
-            raise ValueError(f"a chunk is larger than {_MAX_CHUNK} bytes")
+        if any(chunk.uncompressed_size > MAX_CHUNK for chunk in chunks):
+            raise InputError("foreign.too_large", file=path)
         if _are_indexed(chunks):
             parts: Iterator[Messages] = (part for chunk in chunks for part in _messages(stream, chunk, channels))
         else:

@@ -1,16 +1,23 @@
 """ROS 1 bags (`.bag`) and ROS 2 bags (a folder with `metadata.yaml`, or its `.db3`) with `sensor_msgs/Imu`."""
 
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+from calstation.errors import InputError
 from calstation.records.foreign.imu_message import IMU_COLUMNS, IMU_TYPES, imu_columns, messages_of
 from calstation.records.foreign.topics import Columns, ForeignFormat, Topic
+from calstation.records.foreign.unpacking import Unpacking
+
+#: Largest description of a ROS 2 bag, bytes.
+_MAX_DESCRIPTION = 1 << 20
 
 
 def _topics(path: Path) -> list[Topic]:
-    from rosbags.highlevel import AnyReader
-
-    with AnyReader([_bag(path)]) as reader:
+    with _opened(path) as reader:
         infos = reader.topics
     kinds = {name: info.msgtype or "?" for name, info in infos.items()}
     columns = {name: IMU_COLUMNS if kind in IMU_TYPES else {} for name, kind in kinds.items()}
@@ -18,13 +25,38 @@ def _topics(path: Path) -> list[Topic]:
 
 
 def _read(path: Path, topic: Topic) -> Iterator[Columns]:
-    from rosbags.highlevel import AnyReader
-
-    with AnyReader([_bag(path)]) as reader:
+    with _opened(path) as reader:
         connections = [each for each in reader.connections if each.topic == topic.name]
         messages = ((1e-9 * time, data) for _, time, data in reader.messages(connections))
         for part in messages_of(messages):
             yield imu_columns(part, is_cdr=reader.is2)
+
+
+def _opened(path: Path) -> Any:
+    """Return the reader of a bag, which unpacks no more than permitted. Raises InputError."""
+    from rosbags import rosbag1, rosbag2
+    from rosbags.highlevel import AnyReader
+
+    bag = _bag(path)
+    unpacking = Unpacking(bag)
+    rosbag1.reader.decompressors.update(bz2=unpacking.bz2, lz4=unpacking.lz4)
+    rosbag2.storage_mcap.DECOMPRESSORS.update(lz4=unpacking.lz4, zstd=unpacking.zstd)
+    rosbag2.reader.zstd = SimpleNamespace(open=unpacking.open, decompress=unpacking.zstd)
+    if (bag / "metadata.yaml").is_file() and (bag / "metadata.yaml").stat().st_size > _MAX_DESCRIPTION:
+        raise InputError("foreign.too_large", file=bag / "metadata.yaml")
+    for database in bag.glob("*.db3") if bag.is_dir() else (bag,):
+        _check_database(database)
+    return AnyReader([bag])
+
+
+def _check_database(path: Path) -> None:
+    """Raise ValueError if a database contains a query, which may never end when it is read."""
+    if path.suffix != ".db3":
+        return
+    query = "SELECT name FROM sqlite_master WHERE type IN ('view', 'trigger') OR sql LIKE 'CREATE VIRTUAL%'"
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True)) as database:
+        if (found := database.execute(query).fetchone()) is not None:
+            raise ValueError(f"'{found[0]}' is not a table")
 
 
 def _bag(path: Path) -> Path:

@@ -1,0 +1,73 @@
+"""Limits for what the libraries of foreign formats unpack: a small file could otherwise fill the memory or the disk."""
+
+import bz2
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from calstation.errors import InputError
+
+#: Largest chunk or message, bytes; recorders write chunks of a few MB.
+MAX_CHUNK = 1 << 27
+#: Largest size of everything that is unpacked, as a multiple of the size of the file, and the least, bytes.
+_MAX_RATIO, _MIN_TOTAL = 100, 1 << 30
+
+
+class Unpacking:
+    """The functions of the libraries `lz4.frame`, `bz2`, `zstandard` and `zstd`, with limits for one file.
+
+    They raise InputError beyond the limits.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        packed = sum(each.stat().st_size for each in (path.iterdir() if path.is_dir() else (path,)))
+        self._left = max(_MIN_TOTAL, _MAX_RATIO * packed)
+
+    def lz4(self, data: bytes, _size: int = 0) -> bytes:
+        """Unpack a frame of LZ4."""
+        from lz4.frame import LZ4FrameDecompressor
+
+        return self._taken(LZ4FrameDecompressor().decompress(data, max_length=self._most))
+
+    def bz2(self, data: bytes) -> bytes:
+        """Unpack a stream of bzip2."""
+        return self._taken(bz2.BZ2Decompressor().decompress(data, max_length=self._most))
+
+    def zstd(self, data: bytes, _size: int = 0) -> bytes:
+        """Unpack a frame of Zstandard."""
+        from zstandard import ZstdDecompressor
+
+        return self._taken(ZstdDecompressor().stream_reader(data).read(self._most))
+
+    def open(self, file: BinaryIO, _mode: str) -> "_Stream":
+        """Open a packed file of Zstandard for reading."""
+        from zstandard import ZstdDecompressor
+
+        return _Stream(ZstdDecompressor().stream_reader(file), self._taken)
+
+    @property
+    def _most(self) -> int:
+        return min(MAX_CHUNK, self._left) + 1
+
+    def _taken(self, data: bytes) -> bytes:
+        self._left -= len(data)
+        if self._left < 0 or len(data) > MAX_CHUNK:
+            raise InputError("foreign.too_large", file=self._path)
+        return data
+
+
+class _Stream:
+    """A packed file, whose parts are unpacked as they are read."""
+
+    def __init__(self, source: Any, taken: Callable[[bytes], bytes]) -> None:
+        self._source, self._taken = source, taken
+
+    def read(self, size: int) -> bytes:
+        return self._taken(self._source.read(size))
+
+    def __enter__(self) -> "_Stream":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._source.close()
