@@ -22,11 +22,12 @@ _TURNING, _TURNED = np.deg2rad(1.0), np.deg2rad(1.0)
 
 @dataclass(frozen=True)
 class OuterTurn:
-    """Rotation about the outer axis of a two-axis table at the ends of n intervals, in n."""
+    """Rotation about the outer axis of a two-axis table in n intervals, in n."""
 
     axis: FloatArray  #: Unit vector of the outer axis, shape (n, 3).
-    inner_axis: FloatArray  #: Unit vector of the inner axis, shape (n, 3).
-    rate: FloatArray  #: Rate of the outer joint, rad/s, shape (n,).
+    before: FloatArray  #: Unit vector of the inner axis at the start of each interval, shape (n, 3).
+    after: FloatArray  #: Unit vector of the inner axis at the end of each interval, shape (n, 3).
+    duration: FloatArray  #: Duration of each interval, s, shape (n,).
 
 
 @dataclass(frozen=True)
@@ -190,15 +191,18 @@ def _moving(m: Motion) -> FloatArray:
 
 
 def _axis_offset(turn: OuterTurn) -> FloatArray:
-    """Return the velocity q̇ u × d of the inner axis where it passes the outer axis u at d, per unit of two sizes.
+    """Return the mean velocity of the inner axis where it passes the outer axis u at d, per unit of two sizes.
 
     The sizes are the components of d along u × inner axis, and along the inner axis. The latter is part of the outer
-    lever arm, unless that is fixed.
+    lever arm, unless that is fixed. Both directions are fixed on the outer body, so their change divided by the
+    duration of the interval is the mean of q̇ u × d.
     """
-    hinge = np.cross(turn.axis, turn.inner_axis)
-    hinge /= np.linalg.norm(hinge, axis=1)[:, None]
-    arms = np.stack([np.cross(turn.axis, hinge), np.cross(turn.axis, turn.inner_axis)], axis=2)
-    return np.asarray(turn.rate[:, None, None] * arms)
+
+    def directions(inner: FloatArray) -> FloatArray:
+        hinge = np.cross(turn.axis, inner)
+        return np.stack([hinge / np.linalg.norm(hinge, axis=1)[:, None], inner], axis=2)
+
+    return (directions(turn.after) - directions(turn.before)) / turn.duration[:, None, None]
 
 
 #: Parameter groups that may change during a run.

@@ -6,7 +6,7 @@ from simulated_stages import with_effect
 
 from calstation.estimation.common import BatchGain, Posterior
 from calstation.estimation.effects import EffectEvidence, EffectTests, StageEffects, parameter_changes
-from calstation.physics import COUNT, EFFECTS, INDEX, NAMES, PARAMETERS, Motion
+from calstation.physics import COUNT, EFFECTS, INDEX, NAMES, PARAMETERS, Motion, OuterTurn, rotation_matrix
 from calstation.simulation.study import draw_unit, simulate_stages, study_prior
 from procedures import DEFAULT_STAGES, method
 
@@ -199,3 +199,17 @@ def test_modelled_effects_are_estimated_with_the_parameters() -> None:
     corrected = known.correct(posterior)
     assert np.abs((corrected.mean - truth.parameters) / corrected.sigma).max() < 4.5
     assert tests.evidence(corrected)[0].excess < 20.0
+
+
+def test_velocity_of_an_axis_offset_is_its_mean_over_the_interval() -> None:
+    """The unit turns about the outer axis by 60° within an interval of 0.1 s, and also about the inner axis."""
+    outer, inner, duration = np.array([0.6, 0.8, 0.0]), np.array([0.0, 0.0, 1.0]), 0.1
+    angles = np.linspace(0.0, np.pi / 3.0, 2001)
+    directions = np.array([rotation_matrix(angle * outer) @ inner for angle in angles])
+    offset = np.stack([np.cross(outer, directions), directions], axis=2)  # outer axis × inner axis, and inner axis
+    velocity = np.cross(outer, offset, axisb=1).transpose(0, 2, 1) * np.gradient(angles, duration / 2000)[:, None, None]
+    mean = np.trapezoid(velocity, axis=0) / 2000
+    effect = next(e for e in EFFECTS if e.cause == "axis_offset")
+    turn = OuterTurn(outer[None], directions[:1], directions[-1:], np.array([duration]))
+    assert effect.velocity is not None
+    assert effect.velocity(turn)[0] == pytest.approx(mean, abs=1e-5)

@@ -245,6 +245,21 @@ def test_bias_drifts_about_a_known_constant(nav_stage, data):
     assert decayed + np.diag(run.group.noise)[39:] == pytest.approx(run.noise.bias_drift**2)
 
 
+@pytest.mark.parametrize("kind", [ClosedLoopFilter, ReferencePass])
+def test_bias_drift_continues_across_a_gap(nav_stage, data, kind):
+    """After a gap longer than its correlation time, the drift is known no better than before the stage."""
+    imu = replace(nav_stage.context.imu, gyro_bias_instability=1e-7, accel_bias_instability=1e-4)
+    run = kind(replace(nav_stage.context, imu=imu), nav_stage.prior, nav_stage.prior.mean)
+    (start,) = starts(data, nav_stage.context, nav_stage.prior)
+    list(run.steps(data, replace(start, end=start.begin + 50 * run.stride), start.attitude))
+    known = run.state.P.copy()
+    later = replace(data, seq=data.seq + round(2000.0 / data.dt))
+    run._reset(later, start, start.attitude)
+    assert np.diag(run.state.P)[39:] == pytest.approx(run.noise.bias_drift**2, rel=1e-6)
+    assert np.abs(run.state.P[39:, 9:39]).max() < 1e-4 * np.abs(known[39:, 9:39]).max()
+    assert np.array_equal(run.state.P[9:39, 9:39], known[9:39, 9:39])
+
+
 def test_innovations_at_the_truth_agree_with_their_sigmas(nav_stage, data):
     known = Posterior(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
     run = ClosedLoopFilter(nav_stage.context, known, known.mean)

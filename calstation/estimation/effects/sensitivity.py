@@ -162,9 +162,7 @@ def velocity_errors(motion: Motion, effects: Sequence[Effect]) -> tuple[FloatArr
     for effect in effects:
         count = len(effect.components)
         if effect.velocity is not None and motion.outer is not None:
-            velocity = effect.velocity(motion.outer)
-            velocity[1:] = 0.5 * (velocity[1:] + velocity[:-1])
-            parts.append(velocity)
+            parts.append(effect.velocity(motion.outer))
             columns += range(component, component + count)
         component += count
     return np.concatenate(parts, axis=2), np.array(columns, dtype=np.int64)

@@ -31,7 +31,8 @@ class Updates(NamedTuple):
     #: Transition of φ, δv and δp over the group, shape (g, 9, n); empty for the observation at a start, which follows a
     #: reset of these states.
     transition: FloatArray
-    decay: FloatArray  #: Decay of the bias drift over a group, shape (n − 39,).
+    #: Decay of the bias drift over a group, or since the last group before a start, shape (n − 39,).
+    decay: FloatArray
     H: FloatArray  #: Jacobian of the observations, shape (g, r, n).
     root: FloatArray  #: Cholesky factor L of the covariance of the innovations, shape (g, r, r).
     gain: FloatArray  #: W, the transposed gain for the normalised innovations, shape (g, r, n).

@@ -114,6 +114,8 @@ class NavigationPass(ABC):
         self._groups: dict[int, VelocityGroup] = {}
         #: The last group of observations.
         self.group: VelocityGroup
+        #: Number of the last processed sample.
+        self._last_seq: int | None = None
         self._has_drift = bool(np.any(self.noise.bias_drift))
         size = STATES + len(BIAS) if self._has_drift else STATES
         x, P = np.zeros(size), np.zeros((size, size))
@@ -179,9 +181,20 @@ class NavigationPass(ABC):
             processed += groups * count
             yield groups
 
-    def _reset(self, start: Start, attitude: FloatArray) -> None:
-        """Reset the navigation states to the prior of a start, relative to the linearisation's attitude."""
+    def _reset(self, data: StageData, start: Start, attitude: FloatArray) -> FloatArray:
+        """Reset the navigation states to the prior of a start, relative to the linearisation's attitude.
+
+        The bias drift continues; return its decay since the last processed sample, shape (6,), or (0,) without drift.
+        """
         x, P = self.state
+        decay = np.ones(len(x) - STATES)
+        if self._has_drift and self._last_seq is not None:
+            drift = np.arange(STATES, len(x))
+            decay *= np.exp(-(int(data.seq[start.begin]) - self._last_seq) * self.dt / BIAS_DRIFT_TIME)
+            x[drift] *= decay
+            P[drift, :] *= decay[:, None]
+            P[:, drift] *= decay
+            P[drift, drift] += self.noise.bias_drift**2 * (1.0 - decay**2)
         x[NAVIGATION] = 0.0
         x[PHI] = rotation_vector(start.prior @ attitude.T)
         P[NAVIGATION, :] = 0.0
@@ -190,6 +203,7 @@ class NavigationPass(ABC):
         P[NAVIGATION, NAVIGATION] = np.diag(variances)
         self.work.attitude[:] = attitude
         self.work.velocity[:] = 0.0
+        return decay
 
     def _observe_start(self, data: StageData, begin: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Observe the velocity at rest; return Jacobian, Cholesky factor and gain as in `Updates`.
@@ -246,7 +260,7 @@ class ClosedLoopFilter(NavigationPass):
 
     def begin(self, data: StageData, start: Start, attitude: FloatArray) -> None:
         """Start or restart at rest: reset the navigation states and keep the parameters."""
-        self._reset(start, attitude)
+        self._reset(data, start, attitude)
         self._offset = self.state.x.copy()
         self._observe_start(data, start.begin)
 
@@ -259,6 +273,7 @@ class ClosedLoopFilter(NavigationPass):
             observe(self.constants, self.setting, motion, start, _NO_REFERENCE, self.arm_velocity, self.work, group)
             innovation = self._update(group)
             index = start + self.stride * np.arange(1, count + 1)
+            self._last_seq = int(data.seq[index[-1] - 1])
             self._history.append((index, group.attitude.copy(), group.rate.copy(), innovation.reshape(-1, 3)))
 
     @cached_property
@@ -434,10 +449,10 @@ class ReferencePass(NavigationPass):
             self.constants, self.setting, self.noise.velocity, self._motion(data),
             (start.begin, start.end), float(start.prior_sigma[0]), self.work,
         )  # fmt: skip
-        self._reset(start, self._reference.attitude[0])
+        decay = self._reset(data, start, self._reference.attitude[0])
         H, root, gain = self._observe_start(data, start.begin)
         none = np.empty((1, 0, 0))
-        self.updates.append(Updates(none, np.empty(0), H[None], root[None], gain[None], none[0], none, none[0]))
+        self.updates.append(Updates(none, decay, H[None], root[None], gain[None], none[0], none, none[0]))
 
     def observe(self, data: StageData, first: int, count: int, groups: int = 1) -> None:
         """Process groups of `count` observations from sample `first`: strapdown, prediction and update."""
@@ -451,6 +466,7 @@ class ReferencePass(NavigationPass):
         )  # fmt: skip
         self.updates.append(self.last_updates)
         index = first + self.stride * np.arange(1, groups * count + 1)
+        self._last_seq = int(data.seq[index[-1] - 1])
         self._history.append(
             (index, self.last_updates.attitude, self.last_updates.rate, self.last_updates.innovation.reshape(-1, 3))
         )

@@ -42,7 +42,7 @@ MAX_FIRST_NIS = 1.25 * 3.0
 #: Usual number of passes of a solution, for the progress report.
 USUAL_PASSES = 2
 #: The iteration ends when the step of a pass, or the next step predicted from the last two, is below this many sigmas.
-CONVERGED_STEP = 0.01
+CONVERGED_STEP = 0.003
 #: Number of equally spaced headings that are compared if the azimuth is ambiguous.
 AZIMUTH_CANDIDATES = 12
 #: Prior sigma of an unknown azimuth while it is being refined, rad.

@@ -87,6 +87,7 @@ def result_sensitivity(
     for update in updates:
         if not update.transition.size:
             error[NAVIGATION] = 0.0
+            error[STATES:] *= update.decay[:, None]
             error -= update.gain[0].T @ solve_triangular(update.root[0], update.H[0] @ error, lower=True)
             continue
         first, group = group, group + len(update.H)
@@ -182,6 +183,7 @@ def local_scores(spans: Sequence[tuple[int, int]], *, updates: Sequence[Updates]
     for update in updates:
         if not update.transition.size:
             effect[NAVIGATION] = 0.0
+            effect[STATES:] *= update.decay[:, None]
             effect -= update.gain[0].T @ np.linalg.solve(update.root[0], update.H[0] @ effect)
             continue
         rows_of_groups = zip(update.transition, update.H, update.root, update.gain, update.innovation, strict=True)
@@ -264,7 +266,7 @@ def motion_between_observations(
         coning = _constant_in_groups(coning, 0.5 * (C + before), max(round(GROUP_TIME / T), 1))
         time = (data.seq[index - 1] - data.seq[0]) * data.dt
         parts.append((omega, force, *slopes, time, coning))
-        turns.append(_outer_turn(start, C, rate_nb, data, context))
+        turns.append(_outer_turn(start, C, T, data, context))
     known = [turn for turn in turns if turn is not None]
     outer = None
     if len(known) == len(turns):
@@ -276,12 +278,12 @@ def motion_between_observations(
 
 
 def _outer_turn(
-    start: Start, attitude: FloatArray, rate: FloatArray, data: StageData, context: SolveContext
+    start: Start, attitude: FloatArray, duration: float, data: StageData, context: SolveContext
 ) -> tuple[FloatArray, ...] | None:
-    """Return the outer axis, the inner axis in n, shape (n, 3), and the outer rate, rad/s, shape (n,), of a segment.
+    """Return the fields of `OuterTurn` for the intervals of a segment, the first of which is at rest.
 
     The outer axis follows from the azimuth of the table, or else from attitude and angles at the start; None if those
-    are not known either. `attitude` is C_bn, shape (n, 3, 3), and `rate` ω_nb in b, rad/s, shape (n, 3).
+    are not known either. `attitude` is C_bn at the ends of the intervals, shape (n, 3, 3), and `duration` theirs, s.
     """
     geometry, azimuth = context.table.geometry, context.site.azimuth
     if azimuth is not None:
@@ -293,9 +295,7 @@ def _outer_turn(
         home = attitude[0] @ geometry.body_to_home(*angles).T
     axis = np.broadcast_to(home @ np.array(geometry.outer_axis), (len(attitude), 3))
     inner = attitude @ (np.array(geometry.orientation).T @ np.array(geometry.inner_axis))
-    normal = axis - np.sum(axis * inner, axis=1)[:, None] * inner
-    turning = np.einsum("nij,nj->ni", attitude, rate)
-    return axis, inner, np.sum(turning * normal, axis=1) / np.sum(normal**2, axis=1)
+    return axis, np.concatenate([inner[:1], inner[:-1]]), inner, np.full(len(inner), duration)
 
 
 def _constant_in_groups(errors: FloatArray, attitude: FloatArray, width: int) -> FloatArray:
