@@ -207,9 +207,12 @@ class RunConfiguration:
         """Return the site, IMU and table for the solvers, SI."""
         return context_from_meta(self.log_meta())
 
-    def sigma_limits(self) -> dict[str, float]:
-        """Return the maximum sigma of each estimated parameter, SI, after the last stage that estimates it."""
-        context, limits = self.solve_context(), self.product.limits
+    def sigma_limits(self, context: SolveContext | None = None) -> dict[str, float]:
+        """Return the maximum sigma of each estimated parameter, SI, after the last stage that estimates it.
+
+        `context` is that of the configuration, if it has already been created.
+        """
+        context, limits = context or self.solve_context(), self.product.limits
         last = {name: stage for stage in self.stages for name in method(stage).estimates(context) if name in INDEX}
         sigmas_by_name = {}
         for name, stage in last.items():
@@ -265,6 +268,11 @@ def load_configuration(request: RunRequest, adjust: Adjustment = lambda setup: s
 
     Raises ConfigurationError, which names the file, the entry and the remedy.
     """
+    return _check_configuration(_read_configuration(request), adjust)
+
+
+def _read_configuration(request: RunRequest) -> RunConfiguration:
+    """Read the files of a request. Raises ConfigurationError."""
     if surrogates(folder := str(request.out.absolute())):
         raise ConfigurationError("run.folder_not_utf8", folder=folder)
     station_path, station = load_station(request.station)
@@ -293,7 +301,13 @@ def load_configuration(request: RunRequest, adjust: Adjustment = lambda setup: s
         schedules=schedules,
         sources={kind: SourceFile.read(kind, path) for kind, path in paths.items()},
     )
-    setup = replace(setup, schedules={s: _with_limits(setup, p) for s, p in setup.schedules.items()})
+    return replace(setup, schedules={s: _with_limits(setup, p) for s, p in setup.schedules.items()})
+
+
+def _check_configuration(setup: RunConfiguration, adjust: Adjustment) -> RunConfiguration:
+    """Apply `adjust` to a configuration, and check the result. Raises ConfigurationError."""
+    request, station = setup.request, setup.station
+    station_path, product_path = setup.sources["station"].path, setup.sources["product"].path
     options = {"--faults": request.faults, "--speed": request.speed, "--seed": request.seed}
     for option, value in options.items() if station.bench is None else ():
         if value is not None:
@@ -315,8 +329,16 @@ def prepare_run(request: RunRequest, adjust: Adjustment = lambda setup: setup) -
 
     The request in the returned configuration contains the operator.
     """
-    setup = load_configuration(request, adjust)
-    sign_in = setup.station.sign_in
+    setup = _prepare(_read_configuration(request), adjust)
+    check_station(setup)
+    _check_plans(setup)
+    return setup
+
+
+def _prepare(setup: RunConfiguration, adjust: Adjustment) -> RunConfiguration:
+    """Check a configuration, its operator and its serial number. Raises ConfigurationError."""
+    setup = _check_configuration(setup, adjust)
+    request, sign_in = setup.request, setup.station.sign_in
     if sign_in is not None:
         operator: str | None = sign_in.operator(request.operator)
     else:  # the window passes "" if nobody has entered a name
@@ -325,12 +347,15 @@ def prepare_run(request: RunRequest, adjust: Adjustment = lambda setup: setup) -
     pattern, path = setup.product.serial_pattern, setup.sources["product"].path
     if not re.fullmatch(pattern, request.serial):
         raise ConfigurationError("product.serial_mismatch", serial=request.serial, pattern=pattern, product=path)
-    check_station(setup)
+    return setup
+
+
+def _check_plans(setup: RunConfiguration) -> None:
+    """Check the plans of stages that need no table, some of which no table can execute. Raises InputError."""
     for stage, schedule in setup.schedules.items():
         stage_method = method(stage)
-        if stage_method.needs_no_table:  # no table can execute some of these stages
+        if stage_method.needs_no_table:
             next(stage_method.plan(setup.table.geometry(), schedule), None)
-    return setup
 
 
 def new_batch_id() -> str:
@@ -369,16 +394,31 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
 def prepare_batch(request: RunRequest, adjust: Adjustment = lambda setup: setup) -> tuple[RunConfiguration, ...]:
     """Return the configuration of each unit of a run, checked as by `prepare_run`.
 
-    Raises ConfigurationError, also if the units cannot be on one table or have different plans.
+    Files, station and plans are read and checked once for all units whose slots differ only in name and port. Raises
+    ConfigurationError, also if the units cannot be on one table or have different plans.
     """
-    setups = tuple(prepare_run(unit, adjust) for unit in unit_requests(request))
+    path, station = load_station(request.station)
+    by_slot: dict[str, RunConfiguration] = {}
+    setups = []
+    for unit in unit_requests(request):
+        with in_file(path):
+            unit_station = at_slot(station, unit.slot)
+        settings = unit_station.imu.model_dump_json(exclude={"name", "port"})
+        checked = by_slot.get(settings)
+        setup = _read_configuration(unit) if checked is None else replace(checked, request=unit, station=unit_station)
+        by_slot.setdefault(settings, setup)
+        setup = _prepare(setup, adjust)
+        if checked is None:
+            check_station(setup)
+            _check_plans(setup)
+        setups.append(setup)
     first = setups[0]
     for setup in setups[1:]:
         # the order of the stages matters, too
         if list(setup.schedules.items()) != list(first.schedules.items()):
             slot, product = setup.request.slot or "", setup.product.name
             raise ConfigurationError("batch.other_plan", slot=slot, product=product, first=first.product.name)
-    return setups
+    return tuple(setups)
 
 
 def check_station(setup: RunConfiguration) -> None:
@@ -392,7 +432,7 @@ def check_station(setup: RunConfiguration) -> None:
     meta, site = setup.log_meta(), setup.station.site
     with in_file(setup.sources["station"].path):
         check_site(meta)
-        check_gravity_sigma(meta, setup.sigma_limits())
+        check_gravity_sigma(meta, setup.sigma_limits(context_from_meta(meta)))
         if setup.station.bench is None:
             check_confirmation(site, meta)
 

@@ -92,10 +92,10 @@ def excess_gravity_sigma(meta: LogMeta, parameter: str, limit: float) -> dict[st
     parameter : name of an accelerometer parameter
     limit : sigma limit of the parameter, SI
     """
-    sigma = context_from_meta(meta).site.relative_gravity_sigma
-    if not parameter.startswith("accel_scale") or sigma < limit:
+    if not parameter.startswith("accel_scale"):
         return None
-    return {"sigma_ppm": sigma * 1e6, "limit_ppm": limit * 1e6}
+    sigma = context_from_meta(meta).site.relative_gravity_sigma
+    return None if sigma < limit else {"sigma_ppm": sigma * 1e6, "limit_ppm": limit * 1e6}
 
 
 def needs_surveyed_gravity(meta: LogMeta) -> bool:

@@ -7,6 +7,7 @@ import json
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -255,11 +256,7 @@ class LogMeta(StrictModel):
     @classmethod
     def _are_toml(cls, texts: dict[str, str]) -> dict[str, str]:
         for kind, text in texts.items():
-            try:
-                stages = parse_toml(text).get("stages", [])
-            except tomllib.TOMLDecodeError:
-                raise EntryError("log.profile_damaged", kind, kind=kind) from None
-            if not isinstance(stages, list) or not all(isinstance(stage, str) for stage in stages):
+            if not _is_profile(text):
                 raise EntryError("log.profile_damaged", kind, kind=kind)
         return texts
 
@@ -359,6 +356,16 @@ def meta_from_json(text: str, source: str | Path) -> LogMeta:
     except ValueError as exc:
         raise InputError("log.damaged_configuration", file=source, detail=str(exc)) from exc
     return validate(LogMeta, data, source, InputError)
+
+
+@lru_cache(maxsize=64)
+def _is_profile(text: str) -> bool:
+    """Return whether a text is TOML whose stages, if there are any, are names."""
+    try:
+        stages = parse_toml(text).get("stages", [])
+    except tomllib.TOMLDecodeError:
+        return False
+    return isinstance(stages, list) and all(isinstance(stage, str) for stage in stages)
 
 
 def context_from_meta(meta: LogMeta) -> SolveContext:

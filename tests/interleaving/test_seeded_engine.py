@@ -143,7 +143,7 @@ class Process:
 class Timer:
     """A `QTimer` that the window's thread calls."""
 
-    def __init__(self, parent: object, interval: int) -> None:
+    def __init__(self, parent: object, interval: int, singleShot: bool = False) -> None:
         self.timeout, self.active = self, False
         self.interval = interval / 1000.0
 
@@ -176,6 +176,8 @@ class Window:
 
     def run(self) -> None:
         self.link.start(RunRequest("SN-1"))
+        started: Any = self.link._started
+        started.callback()
         timer: Any = self.link._timer
         while self.link.running:
             time.sleep(timer.interval)

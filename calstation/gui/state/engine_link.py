@@ -10,9 +10,10 @@ from calstation.sequencer import Command
 class EngineLink(QObject):
     """The link that starts runs and register operations, and emits the events of their engine process.
 
-    Signals: `event(event)`, a `Fault` if the engine process dies; `running_changed(running)` when the process has
-    started or ended. `request` is the request of the last run or register operation, and `operation` is the last
-    register operation, or None after a run.
+    Signals: `event(event)`, a `Fault` if the engine process dies; `running_changed(running)` when the process has ended
+    or, in the next turn of the event loop, been started, because the checks before the start take a turn. `request` is
+    the request of the last run or register operation, and `operation` is the last register operation, or None after a
+    run.
     """
 
     event = Signal(object)  # type: ignore[assignment] # replaces QObject.event, which is not used
@@ -25,6 +26,8 @@ class EngineLink(QObject):
         self.operation: RegisterOperation | None = None
         self._timer = QTimer(self, interval=30)
         self._timer.timeout.connect(self._poll)
+        self._started = QTimer(self, singleShot=True, interval=0)
+        self._started.timeout.connect(self._announce)
 
     @property
     def running(self) -> bool:
@@ -38,8 +41,7 @@ class EngineLink(QObject):
         self.operation = work if isinstance(work, RegisterOperation) else None
         self.request = work if isinstance(work, RunRequest) else work.request
         self._engine = Engine.start(work)
-        self.running_changed.emit(True)
-        self._timer.start()
+        self._started.start()
 
     def send(self, command: Command) -> None:
         """Send a command to the engine, if it is running."""
@@ -59,6 +61,10 @@ class EngineLink(QObject):
             self._end()
             engine.close()
 
+    def _announce(self) -> None:
+        self.running_changed.emit(True)
+        self._timer.start()
+
     def _poll(self) -> None:
         engine = self._engine
         if engine is None:
@@ -69,6 +75,7 @@ class EngineLink(QObject):
             self._end()
 
     def _end(self) -> None:
+        self._started.stop()
         self._timer.stop()
         self._engine = None
         self.running_changed.emit(False)

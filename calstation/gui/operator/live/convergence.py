@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import pyqtgraph as pg
@@ -31,9 +32,13 @@ class Line:
     """Ratio of the sigma of a group to its `target`, SI, over device time, s."""
 
     target: float
-    curve: pg.PlotCurveItem = field(default_factory=lambda: pg.PlotCurveItem(skipFiniteCheck=True))
     times: list[float] = field(default_factory=list)
     ratios: list[float] = field(default_factory=list)
+
+    @cached_property
+    def curve(self) -> pg.PlotCurveItem:
+        """The curve, created when its unit is first displayed, because there may be a hundred of them."""
+        return pg.PlotCurveItem(skipFiniteCheck=True)
 
     def add(self, at: float, ratio: float) -> None:
         """Add a point; only the first and the last of several points with the same ratio are stored."""

@@ -121,17 +121,22 @@ class UnitTiles(QWidget):
         super().__init__()
         self._run, self._prefix = run, prefix
         self._tiles: list[_UnitTile] = []
+        self._outdated = False
         self._grid = grid(self)
         run.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
 
     def start(self) -> None:
-        """Show the units of a new run."""
+        """Show the units of a new run, at the latest when the tiles are next shown."""
+        self._outdated = True
+        self.refresh()
+
+    def _create(self) -> None:
+        self._outdated = False
         self._tiles = [_UnitTile(unit, self._prefix) for unit in self._run.units if unit.slot]
         for tile in self._tiles:
             tile.clicked.connect(partial(self._run.select_unit, tile.unit))
         arrange_in_slots(self._grid, {tile.unit.slot: tile for tile in self._tiles}, self._run.slots)
-        self.refresh()
 
     def showEvent(self, event: QShowEvent) -> None:
         """Show the states of the units after the tiles were hidden."""
@@ -140,7 +145,11 @@ class UnitTiles(QWidget):
 
     def refresh(self) -> None:
         """Show the states of the units, unless the tiles are hidden."""
-        for tile in self._tiles if self.isVisible() else ():
+        if not self.isVisible():
+            return
+        if self._outdated:
+            self._create()
+        for tile in self._tiles:
             tile.show_state(*self._state(tile.unit), selected=tile.unit is self._run.unit)
 
     def _state(self, unit: UnitStatus) -> tuple[str, str]:
