@@ -24,7 +24,9 @@ from calstation.sequencer import (
     Event,
     Fault,
     Finalized,
+    Message,
     Settled,
+    StateChanged,
     StopReason,
     from_json,
 )
@@ -36,6 +38,9 @@ _MAX_MESSAGES = 500
 
 #: Host time without a message, while the listener polls, after which the engine is considered frozen, s.
 FROZEN_AFTER = 2.0
+
+#: The same limit while the solver is compiled on a new computer, which slows all threads; the table is at rest, s.
+_COMPILING_FROZEN_AFTER = 30.0
 
 #: Host time without a message after which `events` raises an error, s.
 _EVENTS_FROZEN_AFTER = 30.0
@@ -68,7 +73,7 @@ class Engine:
         self._has_event = False
         self._pending_units = units
         self.ended = False
-        self._frozen = False
+        self._frozen = self._compiling = False
         self._silence = 0.0
         self._polled = time.monotonic()
 
@@ -162,6 +167,8 @@ class Engine:
                     self._pending_units -= 1
                 elif isinstance(event, Fault) and not event.slot:
                     self._pending_units = 0
+                elif isinstance(event, Message | StateChanged):
+                    self._compiling = isinstance(event, Message) and event.id == "preparing_solver"
                 events.append(event)
         if not self.ended and self._has_become_frozen(received, frozen_after):
             events.append(self._fault("run.engine_silent"))
@@ -179,7 +186,8 @@ class Engine:
         else:
             self._silence += min(now - self._polled, _MAX_WAIT)
         self._polled = now
-        if self._frozen or self._silence <= (frozen_after if self._has_event else _FIRST_EVENT_TIMEOUT):
+        limit = max(frozen_after, _COMPILING_FROZEN_AFTER) if self._compiling else frozen_after
+        if self._frozen or self._silence <= (limit if self._has_event else _FIRST_EVENT_TIMEOUT):
             return False
         self._frozen = True
         return True

@@ -15,7 +15,16 @@ from calstation.gui.history.record_view import _state
 from calstation.gui.text import event_line
 from calstation.records import IssuedReport, Verdict
 from calstation.reports import IssuedCertificate, IssuedPdf
-from calstation.sequencer import Finalized, Message, StageEnded, StageSolved, StageStarted, StateChanged, StepStarted
+from calstation.sequencer import (
+    Fault,
+    Finalized,
+    Message,
+    StageEnded,
+    StageSolved,
+    StageStarted,
+    StateChanged,
+    StepStarted,
+)
 from tests.gui.conftest import RESULT, Operator
 from tests.gui.test_history_page import WAIT, button, folder, listed_runs, page, runs, select_row, visible_texts
 from tests.gui.test_operator_events import simulated_run
@@ -72,6 +81,28 @@ def test_events_of_the_run_are_listed_as_they_happen(simulated_run: Operator) ->
     operator.window.app.engine_link.event.emit(end)
     operator.press("events_button")
     assert sentences(table)[-1] == "Verdict: PASS."
+
+
+def test_silence_of_an_engine_that_responds_again_is_no_error_in_the_list(simulated_run: Operator) -> None:
+    operator = simulated_run
+    table = operator.widget("events_table", QTableView)
+    operator.press("events_button")
+    emit = operator.window.app.engine_link.event.emit
+    emit(Message("preparing_solver"))
+    emit(Fault("DeviceFaultError", "", 3, "run.engine_silent"))
+    operator.until(lambda: len(sentences(table)) == 2)
+    waiting, silent = sentences(table)
+    assert "first start on this computer, it is compiled, which takes about two minutes" in waiting
+    assert "does not respond" in silent
+    assert table.model().index(1, 1).data(Qt.ItemDataRole.UserRole) == "bad"
+    emit(StateChanged("running", "preparing"))
+    operator.until(lambda: "it responds again" in sentences(table)[1])
+    assert table.model().index(1, 1).data(Qt.ItemDataRole.UserRole) == "caution"
+    operator.window.app.set_language("zh_CN")
+    assert ["首次启动时要先编译，约需两分钟" in sentences(table)[0], "现已恢复响应" in sentences(table)[1]] == [
+        True,
+        True,
+    ]
 
 
 @pytest.mark.parametrize("reason", ["plan", "rounds", "duration", "targets", "operator"])

@@ -10,6 +10,9 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from queue import Queue
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
@@ -119,6 +122,28 @@ def test_poll_returns_although_messages_arrive_faster_than_they_are_read(
         with monkeypatch.context() as patched:
             patched.setattr(engine._child, "take", lambda wait: to_json(event))
             assert all(each == event for each in engine.poll())
+
+
+def test_engine_that_compiles_the_solver_may_be_silent_for_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A new computer compiles for two minutes, which delays the other threads by seconds; the table is at rest."""
+    now, arriving = 0.0, Queue[Any]()
+    monkeypatch.setattr("calstation.runs.engine.time.monotonic", lambda: now)
+    child = SimpleNamespace(process=None, take=lambda _: arriving.get_nowait())
+    engine = Engine(cast(Any, child))
+
+    def silence_after(event: Event) -> float:
+        """Return the silence after an event until the fault, s."""
+        nonlocal now
+        arriving.put(to_json(event))
+        assert engine.poll() == [event]
+        begin = now
+        while not engine.poll():
+            now += 0.1
+        return now - begin
+
+    assert silence_after(Message("checking_mounting")) < 3.0
+    assert 25.0 < silence_after(Message("preparing_solver")) < 35.0
+    assert silence_after(StateChanged("running", "preparing")) < 3.0
 
 
 def test_terminated_engine_gives_a_polling_window_one_fault(site_folder: SiteFolder) -> None:

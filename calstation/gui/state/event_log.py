@@ -72,7 +72,7 @@ class EventLog(CellTable):
         columns = (_TIME, _SLOT, _EVENT) if any(each.event.slot for each in self._events) else (_TIME, _EVENT)
         rows = {}
         for number, each in enumerate(self._events):
-            state, sentence = event_line(each.event)
+            state, sentence = event_line(each.event, followed=number + 1 < len(self._events))
             if sentence:
                 time_text = "–" if each.seconds is None else duration_text(each.seconds)
                 rows[str(number)] = {"time": time_text, "slot": each.event.slot, "event": sentence, "state": state}

@@ -7,9 +7,18 @@ from calstation.sequencer import Event, Fault, Finalized, Message, StageEnded, S
 _CONSISTENCY = {True: "solved", False: "inconsistent", None: "solved_unjudged"}
 
 
-def event_line(event: Event) -> tuple[str, str]:
-    """Return the badge shape ("" for none) and the sentence of an event; the sentence of a mere detail is ""."""
+#: Code of the fault of an engine that does not respond; an event that follows shows that it responds again.
+_SILENT = "run.engine_silent"
+
+
+def event_line(event: Event, *, followed: bool = False) -> tuple[str, str]:
+    """Return the badge shape ("" for none) and the sentence of an event; the sentence of a mere detail is "".
+
+    `followed` states whether the engine has sent another event afterwards.
+    """
     match event:
+        case Fault(code=code) if code == _SILENT and followed:
+            return "caution", say("event_log.responds_again")
         case StateChanged(state="running", previous="paused"):
             return "active", say("event_log.resumed")
         case StateChanged() if known(f"event_log.{event.state}"):
