@@ -100,6 +100,28 @@ def test_failed_units_are_calibrated_again_in_their_slots(operator: Operator, st
     assert [request.serials for request in started] == [("", "SN-000002", "", "SN-000004")]
 
 
+def test_slots_show_the_last_verdicts_while_the_next_units_are_scanned(operator: Operator) -> None:
+    """An operator who unloads the units while scanning must know which of them failed."""
+    use_slots(operator, 4)
+    operator.press("slot_3_button")
+    begin(operator)
+    end(operator, failed=("2",))
+    operator.scan("SN-000101")
+    operator.scan("SN-000102")
+    assert serials(operator)[:2] == ("SN-000101", "SN-000102")
+    names = [tile(operator, f"slot_{number}_tile").accessibleName() for number in (1, 2, 3, 4)]
+    assert "last: SN-000001 PASS" in names[0]
+    assert "last: SN-000002 FAIL" in names[1]
+    assert "last" not in names[2]
+    assert "PASS" in names[3]
+    operator.window.app.set_language("zh_CN")
+    assert "上一台：SN-000002 不合格" in tile(operator, "slot_2_tile").accessibleName()
+    shown = [each.text() for each in tile(operator, "slot_2_tile").findChildren(QLabel) if each.isVisible()]
+    assert "不合格  SN-000002" in shown
+    operator.window.app.set_station(operator.site_folder.station)  # the units of another station are not meant
+    assert "上一台" not in tile(operator, "slot_2_tile").accessibleName()
+
+
 def test_unit_scanned_again_is_entered_in_its_last_slot_with_a_notice(operator: Operator) -> None:
     use_slots(operator, 3)
     begin(operator)

@@ -191,12 +191,13 @@ class OperatorPage(Page):
 
     def _change_station(self) -> None:
         self._clear_verdict()
+        self._starting.slots.note_last({})
         self._read_products()
 
     def _clear_verdict(self) -> None:
         """Remove the verdict before a change of the station or product."""
-        if self.app.run.ended and not self.app.engine_link.running:
-            self.app.run.acknowledge()
+        if not self.app.engine_link.running:
+            self._starting.leave_verdict()
 
     def _show_product(self) -> None:
         """Show the current product, which another page may have selected."""

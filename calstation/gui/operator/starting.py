@@ -134,9 +134,15 @@ class RunStarter(QObject):
 
     def _show_slots(self) -> None:
         """Show the slots instead of the verdicts, and wait for START."""
-        if self._app.run.ended:
-            self._app.run.acknowledge()
+        self.leave_verdict()
         self._await_start()
+
+    def leave_verdict(self) -> None:
+        """Replace the verdict by the next unit; each slot shows the verdict on its last unit, which is unloaded now."""
+        run = self._app.run
+        if run.ended:
+            self.slots.note_last({unit.slot: (unit.serial, run.final_state_of(unit)) for unit in run.units})
+            run.acknowledge()
 
     def scan(self) -> None:
         """Check the entered serial number; if a run of the unit was interrupted, offer to resume it.
@@ -225,8 +231,7 @@ class RunStarter(QObject):
             header.focus_scan()
             return False
         before = self._attempts(header.serial)
-        if self._app.run.ended:
-            self._app.run.acknowledge()
+        self.leave_verdict()
         if slots.next is not None:
             serial, slot = header.serial, self._last_slot(header.serial) or slots.next
             moved = slot is not slots.next

@@ -147,6 +147,11 @@ class RunStatus(QObject):
         """Return the verdict on a unit, or the state of the run while the unit takes part in it."""
         return unit.verdict if unit.verdict and unit.slot else self.display_state
 
+    def final_state_of(self, unit: UnitStatus) -> str:
+        """Return the verdict on a unit after the run, or ``released`` for a failed unit that has been released."""
+        state = self.display_state_of(unit)
+        return "released" if state == "failed" and unit.result is not None and unit.result.released else state
+
     @property
     def partial(self) -> bool:
         """Whether the run omits stages of the product."""

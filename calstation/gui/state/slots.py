@@ -1,6 +1,6 @@
 """The slots of a station for several units, and the serial numbers of the units in the slots."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from PySide6.QtCore import QObject, Signal
@@ -23,6 +23,8 @@ class Slot:
     skipped: bool = False  #: Whether scans skip the slot.
     attempts: int = 0  #: Number of earlier runs of the unit.
     passed: bool = False  #: Whether the unit passed one of them.
+    #: Serial number and final state of the unit of the last run in this slot, which is being unloaded; None for none.
+    last: tuple[str, str] | None = None
 
     @property
     def open(self) -> bool:
@@ -123,6 +125,12 @@ class Slots(QObject):
         """Set whether scans skip an empty slot."""
         slot.skipped = skipped
         self._chosen = None
+        self.changed.emit()
+
+    def note_last(self, units: Mapping[str, tuple[str, str]]) -> None:
+        """Set the serial numbers and the final states of the units of the last run by slot."""
+        for slot in self._slots:
+            slot.last = units.get(slot.name)
         self.changed.emit()
 
     def remove_units(self, *, only_suggested: bool = False) -> None:

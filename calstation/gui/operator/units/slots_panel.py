@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QFrame
 
 from calstation.gui.operator.units.tiles import Tile, arrange, pass_clicks
 from calstation.gui.state import Slot, Slots, attempt_code
-from calstation.gui.text import on_language_change, rendered, say
+from calstation.gui.text import KINDS, language, on_language_change, rendered, say, term
 from calstation.gui.widgets import (
     PANEL,
     ElidedLabel,
@@ -19,7 +19,7 @@ from calstation.gui.widgets import (
     show_text,
     theme,
 )
-from calstation.messages import Text
+from calstation.messages import Text, joined
 
 
 class _SlotTile(Tile):
@@ -29,6 +29,7 @@ class _SlotTile(Tile):
         super().__init__(f"{prefix}slot_{slot.name}_tile")
         self.slot, self._slots = slot, slots
         self._icon, self._name = StateIcon(18), ElidedLabel("muted")
+        self._last_icon, self._last = StateIcon(16), ElidedLabel()
         self._serial, self._note = ElidedLabel(), ElidedLabel("muted")
         self._serial.setFont(theme.font(theme.SECTION, bold=True))
         self.action = button(f"{prefix}slot_{slot.name}_button", pressed=self._act)
@@ -37,11 +38,11 @@ class _SlotTile(Tile):
         policy = self.action.sizePolicy()
         policy.setRetainSizeWhenHidden(True)  # the names in all tiles stay at the same height
         self.action.setSizePolicy(policy)
-        head = row(self._icon, (self._name, 1), spacing=theme.GRID)
+        head = row(self._icon, (self._name, 1), self._last_icon, (self._last, 4), spacing=theme.GRID)
         unit = row((column(None, self._serial, self._note, None, spacing=0), 1), self.action, spacing=theme.GRID)
         margins = (theme.GRID, theme.GRID // 4, theme.GRID, theme.GRID // 4)
         column(None, head, unit, None, on=self, spacing=0, margins=margins)
-        pass_clicks(self._icon, self._name, self._serial, self._note)
+        pass_clicks(self._icon, self._name, self._last_icon, self._last, self._serial, self._note)
         self._name.setText(slot.name)
         self._name.setFont(theme.font(theme.SECTION))
         self.clicked.connect(lambda: slots.choose(slot))
@@ -63,7 +64,15 @@ class _SlotTile(Tile):
         self.action.setVisible(bool(slot.serial) or is_next or slot.skipped)
         action = "operator.use" if slot.skipped else "operator.skip"
         self.action.setText(say("operator.clear" if slot.serial else action))
-        self.describe(slot.name, slot.serial, note)
+        last = ""
+        if slot.last is not None:
+            serial, state = slot.last
+            last = say("operator.last_unit", serial=serial, state=term("badge", state))
+            self._last.setText(f"{term('badge', state)}  {serial}")
+            self._last_icon.set_kind(KINDS.get(state, "none"))
+        self._last_icon.setVisible(bool(last))
+        self._last.setVisible(bool(last))
+        self.describe(slot.name, slot.serial, note, last)
 
     def _act(self) -> None:
         if self.slot.serial:
@@ -108,7 +117,8 @@ class SlotsPanel(QFrame):
             arrange(self._grid, self._tiles)
         words = rendered(Text(f"loading.slots_{self._situation}"))
         self._title.setText(words.text)
-        self._text.setText(words.remedy)
+        shown = say("operator.last_units_shown") if any(slot.last for slot in self._slots) else ""
+        self._text.setText(joined(words.remedy, shown, language.current()))
         used, count = len(self._slots.units), len(self._slots.serials)
         self._count.setText(say("operator.slots_used", count=used, slots=count))
         for tile in self._tiles:

@@ -64,15 +64,15 @@ class _VerdictTile(Tile):
     def show_verdict(self, state: str) -> None:
         """Show the final state of the unit, the reason, and the next action."""
         unit = self.unit
-        released = state == "failed" and unit.result is not None and unit.result.released
-        brief = advice.brief_reason(state, unit.result), advice.brief_action(state, unit.result)
-        whole = advice.reason(state, unit.result), advice.next_action(state, unit.result)
-        if released:
+        outcome = "failed" if state == "released" else state
+        brief = advice.brief_reason(outcome, unit.result), advice.brief_action(outcome, unit.result)
+        whole = advice.reason(outcome, unit.result), advice.next_action(outcome, unit.result)
+        if state == "released":
             brief, whole = (brief[0], say("advice.released")), (whole[0], say("advice.released"))
         if unit.fault is not None:
             fault = fault_text(unit.fault, engineer=False)
             brief = whole = (fault.text, fault.remedy)
-        self._banner.show_state("released" if released else state, unit.slot)
+        self._banner.show_state(state, unit.slot)
         for widget, text in zip((self.reason, self._action), whole if self.roomy else brief, strict=True):
             widget.setText(text)
         self.setToolTip(plain_tip("\n".join(whole)))
@@ -179,7 +179,7 @@ class VerdictGrid(QFrame):
             self._again.setText(say("operator.again_both" if both else again, count=len(self._failed)))
             self._again.setVisible(bool(self._failed))
             for tile in self._tiles:
-                tile.show_verdict(self._run.display_state_of(tile.unit))
+                tile.show_verdict(self._run.final_state_of(tile.unit))
             brief = [tile.reason for tile in self._tiles if not tile.roomy]
             height = max((reason.sizeHint().height() for reason in brief), default=0)
             for reason in brief:  # all banners must have the same height
