@@ -179,7 +179,10 @@ def ewma_chart(
 ) -> EwmaChart:
     """Return the chart of the exponentially weighted moving average with the exact limits of every point.
 
-    `weight` is lambda, `width` L in sigmas of the average. The other parameters are as in `individuals_chart`.
+    Parameters
+    ----------
+    values, center, sigma : as in `individuals_chart`
+    weight, width : lambda, and L in sigmas of the average
     """
     from scipy.signal import lfilter  # takes 0.3 s to import
 
@@ -217,7 +220,10 @@ def cusum_chart(
 ) -> CusumChart:
     """Return the two-sided tabular CUSUM; it does not restart after a signal.
 
-    `allowance` is k and `decision` h, both in sigmas. The other parameters are as in `individuals_chart`.
+    Parameters
+    ----------
+    values, center, sigma : as in `individuals_chart`
+    allowance, decision : k and h, in sigmas
     """
     z = (values - center) / sigma if sigma > 0.0 else np.zeros(len(values))
     upper, lower = _one_sided(z - allowance), _one_sided(-z - allowance)

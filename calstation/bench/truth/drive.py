@@ -54,7 +54,14 @@ class TableDrive:
             self.move_joint(time, joint, target, rates[joint], accelerations[joint])
 
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
-        """Start moving one joint independently of the other."""
+        """Start moving one joint independently of the other.
+
+        Parameters
+        ----------
+        time : s
+        joint : 0 for the outer, 1 for the inner
+        target, rate, acceleration : absolute angle, rad, and limits of the profile, rad/s, rad/s²
+        """
         profile = self.profiles[joint]
         next_profile = profile.move(time, target, rate, acceleration)
         if next_profile is not profile:

@@ -269,7 +269,14 @@ def _turn_matrix(axis: int, angle: float) -> FloatArray:
 
 @kernel
 def joint_rates(order: IntArray, joints: FloatArray, omega: FloatArray) -> FloatArray:
-    """Return the rates of joints x y z that turn the body at `omega` (rad/s, in the body), rad/s, shape (3,)."""
+    """Return the rates of the joints x, y, z that turn the body at a rate, rad/s, shape (3,).
+
+    Parameters
+    ----------
+    order : axes of the joints from the base to the body, 0 to 2, shape (3,)
+    joints : angles x, y, z of the joints, rad, shape (3,)
+    omega : rate in b, rad/s, shape (3,)
+    """
     S = np.zeros((3, 3))
     to_body = np.eye(3)
     for axis in order[::-1]:

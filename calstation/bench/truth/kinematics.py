@@ -25,9 +25,12 @@ _DAMPED = DRIVE_FREQUENCY * np.sqrt(1.0 - DRIVE_DAMPING**2)
 def joint_state(segments: FloatArray, rest_time: float, time: float) -> tuple[float, float, float]:
     """Return angle, rate and acceleration of a joint at one time; rad, rad/s, rad/s².
 
-    The columns of `segments`, shape (k, 6), are the start time, s, and at this time the angle, rad, rate, rad/s, and
-    acceleration, rad/s², of the command, the deviation, rad, and its rate, rad/s. From time `rest_time`, s, the joint
-    is completely at rest at the last row's angle.
+    Parameters
+    ----------
+    segments : start time of each segment, s, and at this time the angle, rad, rate, rad/s, and acceleration, rad/s², of
+        the command, the deviation, rad, and its rate, rad/s, shape (k, 6)
+    rest_time : time from which the joint is completely at rest at the last row's angle, s
+    time : s
     """
     last = segments.shape[0] - 1
     if time >= rest_time:

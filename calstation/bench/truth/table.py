@@ -164,7 +164,14 @@ def _apply_constant(link: FloatArray, vector: FloatArray) -> None:
 
 @kernel
 def to_body(chain: FloatArray, outer: float, inner: float, vector_n: FloatArray) -> FloatArray:
-    """Transform a vector from n to b at joint angles in rad, shape (3,)."""
+    """Transform a vector from n to b, shape (3,).
+
+    Parameters
+    ----------
+    chain : links from the base to the unit, see `TableTruth.chain`, shape (k, 18)
+    outer, inner : angles of the joints, rad
+    vector_n : vector in n, shape (3,)
+    """
     vector = vector_n.copy()
     for j in range(chain.shape[0]):
         link = chain[j]
@@ -176,10 +183,14 @@ def to_body(chain: FloatArray, outer: float, inner: float, vector_n: FloatArray)
 
 @kernel
 def body_motion(chain: FloatArray, outer: FloatArray, inner: FloatArray, vectors: FloatArray) -> None:
-    """Transform a force, ω and its derivative (rows of `vectors`) from n to b, in place.
+    """Transform a force, ω and its derivative from n to b, in place.
 
-    The force is that of the base, to which the displacements of the chain add. `outer` and `inner` are angle, rate and
-    acceleration of the joints.
+    Parameters
+    ----------
+    chain : links from the base to the unit, see `TableTruth.chain`, shape (k, 18)
+    outer, inner : angle, rad, rate, rad/s, and acceleration, rad/s², of each joint, shape (3,)
+    vectors : specific force of the base, m/s², to which the displacements of the chain add, ω, rad/s, and its
+        derivative, rad/s², shape (3, 3)
     """
     for j in range(chain.shape[0]):
         link = chain[j]
