@@ -25,7 +25,9 @@ def for_terminal(text: str) -> str:
     r"""Return the text with control characters, except the line break, as escapes such as ``\x1b``."""
     if text.isprintable():
         return text
-    return "".join(char if char == "\n" or not _acts(char) else _escape(char) for char in text)
+    return "".join(
+        _escape(char) if char != "\n" and unicodedata.category(char) in _INVISIBLE else char for char in text
+    )
 
 
 def for_sentence(text: str) -> str:
@@ -56,10 +58,6 @@ def for_zpl(text: str) -> str:
 def for_file_name(text: str) -> str:
     """Return the text as a part of a file name: letters, digits, point and hyphen, at most 100."""
     return _NOT_IN_FILE_NAMES.sub("-", text)[:_MAX_NAME]
-
-
-def _acts(char: str) -> bool:
-    return unicodedata.category(char) in _INVISIBLE
 
 
 def _escape(char: str) -> str:

@@ -47,7 +47,7 @@ class Schedule(RepeatedSchedule):
     rounds: int = Field(0, ge=0, description="largest number of moves; 0: all")
 
     @model_validator(mode="after")
-    def _at_most_all(self) -> "Schedule":
+    def _limit_rounds(self) -> "Schedule":
         count = len(self.moves)
         self.rounds = min(self.rounds or count, count)
         self.least_moves = min(self.least_moves, self.rounds)

@@ -69,7 +69,7 @@ class Schedule(BaseModel):
 
     @field_validator("order")
     @classmethod
-    def _order(cls, order: str) -> str:
+    def _check_order(cls, order: str) -> str:
         if sorted(order) != ["x", "y", "z"]:
             raise EntryError("plan.gimbal_order", order=order)
         return order

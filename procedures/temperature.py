@@ -48,7 +48,7 @@ class Schedule(BaseModel):
     acceleration_dps2: float = Field(60.0, gt=0.0, le=1000.0, description="acceleration of every move")
 
     @model_validator(mode="after")
-    def _possible(self) -> "Schedule":
+    def _check_durations(self) -> "Schedule":
         longest = max(_durations(self.cycle))
         if longest >= self.soak.hold_s:
             raise EntryError("temperature.rest_too_long", "moves", rest=longest, hold=self.soak.hold_s)

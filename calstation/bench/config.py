@@ -197,13 +197,13 @@ class BenchConfig(Settings):
     report_file: Path | None = None
 
     @model_validator(mode="after")
-    def _chamber_around_a_table(self) -> "BenchConfig":
+    def _check_chamber(self) -> "BenchConfig":
         if self.chamber is not None and (self.body is not None or self.table_protocol in ("hand", "gimbal")):
             raise EntryError("bench.chamber_without_table", "chamber")
         return self
 
     @model_validator(mode="after")
-    def _effects_on_a_table(self) -> "BenchConfig":
+    def _check_effects(self) -> "BenchConfig":
         if self.effects != Effects() and (self.body is not None or self.table_protocol in ("hand", "gimbal")):
             raise EntryError("bench.effects_without_table", "effects")
         return self

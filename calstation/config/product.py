@@ -80,7 +80,7 @@ class CheckStandardSection(StrictModel):
 
     @field_validator("reference")
     @classmethod
-    def _known(cls, reference: dict[str, ReferenceSection]) -> dict[str, ReferenceSection]:
+    def _check_reference(cls, reference: dict[str, ReferenceSection]) -> dict[str, ReferenceSection]:
         for name in reference:
             if name not in NAMES:
                 raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, NAMES))
@@ -121,14 +121,14 @@ class ProductConfig(StrictModel):
 
     @field_validator("stages")
     @classmethod
-    def _stages(cls, stages: list[str]) -> list[str]:
+    def _check_stages(cls, stages: list[str]) -> list[str]:
         if len(set(stages)) != len(stages):
             raise EntryError("product.stage_twice")
         return stages
 
     @field_validator("diagnosis")
     @classmethod
-    def _diagnosis(cls, required: dict[str, DetectionSection | float]) -> dict[str, DetectionSection | float]:
+    def _check_diagnosis(cls, required: dict[str, DetectionSection | float]) -> dict[str, DetectionSection | float]:
         for cause in required:
             if cause not in _CAUSES:
                 remedy = near_miss(cause, _CAUSES)
@@ -137,7 +137,7 @@ class ProductConfig(StrictModel):
 
     @field_validator("check_standards")
     @classmethod
-    def _standards(cls, standards: list[CheckStandardSection]) -> list[CheckStandardSection]:
+    def _check_standards(cls, standards: list[CheckStandardSection]) -> list[CheckStandardSection]:
         serials = [standard.serial for standard in standards]
         for number, serial in enumerate(serials):
             if serial in serials[:number]:
@@ -146,12 +146,12 @@ class ProductConfig(StrictModel):
 
     @field_validator("limits")
     @classmethod
-    def _limits(cls, limits: dict[str, Limit]) -> dict[str, Limit]:
+    def _check_limits(cls, limits: dict[str, Limit]) -> dict[str, Limit]:
         check_limit_names(limits)
         return limits
 
     @model_validator(mode="after")
-    def _example(self) -> "ProductConfig":
+    def _check_example(self) -> "ProductConfig":
         has_example = "serial_example" in self.model_fields_set
         if has_example and not re.fullmatch(self.serial_pattern, self.serial_example):
             values = {"example": self.serial_example, "pattern": self.serial_pattern}
@@ -168,13 +168,13 @@ class ProductConfig(StrictModel):
         return self.serial_example if re.fullmatch(self.serial_pattern, self.serial_example) else self.serial_pattern
 
     @model_validator(mode="after")
-    def _over_temperature(self) -> "ProductConfig":
+    def _check_temperature(self) -> "ProductConfig":
         if "temperature" in self.stages and self.temperature is None:
             raise EntryError("temperature.no_section", "temperature")
         return self
 
     @model_validator(mode="after")
-    def _stages_of_checks(self) -> "ProductConfig":
+    def _check_stages_of_checks(self) -> "ProductConfig":
         for rule in ("improvement_at_rest", "level", "motion_angle"):
             stage = getattr(getattr(self.checks, rule, None), "stage", None)
             if stage is not None and stage not in self.stages:

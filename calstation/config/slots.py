@@ -45,7 +45,7 @@ class DeviceSection(StrictModel):
 
     @field_validator("port")
     @classmethod
-    def _address(cls, port: str | None) -> str | None:
+    def _check_port(cls, port: str | None) -> str | None:
         if port is not None and port.startswith(SOCKETS) and host_and_port(port) is None:
             raise EntryError("station.not_an_address", port=port, scheme=port.split("://")[0])
         if port is not None and port.startswith(UDP) and udp_address(port) is None:
@@ -68,14 +68,14 @@ class SlotSection(DeviceSection):
 
     @field_validator("name")
     @classmethod
-    def _short(cls, name: str) -> str:
+    def _check_name(cls, name: str) -> str:
         if re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,15}", name) is None:
             raise EntryError("station.slot_name", name=name)
         return name
 
     @field_validator("lever_m")
     @classmethod
-    def _on_the_table(cls, lever: list[float]) -> list[float]:
+    def _check_lever(cls, lever: list[float]) -> list[float]:
         for component, value in enumerate(lever):
             if abs(value) > _MAX_LEVER:
                 raise EntryError("station.lever_too_long", component, value=value, most=_MAX_LEVER)
@@ -83,7 +83,7 @@ class SlotSection(DeviceSection):
 
     @field_validator("orientation")
     @classmethod
-    def _two_axes(cls, orientation: str) -> str:
+    def _check_orientation(cls, orientation: str) -> str:
         if re.fullmatch(r"[+-][xyz][+-][xyz]", orientation) is None:
             raise EntryError("station.not_an_orientation", orientation=orientation)
         if orientation[1] == orientation[3]:

@@ -101,14 +101,14 @@ class StationConfig(StrictModel):
 
     @field_validator("laboratory")
     @classmethod
-    def _in_a_country(cls, laboratory: LaboratorySection | None) -> LaboratorySection | None:
+    def _check_country(cls, laboratory: LaboratorySection | None) -> LaboratorySection | None:
         if laboratory is not None and laboratory.country is not None and laboratory.country not in COUNTRIES:
             raise EntryError("station.not_a_country", "country", country=laboratory.country)
         return laboratory
 
     @field_validator("instruments")
     @classmethod
-    def _complete(cls, instruments: list[InstrumentSection]) -> list[InstrumentSection]:
+    def _check_instruments(cls, instruments: list[InstrumentSection]) -> list[InstrumentSection]:
         for number, instrument in enumerate(instruments):
             if "kind" not in instrument.model_fields_set:
                 raise EntryError("station.no_instrument_kind", number, "kind", name=instrument.name)
@@ -137,7 +137,7 @@ class StationConfig(StrictModel):
         return {number: section for number, section in sections.items() if section is not None}
 
     @model_validator(mode="after")
-    def _ports(self) -> "StationConfig":
+    def _check_ports(self) -> "StationConfig":
         if self.imu3 is not None and self.imu2 is None:
             raise EntryError("log.imu_numbers", number=3, missing=2)
         _check_slots(self)

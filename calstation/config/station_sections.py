@@ -49,7 +49,7 @@ class ChamberLinkSection(DeviceSection):
     agreement_c: float = Field(default=10.0, gt=0, le=40)
 
     @model_validator(mode="after")
-    def _dry(self) -> "ChamberLinkSection":
+    def _check_dew_point(self) -> "ChamberLinkSection":
         if self.dew_point >= self.ambient_c:
             raise EntryError("station.dew_point", "dew_point_c", value=self.dew_point, ambient=self.ambient_c)
         return self
@@ -81,7 +81,7 @@ class LabelSection(StrictModel):
 
     @field_validator("printer")
     @classmethod
-    def _address(cls, printer: str) -> str:
+    def _check_printer(cls, printer: str) -> str:
         if not printer.startswith("tcp://") or host_and_port(printer) is None:
             raise EntryError("station.not_an_address", port=printer, scheme="tcp")
         return printer
@@ -110,7 +110,7 @@ class SignInSection(StrictModel):
     idle_minutes: float | None = Field(default=None, gt=0)  #: Idle time after which the window signs the operator out.
 
     @model_validator(mode="after")
-    def _badges(self) -> "SignInSection":
+    def _check_badges(self) -> "SignInSection":
         for badge in self.names:
             if not self.is_badge(badge):
                 raise EntryError("station.badge_unlike", "names", badge, badge=badge, pattern=self.badge_pattern)
@@ -180,14 +180,14 @@ class RecordsSection(StrictModel):
 
     @field_validator("database")
     @classmethod
-    def _database(cls, url: str | None) -> str | None:
+    def _check_database(cls, url: str | None) -> str | None:
         if url is not None:
             check_database_url(url)
         return url
 
     @field_validator("archive")
     @classmethod
-    def _archive(cls, url: str | None) -> str | None:
+    def _check_archive(cls, url: str | None) -> str | None:
         if url is not None and has_password(url):
             raise EntryError("database.password_in_archive")
         return url

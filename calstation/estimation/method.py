@@ -209,7 +209,7 @@ class RepeatedSchedule(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _no_other_limit(cls, values: Any) -> Any:
+    def _remove_default_rounds(cls, values: Any) -> Any:
         if isinstance(values, dict) and values.get("rounds") is None:
             others = values.get("duration_s") is not None or values.get("targets")
             return {**values, "rounds": 0} if others or "rounds" in values else values

@@ -93,7 +93,7 @@ class ColumnMap(StrictModel):
 
     @field_validator("columns")
     @classmethod
-    def _known(cls, columns: dict[str, ColumnSection]) -> dict[str, ColumnSection]:
+    def _check_columns(cls, columns: dict[str, ColumnSection]) -> dict[str, ColumnSection]:
         for name, column in columns.items():
             if name not in _KNOWN:
                 raise EntryError("entry.unknown_name", name, name=name, remedy=near_miss(name, _KNOWN))

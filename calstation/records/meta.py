@@ -99,7 +99,7 @@ class StoredPairSection(StrictModel):
 
     @field_validator("values")
     @classmethod
-    def _known(cls, values: dict[str, float]) -> dict[str, float]:
+    def _check_values(cls, values: dict[str, float]) -> dict[str, float]:
         known = tuple(p.name for p in PAIR_PARAMETERS)
         for name in values:
             if name not in known:
@@ -137,21 +137,21 @@ class TableSection(StrictModel):
 
     @field_validator("orientation")
     @classmethod
-    def _known_orientation(cls, name: str) -> str:
+    def _check_orientation(cls, name: str) -> str:
         if name not in ORIENTATIONS:
             raise EntryError("log.no_orientation", orientation=name)
         return name
 
     @field_validator("outer_axis", "inner_axis")
     @classmethod
-    def _unit_vector(cls, axis: list[float]) -> list[float]:
+    def _check_axis(cls, axis: list[float]) -> list[float]:
         length = float(np.linalg.norm(axis))
         if abs(length - 1.0) > _UNIT_TOLERANCE:
             raise EntryError("log.not_unit_vector", axis=str(axis), length=length)
         return axis
 
     @model_validator(mode="after")
-    def _two_axes(self) -> "TableSection":
+    def _check_axes(self) -> "TableSection":
         if float(np.linalg.norm(np.cross(self.outer_axis, self.inner_axis))) < 0.5:
             raise EntryError("log.parallel_axes")
         return self
@@ -175,7 +175,7 @@ class ProductSection(StrictModel):
 
     @field_validator("limits")
     @classmethod
-    def _known(cls, limits: dict[str, Limit]) -> dict[str, Limit]:
+    def _check_limits(cls, limits: dict[str, Limit]) -> dict[str, Limit]:
         check_limit_names(limits)
         return limits
 
@@ -254,7 +254,7 @@ class LogMeta(StrictModel):
 
     @field_validator("profiles")
     @classmethod
-    def _are_toml(cls, texts: dict[str, str]) -> dict[str, str]:
+    def _check_profiles(cls, texts: dict[str, str]) -> dict[str, str]:
         for kind, text in texts.items():
             if not _is_profile(text):
                 raise EntryError("log.profile_damaged", kind, kind=kind)
@@ -294,7 +294,7 @@ class LogMeta(StrictModel):
         return {name: sigma for name, sigma in sigmas.items() if sigma is not None}
 
     @model_validator(mode="after")
-    def _further_imus(self) -> "LogMeta":
+    def _check_secondaries(self) -> "LogMeta":
         for expected, (number, section) in enumerate(self.secondaries.items(), 2):
             if number != expected:
                 raise EntryError("log.imu_numbers", number=number, missing=expected)
@@ -305,13 +305,13 @@ class LogMeta(StrictModel):
 
     @field_validator("registers")
     @classmethod
-    def _registers(cls, table: dict[str, float]) -> dict[str, float]:
-        cls._parameters({name: value for name, value in table.items() if further_parameter(name) is None})
+    def _check_registers(cls, table: dict[str, float]) -> dict[str, float]:
+        cls._check_parameters({name: value for name, value in table.items() if further_parameter(name) is None})
         return table
 
     @field_validator("prior", "prior_correlation", "previous")
     @classmethod
-    def _parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
+    def _check_parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
         for name in table:
             if name not in INDEX:
                 raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, NAMES))
@@ -319,7 +319,7 @@ class LogMeta(StrictModel):
 
     @field_validator("prior_correlation")
     @classmethod
-    def _correlation(cls, table: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+    def _check_correlation(cls, table: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
         for name, row in table.items():
             for other in row:
                 if other not in INDEX:

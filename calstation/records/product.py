@@ -30,7 +30,7 @@ class Limit(StrictModel):
 
     @field_validator("within")
     @classmethod
-    def _ordered(cls, within: float | list[float] | None) -> float | list[float] | None:
+    def _check_within(cls, within: float | list[float] | None) -> float | list[float] | None:
         if isinstance(within, list):
             if len(within) != 2 or within[0] >= within[1]:
                 raise EntryError("limits.interval", value=str(within))
@@ -40,7 +40,7 @@ class Limit(StrictModel):
 
     @field_validator("sigma_below_after")
     @classmethod
-    def _positive(cls, limits: dict[str, float]) -> dict[str, float]:
+    def _check_sigmas(cls, limits: dict[str, float]) -> dict[str, float]:
         for stage, limit in limits.items():
             if not limit > 0:
                 raise EntryError("limits.not_positive", stage, value=limit)
@@ -84,7 +84,7 @@ class ConformitySection(StrictModel):
 
     @field_validator("spread")
     @classmethod
-    def _known(cls, spread: dict[str, float]) -> dict[str, float]:
+    def _check_spread(cls, spread: dict[str, float]) -> dict[str, float]:
         check_limit_names(spread)
         return spread
 
@@ -142,7 +142,7 @@ class Previous(StrictModel):
 
     @field_validator("change_within")
     @classmethod
-    def _known(cls, limits: dict[str, float]) -> dict[str, float]:
+    def _check_limits(cls, limits: dict[str, float]) -> dict[str, float]:
         for name, limit in limits.items():
             if name not in NAMES and name not in GROUPS:
                 raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, NAMES + GROUPS))
@@ -184,7 +184,7 @@ class ChecksSection(StrictModel):
     temperature: TemperatureLimit | None = None  #: None for the default limit.
 
     @model_validator(mode="after")
-    def _floors(self) -> "ChecksSection":
+    def _check_floors(self) -> "ChecksSection":
         for name, improvement, absolute in (
             ("improvement_at_rest", self.improvement_at_rest, self.gravity_at_rest),
             ("motion_angle", self.motion_angle, self.motion_angle),
@@ -214,7 +214,7 @@ class TemperatureSection(StrictModel):
     held_out_c: list[float] = Field(default_factory=list)  #: Temperatures that are compared, but not fitted.
 
     @model_validator(mode="after")
-    def _possible(self) -> "TemperatureSection":
+    def _check_entries(self) -> "TemperatureSection":
         low, high = self.range_c
         if not low < high:
             raise EntryError("temperature.range", "range_c", low=low, high=high)

@@ -71,14 +71,14 @@ class PlannedFault(StrictModel):
 
     @field_validator("kind")
     @classmethod
-    def _known(cls, kind: str) -> str:
+    def _check_kind(cls, kind: str) -> str:
         if kind not in KINDS:
             otherwise = Text.of("entry.choose_from", names=KINDS)
             raise EntryError("bench.unknown_fault", kind=kind, remedy=near_miss(kind, KINDS, otherwise))
         return kind
 
     @model_validator(mode="after")
-    def _consistent(self) -> "PlannedFault":
+    def _check_entries(self) -> "PlannedFault":
         times = self.time_s if isinstance(self.time_s, list) else [self.time_s, self.time_s]
         if len(times) != 2 or not 0.0 <= times[0] <= times[1]:
             raise EntryError("bench.fault_time", "time_s", value=str(self.time_s))

@@ -11,9 +11,6 @@ _BAND, _INTEGRATION = 6.0, 400.0
 #: Time constant of the chamber's sensor, s.
 _SENSOR = 8.0
 
-#: Code of the alarm of the compressor.
-COMPRESSOR = 7
-
 
 class ChamberSettings(BaseModel):
     """Settings of a chamber; `docs/reference/bench.md` explains every entry."""

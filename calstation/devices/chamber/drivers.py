@@ -152,7 +152,8 @@ class ModbusChamber(Chamber):
 
     def status(self) -> ChamberStatus:
         """Poll the state of the chamber."""
-        value = {name: self._read(name) for name in ("air", "set_point", "running", "alarm", "door") if self._has(name)}
+        names = ("air", "set_point", "running", "alarm", "door")
+        value = {name: self._read(name) for name in names if name in self._modbus.registers}
         alarm = value.get("alarm", 0.0)
         return ChamberStatus(
             air_c=value["air"] if math.isfinite(value["air"]) else math.nan,
@@ -183,9 +184,6 @@ class ModbusChamber(Chamber):
     def received(self) -> bytes:
         """Bytes received last."""
         return self._link.received
-
-    def _has(self, name: str) -> bool:
-        return name in self._modbus.registers
 
     def _read(self, name: str) -> float:
         register = self._modbus.registers[name]

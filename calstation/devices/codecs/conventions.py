@@ -44,7 +44,7 @@ class Convention(StrictModel):
     added: bool = False
 
     @model_validator(mode="after")
-    def _sign(self) -> "Convention":
+    def _check_sign(self) -> "Convention":
         if self.negated and self.identity:
             raise EntryError("profile.belongs_to", "negated", owner="identity = false")
         return self

@@ -185,7 +185,7 @@ class FrameSection(ProfileSection):
 
     @field_validator("sync")
     @classmethod
-    def _sync(cls, sync: str, info: ValidationInfo) -> str:
+    def _check_sync(cls, sync: str, info: ValidationInfo) -> str:
         if info.data.get("format") == "text":
             if not sync or not sync.isascii():
                 raise EntryError("profile.text_sync", value=sync)

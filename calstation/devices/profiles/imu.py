@@ -143,7 +143,7 @@ class ImuProfile(_ProtocolSections):
 
     @field_validator("prior", "stability")
     @classmethod
-    def _parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
+    def _check_parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
         for name in table:
             if name not in NAMES and name not in GROUPS:
                 remedy = near_miss(name, NAMES + GROUPS)
@@ -152,7 +152,7 @@ class ImuProfile(_ProtocolSections):
 
     @model_validator(mode="before")
     @classmethod
-    def _addresses(cls, data: Any) -> Any:
+    def _set_spans(cls, data: Any) -> Any:
         """Set the default span (addresses per number) of the protocol in register entries without a span."""
         if not isinstance(data, dict) or not isinstance(data.get("registers"), list):
             return data
@@ -169,7 +169,7 @@ class ImuProfile(_ProtocolSections):
 
     @field_validator("registers")
     @classmethod
-    def _by_address(cls, registers: list[RegisterEntry]) -> list[RegisterEntry]:
+    def _sort_by_address(cls, registers: list[RegisterEntry]) -> list[RegisterEntry]:
         return sorted((r.with_row(i) for i, r in enumerate(registers)), key=lambda r: r.key)
 
     rules: ClassVar[Rules["ImuProfile"]] = (
