@@ -256,7 +256,7 @@ def export(
     Returns
     -------
     ExportCheck
-        The largest differences from our own corrected data, and the parameters that the format cannot express
+        The largest differences from the data corrected by calstation, and the parameters that the format cannot express
     """
     stored = log._stored if isinstance(log, Log) else open_log(Path(log)) if log is not None else None
     return export_calibration(ExportSource.of(result, stored), to, Path(path), allow_loss=allow_loss)

@@ -11,7 +11,8 @@ from calstation.exports.source import ExportFormat, ExportSource, Files, Tempera
 from calstation.physics import PARAMETERS, FloatArray
 from calstation.records import context_from_meta
 
-#: Largest difference of an export from the same parameters in our correction, as a fraction of the largest sample.
+#: Largest difference of an export from calstation's correction with the same parameters, relative to the largest
+#: sample.
 TOLERANCE = 1e-9
 #: Samples that turn and accelerate every axis alone and together, which show every wrong element, unlike a recording at
 #: rest: angular rates, rad/s, and specific forces, m/s².
@@ -27,7 +28,7 @@ class ExportCheck:
 
     format: str
     samples: int  #: Number of compared samples.
-    gyro: float  #: Largest difference of the angular rate from our corrected data, rad/s.
+    gyro: float  #: Largest difference of the angular rate from the data corrected by calstation, rad/s.
     accel: float  #: Largest difference of the specific force, m/s².
     gyro_sigmas: float  #: `gyro` in standard deviations of the noise of a sample.
     accel_sigmas: float  #: `accel` in standard deviations of the noise of a sample.
@@ -50,7 +51,7 @@ class ExportCheck:
 
 
 def check_export(name: str, export_format: ExportFormat, files: Files, source: ExportSource) -> ExportCheck:
-    """Evaluate the files of an export on the samples of the recording, and compare the results with our own.
+    """Evaluate the files of an export on the samples of the recording and compare the output with that of the solution.
 
     Raises CalstationError if they differ by more than the parameters that the format cannot express.
 
@@ -65,13 +66,13 @@ def check_export(name: str, export_format: ExportFormat, files: Files, source: E
     unexpressed = [i for i, parameter in enumerate(PARAMETERS) if parameter.name in not_expressed]
     same = replace(source, parameters=source.parameters.copy())
     same.parameters[unexpressed] = 0.0
-    theirs = _corrector(export_format, files, source)
+    corrector = _corrector(export_format, files, source)
     if export_format.read_over is None:
         same = replace(same, temperature=None)
     largest, samples = np.zeros(2), 0
     for raw, temperature, is_recorded in _samples(source):
         measured = raw[:, :3], raw[:, 3:]
-        corrected = theirs(*measured, temperature)
+        corrected = corrector(*measured, temperature)
         _compare(name, corrected, same.corrected(*measured, temperature)[:2])
         if is_recorded:
             rate, force, count = source.corrected(*measured, temperature)
@@ -102,17 +103,17 @@ def _samples(source: ExportSource) -> Iterator[tuple[FloatArray, FloatArray, boo
         yield block.counts[block.valid] * size, block.temperature[block.valid], True
 
 
-def _differences(theirs: tuple[FloatArray, FloatArray], ours: tuple[FloatArray, FloatArray]) -> FloatArray:
+def _differences(exported: tuple[FloatArray, FloatArray], reference: tuple[FloatArray, FloatArray]) -> FloatArray:
     """Return the largest difference of rates and forces, shape (2,); samples without values do not count."""
     largest = []
-    for their, our in zip(theirs, ours, strict=True):
-        difference = np.where(np.isnan(our), 0.0, np.abs(their - our))
+    for values, expected in zip(exported, reference, strict=True):
+        difference = np.where(np.isnan(expected), 0.0, np.abs(values - expected))
         largest.append(np.nan_to_num(difference, nan=np.inf).max(initial=0.0))
     return np.array(largest)
 
 
-def _compare(name: str, theirs: tuple[FloatArray, FloatArray], ours: tuple[FloatArray, FloatArray]) -> None:
-    scale = [np.nan_to_num(np.abs(values)).max(initial=0.0) for values in ours]
-    for sensor, difference, full in zip(("gyro", "accel"), _differences(theirs, ours), scale, strict=True):
+def _compare(name: str, exported: tuple[FloatArray, FloatArray], reference: tuple[FloatArray, FloatArray]) -> None:
+    scale = [np.nan_to_num(np.abs(values)).max(initial=0.0) for values in reference]
+    for sensor, difference, full in zip(("gyro", "accel"), _differences(exported, reference), scale, strict=True):
         if not difference <= TOLERANCE * full:
             raise CalstationError("export.contradicts", format=name, sensor=sensor, difference=float(difference))

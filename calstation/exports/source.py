@@ -12,7 +12,7 @@ from calstation.records import ImuSection, Limit, Log, open_log, prior_from_meta
 from calstation.results import Result, TemperatureResult, compensate_samples, find_log
 
 #: Time, s, at which a random walk of the bias has the Allan deviation of the bias instability, K √(T/3) = B; programs
-#: that model no flicker noise ask for K (IEEE Std 952-2020, annex C).
+#: that model no flicker noise require K (IEEE Std 952-2020, annex C).
 BIAS_TIME = 1000.0
 #: The lever arm of the mounting on the table is not a property of the unit.
 _NOT_OF_UNIT = "outer_lever"
@@ -83,11 +83,11 @@ class ExportSource:
         file : file of the result, next to which its log is searched
         """
         path = find_log(result, file or Path(result.log.file))
-        own_log = log if path is None or (log is not None and log.path == path) else open_log(path)
-        recording = log or own_log
-        if recording is None or own_log is None:
+        result_log = log if path is None or (log is not None and log.path == path) else open_log(path)
+        recording = log or result_log
+        if recording is None or result_log is None:
             raise InputError("export.no_log", serial=result.serial, file=result.log.file)
-        meta = own_log.meta
+        meta = result_log.meta
         if meta.registers and result.registers is not None and result.registers.new:
             raise InputError("export.in_registers", serial=result.serial)
         values = prior_from_meta(meta).mean.copy() if meta.imu.serial == result.serial else np.zeros(len(NAMES))
@@ -150,7 +150,7 @@ class ExportSource:
     def corrected(
         self, gyro: FloatArray, accel: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, FloatArray, int]:
-        """Return our corrected samples, NaN at temperatures that the calibration does not cover, and their number.
+        """Return the corrected samples, NaN if the calibration does not cover their temperature, and their number.
 
         Parameters
         ----------

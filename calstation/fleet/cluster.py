@@ -188,8 +188,8 @@ def _status(log: StoredLog, future: Future[Status]) -> Status:
         cause = future.exception()
         if not isinstance(cause, KilledWorker):
             raise ConfigurationError("fleet.task_failed", reason=f"{type(cause).__name__}: {cause}")
-        died = CalstationError("fleet.worker_died", file=log.location)
-        return Status(log.location, "unreachable", error=error_of(died))
+        terminated = CalstationError("fleet.worker_died", file=log.location)
+        return Status(log.location, "unreachable", error=error_of(terminated))
     status: Status = future.result(timeout=_FETCH_TIMEOUT)
     if status.outcome == "refused":
         raise ConfigurationError(status.error["error_code"], **values_from_json(status.error["error_values"]))

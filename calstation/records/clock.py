@@ -1,4 +1,4 @@
-"""Time stamps of a recording: wraps, steps back and jumps of its clock are counted, and its time made continuous."""
+"""Continuous time from the time stamps of a recording; wraps, steps back and jumps of its clock are counted."""
 
 from dataclasses import dataclass
 
@@ -51,10 +51,10 @@ class TimeReport:
 class ClockUnwrapper:
     """Makes the time stamps of a recording increase, chunk by chunk.
 
-    A fall from the end of the range of the clock to its start is a wrap: 2^16 or 2^32 units of the time stamps, a day
-    or a GPS week. At another fall, the clock was set back: with a counter the time continues by the counter, without
-    one after a gap of one sample. A fall after which the times return within a few rows is an error: the rows are out
-    of order.
+    A decrease from the end of the range of the clock to its start is a wrap: 2^16 or 2^32 units of the time stamps, a
+    day or a GPS week. At another decrease, the clock was set back: with a counter, the time continues as the counter
+    does, and without one after a gap of one sample. A decrease after which the times return within a few rows is an
+    error, because the rows are out of order.
     """
 
     def __init__(self, period: float, unit: float, report: TimeReport) -> None:
@@ -63,7 +63,7 @@ class ClockUnwrapper:
         self._moduli = (*(modulus * unit for modulus in SEQUENCE_MODULI[1:]), _DAY, _WEEK)
         self._last: tuple[float, int] | None = None
         self._offset = 0.0
-        self._fall: tuple[int, float, float] | None = None
+        self._decrease: tuple[int, float, float] | None = None
 
     def feed(self, time: FloatArray, seq: IntArray | None) -> tuple[FloatArray, list[int]]:
         """Return the continuous time of the next samples, s, shape (n,), and the rows where the clock was set back.
@@ -80,21 +80,21 @@ class ClockUnwrapper:
         offsets, set_back = np.full(len(time), self._offset), list[int]()
         for k in np.flatnonzero(jumped).tolist():
             before = float(time[k]) - float(steps[k])
-            falls = self._report.steps_back
+            count = self._report.steps_back
             if change := self._change(k, before, float(time[k]), int(counted[k]), seq is not None):
                 self._offset += change
                 offsets[k:] = self._offset
-                set_back += [k] * (self._report.steps_back - falls)
-        if self._fall is not None:
-            row, before, after = self._fall
-            self._fall = (row - len(time), before, after)
+                set_back += [k] * (self._report.steps_back - count)
+        if self._decrease is not None:
+            row, before, after = self._decrease
+            self._decrease = (row - len(time), before, after)
         return np.asarray(time + offsets), set_back
 
     def _change(self, row: int, before: float, now: float, counted: int, has_counter: bool) -> float:
         """Return the correction of the time, s, from a row on at which it does not continue."""
         if now > before:
-            if self._fall is not None and row - self._fall[0] <= _RETURN_ROWS and now > self._fall[1]:
-                first = self._fall
+            if self._decrease is not None and row - self._decrease[0] <= _RETURN_ROWS and now > self._decrease[1]:
+                first = self._decrease
                 raise SequenceError("recording.time_returns", row=max(first[0], 0), before=first[1], time=first[2])
             self._report.jumps += has_counter
             return 0.0
@@ -104,7 +104,7 @@ class ClockUnwrapper:
                 self._report.wraps += 1
                 return modulus
         if has_counter and counted <= 0:
-            return 0.0  # the counter fell too: SequenceUnwrapper decides
+            return 0.0  # the counter decreased, too: SequenceUnwrapper decides
         self._report.steps_back += 1
-        self._fall = row, before, now
+        self._decrease = row, before, now
         return before + (counted if has_counter else 2) * self._period - now
