@@ -1,5 +1,7 @@
 """The fit of coefficients over temperature against truth that is drawn point by point."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -172,3 +174,18 @@ def test_held_out_temperature_is_compared_and_not_fitted() -> None:
     test = fit_temperature(MODEL, wrong, PRIOR).held_out_test(["gyro_bias_x"])
     assert test is not None
     assert not test.passed
+
+
+def test_hysteresis_after_soaks_is_not_taken_for_a_term_in_the_rate() -> None:
+    """A unit at the end of a soak still changes by a little, in the direction from which it has come."""
+    rng = np.random.default_rng(11)
+    _, truth = polynomials(rng)
+    i = INDEX["gyro_bias_y"]
+    steps = np.sign(np.diff([25.0, *TEMPERATURES])) * (1.0 + 0.1 * (-1.0) ** np.arange(len(TEMPERATURES)))
+    points = measured(rng, lambda t, k: truth(t, k) + 0.025 * steps[k] * PRIOR.sigma[i] * np.eye(COUNT)[i])
+    points = [replace(p, rate=step * 0.05 / 60.0) for p, step in zip(points, steps, strict=True)]
+    fit = fit_temperature(MODEL, points, PRIOR)
+    assert {row.parameter for row in fit.up_down} == {"gyro_bias_x", "gyro_bias_y", "gyro_bias_z"}
+    assert fit.test.diagnosis.cause != "temperature_rate"
+    faster = [replace(p, rate=20.0 * p.rate) for p in points]
+    assert fit_temperature(MODEL, faster, PRIOR).test.diagnosis.cause == "temperature_rate"

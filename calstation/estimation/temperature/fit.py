@@ -28,6 +28,9 @@ HELD_OUT_SIGMAS = 5.0
 _SAME = 1.0
 #: Smallest number of temperatures in each direction at which hysteresis is tested.
 _MIN_OF_WAY = 2
+#: Largest rate of change of the temperature after a soak, K/min. Up to it, an error that has the sign of the rate is a
+#: hysteresis.
+_STEADY_RATE = 0.2
 #: Largest probability with which scatter is taken for a cause.
 _SCATTER_PROBABILITY = 0.005
 _HYSTERESIS = "temperature_hysteresis"
@@ -393,7 +396,7 @@ def _candidates(
         }
         if ways is not None:
             causes[_HYSTERESIS] = _columns(equations, group, ways)
-        if group not in model.rate_term and rates.any():
+        if group not in model.rate_term and np.abs(rates).max(initial=0.0) > _STEADY_RATE:
             causes["temperature_rate"] = _columns(equations, group, rates)
         most, freedom = projector.explained(equations.observed, _each_point(equations, group))
         for cause, added in causes.items():
