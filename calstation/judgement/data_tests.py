@@ -20,6 +20,7 @@ from calstation.estimation.common import (
 )
 from calstation.judgement.changed_unit import ChangedUnit
 from calstation.judgement.gross_errors import gross_error, heading_test
+from calstation.judgement.over_temperature import sensor_test
 from calstation.judgement.sample_faults import clipped, sample_test
 from calstation.judgement.table_motion import TableMotion, table_motion
 from calstation.physics import PARAMETERS, BoolArray, FloatArray, group_indices, kernel
@@ -67,7 +68,8 @@ class DataTests:
 
     def sample_fault(self, samples: SampleBlock, data: StageData) -> Diagnosis | None:
         """Return the first fault of the samples of a stage that cannot be solved; None if there is none."""
-        tests = [_worst_clipping(samples, self._context), *sample_test(samples, data, self._context, self._motion)]
+        tests = [*self._sensor(samples), _worst_clipping(samples, self._context)]
+        tests += sample_test(samples, data, self._context, self._motion)
         return next((test.diagnosis for test in tests if not test.passed), None)
 
     def require_configuration(self, stage: str, samples: SampleBlock, data: StageData) -> None:
@@ -90,7 +92,7 @@ class DataTests:
         """Test the samples of the started stage; this needs no solution and may be done while it is computed."""
         model = self._context.temperature
         clocks = sample_clocks(samples, self._context.imu.sample_rate, None if model is None else model.reference)
-        tests = [_worst_clipping(samples, self._context), *self._clock(clocks)]
+        tests = [*self._sensor(samples), _worst_clipping(samples, self._context), *self._clock(clocks)]
         tests += sample_test(samples, data, self._context, self._motion)
         tests += heading_test(self._motion, self._context, self._prior)
         return TestedSamples(clocks, tests)
@@ -132,6 +134,10 @@ class DataTests:
         }
         diagnosis = Diagnosis("sample_clock", clock.offset, clock.sigma, values=values)
         yield ModelTest("sample_clock", abs(clock.offset), largest, "1", diagnosis)
+
+    def _sensor(self, samples: SampleBlock) -> list[ModelTest]:
+        """Return the test of the temperature sensor in a chamber."""
+        return [] if self._context.temperature is None else sensor_test(samples, self._context.imu.sample_rate)
 
     def _temperature(self) -> ModelTest:
         low, high = min(self._temperatures), max(self._temperatures)

@@ -26,7 +26,9 @@ _MODEL_DEPENDENT: frozenset[CheckKind] = frozenset({
 
 
 #: Kinds of checks of the data, whose causes come before those of the site.
-_OF_DATA: frozenset[CheckKind] = frozenset({"clipping", "samples", "sample_clock", "sigma_below", "within"})
+_OF_DATA: frozenset[CheckKind] = frozenset({
+    "clipping", "samples", "sample_clock", "temperature_sensor", "sigma_below", "within",
+})  # fmt: skip
 #: Kinds of checks of the site and of the mounting, the most certain first.
 _OF_SITE: tuple[CheckKind, ...] = ("latitude", "heading", "start_attitude")
 #: Deviation of the heading, in units of its limit, above which no effect is its cause.

@@ -1,19 +1,27 @@
-"""Comparison with limits over a range of temperatures: worst value, largest sigma, and hysteresis."""
+"""Judgement over a range of temperatures: worst value and largest sigma, hysteresis, and the temperature sensor."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from calstation.estimation import Diagnosis, Estimate, Solution
+from calstation.estimation import Diagnosis, Estimate, ModelTest, Solution
+from calstation.estimation.common import SampleBlock
 from calstation.estimation.temperature import TemperatureFit, UpDown
 from calstation.judgement.check import Check, Where
-from calstation.physics import INDEX, PARAMETERS, entry_of
+from calstation.physics import INDEX, PARAMETERS, FloatArray, entry_of
 from calstation.records import Limit
 
 #: Smallest difference between rising and falling temperature that counts, in sigmas: of 30 parameters, one is larger in
 #: 10 million runs.
 _UP_DOWN_SIGMAS = 6.0
+
+#: Window in which a unit is steady, s, and largest change of its temperature and of the air from one half of it to the
+#: other, K: a unit with a time constant of 10 min is then within 2 K of its final temperature.
+_STEADY_TIME, _STEADY_CHANGE = 60.0, 0.1
+#: Largest change of the difference between unit and air over the range, K, and its additional part of the difference,
+#: because the self-heating depends on the density of the air.
+_LARGEST_CHANGE, _PART_OF_HEATING = 3.0, 0.25
 
 
 def fit_over_temperature(solutions: Sequence[Solution]) -> TemperatureFit | None:
@@ -76,3 +84,48 @@ def check_up_down(solution: Solution, limits: Mapping[str, Limit], near: float) 
     values = {"parameter": worst.parameter, "group": PARAMETERS[i].group}
     hysteresis = Diagnosis("temperature_hysteresis", worst.difference, worst.sigma, unit, shifts, values)
     return [replace(check, diagnosis=hysteresis)]
+
+
+def sensor_test(samples: SampleBlock, rate: float) -> list[ModelTest]:
+    """Test whether the temperature sensor of a unit follows the air of the chamber from soak to soak.
+
+    A unit that is steady is warmer than the air by its self-heating. Returns [] without the temperature of the air, or
+    if the unit is steady at one temperature only. `rate` is the sample rate, Hz.
+    """
+    width = round(_STEADY_TIME * rate)
+    count = len(samples) // max(width, 1)
+    if count < 2 or not samples.chamber.shape[1]:
+        return []
+    unit, air = (
+        values[: count * width].reshape(count, width) for values in (samples.temperature, samples.chamber[:, 0])
+    )
+    halves = np.stack([_means(unit), _means(air)])
+    steady = np.all(np.abs(halves[:, :, 1] - halves[:, :, 0]) <= _STEADY_CHANGE, axis=0)
+    units, airs = halves[:, steady].mean(axis=2)
+    if not len(airs) or np.ptp(airs) < 2.0 * _LARGEST_CHANGE:
+        return []
+    differences = units - airs
+    low, high = int(differences.argmin()), int(differences.argmax())
+    size = float(differences[high] - differences[low])
+    limit = _LARGEST_CHANGE + _PART_OF_HEATING * abs(float(np.median(differences)))
+    first, last = sorted((low, high))
+    values = {
+        "first_air_c": float(airs[first]),
+        "first_unit_c": float(units[first]),
+        "last_air_c": float(airs[last]),
+        "last_unit_c": float(units[last]),
+    }
+    diagnosis = Diagnosis("temperature_sensor", size, unit="K", values=values)
+    return [ModelTest("temperature_sensor", size, limit, "K", diagnosis)]
+
+
+def _means(values: FloatArray) -> FloatArray:
+    """Return the means of the known values of both halves of windows, shape (n, 2); NaN if none is known.
+
+    `values` has the shape (n, m); NaN is unknown.
+    """
+    halves = np.array_split(values, 2, axis=1)
+    counts = [np.count_nonzero(~np.isnan(half), axis=1) for half in halves]
+    sums = [np.nansum(half, axis=1) for half in halves]
+    means = [total / np.where(count, count, np.nan) for total, count in zip(sums, counts, strict=True)]
+    return np.stack(means, axis=1)

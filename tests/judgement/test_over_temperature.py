@@ -8,9 +8,10 @@ import pytest
 
 from calstation.config import RunRequest, load_configuration
 from calstation.estimation import Solution
-from calstation.estimation.common import Consistency, Posterior, TemperatureModel
+from calstation.estimation.common import Consistency, Posterior, SampleBlock, TemperatureModel
 from calstation.estimation.temperature import TemperaturePoint, fit_temperature
 from calstation.judgement import check_limits, judge, unobservable
+from calstation.judgement.over_temperature import sensor_test
 from calstation.physics import COUNT, INDEX, NAMES, PARAMETERS
 from calstation.records import Limit
 
@@ -90,3 +91,29 @@ def test_probability_of_a_wrong_decision_is_that_at_the_worst_temperature() -> N
     scaled = np.array([limit if c.parameter == BIAS and c.power == 1 else 0.0 for c in columns])
     solution = replace(solution, temperature=replace(solution.temperature, scaled=scaled))
     assert judge(meta, PRIOR, (solution,)).conformity.parameters[NAME].probability == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("offset", "heating", "passed"),
+    [(0.0, 4.0, True), (2.0, 4.0, True), (5.0, 4.0, False), (-5.0, 4.0, False), (5.0, 20.0, True)],
+)
+def test_a_temperature_sensor_that_does_not_follow_the_chamber_is_named(
+    offset: float, heating: float, passed: bool
+) -> None:
+    """The unit changes quickly between the soaks, and the air is known once in ten samples."""
+    air, unit = [], []
+    for k, (before, at) in enumerate([(25.0, -40.0), (-40.0, 30.0), (30.0, 80.0)]):
+        approach = np.exp(-np.arange(600.0) / 60.0)
+        air += [*np.linspace(before, at, 100), *np.full(500, at)]
+        unit += [*(at + heating + (before - at) * approach + offset * (k == 2))]
+    chamber = np.where(np.arange(len(air)) % 10 == 0, air, np.nan)[:, None]
+    n = len(air)
+    columns = {"temperature": np.array(unit), "chamber": chamber}
+    samples = SampleBlock.without_table("temperature", np.arange(n), np.arange(n) + 1.0, np.zeros((n, 6)), **columns)
+    (test,) = sensor_test(samples, 1.0)
+    assert (test.passed, test.diagnosis.cause) == (passed, "temperature_sensor")
+    if offset == 5.0 and not passed:
+        assert test.value == pytest.approx(5.0, abs=0.3)
+        assert test.diagnosis.values["last_unit_c"] == pytest.approx(89.0, abs=0.3)
+    no_air = SampleBlock.without_table("temperature", np.arange(n), np.arange(n) + 1.0, np.zeros((n, 6)))
+    assert sensor_test(no_air, 1.0) == []
