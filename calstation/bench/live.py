@@ -48,7 +48,7 @@ class LiveBench:
         self.number = config.unit
         self.outbox: list[bytes] = []
         self._followers: list[LiveBench] = []
-        self._is_first = first is None
+        self._first = first
         if first is not None:
             first._followers.append(self)
             if config.body is None:
@@ -90,13 +90,14 @@ class LiveBench:
                 self.truth.imu, self.truth.table, stream_seed, thermal=self.thermal, air=self._air
             )
         else:
-            rate, begin = first._gain / self._gain, (config.power_on_s - first._power_on) * first._gain
+            #: Time of the first unit when that of this one is 0, s, at equal temperatures.
+            self._begin = (config.power_on_s - first._power_on) * first._gain
             self._stream = SensorStream(
                 self.truth.imu,
                 self.truth.table,
                 stream_seed,
-                rate=rate,
-                begin=begin,
+                rate=first._gain / self._gain,
+                begin=self._begin,
                 thermal=self.thermal,
                 air=self._air,
             )
@@ -138,7 +139,12 @@ class LiveBench:
     @property
     def device_time(self) -> float:
         """Current time of the devices, s."""
-        return (self.now - self._power_on) * self._gain
+        return (self.now - self._power_on) * self._gain - self._late
+
+    @property
+    def _late(self) -> float:
+        """Time by which the temperature has made the clock late, s."""
+        return 0.0 if self.thermal is None else self.thermal.late
 
     @property
     def sample_count(self) -> int:
@@ -251,7 +257,7 @@ class LiveBench:
             self._stream.carry((outer, inner), rest, self.device_time)
 
     def _produce(self, now: float) -> bytes:
-        if self._is_first and self.chamber is not None:
+        if self._first is None and self.chamber is not None:
             self.chamber.advance(now)
         for follower in self._followers:
             follower.outbox.append(follower.advance(now))
@@ -262,13 +268,16 @@ class LiveBench:
         count = int(self.device_time / interval + 1e-6) - first
         if count <= 0:
             return b""
+        if self._first is not None and isinstance(self._stream, SensorStream):
+            rate = self._first._gain / self._gain
+            self._stream.begin = self._begin + rate * self._late - self._first._late
         if isinstance(self._stream, ManualRigStream | BodyStream):
             output = self._stream.produce(count)
         elif isinstance(self._stream, GimbalStream):
             output = self._stream.produce(count, self.unit.correction().gyro)
         else:
             output = self._stream.produce(count, *self.machine.drive.profiles)
-        if self._is_first:
+        if self._first is None:
             self.machine.advance(self.device_time)
         ends = np.arange(first + 1, first + count + 1, dtype=np.float64) * interval
         frames = self.unit.frames(self.faults.samples(output, middle), ends)

@@ -5,8 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calstation.estimation.common import ImuModel, RestResiduals, SampleBlock
+from calstation.bench.chamber import ChamberMachine, ChamberSettings
+from calstation.bench.truth import GRADES, GRID, ThermalSettings, UnitThermal
+from calstation.estimation.common import ImuModel, Posterior, RestResiduals, SampleBlock
+from calstation.judgement import DataTests
 from calstation.judgement.data_tests import MISSING_SAMPLES, clipping_test, sample_clocks, temperature_coefficients
+from calstation.records import context_from_meta
+from tests.thermal_results import thermal_meta
 
 RATE = 200.0
 PEAK = np.deg2rad(20.0)
@@ -132,6 +137,31 @@ def test_clock_that_changes_with_temperature_is_compared_at_the_reference():
     clock = sample_clocks(samples, 10.0, 25.0)["station"]
     assert clock.offset == pytest.approx(5e-6, abs=4.0 * clock.sigma)
     assert clock.sigma < 1e-6
+
+
+@pytest.mark.parametrize(("drift", "fails"), [(0.0, False), (3e-8, True)])
+def test_a_clock_that_follows_the_temperature_is_good_and_one_that_drifts_is_not(drift: float, fails: bool) -> None:
+    """The unit and the chamber are those of the bench; the drift is 300 ppm in the three hours of the run."""
+    machine = ChamberMachine(ChamberSettings())
+    thermal = UnitThermal(ThermalSettings(clock_ppm=60.0), GRADES["mems"].sigma, 23.0, np.random.default_rng(1))
+    machine.start()
+    rows = []
+    for step in range(round(10_800.0 / GRID)):
+        now = step * GRID
+        machine.set_point = (25.0, -42.0, 0.0, 45.0, 82.0, 20.0)[int(now // 1800.0)]
+        machine.advance(now)
+        thermal.step(machine.truth.air, np.array([0.0, 0.0, 1.0]))
+        rows.append((now, now - thermal.late - 0.5 * drift * now**2, thermal.sensed(now)))
+    station, device, warmth = np.array(rows).T
+    seq = np.arange(int(device[-1] * 10.0))
+    nominal = seq / 10.0
+    read = np.interp(nominal, device, station) + np.random.default_rng(2).uniform(0.0, 0.005, len(seq))
+    samples = replace(block(nominal, read), seq=seq, temperature=np.interp(nominal, device, warmth))
+    meta = thermal_meta()
+    tests = DataTests(meta, context_from_meta(meta), Posterior(np.zeros(30), np.eye(30)))
+    (test,) = tests._clock(sample_clocks(samples, 10.0, 25.0))
+    assert test.passed != fails
+    assert abs(sample_clocks(samples, 10.0)["station"].offset) > 20e-6
 
 
 def test_temperature_coefficients_are_estimated_from_the_rests():

@@ -342,7 +342,7 @@ class SensorStream:
         self._model = imu.error_model()
         self._chain = table.chain()
         self._field = np.array([table.up_force_n, table.earth_rate_n]) / rate
-        self._table_interval, self._begin = self.interval * rate, begin
+        self._table_interval, self.begin = self.interval * rate, begin
         drifts = imu.gyro_bias_instability != 0.0 or imu.accel_bias_instability != 0.0
         self._digitiser = Digitiser(imu, instability=drifts)
         if drifts:
@@ -360,7 +360,7 @@ class SensorStream:
 
     def produce(self, count: int, outer: JointProfile, inner: JointProfile) -> StreamOutput:
         """Return the next `count` samples while the joints follow these profiles."""
-        if self._thermal is None:
+        if self._thermal is None or not count:
             return self._produce(count, outer, inner)
         cell_size = max(1, round(GRID / self.interval))
         parts = []
@@ -376,7 +376,7 @@ class SensorStream:
 
     def _enter_cell(self, thermal: UnitThermal, outer: JointProfile, inner: JointProfile) -> None:
         """Advance the temperatures to the next part of the time, in which the parameters are constant."""
-        now = np.array([self.produced * self._table_interval - self._begin])
+        now = np.array([self.produced * self._table_interval + self.begin])
         outer_angle, inner_angle = (float(joint.states(now)[0, 0]) for joint in (outer, inner))
         force = self._field[0]
         up = force / np.linalg.norm(force)
@@ -388,7 +388,7 @@ class SensorStream:
         vibration = self._vibration
         velocity = vibration.velocities(normals[:, -6:]) if vibration.active else np.zeros((count + 1, 3))
         velocity += self._base.velocity(self.produced, count)
-        outer, inner = _delayed(outer, -self._begin), _delayed(inner, -self._begin)
+        outer, inner = _delayed(outer, -self.begin), _delayed(inner, -self.begin)
         increments = self._increments(velocity, outer, inner)
         effects = self._imu.effects
         for delay in np.unique(effects.delay[effects.delay != 0.0] if not effects.low_pass else effects.delay).tolist():

@@ -43,6 +43,9 @@ _SHARES = {
 }
 #: Bias at 1 K/min and half the width of the bias hysteresis, relative to the size of the dependence.
 _RATE_SHARE, _HYSTERESIS_SHARE = 0.02, 0.005
+#: Difference from the reference at which the clock of the unit is slower by `clock_ppm`, K; it is a quartz, whose rate
+#: decreases with the square of the difference.
+_CLOCK_SPAN = 60.0
 #: Half the temperature change that reverses the hysteresis, K.
 _PLAY = 8.0
 
@@ -61,6 +64,7 @@ class ThermalSettings(BaseModel):
     dependence: NonNegative = 1.0
     rate_term: NonNegative = 1.0
     hysteresis: NonNegative = 1.0
+    clock_ppm: float = 20.0
 
 
 class ChamberAir:
@@ -85,7 +89,8 @@ class ChamberAir:
 class UnitThermal:
     """Temperatures and parameters of one unit.
 
-    `sensor`, `gyro` and `accel` are the temperatures of temperature sensor, gyros and accelerometers, °C.
+    `sensor`, `gyro` and `accel` are the temperatures of temperature sensor, gyros and accelerometers, °C. The clock of
+    the unit is late by `late`, s.
 
     Parameters
     ----------
@@ -114,6 +119,7 @@ class UnitThermal:
         self._slopes, self._loops = draw(-1.0, 1.0, (2, COUNT))
         self._place = np.array([1 if p.sensor == "gyro" else 2 for p in PARAMETERS])
         self._is_bias = np.array([p.group.endswith("_bias") for p in PARAMETERS])
+        self.late = 0.0
         self.stuck: float | None = None
         self.offset = 0.0
         self.jumps_until = -np.inf
@@ -135,6 +141,7 @@ class UnitThermal:
         aims = self._case + np.array([0.0, self._gradient, -0.5 * self._gradient])
         self._places += (aims - self._places) * -np.expm1(-GRID / _PLACES)
         self._rates = (self._places - before) / GRID
+        self.late += GRID * 1e-6 * settings.clock_ppm * ((self._case - REFERENCE) / _CLOCK_SPAN) ** 2
         self._play = np.clip(self._play, self._places - _PLAY, self._places + _PLAY)
 
     def sensed(self, time: float) -> float:
