@@ -4,12 +4,25 @@ import logging
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from calstation.api import Design, ExportCheck, Log, Result, apply, design, export, open, resolve, run, simulate
+    from calstation.api import (
+        Design,
+        ExportCheck,
+        Log,
+        Result,
+        TemperatureDesign,
+        apply,
+        design,
+        export,
+        open,
+        resolve,
+        run,
+        simulate,
+    )
     from calstation.errors import CalstationError
 
 __version__: str
 __all__ = [
-    *("CalstationError", "Design", "ExportCheck", "Log", "Result", "__version__"),
+    *("CalstationError", "Design", "ExportCheck", "Log", "Result", "TemperatureDesign", "__version__"),
     *("apply", "design", "export", "open", "resolve", "run", "simulate"),
 ]
 

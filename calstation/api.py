@@ -13,9 +13,18 @@ from typing import cast, get_args
 
 import numpy as np
 
-from calstation.config import DEFAULT_PRODUCT, RunRequest, library, read_text, with_product
+from calstation.config import RunRequest, library, load_product, read_text, with_product
 from calstation.database import start_exchange
-from calstation.designer import Design, DesignRequest, design_schedule, designed_product
+from calstation.designer import (
+    Design,
+    DesignRequest,
+    TemperatureDesign,
+    design_schedule,
+    design_temperature,
+    designed_product,
+    temperature_product,
+    unit_properties,
+)
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.estimation.common import SampleBlock, join_blocks
 from calstation.exports import ExportCheck, ExportSource, export_calibration
@@ -30,7 +39,7 @@ from calstation.sequencer import Fault, Finalized, StageProgress, StageStarted
 from procedures import method
 
 __all__ = [
-    *("CalstationError", "Design", "ExportCheck", "Log", "Result"),
+    *("CalstationError", "Design", "ExportCheck", "Log", "Result", "TemperatureDesign"),
     *("apply", "design", "export", "open", "resolve", "run", "simulate"),
 ]
 
@@ -331,9 +340,14 @@ def design(
     progress: Progress | None = None,
     *,
     time_limit: float | None = None,
+    time_constant: float | None = None,
+    self_heating: float | None = None,
+    measured: Log | None = None,
     out: str | Path | None = None,
-) -> Design:
+) -> Design | TemperatureDesign:
     """Find the shortest schedule that reaches a product's limits, as ``calstation design`` does.
+
+    The schedule of a product with ``[temperature]`` is one over temperature, for a station with a chamber.
 
     Parameters
     ----------
@@ -342,18 +356,33 @@ def design(
     margin : fraction of its limit that no sigma may exceed
     progress : function that is called with the progress of the search
     time_limit : longest duration of the search, s; None for the usual effort
+    time_constant : over temperature, that of the unit in the air of the chamber, s; None for the measured one, or 600 s
+    self_heating : over temperature, difference of the unit from the air, K; None for the measured one, or 0
+    measured : over temperature, recording of the unit in the chamber, which determines both
     out : product file to write, with the new schedule; None for no file
 
     Returns
     -------
-    Design
-        The moves, their duration and the sigmas at their end
+    Design or TemperatureDesign
+        The schedule, its ``duration``, s, and its ``worst`` sigma, relative to its limit
     """
-    stored, chosen = library.locate("stations", Path(station)), _product(product)
-    design = design_schedule(_report(progress), DesignRequest(stored, chosen, margin, time_limit=time_limit))
+    path, content = load_product(_product(product))
+    stored, report = library.locate("stations", Path(station)), _report(progress)
+    request = DesignRequest(stored, path, margin, time_limit=time_limit)
+    design: Design | TemperatureDesign
+    if content.temperature is None:
+        given = {"time_constant": time_constant, "self_heating": self_heating, "measured": measured}
+        for option, value in given.items():
+            if value is not None:
+                raise ConfigurationError("design.without_temperature", option=option)
+        design = design_schedule(report, request)
+        text = designed_product(read_text(path), design)
+    else:
+        log = None if measured is None else measured._stored
+        design = design_temperature(report, request, *unit_properties(log, time_constant, self_heating))
+        text = temperature_product(read_text(path), design)
     if out is not None:
-        present = read_text(chosen or library.find("products", DEFAULT_PRODUCT))
-        Path(out).write_text(designed_product(present, design), encoding="utf-8")
+        Path(out).write_text(text, encoding="utf-8")
     return design
 
 

@@ -7,4 +7,10 @@ from calstation.designer.design import STAGE, Design, DesignRequest, Variation, 
 from calstation.designer.designer import design_schedule
 from calstation.designer.soaking import measured_thermal
 from calstation.designer.stages import ShorterStages, shorten_stages, shorter_product
-from calstation.designer.temperature import TIME_CONSTANT, TemperatureDesign, design_temperature, temperature_product
+from calstation.designer.temperature import (
+    TIME_CONSTANT,
+    TemperatureDesign,
+    design_temperature,
+    temperature_product,
+    unit_properties,
+)

@@ -12,12 +12,13 @@ from calstation.config import RunRequest, check_chamber, check_manual_rig, edit_
 from calstation.designer.design import SERIAL, DesignRequest, Reached, multiline
 from calstation.designer.designer import design_schedule
 from calstation.designer.prediction import Prediction, optimal_nodes, with_assumed_orders
-from calstation.designer.soaking import Course, Thermal, course_of
+from calstation.designer.soaking import Course, Thermal, course_of, measured_thermal
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import TemperatureModel
 from calstation.jobs import ProgressCallback
 from calstation.parsing import parse_toml
 from calstation.physics import GROUPS, NAMES, Dwell, FloatArray, Move, Step
+from calstation.records import Log
 from calstation.results import one_blas_thread
 from calstation.schema import KeyPath, validate
 from calstation.sequencer import chamber_limits, check_limits
@@ -68,6 +69,16 @@ class TemperatureDesign:
     def chosen(self) -> TemperatureSchedule:
         """The schedule that is written."""
         return self.ramp if self.is_ramp else self.soak
+
+    @property
+    def duration(self) -> float:
+        """Time in the chamber with the schedule that is written, s."""
+        return self.chosen.course.duration
+
+    @property
+    def worst(self) -> float:
+        """Largest sigma over the range with this schedule, relative to its limit."""
+        return self.chosen.worst
 
     @property
     def rows(self) -> Iterator[tuple[str, TemperatureSchedule | None]]:
@@ -121,6 +132,23 @@ def design_temperature(
     """
     with one_blas_thread():
         return _Designer(report, request, time_constant, self_heating).run()
+
+
+def unit_properties(
+    measured: Log | None, time_constant: float | None, self_heating: float | None
+) -> tuple[float, float]:
+    """Return the time constant of a unit, s, and its self-heating, K: the stated, the measured, or the assumed ones.
+
+    Raises InputError if the log does not determine them.
+
+    Parameters
+    ----------
+    measured : log of the unit in a chamber; None if there is none
+    time_constant : stated time constant, s; None for the measured or the assumed one
+    self_heating : stated self-heating, K; None for the measured or the assumed one
+    """
+    tau, heating = (TIME_CONSTANT, 0.0) if measured is None else measured_thermal(measured)
+    return time_constant or tau, heating if self_heating is None else self_heating
 
 
 def temperature_product(text: str, design: TemperatureDesign) -> str:

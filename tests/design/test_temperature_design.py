@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import calstation as cs
 from calstation.config import RunRequest, check, library, load_configuration, load_product, read_text
 from calstation.designer import DesignRequest, design_temperature, measured_thermal, temperature_product
 from calstation.designer.prediction import Prediction, optimal_nodes
@@ -231,3 +232,22 @@ def test_predicted_sigmas_are_those_of_a_simulated_solution() -> None:
     prediction = Prediction(case.meta(), section.model(), steps, setup.table.settle_s)
     predicted = prediction.sigmas([(t, 0.0) for t in temperatures]).max(axis=0)
     assert predicted / solved == pytest.approx(np.ones(COUNT), abs=0.1)
+
+
+@pytest.mark.long
+def test_python_designs_over_temperature_as_the_command_does(tmp_path: Path) -> None:
+    file = tmp_path / "designed.toml"
+    made = cs.design("mems_c_thermal", "virtual_chamber", 0.9, time_constant=270.0, self_heating=4.0, out=file)
+    same = design(margin=0.9, time_constant=270.0, self_heating=4.0)
+    assert isinstance(made, cs.TemperatureDesign)
+    assert made.to_json() == same.to_json()
+    assert (made.duration, made.worst) == (same.soak.course.duration, same.soak.worst)
+    assert (
+        tomllib.loads(file.read_text(encoding="utf-8"))["schedule"]["temperature"]["points_c"]
+        == (same.soak.schedule["points_c"])
+    )
+
+
+def test_python_refuses_properties_of_a_chamber_for_a_product_of_one_temperature() -> None:
+    with raises_code(ConfigurationError, "design.without_temperature"):
+        cs.design("mems_c_fast", time_constant=270.0)

@@ -16,7 +16,6 @@ from calstation.cli.show import emit, job_progress, new_table, plain_console, sh
 from calstation.cli.text import say
 from calstation.config import load_product, read_text
 from calstation.designer import (
-    TIME_CONSTANT,
     Design,
     DesignRequest,
     ShorterStages,
@@ -24,10 +23,10 @@ from calstation.designer import (
     design_schedule,
     design_temperature,
     designed_product,
-    measured_thermal,
     shorten_stages,
     shorter_product,
     temperature_product,
+    unit_properties,
 )
 from calstation.errors import ConfigurationError
 from calstation.jobs import on_stop_signals
@@ -80,10 +79,9 @@ def design(
     if content.temperature is not None:
         given = {"--duration": duration, "--as-present": as_present or None, "--keep-stages": keep_stages or None}
         _refuse(given, "design.with_temperature")
-        tau, heating = (TIME_CONSTANT, 0.0) if measured is None else measured_thermal(open_log(measured))
-        tau, heating = time_constant or tau, heating if self_heating is None else self_heating
+        unit = unit_properties(None if measured is None else open_log(measured), time_constant, self_heating)
         with job_progress(say("cli.designing"), _step) as progress:
-            design = design_temperature(progress, request, tau, heating)
+            design = design_temperature(progress, request, *unit)
         write_atomic(out, temperature_product(present, design))
         emit(design.to_json(), json, ())
         if json != "-":
