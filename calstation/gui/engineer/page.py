@@ -200,7 +200,7 @@ class EngineerPage(Page):
         """Show a run live; after it, clear the serial number, restore the product's stages, and show its remarks."""
         self._start_dialog.drop()
         if running and not self.app.run.register_operation:
-            self.analysis.close()
+            self._close_result()
             live = self._views.indexOf(self._live)
             self._tabs.setTabVisible(live, True)
             self._tabs.setCurrentIndex(live)
@@ -275,7 +275,7 @@ class EngineerPage(Page):
             return
         if not slots:
             if serial != self.analysis.serial and self._why_no_serial() is None:
-                self.analysis.close()
+                self._close_result()
             return
         if slots.units and not serial:
             self._header.start_button.setFocus()
@@ -289,6 +289,11 @@ class EngineerPage(Page):
             slots.fill(slots.next, serial, history.attempts(serial), passed=passed)
         else:
             self.notice.ask("caution", refusal or "", "")
+
+    def _close_result(self) -> None:
+        """Close the result of an earlier run."""
+        self.analysis.close()
+        self._tabs.setTabVisible(self._views.indexOf(self.analysis.over_temperature), False)
 
     def _start(self) -> None:
         """Ask the questions before a start; units in slots that are not displayed are shown first."""
