@@ -56,7 +56,8 @@ def test_real_captures_are_imported_without_loss(
 ) -> None:
     done = calstation("import", CAPTURES / file, "--imu", name, "-o", tmp_path / "x.h5")
     assert done.code == 0, done.err
-    assert f"{samples} samples, 0 gaps, 0 packets failed their check, 0 bytes skipped" in done.err
+    counted = f"{samples} {'sample' if samples == 1 else 'samples'}, 0 gaps, 0 packets failed their check"
+    assert f"{counted}, 0 bytes skipped" in done.err
 
 
 def test_a_capture_of_another_unit_is_refused(calstation: Run, tmp_path: Path) -> None:
@@ -156,7 +157,7 @@ def test_look_shows_what_was_understood_and_writes_nothing(calstation: Run, tmp_
     (tmp_path / "rec.toml").write_text(FIELD_TOML)
     done = calstation("import", tmp_path / "rec.csv", "--look")
     assert "gyro_x from 'gyro_x [deg/s]', deg/s" in done.out
-    assert "1 repeated rows left out" in done.out
+    assert "1 repeated row left out" in done.out
     assert "1 damaged rows" in done.out
     assert "g instead of m/s" in done.out.replace("\n", " ")
     assert not list(tmp_path.glob("*.h5"))
@@ -164,4 +165,4 @@ def test_look_shows_what_was_understood_and_writes_nothing(calstation: Run, tmp_
     assert (done.code, "-o LOG" in done.err) == (2, True)
     done = calstation("import", tmp_path / "rec.csv", "-o", tmp_path / "rec.h5")
     assert done.code == 0
-    assert "1 damaged rows lost (samples 199…199), 1 repeated rows left out" in done.err.replace("\n", " ")
+    assert "1 damaged rows lost (samples 199…199), 1 repeated row left out" in done.err.replace("\n", " ")

@@ -154,7 +154,7 @@ CASES: dict[str, tuple[Callable[[SiteFolder], None], str, str, dict[str, object]
     "passed": (passed, f"{SERIAL} has already passed", "repeat", {}),
     "attempts": (
         failed,
-        "It was outside its limits 1 times in a row. Allow one more attempt?",
+        "It was outside its limits 1 time in a row. Allow one more attempt?",
         "beyond",
         {"beyond_attempts": True},
     ),
