@@ -38,12 +38,13 @@ class _SlotTile(Tile):
         policy = self.action.sizePolicy()
         policy.setRetainSizeWhenHidden(True)  # the names in all tiles stay at the same height
         self.action.setSizePolicy(policy)
-        head = row(self._icon, (self._name, 1), self._last_icon, (self._last, 4), spacing=theme.GRID)
+        head = row(self._icon, (self._name, 1), self._last_icon, (self._last, 9), spacing=theme.GRID)
         unit = row((column(None, self._serial, self._note, None, spacing=0), 1), self.action, spacing=theme.GRID)
         margins = (theme.GRID, theme.GRID // 4, theme.GRID, theme.GRID // 4)
         column(None, head, unit, None, on=self, spacing=0, margins=margins)
         pass_clicks(self._icon, self._name, self._last_icon, self._last, self._serial, self._note)
         self._name.setText(slot.name)
+        self._name.setMinimumWidth(3 * theme.GRID)
         self._name.setFont(theme.font(theme.SECTION))
         self.clicked.connect(lambda: slots.choose(slot))
 
@@ -68,7 +69,7 @@ class _SlotTile(Tile):
         if slot.last is not None:
             serial, state = slot.last
             last = say("operator.last_unit", serial=serial, state=term("badge", state))
-            self._last.setText(f"{term('badge', state)}  {serial}")
+            self._last.setText(f"{term('badge', state)} {serial}")
             self._last_icon.set_kind(KINDS.get(state, "none"))
         self._last_icon.setVisible(bool(last))
         self._last.setVisible(bool(last))
