@@ -9,11 +9,12 @@ from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QPushButton, Q
 from calstation.config import ConfirmationRequired, RunRequest, computer_user
 from calstation.errors import InputError
 from calstation.gui.operator.production import document_buttons
+from calstation.gui.widgets import StateIcon
 from calstation.jobs import ProgressCallback
 from calstation.messages import Language, Text
 from calstation.records import Verdict
 from calstation.reports import IssueState, ReportRequest
-from calstation.sequencer import Message
+from calstation.sequencer import Fault, Message, StateChanged
 from tests.gui.conftest import Operator, result_with
 from tests.gui.test_units import FAILED, begin, click, end_unit, serials, started, tile, use_slots
 
@@ -117,9 +118,31 @@ def test_slots_show_the_last_verdicts_while_the_next_units_are_scanned(operator:
     operator.window.app.set_language("zh_CN")
     assert "上一台：SN-000002 不合格" in tile(operator, "slot_2_tile").accessibleName()
     shown = [each.text() for each in tile(operator, "slot_2_tile").findChildren(QLabel) if each.isVisible()]
-    assert "不合格  SN-000002" in shown
+    assert "不合格 SN-000002" in shown
     operator.window.app.set_station(operator.site_folder.station)  # the units of another station are not meant
     assert "上一台" not in tile(operator, "slot_2_tile").accessibleName()
+
+
+def test_paused_batch_and_next_step_after_a_fault_of_the_table(operator: Operator) -> None:
+    use_slots(operator, 2)
+    begin(operator)
+    emit = operator.window.app.engine_link.event.emit
+    icon = tile(operator, "unit_1_tile").findChild(StateIcon)
+    assert icon is not None
+    assert icon._kind == "active"
+    emit(StateChanged("paused", "running"))
+    operator.until(lambda: icon._kind == "paused")
+    assert "2 units  ·  PAUSED" in operator.window.windowTitle()
+    emit(StateChanged("running", "paused"))
+    end_unit(operator, "1", "passed", **PASSED)
+    emit(Fault("TableFaultError", "", 3, "run.engine_ended", {"exit_code": -9, "station_options": ""}))
+    operator.window.app.engine_link._end()
+    operator.press("acknowledge_button")
+    says = operator.widget("message_label", QLabel).text
+    operator.until(lambda: says().startswith("Scan the units to begin again"))  # one of them has no verdict
+    assert "1 passed, 1 fault" in operator.window.windowTitle()
+    operator.window.app.set_language("zh_CN")
+    assert says().startswith("扫描这些产品，从头再来")
 
 
 def test_unit_scanned_again_is_entered_in_its_last_slot_with_a_notice(operator: Operator) -> None:

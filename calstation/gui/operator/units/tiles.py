@@ -183,7 +183,8 @@ class UnitTiles(QWidget):
             text = term("stage", stage.name)
         elif solved := [stage for stage in unit.stages if stage.state == "good"]:
             text = _named(term("stage", solved[-1].name), term("stage_state", "good"))
-        return "bad" if bad is not None else "active", text or say("operator.unit_preparing")
+        kind = KINDS["paused"] if run.state == "paused" else "active"
+        return "bad" if bad is not None else kind, text or say("operator.unit_preparing")
 
 
 def _named(name: str, text: str) -> str:
