@@ -1,6 +1,7 @@
 """Documents that are made from finished results: labels and certificates.
 
-Code that computes or evaluates values belongs in `calstation.results`.
+Code that computes or evaluates values belongs in `calstation.results`. The package has more than 15 modules, one for
+each part of a certificate, each of its file formats, and each step from its issue to its verification.
 """
 
 from calstation.reports.content import Certificate, build_certificate, certificate_number

@@ -1,4 +1,7 @@
-"""The solver chain, solving of logs, results, history and hand-over, without devices and estimators."""
+"""The solver chain, solving of logs, results, history and hand-over, without devices and estimators.
+
+The package has more than 15 modules, one for each way to create, read or pass on a result.
+"""
 
 from calstation.estimation.common import EXCESSIVE, NOTABLE, PositionResidual
 from calstation.results.building import Ending, build_result, solved_parameters, stated_by_log
