@@ -87,12 +87,12 @@ def site_folder(tmp_path: Path) -> SiteFolder:
 def corrected_site(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> SiteFolder:
     """A site folder with a unit whose registers are applied to its samples."""
     from calstation.config import library
-    from tests.site_folder import behind_registers
+    from tests.site_folder import with_corrected_output
 
     home = site_folder.folder / "home"
     (home / "imus").mkdir(parents=True)
     shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
-    (home / "imus" / "bench_nav.toml").write_text(behind_registers(shipped), encoding="utf-8")
+    (home / "imus" / "bench_nav.toml").write_text(with_corrected_output(shipped), encoding="utf-8")
     monkeypatch.setenv("CALSTATION_HOME", str(home))
     return site_folder
 

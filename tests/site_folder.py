@@ -38,7 +38,7 @@ STATION: dict[str, Any] = {
 BENCH: dict[str, Any] = {"seed": 5, "start_deg": [1.0, -1.0]}
 
 
-def behind_registers(profile: str) -> str:
+def with_corrected_output(profile: str) -> str:
     """Return a shipped profile changed to a unit whose only stream is corrected by its registers."""
     before, _, corrected = profile.partition("[corrected]\n")
     return before.replace('order = "before_registers"', 'order = "after_registers"') + corrected.split("\n", 1)[1]

@@ -175,7 +175,7 @@ class BenchConfig(Settings):
     table_transport: Literal["tcp", "rtu"] = "tcp"
     imu_protocol: ImuProtocolName = "framed"
     imu_transport: Literal["socket", "pty"] = "socket"
-    behind_registers: bool = False
+    after_registers: bool = False
     latency_s: NonNegative = 0.002
     jitter_s: NonNegative = 0.001
     clock_drift_ppm: float = 20.0

@@ -164,7 +164,7 @@ def resolve_log(
         result = result.model_copy(update={"states_added": list(added)})
         messages.insert(0, ("states_added", {"states": ", ".join(added)}))
     if log.damaged_rows:
-        damaged = [DamagedRange(rows=hole.count, seq=hole.missing) for hole in log.damaged_rows]
+        damaged = [DamagedRange(rows=rows.count, seq=rows.missing) for rows in log.damaged_rows]
         result = result.model_copy(update={"log": result.log.model_copy(update={"damaged": damaged})})
         messages.insert(0, ("log_damaged", {"file": log.path.name, **damage_summary(log.damaged_rows)}))
     messages[:0] = [("log_times", {"file": log.path.name, "what": text}) for text in log.times.irregularities]

@@ -122,9 +122,9 @@ class StageChain:
         if self._resting is not None and self._context.temperature is None:
             self._resting.feed(solver.buffer.block())
         self._data_tests.require_configuration(self._stage, solver.buffer.block(), solver.buffer.data())
-        with ThreadPoolExecutor(1) as aside:  # while the compiled passes of the solver run
+        with ThreadPoolExecutor(1) as executor:  # while the compiled passes of the solver run
             samples = solver.buffer.block(), solver.buffer.data()
-            tested = aside.submit(self._test_samples, *samples) if self._diagnostics else None
+            tested = executor.submit(self._test_samples, *samples) if self._diagnostics else None
             try:
                 solution = solver.finish(progress)
             except (np.linalg.LinAlgError, ZeroDivisionError, InputError) as exc:

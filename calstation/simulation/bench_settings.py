@@ -84,7 +84,7 @@ def _settings(setup: RunConfiguration, bench: Mapping[str, Any]) -> Settings:
         "imu_protocol": setup.imu.protocol,
         "sample_rate_hz": stream.sample_rate_hz,
         "output": stream.output,
-        "behind_registers": setup.after_registers,
+        "after_registers": setup.after_registers,
         "thermal_registers": TEMPERATURES[0] in setup.register_map.parameters,
         "outer_lever": table.outer_lever,
         "latitude_deg": site.latitude_deg,

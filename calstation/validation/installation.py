@@ -97,15 +97,15 @@ def identity() -> dict[str, str]:
     """
     installed = packages()
     versions = {name: each.version for name, each in sorted(installed.items())}
-    own = {ROOT: f"{installed[ROOT].version} ({installed[ROOT].digest[:16]})"}
-    return {"python": platform.python_version(), **versions, **own}
+    versions[ROOT] = f"{installed[ROOT].version} ({installed[ROOT].digest[:16]})"
+    return {"python": platform.python_version(), **versions}
 
 
 def installation_lines(check_stopped: CheckStopped) -> Generator[Line]:
     """Compare versions with the released list, and the files of all packages with the hashes in their records."""
     area, root, needed = "installation", ROOT, packages()
-    own = needed[root].installed
-    required = "" if own is None else (own.metadata.get_all("Requires-Python") or [""])[0]
+    program = needed[root].installed
+    required = "" if program is None else (program.metadata.get_all("Requires-Python") or [""])[0]
     version = platform.python_version()
     yield Line.compared(area, "python", "", required, version, bool(required) and version in SpecifierSet(required))
     system = f"{platform.system()} {platform.release()}, {platform.machine()}, {os.cpu_count()} × CPU"
@@ -116,7 +116,7 @@ def installation_lines(check_stopped: CheckStopped) -> Generator[Line]:
     for name, package in sorted(needed.items(), key=lambda item: (item[0] != root, item[0])):
         check_stopped()
         yield from _package_lines(name, package)
-    extras = [] if own is None else own.metadata.get_all("Provides-Extra") or []
+    extras = [] if program is None else program.metadata.get_all("Provides-Extra") or []
     for extra in (each for each in extras if each != _DEVELOPMENT):
         check_stopped()
         added = {name: package for name, package in packages(extra).items() if name not in needed}

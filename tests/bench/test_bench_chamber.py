@@ -90,12 +90,12 @@ def unit(seed: int = 1, **settings: Any) -> UnitThermal:
 
 def test_a_unit_heats_itself_and_its_places_lag() -> None:
     thermal = soaked(unit(), 23.0)
-    sensor, gyro, accel = thermal.places
+    sensor, gyro, accel = thermal.temperatures
     assert sensor == pytest.approx(27.0, abs=0.01)
     assert 0.001 < abs(gyro - sensor) <= 0.1
     assert (accel - sensor) == pytest.approx(-0.5 * (gyro - sensor), abs=1e-3)
     soaked(thermal, 60.0, 120.0)
-    assert thermal.places[0] > thermal.places[2] > thermal.places[1] > 30.0
+    assert thermal.temperatures[0] > thermal.temperatures[2] > thermal.temperatures[1] > 30.0
 
 
 def test_the_parameters_are_no_polynomials_and_have_their_values_at_the_reference() -> None:
@@ -128,7 +128,7 @@ def test_the_biases_depend_on_the_rate_and_on_where_the_temperature_came_from() 
         cold = soaked(thermal, 21.0).parameters(base)[index]
         soaked(thermal, 80.0)
         moving = soaked(thermal, 21.0, 120.0)
-        extra = moving.parameters(base)[index] - moving.steady(base, moving.places[1])[index]
+        extra = moving.parameters(base)[index] - moving.steady(base, moving.temperatures[1])[index]
         return cold - soaked(thermal, 21.0).parameters(base)[index], float(extra)
 
     hysteresis, moving = difference()
@@ -140,10 +140,10 @@ def test_the_biases_depend_on_the_rate_and_on_where_the_temperature_came_from() 
 
 def test_a_gradient_depends_on_the_attitude() -> None:
     thermal = soaked(unit(gradient_c=3.0), 23.0)
-    upright = thermal.places[1]
+    upright = thermal.temperatures[1]
     for _ in range(2000):
         thermal.step(23.0, -UP)
-    assert abs(thermal.places[1] - upright) > 0.5
+    assert abs(thermal.temperatures[1] - upright) > 0.5
 
 
 @pytest.mark.parametrize(
@@ -277,6 +277,6 @@ def test_units_of_a_batch_share_the_chamber_and_have_functions_of_their_own() ->
     assert second.thermal is not None
     assert second.sample_count == pytest.approx(first.sample_count, abs=1)
     assert b"".join(second.outbox)
-    assert second.thermal.places[0] - first.thermal.places[0] > 2.0
+    assert second.thermal.temperatures[0] - first.thermal.temperatures[0] > 2.0
     base = np.zeros(COUNT)
     assert np.abs(first.thermal.steady(base, 80.0) - second.thermal.steady(base, 80.0)).max() > 0.0

@@ -12,7 +12,7 @@ from calstation.records import read_truth, truth_path
 from calstation.results.plots import Applied
 from calstation.simulation import record_on_bench
 from tests.helpers import ignore_progress
-from tests.site_folder import behind_registers
+from tests.site_folder import with_corrected_output
 
 ZERO = np.zeros(len(NAMES))
 
@@ -48,7 +48,7 @@ def test_corrected_stream_is_not_corrected_again(recording: Path, tmp_path: Path
     profile = library.find("imus", "bench_tactical").read_text("utf-8")
     (tmp_path / "home" / "imus").mkdir(parents=True)
     own = tmp_path / "home" / "imus" / "bench_tactical.toml"
-    own.write_text(behind_registers(profile), "utf-8")
+    own.write_text(with_corrected_output(profile), "utf-8")
     now = apply_to_unit(ignore_progress, recording, None, None, ZERO, np.full(len(NAMES), 1e-3), seconds=2.0)
     assert isinstance(now, Applied)
     assert now.corrected

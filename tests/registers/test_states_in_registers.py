@@ -7,7 +7,7 @@ import pytest
 
 from calstation.config import library
 from calstation.sequencer import Message
-from tests.site_folder import SiteFolder, behind_registers
+from tests.site_folder import SiteFolder, with_corrected_output
 
 pytestmark = pytest.mark.long
 
@@ -79,4 +79,4 @@ def test_residual_effect_is_added_to_the_register(site_folder: SiteFolder, monke
 
 def corrected_stream(profile: str) -> str:
     """Return the profile of a unit whose only stream is corrected by its registers."""
-    return behind_registers(profile).replace("before_registers", "after_registers")
+    return with_corrected_output(profile).replace("before_registers", "after_registers")

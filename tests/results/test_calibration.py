@@ -25,7 +25,7 @@ from calstation.schema import load
 from tests.helpers import error_code
 from tests.records.records_samples import META
 from tests.results.test_history import refreshed, write
-from tests.site_folder import SiteFolder, behind_registers
+from tests.site_folder import SiteFolder, with_corrected_output
 
 YEAR = 365.25 * 86400.0
 
@@ -105,7 +105,7 @@ def test_prior_of_corrected_output_is_the_residual_error(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     configured, output = setup(site_folder), posterior()
-    text = behind_registers(configured.sources["imu"].text)
+    text = with_corrected_output(configured.sources["imu"].text)
     path = site_folder.folder / "after.toml"
     path.write_text(text, encoding="utf-8")
     after = replace(configured, imu=load_imu_profile(path))

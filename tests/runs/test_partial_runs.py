@@ -127,7 +127,7 @@ def test_partial_run_on_corrected_output_starts_from_the_residual_errors(correct
     for name, value in after["mean"].items():
         sigma = np.hypot(before["sigma"][name], after["sigma"][name]) + 2e-5
         assert abs(value - before["mean"][name]) < 6.0 * sigma or name.startswith("outer_lever")
-    config = {"grade": "nav", "seed": zlib.crc32(b"5 SN-000042"), "behind_registers": True}
+    config = {"grade": "nav", "seed": zlib.crc32(b"5 SN-000042"), "after_registers": True}
     truth = BenchConfig.model_validate(config).truth(1).parameters
     errors = [(after["mean"][n] - truth[INDEX[n]]) / after["sigma"][n] for n in second.result["parameters"]]
     assert np.abs(errors).max() < 4.5

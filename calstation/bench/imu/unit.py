@@ -300,7 +300,7 @@ class ImuUnit(ABC):
         status = np.where(ends >= self._started + self._config.ready_time_s, READY, 0)
         status |= np.where(output.saturated, SATURATED, 0)
         counts = output.counts[awake]
-        if self.corrected or self._config.behind_registers:
+        if self.corrected or self._config.after_registers:
             self._now = float(ends[-1])
             values = self.correction().apply(counts * self.scale)
             counts = self._requantiser.counts(values, self.scale, carry=self.increments)

@@ -27,7 +27,7 @@ _AIR, _WALL, _LEAK, _DOOR = 300.0, 900.0, 5400.0, 60.0
 _POWER, _EXCHANGER = 2.0, 20.0
 
 #: Time constants with which temperature sensor, gyros and accelerometers follow the case, s.
-_PLACES = np.array([20.0, 45.0, 35.0])
+_TIME_CONSTANTS = np.array([20.0, 45.0, 35.0])
 #: Time constant of the gradient after a change of the attitude, s.
 _GRADIENT = 30.0
 
@@ -105,19 +105,19 @@ class UnitThermal:
     ) -> None:
         self._settings = settings
         self._case = room
-        self._places = np.full(3, room)
+        self._temperatures = np.full(3, room)
         self._rates = np.zeros(3)
         self._gradient = 0.0
-        self._play = self._places.copy()
+        self._play = self._temperatures.copy()
         direction = random.standard_normal(3)
-        self._up_hill = direction / np.linalg.norm(direction)
+        self._gradient_axis = direction / np.linalg.norm(direction)
         sizes = [sigma[p.group] * _SHARES.get(p.group, 0.0) for p in PARAMETERS]
         self._size = settings.dependence * np.array(sizes)
         draw = random.uniform
         self._weights = np.clip(random.standard_normal((3, COUNT)), -2.0, 2.0) * [[1.0], [0.6], [0.4]]
         self._centres, self._widths = draw(-10.0, 60.0, (2, COUNT)), draw(120.0, 200.0, (3, COUNT))
         self._slopes, self._loops = draw(-1.0, 1.0, (2, COUNT))
-        self._place = np.array([1 if p.sensor == "gyro" else 2 for p in PARAMETERS])
+        self._index = np.array([1 if p.sensor == "gyro" else 2 for p in PARAMETERS])
         self._is_bias = np.array([p.group.endswith("_bias") for p in PARAMETERS])
         self.late = 0.0
         self.stuck: float | None = None
@@ -125,35 +125,35 @@ class UnitThermal:
         self.jumps_until = -np.inf
 
     @property
-    def places(self) -> tuple[float, float, float]:
+    def temperatures(self) -> tuple[float, float, float]:
         """Temperatures of the temperature sensor, the gyros and the accelerometers, °C."""
-        sensor, gyro, accel = self._places.tolist()
+        sensor, gyro, accel = self._temperatures.tolist()
         return sensor, gyro, accel
 
     def step(self, air: float, up: FloatArray) -> None:
         """Advance by `GRID` in air of a temperature, °C, with the direction of up in the body frame, shape (3,)."""
-        settings, slope = self._settings, float(up @ self._up_hill)
+        settings, slope = self._settings, float(up @ self._gradient_axis)
         # the air flows more freely past a hot face that is on top
         time = settings.case_time_s * (1.0 - 0.05 * slope)
         self._case += (air + settings.self_heating_c - self._case) * (1.0 - exp(-GRID / time))
         self._gradient += (settings.gradient_c * slope - self._gradient) * (1.0 - exp(-GRID / _GRADIENT))
-        before = self._places.copy()
-        aims = self._case + np.array([0.0, self._gradient, -0.5 * self._gradient])
-        self._places += (aims - self._places) * -np.expm1(-GRID / _PLACES)
-        self._rates = (self._places - before) / GRID
+        before = self._temperatures.copy()
+        targets = self._case + np.array([0.0, self._gradient, -0.5 * self._gradient])
+        self._temperatures += (targets - self._temperatures) * -np.expm1(-GRID / _TIME_CONSTANTS)
+        self._rates = (self._temperatures - before) / GRID
         self.late += GRID * 1e-6 * settings.clock_ppm * ((self._case - REFERENCE) / _CLOCK_SPAN) ** 2
-        self._play = np.clip(self._play, self._places - _PLAY, self._places + _PLAY)
+        self._play = np.clip(self._play, self._temperatures - _PLAY, self._temperatures + _PLAY)
 
     def sensed(self, time: float) -> float:
         """Return the output of the temperature sensor at device time `time`, s, in °C."""
         if self.stuck is not None:
             return self.stuck
-        return float(self._places[0]) + self.offset if time >= self.jumps_until else -128.0
+        return float(self._temperatures[0]) + self.offset if time >= self.jumps_until else -128.0
 
     def parameters(self, base: FloatArray) -> FloatArray:
         """Return the present parameters, SI, shape (30,), of a unit with parameters `base` at 25 °C."""
-        temperature, rate = self._places[self._place], self._rates[self._place]
-        loop = (temperature - self._play[self._place]) / _PLAY
+        temperature, rate = self._temperatures[self._index], self._rates[self._index]
+        loop = (temperature - self._play[self._index]) / _PLAY
         settings = self._settings
         moving = settings.rate_term * _RATE_SHARE * 60.0 * self._slopes * rate
         remaining = settings.hysteresis * _HYSTERESIS_SHARE * self._loops * loop

@@ -75,11 +75,11 @@ class ImuOutput:
 
         Raises InputError if there are none.
         """
-        found = known_temperatures(np.concatenate([block.temperature for block in self.blocks]))
-        if not over.covers(found).any():
-            over.parameters_at(found)  # raises the error
+        temperature = known_temperatures(np.concatenate([block.temperature for block in self.blocks]))
+        if not over.covers(temperature).any():
+            over.parameters_at(temperature)  # raises the error
         ends = np.cumsum([len(block) for block in self.blocks])[:-1]
-        parts = zip(self.blocks, np.split(found, ends), strict=True)
+        parts = zip(self.blocks, np.split(temperature, ends), strict=True)
         blocks = [replace(block, temperature=part).where(over.covers(part)) for block, part in parts]
         return replace(self, blocks=[block for block in blocks if len(block)])
 
