@@ -1,4 +1,4 @@
-"""Start of the window: a picture until it is loaded, and the enlargement on a large screen, to be read from afar."""
+"""Start of the window: a picture until it is loaded, and its enlargement on a large screen at a distance."""
 
 import gc
 import os

@@ -120,7 +120,7 @@ def _data_deviations(result: Result, analysis: Analysis) -> Iterator[Text]:
     if result.log.damaged:
         yield Text.of("certificate.d_damaged", count=sum(part.rows for part in result.log.damaged))
     if analysis.invalid:
-        yield Text.of("certificate.d_spoilt", count=analysis.invalid)
+        yield Text.of("certificate.d_invalid", count=analysis.invalid)
 
 
 def _traceability_gaps(certificate: Certificate, reported: str) -> Iterator[Text]:

@@ -229,7 +229,7 @@ def test_badges_are_scanned_into_the_list_and_checked_against_their_form(forms: 
     before = stored("line_4")
     forms.show_section(OPERATORS)
     forms.name = "badges"
-    assert forms.find(QLabel, "sign_in_status_label").text().startswith("Nobody signs in")
+    assert forms.find(QLabel, "sign_in_status_label").text().startswith("Sign-in is not required")
     forms.type("sign_in_badge_pattern_edit", "B[0-9")
     assert "is not a regular expression" in forms.message("sign_in_badge_pattern")
     forms.type("sign_in_badge_pattern_edit", r"B\d{4}")

@@ -101,7 +101,7 @@ def quality(
         if serial is not None and not History(out).of(serial):
             show_line(console, say("quality.no_run_of_unit", serial=serial, folder=out))
         elif serial is not None and not summary.single_unit:
-            show_line(console, say("quality.few_golden", serial=serial, least=MIN_VALUES))
+            show_line(console, say("quality.few_standard_runs", serial=serial, least=MIN_VALUES))
 
 
 @app.command()
@@ -217,7 +217,7 @@ def _show_summary(console: Console, summary: QualitySummary, *, relative: bool) 
         _show_charts(console, product, rows, relative=relative)
     for product in dict.fromkeys(each.product for each in summary.single_unit):
         rows = [each for each in summary.single_unit if each.product == product]
-        title = say("cli.golden_title", serial=summary.serial, product=product)
+        title = say("cli.standard_title", serial=summary.serial, product=product)
         _show_charts(console, title, rows, relative=relative)
 
 
