@@ -246,7 +246,7 @@ def test_badges_are_scanned_into_the_list_and_checked_against_their_form(forms: 
     forms.type("badges_add_edit", "")
     forms.scan("badges_add_edit", "X9")
     forms.enter("X9", "Name", "Wang Wei")
-    assert forms.problems_of("badges") == [r"X9, Name: The badge does not have the form B\d{4}."]
+    assert forms.problems_of("badges") == [r"X9, Name: The badge does not have the format B\d{4}."]
     assert not forms.can_save()
     forms.press("badges_remove_button")
     forms.type("label_printer_edit", "192.168.1.40:99999")
