@@ -4,7 +4,7 @@ import difflib
 import math
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -321,6 +321,13 @@ def near_miss(name: str, known: Iterable[str], otherwise: Text | None = None) ->
     if near:
         return Text.of("entry.did_you_mean", near=names[near[0]])
     return otherwise or Text("entry.remove_it")
+
+
+def check_names(names: Iterable[str], known: Collection[str], *keys: str) -> None:
+    """Raise EntryError if a name below `keys` is not that of a known parameter or group."""
+    for name in names:
+        if name not in known:
+            raise EntryError("entry.unknown_parameter", *keys, name, name=name, remedy=near_miss(name, known))
 
 
 def _problem(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> Problem:

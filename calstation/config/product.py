@@ -14,7 +14,7 @@ from calstation.devices.profiles import ImuProfile, RegisterEntry
 from calstation.errors import ConfigurationError
 from calstation.physics import CHANGING_GROUPS, EFFECTS, INDEX, NAMES, PARAMETERS, further_parameter, parameter_indices
 from calstation.records import ChecksSection, ConformitySection, Day, Limit, TemperatureSection, check_limit_names
-from calstation.schema import EntryError, Pattern, Problem, StrictModel, load_once, near_miss
+from calstation.schema import EntryError, Pattern, Problem, StrictModel, check_names, load_once, near_miss
 from procedures import DEFAULT_STAGES, method
 
 #: Recommended action for a unit outside its limits: remount it, repeat the run without changes, or set it aside.
@@ -81,9 +81,7 @@ class CheckStandardSection(StrictModel):
     @field_validator("reference")
     @classmethod
     def _check_reference(cls, reference: dict[str, ReferenceSection]) -> dict[str, ReferenceSection]:
-        for name in reference:
-            if name not in NAMES:
-                raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, NAMES))
+        check_names(reference, NAMES)
         return reference
 
 

@@ -47,7 +47,7 @@ from calstation.physics import (
 from calstation.records.files import write_atomic
 from calstation.records.laboratory import InstrumentSection, LaboratorySection
 from calstation.records.product import ChecksSection, ConformitySection, Limit, TemperatureSection, check_limit_names
-from calstation.schema import EntryError, StrictModel, load, near_miss, validate
+from calstation.schema import EntryError, StrictModel, check_names, load, validate
 
 _UNIT_TOLERANCE = 1e-3
 #: Largest magnitude of a negative eigenvalue of a correlation matrix that may be due to rounding.
@@ -100,10 +100,7 @@ class StoredPairSection(StrictModel):
     @field_validator("values")
     @classmethod
     def _check_values(cls, values: dict[str, float]) -> dict[str, float]:
-        known = tuple(p.name for p in PAIR_PARAMETERS)
-        for name in values:
-            if name not in known:
-                raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, known))
+        check_names(values, tuple(p.name for p in PAIR_PARAMETERS))
         return values
 
 
@@ -312,18 +309,15 @@ class LogMeta(StrictModel):
     @field_validator("prior", "prior_correlation", "previous")
     @classmethod
     def _check_parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
-        for name in table:
-            if name not in INDEX:
-                raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, NAMES))
+        check_names(table, NAMES)
         return table
 
     @field_validator("prior_correlation")
     @classmethod
     def _check_correlation(cls, table: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
         for name, row in table.items():
+            check_names(row, NAMES, name)
             for other in row:
-                if other not in INDEX:
-                    raise EntryError("entry.unknown_parameter", name, other, name=other, remedy=near_miss(other, NAMES))
                 if other == name or name in table.get(other, {}):
                     raise EntryError("log.correlation_repeated", name, other, name=name, other=other)
         if table and not np.linalg.eigvalsh(covariance_from(np.ones(COUNT), table)).min() > -_ROUNDING:

@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from calstation.estimation.common import TemperatureModel
 from calstation.physics import EFFECT_PARAMETERS, GROUPS, NAMES, PAIR_PARAMETERS, further_parameter
-from calstation.schema import EntryError, StrictModel, near_miss
+from calstation.schema import EntryError, StrictModel, check_names, near_miss
 
 #: Default fraction of a limit above which a value is a near miss.
 NEAR_MISS_FRACTION = 0.8
@@ -143,9 +143,8 @@ class Previous(StrictModel):
     @field_validator("change_within")
     @classmethod
     def _check_limits(cls, limits: dict[str, float]) -> dict[str, float]:
+        check_names(limits, NAMES + GROUPS)
         for name, limit in limits.items():
-            if name not in NAMES and name not in GROUPS:
-                raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, NAMES + GROUPS))
             if not limit > 0:
                 raise EntryError("limits.not_positive", name, value=limit)
         return limits

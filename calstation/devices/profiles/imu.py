@@ -34,7 +34,7 @@ from calstation.devices.profiles.frame import (
 from calstation.devices.profiles.imu_protocols import PROTOCOLS, ImuProtocol
 from calstation.devices.profiles.registers import REGISTER_RULES, RegisterEntry
 from calstation.physics import GROUPS, NAMES, PARAMETERS, EffectName, FloatArray, entry_of
-from calstation.schema import EntryError, KeyPath, StrictModel, load_once, near_miss
+from calstation.schema import EntryError, KeyPath, StrictModel, check_names, load_once
 
 P = TypeVar("P", bound=ImuProtocol)
 
@@ -144,10 +144,7 @@ class ImuProfile(_ProtocolSections):
     @field_validator("prior", "stability")
     @classmethod
     def _check_parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
-        for name in table:
-            if name not in NAMES and name not in GROUPS:
-                remedy = near_miss(name, NAMES + GROUPS)
-                raise EntryError("entry.unknown_parameter", name, name=name, remedy=remedy)
+        check_names(table, NAMES + GROUPS)
         return table
 
     @model_validator(mode="before")
