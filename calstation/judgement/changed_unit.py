@@ -51,11 +51,9 @@ class ChangedUnit:
 
     Parameters
     ----------
-    gravity
-        Local gravity, m/s².
-    over_temperature
-        Whether the samples are of a calibration over temperature, in which the biases of good gyros change by any
-        amount.
+    gravity : local gravity, m/s²
+    over_temperature : whether the samples are of a calibration over temperature, in which the biases of good gyros
+        change by any amount
     """
 
     def __init__(self, gravity: float, *, over_temperature: bool = False) -> None:

@@ -72,22 +72,14 @@ class Check:
 
         Parameters
         ----------
-        kind
-            Kind of the check.
-        value
-            Value, in `unit`.
-        limit
-            Upper limit, or lower and upper limit, in `unit`.
-        unit
-            Unit of value and limits.
-        subject
-            Name of the parameter or quantity.
-        near
-            Fraction of the limit above which a value is a near miss.
-        where
-            Rest, motion or parameter to which the value belongs.
-        acceptance
-            Lower and upper limit narrowed by the decision rule, in `unit`.
+        kind : kind of the check
+        value : value, in `unit`
+        limit : upper limit, or lower and upper limit, in `unit`
+        unit : unit of value and limits
+        subject : name of the parameter or quantity
+        near : fraction of the limit above which a value is a near miss
+        where : rest, motion or parameter to which the value belongs
+        acceptance : lower and upper limit narrowed by the decision rule, in `unit`
         """
         accepted = acceptance or limit
         low, high = accepted if isinstance(accepted, tuple) else (-math.inf, accepted)

@@ -85,12 +85,9 @@ def probability_outside(measured: Measurement, limits: Interval, spread: float |
 
     Parameters
     ----------
-    measured
-        Estimate with its sigma and prior.
-    limits
-        Limits of the value, in the unit of the estimate.
-    spread
-        Standard deviation of the product, in the same unit; None if it is unknown.
+    measured : estimate with its sigma and prior
+    limits : limits of the value, in the unit of the estimate
+    spread : standard deviation of the product, in the same unit; None if it is unknown
     """
     mean, sigma = measured.value, measured.sigma
     if spread is not None:
@@ -109,14 +106,10 @@ def product_risks(measured: Measurement, limits: Interval, spread: float, rule: 
 
     Parameters
     ----------
-    measured
-        Estimate with its sigma and prior.
-    limits
-        Limits of the value, in the unit of the estimate.
-    spread
-        Standard deviation of the product, in the same unit.
-    rule
-        Decision rule.
+    measured : estimate with its sigma and prior
+    limits : limits of the value, in the unit of the estimate
+    spread : standard deviation of the product, in the same unit
+    rule : decision rule
     """
     mean, kappa = _middle(limits), measured.response
     accepted = acceptance_interval(limits, measured.sigma, rule)
@@ -148,12 +141,9 @@ def bivariate_normal(h: float, k: float, rho: float, root: float) -> float:
 
     Parameters
     ----------
-    h, k
-        Upper bounds of X and Y, in standard deviations.
-    rho
-        Correlation of X and Y.
-    root
-        √(1 − rho²).
+    h, k : upper bounds of X and Y, in standard deviations
+    rho : correlation of X and Y
+    root : √(1 − rho²)
     """
     if math.isinf(h) or math.isinf(k):
         return float(ndtr(h) if k == math.inf else ndtr(k) if h == math.inf else 0.0)

@@ -378,12 +378,9 @@ def temperature_coefficients(rests: RestResiduals, samples: SampleBlock, gravity
 
     Parameters
     ----------
-    rests
-        Residuals of the k rests of a stage, SI.
-    samples
-        Samples of the stage with their temperatures, °C.
-    gravity
-        Local gravity, m/s².
+    rests : residuals of the k rests of a stage, SI
+    samples : samples of the stage with their temperatures, °C
+    gravity : local gravity, m/s²
     """
     measured = ~np.isnan(samples.temperature)
     warmth = np.interp(0.5 * (rests.first_seq + rests.last_seq), samples.seq[measured], samples.temperature[measured])

@@ -130,12 +130,9 @@ def gross_error(motion: TableMotion | None, context: SolveContext, clock_offsets
 
     Parameters
     ----------
-    motion
-        Motion of the table and the sensors; None if it is unknown.
-    context
-        IMU, table and site.
-    clock_offsets
-        Relative differences of the sample rate from its nominal value, from independent clocks.
+    motion : motion of the table and the sensors; None if it is unknown
+    context : IMU, table and site
+    clock_offsets : relative differences of the sample rate from its nominal value, from independent clocks
     """
     if motion is None:
         return None

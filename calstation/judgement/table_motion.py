@@ -134,12 +134,9 @@ def turn_axis(joints: FloatArray, joint: int, context: SolveContext) -> FloatArr
 
     Parameters
     ----------
-    joints
-        Angles of the outer and the inner joint, rad, shape (2,).
-    joint
-        0 for the outer joint, 1 for the inner one.
-    context
-        Table with its axes.
+    joints : angles of the outer and the inner joint, rad, shape (2,)
+    joint : 0 for the outer joint, 1 for the inner one
+    context : table with its axes
     """
     geometry = context.table.geometry
     step = joints + 0.01 * np.eye(2)[joint]

@@ -47,10 +47,8 @@ def compensate(c: Compensation, gyro: FloatArray, accel: FloatArray) -> tuple[Fl
 
     Parameters
     ----------
-    c
-        Parameters of the compensation; see `compensation`.
-    gyro, accel
-        Raw mean rates, rad/s, and raw mean specific forces, m/s², shape (n, 3).
+    c : parameters of the compensation; see `compensation`
+    gyro, accel : raw mean rates, rad/s, and raw mean specific forces, m/s², shape (n, 3)
     """
     omega = (gyro - c.gyro_bias) @ c.gyro_inverse.T
     linear = accel - c.accel_bias

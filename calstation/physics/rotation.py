@@ -92,10 +92,8 @@ def angle_about(axis: FloatArray, start: FloatArray, end: FloatArray) -> float:
 
     Parameters
     ----------
-    axis
-        Unit vector, shape (3,).
-    start, end
-        Vectors before and after the rotation, shape (3,).
+    axis : unit vector, shape (3,)
+    start, end : vectors before and after the rotation, shape (3,)
     """
     u = start - axis * (axis @ start)
     w = end - axis * (axis @ end)

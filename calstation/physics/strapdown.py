@@ -174,12 +174,9 @@ def increments(c: Compensation, dt: float, gyro: FloatArray, accel: FloatArray) 
 
     Parameters
     ----------
-    c
-        Parameters of the compensation; see `compensation`.
-    dt
-        Sample period, s.
-    gyro, accel
-        Raw mean rates, rad/s, and raw mean specific forces, m/s², shape (n, 3).
+    c : parameters of the compensation; see `compensation`
+    dt : sample period, s
+    gyro, accel : raw mean rates, rad/s, and raw mean specific forces, m/s², shape (n, 3)
     """
     count = len(gyro)
     rate, rotation, velocity = np.empty((count, 3)), np.empty((count, 9)), np.empty((count, 3))
@@ -406,14 +403,10 @@ def write_navigation_block(
 
     Parameters
     ----------
-    F
-        Transition matrix, shape (n, n) with n of at least 9; changed in place.
-    earth
-        Earth rate in n, rad/s, shape (3,).
-    force_sum, force_moment
-        ∫f dt and ∬f dt² in n, m/s and m, shape (3,).
-    T
-        Time, s.
+    F : transition matrix, shape (n, n) with n of at least 9; changed in place
+    earth : earth rate in n, rad/s, shape (3,)
+    force_sum, force_moment : ∫f dt and ∬f dt² in n, m/s and m, shape (3,)
+    T : time, s
     """
     for r, scale in ((_PHI, 1.0), (_DV, 2.0)):
         F[r, r + 1] = scale * earth[2] * T
@@ -437,14 +430,10 @@ def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop
 
     Parameters
     ----------
-    c
-        Parameters of the compensation; see `compensation`.
-    dt
-        Sample period, s.
-    gyro
-        Raw mean rates, rad/s, shape (n, 3).
-    start, stop
-        First sample, and the one after the last.
+    c : parameters of the compensation; see `compensation`
+    dt : sample period, s
+    gyro : raw mean rates, rad/s, shape (n, 3)
+    start, stop : first sample, and the one after the last
     """
     B: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     last = _angular_rate(c, gyro, start - 1 if start > 0 else start)
@@ -469,10 +458,8 @@ def dynamics(c: Compensation, omega: FloatArray, force: FloatArray) -> tuple[Flo
 
     Parameters
     ----------
-    c
-        Parameters of the compensation; see `compensation`.
-    omega, force
-        Compensated rate, rad/s, and specific force, m/s², in b, shape (3,).
+    c : parameters of the compensation; see `compensation`
+    omega, force : compensated rate, rad/s, and specific force, m/s², in b, shape (3,)
     """
     rate_jacobian, force_jacobian = np.zeros((3, _SENSORS)), np.zeros((3, _SENSORS))
     _rate_columns(c, _vector(omega), np.eye(3), rate_jacobian)

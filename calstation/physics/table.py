@@ -99,10 +99,8 @@ class TableGeometry:
 
         Parameters
         ----------
-        outer, inner
-            Joint angles, rad.
-        azimuth
-            Heading of platform +y at home, rad, clockwise from north.
+        outer, inner : joint angles, rad
+        azimuth : heading of platform +y at home, rad, clockwise from north
         """
         return axis_rotation((0.0, 0.0, 1.0), -azimuth) @ self.body_to_home(outer, inner)
 

@@ -86,12 +86,9 @@ def start_tests(starts: Sequence[Start], attitudes: Sequence[FloatArray], site: 
 
     Parameters
     ----------
-    starts
-        Starts of the segments.
-    attitudes
-        Solved attitude C_bn at each start, shape (3, 3).
-    site
-        Site with its latitude and heading.
+    starts : starts of the segments
+    attitudes : solved attitude C_bn at each start, shape (3, 3)
+    site : site with its latitude and heading
     """
     errors = [(rotation_vector(C @ s.prior.T) / s.prior_sigma, s) for s, C in zip(starts, attitudes, strict=True)]
     if not errors:

@@ -56,12 +56,9 @@ def with_gravity(posterior: Posterior, sensitivity: FloatArray, sigma: float) ->
 
     Parameters
     ----------
-    posterior
-        Estimate whose covariance lacks the error of gravity.
-    sensitivity
-        Change of the estimate per relative gravity error, SI, shape (30,).
-    sigma
-        Relative standard deviation of gravity.
+    posterior : estimate whose covariance lacks the error of gravity
+    sensitivity : change of the estimate per relative gravity error, SI, shape (30,)
+    sigma : relative standard deviation of gravity
     """
     shift = sensitivity * sigma
     return Posterior(posterior.mean, posterior.covariance + np.outer(shift, shift))

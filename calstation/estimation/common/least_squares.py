@@ -221,10 +221,8 @@ def consider_update(prior: Posterior, posterior: Posterior, estimated: BoolArray
 
     Parameters
     ----------
-    prior, posterior
-        Estimates of n parameters before and after a full update.
-    estimated
-        Whether each parameter is estimated, shape (n,).
+    prior, posterior : estimates of n parameters before and after a full update
+    estimated : whether each parameter is estimated, shape (n,)
     """
     mean = np.where(estimated, posterior.mean, prior.mean)
     considered = np.ix_(~estimated, ~estimated)
@@ -238,12 +236,9 @@ def nis_consistency(total: float, count: int, dimension: int) -> Consistency:
 
     Parameters
     ----------
-    total
-        Sum of the normalised innovations squared.
-    count
-        Number of innovations.
-    dimension
-        Number of components of an innovation.
+    total : sum of the normalised innovations squared
+    count : number of innovations
+    dimension : number of components of an innovation
     """
     if count == 0:
         return Consistency(0.0, 0.0, 0.0, 0)

@@ -257,12 +257,9 @@ def rest_noise(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArr
 
     Parameters
     ----------
-    data
-        Samples of a stage.
-    context
-        IMU, table and site with the noise of their profiles.
-    gyro_bias
-        Gyro biases, shape (3,), and their sigma, rad/s.
+    data : samples of a stage
+    context : IMU, table and site with the noise of their profiles
+    gyro_bias : gyro biases, shape (3,), and their sigma, rad/s
     """
     noise = filter_noise(context)
     rests = [slice(*rest) for rest in find_rests(data, context.imu, gyro_bias)]

@@ -130,12 +130,9 @@ def profile(time: FloatArray, start: float, end: float, rate: float, acceleratio
 
     Parameters
     ----------
-    time
-        Times since the start of the move, s, shape (n,).
-    start, end
-        Joint angles before and after the move, rad.
-    rate, acceleration
-        Largest rate, rad/s, and acceleration, rad/s².
+    time : times since the start of the move, s, shape (n,)
+    start, end : joint angles before and after the move, rad
+    rate, acceleration : largest rate, rad/s, and acceleration, rad/s²
     """
     distance = abs(end - start)
     ramp = min(rate / acceleration, float(np.sqrt(distance / acceleration)))

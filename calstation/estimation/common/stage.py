@@ -391,10 +391,8 @@ def mean_angles(data: StageData, start: int, stop: int) -> FloatArray | None:
 
     Parameters
     ----------
-    data
-        Samples of a stage.
-    start, stop
-        First sample of the rest, and the one after its last.
+    data : samples of a stage
+    start, stop : first sample of the rest, and the one after its last
     """
     polled = data.angles[start:stop]
     polled = polled[np.isfinite(polled[:, 0]) & np.isfinite(polled[:, 1])]

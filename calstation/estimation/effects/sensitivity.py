@@ -115,12 +115,9 @@ def mean_errors(motion: Motion, effects: Sequence[Effect], counts: IntArray) -> 
 
     Parameters
     ----------
-    motion
-        Motion in n intervals.
-    effects
-        Effects, whose components are concatenated.
-    counts
-        Number of intervals of each group, which sum to n, shape (k,).
+    motion : motion in n intervals
+    effects : effects, whose components are concatenated
+    counts : number of intervals of each group, which sum to n, shape (k,)
     """
     regressors, terms = mean_regressors(motion, effects, counts)
     errors = np.zeros((len(counts), 6, sum(len(effect.components) for effect in effects)))
@@ -136,12 +133,9 @@ def mean_regressors(motion: Motion, effects: Sequence[Effect], counts: IntArray)
 
     Parameters
     ----------
-    motion
-        Motion in n intervals.
-    effects
-        Effects, whose regressors are concatenated.
-    counts
-        Number of intervals of each group, which sum to n, shape (k,).
+    motion : motion in n intervals
+    effects : effects, whose regressors are concatenated
+    counts : number of intervals of each group, which sum to n, shape (k,)
     """
     columns = [np.empty((len(counts), 0))]
     terms: list[tuple[int, int, int]] = []

@@ -62,16 +62,11 @@ def joints_after_turn(
 
     Parameters
     ----------
-    order
-        Order of the joints from the base to the unit, such as ``zxy``.
-    start
-        Joints x, y, z before the turn, rad, shape (3,).
-    axis
-        Number of the body axis, 0 to 2.
-    angle
-        Angle of the turn, rad.
-    tilt
-        Deviation of the axis of rotation from the body axis, rad, shape (3,); zero if None.
+    order : order of the joints from the base to the unit, such as ``zxy``
+    start : joints x, y, z before the turn, rad, shape (3,)
+    axis : number of the body axis, 0 to 2
+    angle : angle of the turn, rad
+    tilt : deviation of the axis of rotation from the body axis, rad, shape (3,); zero if None
     """
     direction = np.eye(3)[axis] + (0.0 if tilt is None else tilt)
     return gimbal_joints(order, gimbal_attitude(order, start) @ rotation_matrix(angle * direction))
@@ -110,14 +105,10 @@ def contraction(order: str, axis: int, angle: float, gain: float) -> float:
 
     Parameters
     ----------
-    order
-        Order of the joints from the base to the unit, such as ``zxy``.
-    axis
-        Number of the body axis, 0 to 2.
-    angle
-        Angle of the turns, rad.
-    gain
-        Gain with which the drift of each turn corrects K.
+    order : order of the joints from the base to the unit, such as ``zxy``
+    axis : number of the body axis, 0 to 2
+    angle : angle of the turns, rad
+    gain : gain with which the drift of each turn corrects K
     """
     both = np.eye(2)
     for way in (angle, -angle):

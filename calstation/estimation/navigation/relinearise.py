@@ -85,18 +85,12 @@ def solve_navigation(
 
     Parameters
     ----------
-    data
-        Samples of a stage.
-    context
-        IMU, table and site.
-    prior
-        Estimate before the stage.
-    estimated
-        Whether each parameter is estimated, shape (30,).
-    progress
-        Callback with the solved fraction.
-    initial
-        Solution about which the first pass is linearised.
+    data : samples of a stage
+    context : IMU, table and site
+    prior : estimate before the stage
+    estimated : whether each parameter is estimated, shape (30,)
+    progress : callback with the solved fraction
+    initial : solution about which the first pass is linearised
     """
     if initial is not None:
         solver = _Relinearisation(

@@ -60,14 +60,10 @@ def result_sensitivity(
 
     Parameters
     ----------
-    result
-        Solution with the updates of its last pass.
-    data
-        Samples of the stage.
-    context
-        IMU, table and site.
-    estimated
-        Whether each parameter is estimated, shape (30,).
+    result : solution with the updates of its last pass
+    data : samples of the stage
+    context : IMU, table and site
+    estimated : whether each parameter is estimated, shape (30,)
     """
     effects = StageEffects(float(data.time[0]), len(data) * data.dt)
     motion = motion_between_observations(result.history, data, result.starts, context, result.point)
@@ -224,16 +220,11 @@ def motion_between_observations(
 
     Parameters
     ----------
-    history
-        History of the pass.
-    data
-        Samples of the stage.
-    starts
-        Starts of the segments.
-    context
-        IMU, table and site.
-    point
-        Parameters about which the pass was linearised, SI, shape (30,).
+    history : history of the pass
+    data : samples of the stage
+    starts : starts of the segments
+    context : IMU, table and site
+    point : parameters about which the pass was linearised, SI, shape (30,)
     """
     earth, gravity = rotation_rate(context.site.latitude), context.site.local_gravity
     constants, lever = compensation(point), group_vector(point, "outer_lever")

@@ -140,12 +140,9 @@ def arm_motion(work: IntervalWork, earth: FloatArray, lever: FloatArray) -> tupl
 
     Parameters
     ----------
-    work
-        State of the interval.
-    earth
-        Earth rate in n, rad/s, shape (3,).
-    lever
-        Lever arm r in b, m, shape (3,).
+    work : state of the interval
+    earth : earth rate in n, rad/s, shape (3,)
+    lever : lever arm r in b, m, shape (3,)
     """
     C, r, w, u = work.attitude, lever, np.empty(3), np.empty(3)
     for i in range(3):

@@ -153,10 +153,8 @@ class ClockFilter:
 
         Parameters
         ----------
-        time
-            Time of the primary, s.
-        offset, sigma
-            Measured offset of the clocks and its standard deviation, s.
+        time : time of the primary, s
+        offset, sigma : measured offset of the clocks and its standard deviation, s
         """
         state, P = self._predicted(time - self._time)
         innovation = offset - state[0]

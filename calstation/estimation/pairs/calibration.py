@@ -99,12 +99,9 @@ def compensate_secondary(
 
     Parameters
     ----------
-    pair
-        Stored errors of the secondary, SI, shape (28,).
-    c
-        Parameters of the primary.
-    gyro2, accel2
-        Raw mean rates, rad/s, and raw mean specific forces, m/s², shape (n, 3).
+    pair : stored errors of the secondary, SI, shape (28,)
+    c : parameters of the primary
+    gyro2, accel2 : raw mean rates, rad/s, and raw mean specific forces, m/s², shape (n, 3)
     """
     C, A = pair[GYRO_MATRIX].reshape(3, 3), pair[ACCEL_MATRIX].reshape(3, 3)
     gyro = np.linalg.solve(C, (gyro2 - pair[GYRO_BIAS]).T)

@@ -84,20 +84,13 @@ def fit_positions(
 
     Parameters
     ----------
-    data
-        Samples of the recording.
-    rests
-        The k rests with their mean outputs.
-    links
-        Motions between rests.
-    context
-        IMU, table and site.
-    prior
-        Estimate before the stage.
-    estimated
-        Whether each parameter is estimated, shape (30,).
-    assumed
-        Scatter that is used where the recording cannot measure it.
+    data : samples of the recording
+    rests : the k rests with their mean outputs
+    links : motions between rests
+    context : IMU, table and site
+    prior : estimate before the stage
+    estimated : whether each parameter is estimated, shape (30,)
+    assumed : scatter that is used where the recording cannot measure it
     """
     scatter = Scatter()
     problem = profile_rows = PositionRows(data, rests, links, context, prior, scatter)

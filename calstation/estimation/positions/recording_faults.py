@@ -94,18 +94,12 @@ def valid_links(
 
     Parameters
     ----------
-    data
-        Samples of the recording.
-    still
-        Its rests and motions.
-    imu
-        Model of the unit.
-    gravity
-        Local gravity, m/s².
-    prior
-        Estimate before the stage.
-    shortest
-        Shortest rest of the schedule, s.
+    data : samples of the recording
+    still : its rests and motions
+    imu : model of the unit
+    gravity : local gravity, m/s²
+    prior : estimate before the stage
+    shortest : shortest rest of the schedule, s
     """
     _require_small_rates(data, still, imu)
     require_changing(data, CHANNELS, np.column_stack([data.gyro, data.accel]))
@@ -182,12 +176,9 @@ def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Itera
 
     Parameters
     ----------
-    names
-        Names of the k columns.
-    values
-        Values of the columns, shape (n, k).
-    dt
-        Sample period, s.
+    names : names of the k columns
+    values : values of the columns, shape (n, k)
+    dt : sample period, s
     """
     moves: list[tuple[int, int]] | None = None
     for channel, name in enumerate(names):

@@ -303,12 +303,9 @@ def gyro_derivative(start: FloatArray, c: Compensation, time: FloatArray, rate: 
 
     Parameters
     ----------
-    start
-        Rotation from b at the start into the frame of the rotation vector, shape (3, 3).
-    c
-        Parameters of the compensation.
-    time, rate
-        Integrals of `integrate_rotation`, s, shape (3, 3), and rad, shape (3, 3, 3).
+    start : rotation from b at the start into the frame of the rotation vector, shape (3, 3)
+    c : parameters of the compensation
+    time, rate : integrals of `integrate_rotation`, s, shape (3, 3), and rad, shape (3, 3, 3)
     """
     by_matrix = [-start @ rate[p.column] @ c.gyro_inverse[:, p.row] for p in _GYRO]
     return np.column_stack([-start @ time @ c.gyro_inverse, *by_matrix])
@@ -330,16 +327,11 @@ def integrate_rotation(
 
     Parameters
     ----------
-    gyro_inverse
-        Inverse of I + M_g, shape (3, 3).
-    bias
-        Gyro biases, rad/s, shape (3,).
-    dt
-        Sample period, s.
-    gyro
-        Raw mean rates, rad/s, shape (n, 3).
-    start, stop
-        First sample, and the one after the last.
+    gyro_inverse : inverse of I + M_g, shape (3, 3)
+    bias : gyro biases, rad/s, shape (3,)
+    dt : sample period, s
+    gyro : raw mean rates, rad/s, shape (n, 3)
+    start, stop : first sample, and the one after the last
 
     Returns
     -------
